@@ -77,7 +77,7 @@ static void tell_energy(Record *to, const struct check *check) {
 
 /* Of the values of all texels, views and lights. */
 static void tell_marks(Record *to, const struct btf_matrix *btf) {
-    const gint64 all = (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
+    const gint64 all = btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
     record_say(to,
                "marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
                "%.3g %% from shorter exposures alone, %.3g %% not taken, made of other lights'\n",

@@ -90,12 +90,12 @@ static void cli_compare_tell_json(const struct compare *compare) {
     g_variant_builder_add(&builder, "{sv}", "b_bytes", g_variant_new_int64(b->bytes));
     cli_compare_add_sums(&builder, &c->all);
     cli_compare_add_double(&builder, "largest", c->largest);
-    g_variant_builder_add(
-        &builder, "{sv}", "views",
-        directions_variant(a->view_theta_deg, a->view_phi_deg, c->views, c->n_views));
-    g_variant_builder_add(
-        &builder, "{sv}", "lights",
-        directions_variant(a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights));
+    g_variant_builder_add(&builder, "{sv}", "views",
+                          directions_variant(a->layout->views.theta_deg, a->layout->views.phi_deg,
+                                             c->views, c->n_views));
+    g_variant_builder_add(&builder, "{sv}", "lights",
+                          directions_variant(a->layout->lights.theta_deg, a->layout->lights.phi_deg,
+                                             c->lights, c->n_lights));
     cli_print_json(g_variant_builder_end(&builder));
 }
 
@@ -139,8 +139,9 @@ static void cli_compare_tell(const struct compare *compare) {
     g_print("luminance  off by %.5f on average\n", c->all.luminance_error);
     g_print("ΔE         %.3f on average (CIEDE2000, white is the diffuser)\n", c->all.delta_e);
     g_print("largest    %.4f\n", c->largest);
-    tell_worst("view", a->view_theta_deg, a->view_phi_deg, c->views, c->n_views);
-    tell_worst("light", a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights);
+    tell_worst("view", a->layout->views.theta_deg, a->layout->views.phi_deg, c->views, c->n_views);
+    tell_worst("light", a->layout->lights.theta_deg, a->layout->lights.phi_deg, c->lights,
+               c->n_lights);
     if (compare->plot)
         g_print("\nplot       %s\n", compare->plot);
 }

@@ -66,12 +66,12 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
         btf_matrix_read_within(compress->asked->memory / 2, compress->asked->path, work, error);
     if (!btf)
         return FALSE;
-    compress->texels = btf->width * btf->height;
-    compress->views = btf->n_views;
-    compress->lights = btf->n_lights;
+    compress->texels = btf_layout_texels(&btf->layout);
+    compress->views = btf->layout.views.n;
+    compress->lights = btf->layout.lights.n;
     compress->holes = btf->holes;
     compress->bounds = btf->bounds;
-    compress->raw_bytes = (gint64)compress->texels * btf->n_views * btf->n_lights * 3 * 2;
+    compress->raw_bytes = (gint64)compress->texels * btf_layout_values(&btf->layout) * 2;
     g_autoptr(Checkpoint) checkpoint = cli_compress_checkpoint(compress, btf);
     const gboolean ok = cli_compress_encode(compress, btf, work, checkpoint, error);
     if (ok)

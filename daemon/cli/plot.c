@@ -149,8 +149,10 @@ gboolean plot_comparison(const char *path, const struct material_info *a,
     plot_text(cr, 40, 82, 0, text);
     draw_rings(cr, 330, "views");
     draw_rings(cr, 950, "lights");
-    draw_directions(cr, 330, a->view_theta_deg, a->view_phi_deg, c->views, c->n_views, most);
-    draw_directions(cr, 950, a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights, most);
+    draw_directions(cr, 330, a->layout->views.theta_deg, a->layout->views.phi_deg, c->views,
+                    c->n_views, most);
+    draw_directions(cr, 950, a->layout->lights.theta_deg, a->layout->lights.phi_deg, c->lights,
+                    c->n_lights, most);
     draw_bar(cr, most);
     return plot_finish(cr, path, error);
 }

@@ -14,10 +14,8 @@ void btf_directions_free(struct btf_directions *directions) {
     if (!directions)
         return;
     g_free(directions->name);
-    g_free(directions->view_theta_deg);
-    g_free(directions->view_phi_deg);
-    g_free(directions->light_theta_deg);
-    g_free(directions->light_phi_deg);
+    direction_list_clear(&directions->views);
+    direction_list_clear(&directions->lights);
     g_free(directions);
 }
 
@@ -27,16 +25,16 @@ struct btf_directions *btf_directions_81(void) {
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
     int n = 0;
     *ret = (struct btf_directions){.name = g_strdup("81"),
-                                   .view_theta_deg = g_new(float, 81),
-                                   .view_phi_deg = g_new(float, 81)};
+                                   .views.theta_deg = g_new(float, 81),
+                                   .views.phi_deg = g_new(float, 81)};
     for (gsize ring = 0; ring < G_N_ELEMENTS(counts); ring++)
         for (int k = 0; k < counts[ring]; k++, n++) {
-            ret->view_theta_deg[n] = 15.0f * (float)ring;
-            ret->view_phi_deg[n] = 360.0f * (float)k / (float)counts[ring];
+            ret->views.theta_deg[n] = 15.0f * (float)ring;
+            ret->views.phi_deg[n] = 360.0f * (float)k / (float)counts[ring];
         }
-    ret->n_views = ret->n_lights = n;
-    ret->light_theta_deg = g_memdup2(ret->view_theta_deg, sizeof(float) * (gsize)n);
-    ret->light_phi_deg = g_memdup2(ret->view_phi_deg, sizeof(float) * (gsize)n);
+    ret->views.n = ret->lights.n = n;
+    ret->lights.theta_deg = g_memdup2(ret->views.theta_deg, sizeof(float) * (gsize)n);
+    ret->lights.phi_deg = g_memdup2(ret->views.phi_deg, sizeof(float) * (gsize)n);
     return ret;
 }
 
@@ -117,12 +115,12 @@ struct btf_directions *btf_directions_read(const char *path, GError **error) {
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
     const gboolean ok = btf_directions_read_rows(table, &views, &lights, error);
     ret->name = g_path_get_basename(path);
-    ret->n_views = (int)views.theta->len;
-    ret->n_lights = (int)lights.theta->len;
-    ret->view_theta_deg = (float *)(void *)g_array_free(views.theta, FALSE);
-    ret->view_phi_deg = (float *)(void *)g_array_free(views.phi, FALSE);
-    ret->light_theta_deg = (float *)(void *)g_array_free(lights.theta, FALSE);
-    ret->light_phi_deg = (float *)(void *)g_array_free(lights.phi, FALSE);
+    ret->views.n = (int)views.theta->len;
+    ret->lights.n = (int)lights.theta->len;
+    ret->views.theta_deg = (float *)(void *)g_array_free(views.theta, FALSE);
+    ret->views.phi_deg = (float *)(void *)g_array_free(views.phi, FALSE);
+    ret->lights.theta_deg = (float *)(void *)g_array_free(lights.theta, FALSE);
+    ret->lights.phi_deg = (float *)(void *)g_array_free(lights.phi, FALSE);
     if (!ok)
         g_clear_pointer(&ret, btf_directions_free);
     return ret;

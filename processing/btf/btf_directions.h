@@ -2,12 +2,11 @@
 #pragma once
 
 #include "base/data_error.h"
+#include "btf_layout.h"
 
 struct btf_directions {
     char *name; /* for messages and reports */
-    int n_views, n_lights;
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    struct direction_list views, lights;
 };
 
 void btf_directions_free(struct btf_directions *directions); /* NULL is ignored */

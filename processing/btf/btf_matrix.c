@@ -25,26 +25,23 @@ void btf_matrix_free(struct btf_matrix *btf) {
         return;
     g_free(btf->name);
     g_free(btf->directory);
-    g_free(btf->view_theta_deg);
-    g_free(btf->view_phi_deg);
-    g_free(btf->light_theta_deg);
-    g_free(btf->light_phi_deg);
+    btf_layout_clear(&btf->layout);
     g_free(btf->values);
     btf_scratch_free(btf->scratch);
     g_free(btf);
 }
 
-gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights) {
-    return (gint64)width * height * n_views * n_lights * COLOURS * (gint64)sizeof(float);
+gint64 btf_matrix_bytes(const struct btf_layout *layout) {
+    return (gint64)(btf_layout_texels(layout) * btf_layout_values(layout) * sizeof(float));
 }
 
 /* values: n_texels × n_views × n_lights × 3, so that consecutive texels of one view lie a whole
  * BRDF apart; the scratch file holds one view after the other. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error) {
-    const gsize row = (gsize)btf->n_lights * COLOURS;
+    const gsize row = btf->layout.lights.n * COLOURS;
     if (btf->values) {
-        *ret_stride = row * (gsize)btf->n_views;
+        *ret_stride = row * btf->layout.views.n;
         return btf->values + (gsize)first * *ret_stride + (gsize)view * row;
     }
     *ret_stride = row;
@@ -53,12 +50,12 @@ const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, 
 
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
                                const int *indices, float *ret, GError **error) {
-    const gsize row = (gsize)btf->n_lights * COLOURS;
+    const gsize row = btf->layout.lights.n * COLOURS;
     if (!btf->values)
         return btf_scratch_place_rows(btf->scratch, view, first, n, indices, ret, error);
-    const float *from = btf->values + ((gsize)first * (gsize)btf->n_views + (gsize)view) * row;
+    const float *from = btf->values + ((gsize)first * btf->layout.views.n + (gsize)view) * row;
     for (int i = 0; i < n; i++)
-        memcpy(ret + (gsize)indices[i] * row, from + (gsize)i * (gsize)btf->n_views * row,
+        memcpy(ret + (gsize)indices[i] * row, from + (gsize)i * btf->layout.views.n * row,
                sizeof(float) * row);
     return TRUE;
 }
@@ -99,14 +96,15 @@ static gboolean btf_matrix_direction(const struct exr_part *part, const char *of
 
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error) {
-    btf->n_lights = (int)first->parts->len;
-    if (btf->n_lights < 1)
+    btf->layout.lights.n = (int)first->parts->len;
+    if (btf->layout.lights.n < 1)
         return view_error(path, error, "it has no lights");
-    btf->light_theta_deg = g_new0(float, btf->n_lights);
-    btf->light_phi_deg = g_new0(float, btf->n_lights);
-    for (int i = 0; i < btf->n_lights; i++)
+    btf->layout.lights.theta_deg = g_new0(float, btf->layout.lights.n);
+    btf->layout.lights.phi_deg = g_new0(float, btf->layout.lights.n);
+    for (gsize i = 0; i < btf->layout.lights.n; i++)
         if (!btf_matrix_direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
-                                  &btf->light_theta_deg[i], &btf->light_phi_deg[i], error))
+                                  &btf->layout.lights.theta_deg[i], &btf->layout.lights.phi_deg[i],
+                                  error))
             return FALSE;
     return TRUE;
 }
@@ -117,20 +115,20 @@ static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
                                  const struct exr_file *first, const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
         return FALSE;
-    const gint64 bytes = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
+    const gint64 bytes = btf_matrix_bytes(&btf->layout);
     if (memory > 0 && bytes > memory) {
         g_autofree char *folder = g_build_filename(btf->directory, "products", NULL);
-        btf->scratch = btf_scratch_new(folder, (gsize)btf->n_lights * COLOURS, btf->n_views,
-                                       btf->width * btf->height, error);
+        btf->scratch = btf_scratch_new(folder, btf->layout.lights.n * COLOURS, btf->layout.views.n,
+                                       btf_layout_texels(&btf->layout), error);
         return btf->scratch != NULL;
     }
     btf->values = g_try_new0(float, (gsize)bytes / sizeof(float));
     if (!btf->values)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "a BTF of %d × %d texels, %d views and %d lights needs %.1f GiB of memory; "
+                    "a BTF of %zu × %zu texels, %zu views and %zu lights needs %.1f GiB of memory; "
                     "“mesorig compress --memory” takes less",
-                    btf->width, btf->height, btf->n_views, btf->n_lights,
-                    (double)bytes / (1 << 30));
+                    btf->layout.width, btf->layout.height, btf->layout.views.n,
+                    btf->layout.lights.n, (double)bytes / (1 << 30));
     return btf->values != NULL;
 }
 
@@ -138,13 +136,13 @@ static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
 static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struct exr_part *part,
                                        int light, const char *path, GError **error) {
     float theta, phi;
-    if (part->width != btf->width || part->height != btf->height)
+    if ((gsize)part->width != btf->layout.width || (gsize)part->height != btf->layout.height)
         return view_error(path, error, "its texels are not those of the session");
     if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
         return view_error(path, error, "a colour is missing");
     if (!btf_matrix_direction(part, "light", path, &theta, &phi, error))
         return FALSE;
-    if (theta != btf->light_theta_deg[light] || phi != btf->light_phi_deg[light])
+    if (theta != btf->layout.lights.theta_deg[light] || phi != btf->layout.lights.phi_deg[light])
         return view_error(path, error, "its lights are not those of the first view");
     return TRUE;
 }
@@ -198,11 +196,11 @@ static gboolean btf_matrix_check_values(const struct exr_part *part, int light,
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
-    const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
+    const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
     g_autofree float **planes = g_new0(float *, n);
-    if ((int)file->parts->len != btf->n_lights)
+    if (file->parts->len != btf->layout.lights.n)
         return view_error(path, error, "its number of lights differs from that of the first view");
-    for (int light = 0; light < btf->n_lights; light++) {
+    for (gsize light = 0; light < btf->layout.lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
         if (!btf_matrix_check_light(btf, part, light, path, error))
             return FALSE;
@@ -221,15 +219,16 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
         for (gsize i = 0; i < n; i++)
             first[texel * stride + i] = planes[i] ? planes[i][texel] : 0;
     return btf_matrix_direction(g_ptr_array_index(file->parts, 0), "view", path,
-                                &btf->view_theta_deg[view], &btf->view_phi_deg[view], error);
+                                &btf->layout.views.theta_deg[view],
+                                &btf->layout.views.phi_deg[view], error);
 }
 
 static gboolean btf_matrix_add_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                                     const char *path, GError **error) {
-    const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
+    const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
     if (btf->values)
         return btf_take_view(btf, file, view, path, btf->values + (gsize)view * n,
-                             n * (gsize)btf->n_views, error);
+                             n * btf->layout.views.n, error);
     g_autofree float *buffer = g_new(float, texels *n);
     return btf_take_view(btf, file, view, path, buffer, n, error) &&
            btf_scratch_write(btf->scratch, view, buffer, error);
@@ -239,13 +238,13 @@ static gboolean btf_matrix_read_views(struct btf_matrix *btf, gint64 memory, con
                                       const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     gboolean ok = TRUE;
-    for (int view = 0; ok && view < btf->n_views; view++) {
+    for (gsize view = 0; ok && view < btf->layout.views.n; view++) {
         const char *path = g_ptr_array_index(paths, (guint)view);
         struct exr_file *file = exr_read(path, error);
         ok = file && (view > 0 || btf_matrix_begin(btf, memory, file, path, error)) &&
              btf_matrix_add_view(btf, file, view, path, error);
         exr_file_free(file);
-        ok = ok && work_tell(work, "read", view + 1, btf->n_views, begun_us, error);
+        ok = ok && work_tell(work, "read", view + 1, btf->layout.views.n, begun_us, error);
     }
     return ok;
 }
@@ -262,13 +261,13 @@ struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_p
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     btf->name = g_strdup(session_name(session));
     btf->directory = g_strdup(session_path(session));
-    btf->width = grid.width;
-    btf->height = grid.height;
-    btf->texel_mm = grid.width_mm / grid.width;
-    btf->reference_mm = grid.reference_mm;
-    btf->n_views = (int)(*ret_paths)->len;
-    btf->view_theta_deg = g_new0(float, btf->n_views);
-    btf->view_phi_deg = g_new0(float, btf->n_views);
+    btf->layout.width = grid.width;
+    btf->layout.height = grid.height;
+    btf->layout.texel_mm = grid.width_mm / grid.width;
+    btf->layout.reference_mm = grid.reference_mm;
+    btf->layout.views.n = (int)(*ret_paths)->len;
+    btf->layout.views.theta_deg = g_new0(float, btf->layout.views.n);
+    btf->layout.views.phi_deg = g_new0(float, btf->layout.views.n);
     return btf;
 }
 

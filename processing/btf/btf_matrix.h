@@ -9,17 +9,14 @@
 
 #include "base/team.h"
 #include "base/work.h"
+#include "btf_layout.h"
 
 struct btf_scratch;
 
 /* n_texels rows (texels row by row, row 0 first) of n_views × n_lights × 3 (R, G, B). */
 struct btf_matrix {
     char *name;
-    int width, height; /* texels */
-    double texel_mm, reference_mm;
-    int n_views, n_lights;
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    struct btf_layout layout;
     float *values;                          /* height · width rows; NULL if they are in scratch */
     gint64 holes;                           /* values that no valid pixel of a frame measured */
     gint64 bounds;                          /* lower bounds, from saturated pixels */
@@ -64,7 +61,7 @@ gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first
                                const int *indices, float *ret, GError **error);
 
 /* Bytes of the values as floats. */
-gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights);
+gint64 btf_matrix_bytes(const struct btf_layout *layout);
 
 /* Fills a picture's holes (NaN) with the mean of their neighbours, from the border of each hole
  * inwards. planes: n of height × width. Returns the number of holes; −1 if there was nothing

@@ -32,7 +32,7 @@ static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
 /* Distributes the view that rank root has read: each rank gets the rows of its own texels. */
 static void deal_view(struct shared *shared, int root, int view, const float *values) {
     const struct btf_matrix *btf = shared->btf;
-    const gsize n = (gsize)btf->n_lights * COLOURS, row = n * (gsize)btf->n_views;
+    const gsize n = btf->layout.lights.n * COLOURS, row = n * btf->layout.views.n;
     shared->team->deal(shared->team, root, values, shared->starts, shared->mine);
     for (int i = 0; i < shared->end - shared->first; i++)
         memcpy(btf->values + (gsize)i * row + (gsize)view * n, shared->mine + (gsize)i * n,
@@ -44,16 +44,16 @@ static gboolean read_round(struct shared *shared, int from, float *buffer, GErro
     struct btf_matrix *btf = shared->btf;
     const int view = from + shared->team->rank;
     gboolean ok = TRUE;
-    if (view < btf->n_views) {
+    if ((gsize)view < btf->layout.views.n) {
         const char *path = g_ptr_array_index(shared->paths, (guint)view);
         struct exr_file *file = session_check_product(path, error) ? exr_read(path, error) : NULL;
         ok = file &&
-             btf_take_view(btf, file, view, path, buffer, (gsize)btf->n_lights * COLOURS, error);
+             btf_take_view(btf, file, view, path, buffer, btf->layout.lights.n * COLOURS, error);
         exr_file_free(file);
     }
     if (!all_ok(shared->team, ok, error))
         return FALSE;
-    for (int root = 0; root < MIN(shared->team->n_ranks, btf->n_views - from); root++)
+    for (gsize root = 0; root < MIN(shared->team->n_ranks, btf->layout.views.n - from); root++)
         deal_view(shared, root, from + root, buffer);
     return TRUE;
 }
@@ -69,18 +69,18 @@ static gboolean read_lights(struct shared *shared, GError **error) {
 /* Divides the texels among the ranks and allocates this rank's share. */
 static gboolean take_part(struct shared *shared, GError **error) {
     struct btf_matrix *btf = shared->btf;
-    const gsize n = (gsize)btf->n_lights * COLOURS;
+    const gsize n = btf->layout.lights.n * COLOURS;
     shared->starts = g_new0(gsize, shared->team->n_ranks + 1);
     for (int rank = 0; rank < shared->team->n_ranks; rank++) {
         int first, end;
-        team_part(shared->team, rank, btf->width * btf->height, TEAM_ROWS, &first, &end);
+        team_part(shared->team, rank, btf_layout_texels(&btf->layout), TEAM_ROWS, &first, &end);
         shared->starts[rank + 1] = (gsize)end * n;
     }
-    team_part(shared->team, shared->team->rank, btf->width * btf->height, TEAM_ROWS, &shared->first,
-              &shared->end);
+    team_part(shared->team, shared->team->rank, btf_layout_texels(&btf->layout), TEAM_ROWS,
+              &shared->first, &shared->end);
     const gsize mine = (gsize)(shared->end - shared->first);
     shared->mine = g_new(float, mine *n + 1);
-    btf->values = g_try_new0(float, mine *n *(gsize)btf->n_views + 1);
+    btf->values = g_try_new0(float, mine *n * btf->layout.views.n + 1);
     if (!btf->values)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%" G_GSIZE_FORMAT " texels do not fit into memory; use more processes", mine);
@@ -92,8 +92,8 @@ static void share_directions(const struct shared *shared) {
     struct btf_matrix *btf = shared->btf;
     double marks[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,
                       (double)btf->predicted};
-    shared->team->sum_floats(shared->team, btf->view_theta_deg, (gsize)btf->n_views);
-    shared->team->sum_floats(shared->team, btf->view_phi_deg, (gsize)btf->n_views);
+    shared->team->sum_floats(shared->team, btf->layout.views.theta_deg, btf->layout.views.n);
+    shared->team->sum_floats(shared->team, btf->layout.views.phi_deg, btf->layout.views.n);
     shared->team->sum_doubles(shared->team, marks, G_N_ELEMENTS(marks));
     btf->holes = (gint64)marks[0];
     btf->bounds = (gint64)marks[1];
@@ -108,12 +108,12 @@ static gboolean read_shared(struct shared *shared, const struct work *work, GErr
     if (!all_ok(shared->team, read_lights(shared, error) && take_part(shared, error), error))
         return FALSE;
     g_autofree float *buffer =
-        g_new(float, (gsize)btf->width *(gsize)btf->height *(gsize)btf->n_lights *COLOURS);
-    for (int view = 0; view < btf->n_views; view += step) {
+        g_new(float, btf_layout_texels(&btf->layout) * btf->layout.lights.n * COLOURS);
+    for (gsize view = 0; view < btf->layout.views.n; view += step) {
         if (!read_round(shared, view, buffer, error))
             return FALSE;
-        const int done = MIN(view + step, btf->n_views);
-        work_tell(work, "read", done, btf->n_views, begun_us, NULL);
+        const int done = MIN(view + step, btf->layout.views.n);
+        work_tell(work, "read", done, btf->layout.views.n, begun_us, NULL);
     }
     share_directions(shared);
     return TRUE;

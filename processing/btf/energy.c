@@ -70,19 +70,19 @@ static double *weigh_views(const struct direction *views, int n) {
  * if it was not measured. */
 static int *exchanges(const struct btf_matrix *btf, const struct direction *views,
                       const struct direction *lights) {
-    g_autofree int *view_as_light = g_new(int, btf->n_views);
-    g_autofree int *light_as_view = g_new(int, btf->n_lights);
-    int *other = g_new(int, btf->n_views * btf->n_lights);
-    for (int v = 0; v < btf->n_views; v++)
-        view_as_light[v] = energy_same(lights, btf->n_lights, views[v]);
-    for (int l = 0; l < btf->n_lights; l++)
-        light_as_view[l] = energy_same(views, btf->n_views, lights[l]);
-    for (int v = 0; v < btf->n_views; v++)
-        for (int l = 0; l < btf->n_lights; l++) {
+    g_autofree int *view_as_light = g_new(int, btf->layout.views.n);
+    g_autofree int *light_as_view = g_new(int, btf->layout.lights.n);
+    int *other = g_new(int, btf->layout.views.n * btf->layout.lights.n);
+    for (gsize v = 0; v < btf->layout.views.n; v++)
+        view_as_light[v] = energy_same(lights, btf->layout.lights.n, views[v]);
+    for (gsize l = 0; l < btf->layout.lights.n; l++)
+        light_as_view[l] = energy_same(views, btf->layout.views.n, lights[l]);
+    for (gsize v = 0; v < btf->layout.views.n; v++)
+        for (gsize l = 0; l < btf->layout.lights.n; l++) {
             gboolean there = view_as_light[v] >= 0 && light_as_view[l] >= 0 &&
                              views[v].z > LEAST_COSINE && lights[l].z > LEAST_COSINE;
-            other[v * btf->n_lights + l] =
-                there ? light_as_view[l] * btf->n_lights + view_as_light[v] : -1;
+            other[v * btf->layout.lights.n + l] =
+                there ? light_as_view[l] * (int)btf->layout.lights.n + view_as_light[v] : -1;
         }
     return other;
 }
@@ -130,17 +130,17 @@ struct texels { /* a block, in luminance: n × n_views × n_lights */
 
 static gboolean energy_read_texels(const struct btf_matrix *btf, struct texels *texels,
                                    float *buffer, GError **error) {
-    gsize all = (gsize)btf->n_views * (gsize)btf->n_lights;
-    for (int v = 0; v < btf->n_views; v++) {
+    gsize all = btf->layout.views.n * btf->layout.lights.n;
+    for (gsize v = 0; v < btf->layout.views.n; v++) {
         gsize stride = 0;
         const float *rows =
             btf_matrix_rows(btf, v, texels->first, texels->n, buffer, &stride, error);
         if (!rows)
             return FALSE;
         for (int i = 0; i < texels->n; i++)
-            for (int l = 0; l < btf->n_lights; l++) {
+            for (gsize l = 0; l < btf->layout.lights.n; l++) {
                 const float *rgb = rows + (gsize)i * stride + 3 * (gsize)l;
-                texels->values[(gsize)i * all + (gsize)v * (gsize)btf->n_lights + (gsize)l] =
+                texels->values[(gsize)i * all + (gsize)v * btf->layout.lights.n + (gsize)l] =
                     0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
             }
     }
@@ -152,8 +152,9 @@ static gboolean energy_read_texels(const struct btf_matrix *btf, struct texels *
 static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
                            const struct direction *lights, struct energy *energy, double *ret_mean,
                            GError **error) {
-    int n_texels = btf->width * btf->height, n_values = btf->n_views * btf->n_lights;
-    g_autofree float *buffer = g_new(float, 3 * (gsize)ROWS * (gsize)btf->n_lights);
+    int n_texels = btf_layout_texels(&btf->layout),
+        n_values = btf->layout.views.n * btf->layout.lights.n;
+    g_autofree float *buffer = g_new(float, 3 * (gsize)ROWS * btf->layout.lights.n);
     g_autofree double *values = g_new0(double, (gsize)ROWS *(gsize)n_values);
     struct symmetry alone = {0};
     for (int first = 0; first < n_texels; first += ROWS) {
@@ -164,9 +165,10 @@ static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
             const double *one = values + (gsize)i * (gsize)n_values;
             for (int k = 0; k < n_values; k++)
                 ret_mean[k] += one[k] / n_texels;
-            add_symmetry(other, lights, btf->n_views, btf->n_lights, one, &alone);
+            add_symmetry(other, lights, btf->layout.views.n, btf->layout.lights.n, one, &alone);
             if (first + i == energy->texel)
-                sum_fields(one, btf->n_views, btf->n_lights, energy->texel_e_r, energy->texel_e_i);
+                sum_fields(one, btf->layout.views.n, btf->layout.lights.n, energy->texel_e_r,
+                           energy->texel_e_i);
         }
     }
     energy->texel_asymmetry = asymmetry_of(&alone);
@@ -187,16 +189,16 @@ static void find_albedos(struct energy *energy, const double *mean, const double
 
 static struct energy *new_energy(const struct btf_matrix *btf, int texel) {
     struct energy *energy = g_new0(struct energy, 1);
-    energy->n_views = btf->n_views;
-    energy->n_lights = btf->n_lights;
+    energy->n_views = btf->layout.views.n;
+    energy->n_lights = btf->layout.lights.n;
     energy->texel = texel;
-    energy->e_r = g_new0(double, btf->n_views);
-    energy->texel_e_r = g_new0(double, btf->n_views);
-    energy->e_i = g_new0(double, btf->n_lights);
-    energy->texel_e_i = g_new0(double, btf->n_lights);
-    energy->albedo = g_new0(double, btf->n_lights);
-    for (int v = 0; v < btf->n_views; v++)
-        energy->covered_deg = MAX(energy->covered_deg, (double)btf->view_theta_deg[v]);
+    energy->e_r = g_new0(double, btf->layout.views.n);
+    energy->texel_e_r = g_new0(double, btf->layout.views.n);
+    energy->e_i = g_new0(double, btf->layout.lights.n);
+    energy->texel_e_i = g_new0(double, btf->layout.lights.n);
+    energy->albedo = g_new0(double, btf->layout.lights.n);
+    for (gsize v = 0; v < btf->layout.views.n; v++)
+        energy->covered_deg = MAX(energy->covered_deg, (double)btf->layout.views.theta_deg[v]);
     return energy;
 }
 
@@ -212,31 +214,31 @@ void energy_free(struct energy *energy) {
 }
 
 struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error) {
-    int n_texels = btf->width * btf->height;
-    g_return_val_if_fail(btf->n_views > 0 && btf->n_lights > 0, NULL);
+    int n_texels = btf_layout_texels(&btf->layout);
+    g_return_val_if_fail(btf->layout.views.n > 0 && btf->layout.lights.n > 0, NULL);
     if (texel < -1 || texel >= n_texels) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: there is no texel %d; texels are 0 … %d", btf->name, texel, n_texels - 1);
         return NULL;
     }
     if (texel < 0)
-        texel = btf->height / 2 * btf->width + btf->width / 2;
-    g_autofree struct direction *views =
-        energy_directions(btf->view_theta_deg, btf->view_phi_deg, btf->n_views);
-    g_autofree struct direction *lights =
-        energy_directions(btf->light_theta_deg, btf->light_phi_deg, btf->n_lights);
+        texel = btf->layout.height / 2 * btf->layout.width + btf->layout.width / 2;
+    g_autofree struct direction *views = energy_directions(
+        btf->layout.views.theta_deg, btf->layout.views.phi_deg, btf->layout.views.n);
+    g_autofree struct direction *lights = energy_directions(
+        btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, btf->layout.lights.n);
     g_autofree int *other = exchanges(btf, views, lights);
-    g_autofree double *mean = g_new0(double, btf->n_views * btf->n_lights);
+    g_autofree double *mean = g_new0(double, btf->layout.views.n * btf->layout.lights.n);
     struct energy *energy = new_energy(btf, texel);
     if (!sum_texels(btf, other, lights, energy, mean, error)) {
         energy_free(energy);
         return NULL;
     }
-    g_autofree double *weight = weigh_views(views, btf->n_views);
-    sum_fields(mean, btf->n_views, btf->n_lights, energy->e_r, energy->e_i);
+    g_autofree double *weight = weigh_views(views, btf->layout.views.n);
+    sum_fields(mean, btf->layout.views.n, btf->layout.lights.n, energy->e_r, energy->e_i);
     find_albedos(energy, mean, weight, lights);
     struct symmetry symmetry = {0};
-    add_symmetry(other, lights, btf->n_views, btf->n_lights, mean, &symmetry);
+    add_symmetry(other, lights, btf->layout.views.n, btf->layout.lights.n, mean, &symmetry);
     energy->pairs = symmetry.pairs;
     energy->asymmetry = asymmetry_of(&symmetry);
     return energy;

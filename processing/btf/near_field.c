@@ -14,10 +14,8 @@
 void near_field_free(struct near_field *near_field) {
     if (!near_field)
         return;
-    g_free(near_field->view_theta_deg);
-    g_free(near_field->view_phi_deg);
-    g_free(near_field->light_theta_deg);
-    g_free(near_field->light_phi_deg);
+    direction_list_clear(&near_field->views);
+    direction_list_clear(&near_field->lights);
     g_free(near_field->camera_mm);
     g_free(near_field->lamp_mm);
     g_free(near_field);
@@ -52,17 +50,17 @@ static gboolean near_field_take_position(const struct near_field *near_field,
 /* Takes directions and positions from a view's headers. */
 static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
                           const char *path, GError **error) {
-    if ((int)file->parts->len != to->n_lights)
+    if (file->parts->len != to->lights.n)
         return near_field_damaged(path, error,
                                   "its number of lights differs from that of the first view");
-    for (int light = 0; light < to->n_lights; light++) {
+    for (gsize light = 0; light < to->lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
-        struct vec3 *lamp = to->lamp_mm ? to->lamp_mm + (gsize)view * (gsize)to->n_lights : NULL;
+        struct vec3 *lamp = to->lamp_mm ? to->lamp_mm + (gsize)view * to->lights.n : NULL;
         float theta, phi;
-        if (!btf_direction(part, "view", &to->view_theta_deg[view], &to->view_phi_deg[view]) ||
+        if (!btf_direction(part, "view", &to->views.theta_deg[view], &to->views.phi_deg[view]) ||
             !btf_direction(part, "light", &theta, &phi))
             return near_field_damaged(path, error, "a direction is missing or not a number");
-        if (theta != to->light_theta_deg[light] || phi != to->light_phi_deg[light])
+        if (theta != to->lights.theta_deg[light] || phi != to->lights.phi_deg[light])
             return near_field_damaged(path, error, "its lights are not those of the first view");
         if (!lamp &&
             (near_field_has(part, "view.centre_mm") || near_field_has(part, "light.position_mm")))
@@ -82,10 +80,10 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
  * there. */
 static void near_field_begin(struct near_field *to, const struct btf_matrix *btf,
                              const struct exr_file *first) {
-    const gsize n_lights = (gsize)btf->n_lights, n_views = (gsize)btf->n_views;
-    to->n_lights = btf->n_lights;
-    to->light_theta_deg = g_memdup2(btf->light_theta_deg, sizeof(float) * n_lights);
-    to->light_phi_deg = g_memdup2(btf->light_phi_deg, sizeof(float) * n_lights);
+    const gsize n_lights = btf->layout.lights.n, n_views = btf->layout.views.n;
+    to->lights.n = btf->layout.lights.n;
+    to->lights.theta_deg = g_memdup2(btf->layout.lights.theta_deg, sizeof(float) * n_lights);
+    to->lights.phi_deg = g_memdup2(btf->layout.lights.phi_deg, sizeof(float) * n_lights);
     if (!near_field_has(g_ptr_array_index(first->parts, 0), "view.centre_mm"))
         return;
     to->camera_mm = g_new0(struct vec3, n_views);
@@ -95,7 +93,7 @@ static void near_field_begin(struct near_field *to, const struct btf_matrix *btf
 static gboolean near_field_do_read_views(struct near_field *to, struct btf_matrix *btf,
                                          const GPtrArray *paths, GError **error) {
     gboolean ok = TRUE;
-    for (int view = 0; ok && view < to->n_views; view++) {
+    for (gsize view = 0; ok && view < to->views.n; view++) {
         const char *path = g_ptr_array_index(paths, (guint)view);
         struct exr_file *file = exr_read_headers(path, error);
         ok = file && (view > 0 || btf_take_lights(btf, file, path, error));
@@ -114,9 +112,9 @@ struct near_field *near_field_read(const char *path, GError **error) {
         return NULL;
     g_autoptr(Session) session = session_open(btf->directory, SESSION_READ, error);
     struct near_field *ret = g_new0(struct near_field, 1);
-    ret->n_views = btf->n_views;
-    ret->view_theta_deg = g_new0(float, btf->n_views);
-    ret->view_phi_deg = g_new0(float, btf->n_views);
+    ret->views.n = btf->layout.views.n;
+    ret->views.theta_deg = g_new0(float, btf->layout.views.n);
+    ret->views.phi_deg = g_new0(float, btf->layout.views.n);
     if (!session || !session_grid(session, &ret->grid, error) ||
         !near_field_do_read_views(ret, btf, paths, error))
         g_clear_pointer(&ret, near_field_free);
@@ -133,15 +131,15 @@ static struct vec3 centre_of(const struct near_field *near_field, int texel) {
 /* Unit vector (camera − from) / |camera − from|; the nominal direction if positions are unknown. */
 static struct vec3 view_from(const struct near_field *n, int view, struct vec3 from) {
     return n->camera_mm ? vec3_unit(vec3_sub(n->camera_mm[view], from))
-                        : rig_direction((double)n->view_theta_deg[view] * DEGREE,
-                                        (double)n->view_phi_deg[view] * DEGREE);
+                        : rig_direction((double)n->views.theta_deg[view] * DEGREE,
+                                        (double)n->views.phi_deg[view] * DEGREE);
 }
 
 static struct vec3 light_from(const struct near_field *n, int view, int light, struct vec3 from) {
-    const gsize at = (gsize)view * (gsize)n->n_lights + (gsize)light;
+    const gsize at = (gsize)view * n->lights.n + (gsize)light;
     return n->lamp_mm ? vec3_unit(vec3_sub(n->lamp_mm[at], from))
-                      : rig_direction((double)n->light_theta_deg[light] * DEGREE,
-                                      (double)n->light_phi_deg[light] * DEGREE);
+                      : rig_direction((double)n->lights.theta_deg[light] * DEGREE,
+                                      (double)n->lights.phi_deg[light] * DEGREE);
 }
 
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel) {

@@ -7,14 +7,13 @@
 #pragma once
 
 #include "base/vec.h"
+#include "btf_layout.h"
 #include "exr/exr.h"
 #include "session/session.h"
 
 struct near_field {
     struct session_grid grid;
-    int n_views, n_lights;
-    float *view_theta_deg, *view_phi_deg;   /* n_views: nominal */
-    float *light_theta_deg, *light_phi_deg; /* n_lights: nominal */
+    struct direction_list views, lights; /* nominal */
     /* Positions in the sample frame: n_views, and n_views × n_lights, since a light arc may turn
      * about an axis of its own and the lamps then move in the sample frame with the turntable's
      * angle. Both NULL: the files have no positions, and all texels have the nominal directions. */

@@ -64,33 +64,33 @@ static struct resampler_left_out *leave_out(const struct vec3 *directions, int n
 void resampler_init(struct resampler *r, const struct near_field *near,
                     const struct btf_directions *to, gboolean own) {
     const int n_texels = near->grid.width * near->grid.height;
-    g_autofree struct vec3 *views = g_new0(struct vec3, near->n_views);
-    g_autofree struct vec3 *lights = g_new0(struct vec3, near->n_lights);
-    for (int i = 0; i < near->n_views; i++)
+    g_autofree struct vec3 *views = g_new0(struct vec3, near->views.n);
+    g_autofree struct vec3 *lights = g_new0(struct vec3, near->lights.n);
+    for (gsize i = 0; i < near->views.n; i++)
         views[i] = near_field_view_centre(near, i);
-    for (int i = 0; i < near->n_lights; i++)
+    for (gsize i = 0; i < near->lights.n; i++)
         lights[i] = near_field_light_centre(near, 0, i);
     *r = (struct resampler){.near = near,
-                            .n_views = to->n_views,
-                            .n_lights = to->n_lights,
+                            .n_views = to->views.n,
+                            .n_lights = to->lights.n,
                             .own = own,
                             .left_step = (n_texels + MOST_LEFT - 1) / MOST_LEFT};
-    r->from_views = direction_mesh_new(views, near->n_views, -1, FALSE);
-    r->from_lights = direction_mesh_new(lights, near->n_lights, -1, TRUE);
-    r->views = targets(r->from_views, to->view_theta_deg, to->view_phi_deg, to->n_views);
-    r->lights = targets(r->from_lights, to->light_theta_deg, to->light_phi_deg, to->n_lights);
-    r->to_views = back_mesh(r->views, to->n_views, views, near->n_views, FALSE, &r->to_view_points,
+    r->from_views = direction_mesh_new(views, near->views.n, -1, FALSE);
+    r->from_lights = direction_mesh_new(lights, near->lights.n, -1, TRUE);
+    r->views = targets(r->from_views, to->views.theta_deg, to->views.phi_deg, to->views.n);
+    r->lights = targets(r->from_lights, to->lights.theta_deg, to->lights.phi_deg, to->lights.n);
+    r->to_views = back_mesh(r->views, to->views.n, views, near->views.n, FALSE, &r->to_view_points,
                             &r->back_views);
-    r->to_lights = back_mesh(r->lights, to->n_lights, lights, near->n_lights, TRUE,
+    r->to_lights = back_mesh(r->lights, to->lights.n, lights, near->lights.n, TRUE,
                              &r->to_light_points, &r->back_lights);
-    r->left_views = leave_out(views, near->n_views, FALSE);
-    r->left_lights = leave_out(lights, near->n_lights, TRUE);
+    r->left_views = leave_out(views, near->views.n, FALSE);
+    r->left_lights = leave_out(lights, near->lights.n, TRUE);
 }
 
 void resampler_clear(struct resampler *r) {
-    for (int i = 0; r->left_views && i < r->near->n_views; i++)
+    for (gsize i = 0; r->left_views && i < r->near->views.n; i++)
         direction_mesh_free(r->left_views[i].mesh);
-    for (int i = 0; r->left_lights && i < r->near->n_lights; i++)
+    for (gsize i = 0; r->left_lights && i < r->near->lights.n; i++)
         direction_mesh_free(r->left_lights[i].mesh);
     direction_mesh_free(r->from_views);
     direction_mesh_free(r->from_lights);
@@ -108,7 +108,7 @@ void resampler_clear(struct resampler *r) {
 
 struct resampler_sums *resampler_sums_new(const struct resampler *r) {
     struct resampler_sums *sums = g_new0(struct resampler_sums, 1);
-    sums->from = g_new0(struct resampler_from, r->near->n_views);
+    sums->from = g_new0(struct resampler_from, r->near->views.n);
     sums->to = g_new0(struct resampler_to, r->n_views);
     return sums;
 }
@@ -140,7 +140,7 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to) 
 
 void resampler_sums_add(const struct resampler *r, const struct resampler_sums *more,
                         struct resampler_sums *to) {
-    for (int i = 0; i < r->near->n_views; i++)
+    for (gsize i = 0; i < r->near->views.n; i++)
         resampler_from_add(&more->from[i], &to->from[i]);
     for (int i = 0; i < r->n_views; i++)
         resampler_to_add(&more->to[i], &to->to[i]);
@@ -191,7 +191,7 @@ static void texel_resampler_combine(const struct direction_share *share, const f
 /* Whether a view has the same lamp positions as the view of the present shares. */
 static gboolean same_lights(const struct texel_work *w, int view) {
     const struct near_field *near = w->r->near;
-    const gsize n = (gsize)near->n_lights;
+    const gsize n = near->lights.n;
     return w->lights_of >= 0 && (!near->lamp_mm || memcmp(near->lamp_mm + (gsize)view * n,
                                                           near->lamp_mm + (gsize)w->lights_of * n,
                                                           n * sizeof *near->lamp_mm) == 0);
@@ -202,13 +202,13 @@ static void texel_resampler_take_lights(struct texel_work *w, int view) {
     if (same_lights(w, view))
         return;
     w->lights_of = view;
-    for (int i = 0; i < r->near->n_lights; i++)
+    for (gsize i = 0; i < r->near->lights.n; i++)
         direction_mesh_point(near_field_light(r->near, view, i, w->texel),
                              w->light_points + 2 * (gsize)i);
     for (int i = 0; i < r->n_lights; i++)
         direction_mesh_share(r->from_lights, w->light_points, r->lights[i].point,
                              &r->lights[i].guess, &w->light_shares[i]);
-    for (int i = 0; i < r->near->n_lights; i++)
+    for (gsize i = 0; i < r->near->lights.n; i++)
         direction_mesh_share(r->to_lights, r->to_light_points, w->light_points + 2 * (gsize)i,
                              &r->back_lights[i], &w->back_light_shares[i]);
 }
@@ -216,7 +216,7 @@ static void texel_resampler_take_lights(struct texel_work *w, int view) {
 /* Separates flags from values; the last lane becomes the hole indicator, which is interpolated
  * like a value. */
 static void take_values(struct texel_work *w, const float *values) {
-    const gsize n = (gsize)w->r->near->n_views * (gsize)w->r->near->n_lights;
+    const gsize n = w->r->near->views.n * w->r->near->lights.n;
     memcpy(w->values, values, sizeof(float) * n * LANES);
     for (gsize i = 0; i < n; i++) {
         const int mark = (int)values[i * LANES + COLOURS];
@@ -251,13 +251,13 @@ static void texel_resampler_finish(const struct resampler *r, const guint8 *mark
 /* Separable interpolation: first over the lights of each measured view, then over the views. */
 static void forward(struct texel_work *w, float *ret) {
     const struct resampler *r = w->r;
-    const gsize n_lights = (gsize)r->n_lights, n_from = (gsize)r->near->n_lights;
+    const gsize n_lights = (gsize)r->n_lights, n_from = r->near->lights.n;
     g_autofree guint8 *half = NULL, *marks = NULL;
     if (w->marks) {
-        half = g_new0(guint8, (gsize)r->near->n_views * n_lights);
+        half = g_new0(guint8, r->near->views.n * n_lights);
         marks = g_new0(guint8, (gsize)r->n_views * n_lights);
     }
-    for (int view = 0; view < r->near->n_views; view++) {
+    for (gsize view = 0; view < r->near->views.n; view++) {
         const float *values = w->values + (gsize)view * n_from * LANES;
         float *to = w->between + (gsize)view * n_lights * LANES;
         texel_resampler_take_lights(w, view);
@@ -300,10 +300,10 @@ static void add_difference(const float *a, const float *b, double *error, double
 static void round_trip(struct texel_work *w, const float *made, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     const int row = r->n_lights * LANES;
-    const gsize n_from = (gsize)r->near->n_lights;
+    const gsize n_from = r->near->lights.n;
     g_autofree float *slopes = g_new0(float, 2 * (gsize)r->n_views * (gsize)row);
     direction_mesh_slopes(r->to_views, made, row, slopes);
-    for (int view = 0; view < r->near->n_views; view++) {
+    for (gsize view = 0; view < r->near->views.n; view++) {
         struct resampler_from *sum = &sums->from[view];
         struct direction_share share;
         float value[LANES];
@@ -342,17 +342,17 @@ static float *weights_without(const struct resampler_left_out *left, int n, cons
 /* Leave-one-out: predicts each view from the others. */
 static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
-    const int row = near->n_lights * LANES;
+    const int row = near->lights.n * LANES;
     g_autofree float *predicted = g_new0(float, row);
-    for (int view = 0; view < near->n_views && near->n_views > 1; view++) {
+    for (gsize view = 0; view < near->views.n && near->views.n > 1; view++) {
         struct resampler_from *sum = &sums->from[view];
         const float *measured = w->values + (gsize)view * (gsize)row;
         g_autofree float *weights =
-            weights_without(&w->r->left_views[view], near->n_views, w->view_points,
+            weights_without(&w->r->left_views[view], near->views.n, w->view_points,
                             w->view_points + (gsize)(2 * view));
-        add_weighted(weights, near->n_views, w->values, (gsize)row, row, predicted);
-        for (gsize i = 0; i < (gsize)near->n_lights; i++)
-            if (was_measured(w, (gsize)view * (gsize)near->n_lights + i))
+        add_weighted(weights, near->views.n, w->values, (gsize)row, row, predicted);
+        for (gsize i = 0; i < near->lights.n; i++)
+            if (was_measured(w, (gsize)view * near->lights.n + i))
                 add_difference(predicted + i * LANES, measured + i * LANES, &sum->left_view,
                                &sum->left_view_norm);
     }
@@ -361,16 +361,16 @@ static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
 /* Leave-one-out: predicts each light from the others. */
 static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
-    const gsize n = (gsize)near->n_lights;
+    const gsize n = near->lights.n;
     texel_resampler_take_lights(w, 0);
     for (gsize light = 0; light < n && n > 1; light++) {
-        g_autofree float *weights = weights_without(&w->r->left_lights[light], near->n_lights,
+        g_autofree float *weights = weights_without(&w->r->left_lights[light], near->lights.n,
                                                     w->light_points, w->light_points + 2 * light);
-        for (int view = 0; view < near->n_views; view++) {
+        for (gsize view = 0; view < near->views.n; view++) {
             const float *values = w->values + (gsize)view * n * LANES;
             struct resampler_from *sum = &sums->from[view];
             float predicted[LANES];
-            add_weighted(weights, near->n_lights, values, LANES, LANES, predicted);
+            add_weighted(weights, near->lights.n, values, LANES, LANES, predicted);
             if (was_measured(w, (gsize)view * n + light))
                 add_difference(predicted, values + light * LANES, &sum->left_light,
                                &sum->left_light_norm);
@@ -391,19 +391,19 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
 /* Angles between target and measured directions, and the share beyond extrapolation. */
 static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
-    g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->n_lights);
+    g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);
     int clamped = 0;
-    for (int i = 0; i < r->near->n_lights; i++)
+    for (gsize i = 0; i < r->near->lights.n; i++)
         lights[i] = near_field_light(r->near, 0, i, w->texel);
     for (int i = 0; i < r->n_lights; i++) {
-        const double moved = moved_deg(r->lights[i].direction, lights, r->near->n_lights);
+        const double moved = moved_deg(r->lights[i].direction, lights, r->near->lights.n);
         sums->light_moved_deg += moved / r->n_lights;
         sums->light_most_moved_deg = MAX(sums->light_most_moved_deg, moved);
         clamped += w->clamped[i];
     }
     for (int i = 0; i < r->n_views; i++) {
         struct resampler_to *sum = &sums->to[i];
-        const double moved = moved_deg(r->views[i].direction, w->views, r->near->n_views);
+        const double moved = moved_deg(r->views[i].direction, w->views, r->near->views.n);
         sum->moved_deg += moved;
         sum->most_moved_deg = MAX(sum->most_moved_deg, moved);
         sum->clamped += w->view_shares[i].clamped ? 1 : (double)clamped / r->n_lights;
@@ -426,7 +426,7 @@ static void add_nominal(const struct texel_work *w, const float *made,
 
 static void texel_resampler_begin(struct texel_work *w) {
     const struct resampler *r = w->r;
-    const gsize n_views = (gsize)r->near->n_views, n_lights = (gsize)r->near->n_lights;
+    const gsize n_views = r->near->views.n, n_lights = r->near->lights.n;
     const gsize most = MAX(n_views, (gsize)r->n_views) * MAX(n_lights, (gsize)r->n_lights);
     w->lights_of = -1;
     w->views = g_new0(struct vec3, n_views);
@@ -439,7 +439,7 @@ static void texel_resampler_begin(struct texel_work *w) {
     w->values = g_new0(float, n_views *n_lights *LANES);
     w->between = g_new0(float, most *LANES);
     w->slopes = g_new0(float, 2 * most * LANES);
-    for (int i = 0; i < r->near->n_views; i++) {
+    for (gsize i = 0; i < r->near->views.n; i++) {
         w->views[i] = near_field_view(r->near, i, w->texel);
         direction_mesh_point(w->views[i], w->view_points + 2 * (gsize)i);
     }

@@ -154,8 +154,8 @@ static gboolean export_bonn_write_views(const struct source *source, const char 
 
 /* u: D × (n_components + 1), the mean first, whose weight is 1. */
 static void export_bonn_factors_of(const struct lpca *lpca, float *s, float *u, float *sv) {
-    const gsize k = (gsize)lpca->n_components + 1, n = (gsize)lpca->width * (gsize)lpca->height;
-    const gsize d = (gsize)lpca->n_views * (gsize)lpca->n_lights * COLOURS;
+    const gsize k = (gsize)lpca->n_components + 1, n = btf_layout_texels(&lpca->layout);
+    const gsize d = btf_layout_values(&lpca->layout);
     for (gsize i = 0; i < k; i++) {
         double squares = 0;
         for (gsize j = 0; j < d; j++)
@@ -187,8 +187,8 @@ static gboolean write_split(const char *file, const struct bonn_header *header,
 
 static gboolean write_lpca(const char *file, const struct bonn_header *header,
                            const struct lpca *lpca, GError **error) {
-    const gsize k = (gsize)lpca->n_components + 1, n = (gsize)lpca->width * (gsize)lpca->height;
-    const gsize d = (gsize)lpca->n_views * (gsize)lpca->n_lights * COLOURS;
+    const gsize k = (gsize)lpca->n_components + 1, n = btf_layout_texels(&lpca->layout);
+    const gsize d = btf_layout_values(&lpca->layout);
     g_autofree float *s = g_new(float, k), *u = g_new(float, d *k), *sv = g_new(float, n *k);
     export_bonn_factors_of(lpca, s, u, sv);
     const struct bonn_factors all = {(int)k, (int)d, (int)n, s, u, sv};

@@ -227,17 +227,18 @@ static struct eigenmaps *import_new_eigenmaps(const struct import *import) {
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     *maps = (struct eigenmaps){
         .name = g_strdup(session_name(import->session)),
-        .width = import->grid.width,
-        .height = import->grid.height,
-        .texel_mm = m->texel_mm,
-        .reference_mm = import->grid.reference_mm,
-        .n_views = m->n_views,
-        .n_lights = m->n_lights,
+        .layout.width = import->grid.width,
+        .layout.height = import->grid.height,
+        .layout.texel_mm = m->texel_mm,
+        .layout.reference_mm = import->grid.reference_mm,
+        .layout.views.n = m->n_views,
+        .layout.lights.n = m->n_lights,
         .n_terms = MIN(EIGENMAPS, m->n_views),
-        .view_theta_deg = g_memdup2(m->view_theta_deg, sizeof(float) * (gsize)m->n_views),
-        .view_phi_deg = g_memdup2(m->view_phi_deg, sizeof(float) * (gsize)m->n_views),
-        .light_theta_deg = g_memdup2(m->light_theta_deg, sizeof(float) * (gsize)m->n_lights),
-        .light_phi_deg = g_memdup2(m->light_phi_deg, sizeof(float) * (gsize)m->n_lights)};
+        .layout.views.theta_deg = g_memdup2(m->view_theta_deg, sizeof(float) * (gsize)m->n_views),
+        .layout.views.phi_deg = g_memdup2(m->view_phi_deg, sizeof(float) * (gsize)m->n_views),
+        .layout.lights.theta_deg =
+            g_memdup2(m->light_theta_deg, sizeof(float) * (gsize)m->n_lights),
+        .layout.lights.phi_deg = g_memdup2(m->light_phi_deg, sizeof(float) * (gsize)m->n_lights)};
     return maps;
 }
 

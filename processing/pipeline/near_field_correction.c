@@ -44,7 +44,7 @@ void near_field_correction_result_clear(struct near_field_correction_result *res
 /* Interleaves values and flags: R, G, B, flags. */
 static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct exr_file *file,
                            int view, const char *path, GError **error) {
-    const gsize n_lights = (gsize)btf->n_lights, n_texels = (gsize)job->n_texels;
+    const gsize n_lights = btf->layout.lights.n, n_texels = (gsize)job->n_texels;
     g_autofree float *values = g_new(float, n_texels *n_lights *COLOURS);
     g_autofree float *rows = g_new(float, n_texels *n_lights *LANES);
     if (!btf_take_view(btf, file, view, path, values, n_lights * COLOURS, error))
@@ -75,14 +75,14 @@ static gboolean near_field_read_views(struct job *job, struct near_field_correct
     struct btf_matrix *btf = btf_open(job->source, TRUE, &paths, error);
     const gint64 begun = g_get_monotonic_time();
     gboolean ok = btf != NULL;
-    if (ok && btf->n_views != job->near->n_views) {
+    if (ok && btf->layout.views.n != job->near->views.n) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: its BTF is being made just now; wait until that has ended", job->source);
         ok = FALSE;
     }
-    for (int view = 0; ok && view < btf->n_views; view++)
+    for (gsize view = 0; ok && view < btf->layout.views.n; view++)
         ok = near_field_read_view(job, btf, view, g_ptr_array_index(paths, (guint)view), error) &&
-             work_tell(job->work, "read", view + 1, btf->n_views, begun, error);
+             work_tell(job->work, "read", view + 1, btf->layout.views.n, begun, error);
     ret->holes = btf ? btf->holes : 0;
     ret->bounds = btf ? btf->bounds : 0;
     ret->predicted = btf ? btf->predicted : 0;
@@ -103,12 +103,12 @@ static void near_field_fail(struct job *job, GError *error) {
  */
 static gboolean read_block(const struct job *job, int first, int n, float *texels, float *rows,
                            GError **error) {
-    const gsize row = (gsize)job->near->n_lights * LANES;
-    for (int view = 0; view < job->near->n_views; view++) {
+    const gsize row = job->near->lights.n * LANES;
+    for (gsize view = 0; view < job->near->views.n; view++) {
         if (!btf_scratch_read(job->measured, view, first, n, rows, error))
             return FALSE;
         for (gsize i = 0; i < (gsize)n; i++)
-            memcpy(texels + (i * (gsize)job->near->n_views + (gsize)view) * row, rows + i * row,
+            memcpy(texels + (i * job->near->views.n + (gsize)view) * row, rows + i * row,
                    sizeof(float) * row);
     }
     return TRUE;
@@ -116,10 +116,10 @@ static gboolean read_block(const struct job *job, int first, int n, float *texel
 
 static gboolean write_block(const struct job *job, int first, int n, const float *texels,
                             float *rows, GError **error) {
-    const gsize row = (gsize)job->to->n_lights * LANES;
-    for (int view = 0; view < job->to->n_views; view++) {
+    const gsize row = job->to->lights.n * LANES;
+    for (gsize view = 0; view < job->to->views.n; view++) {
         for (gsize i = 0; i < (gsize)n; i++)
-            memcpy(rows + i * row, texels + (i * (gsize)job->to->n_views + (gsize)view) * row,
+            memcpy(rows + i * row, texels + (i * job->to->views.n + (gsize)view) * row,
                    sizeof(float) * row);
         if (!btf_scratch_write_rows(job->made, view, first, n, rows, error))
             return FALSE;
@@ -131,11 +131,11 @@ static gboolean write_block(const struct job *job, int first, int n, const float
 static void resample_block(int block, gpointer data) {
     struct job *job = data;
     const int first = block * BLOCK, n = MIN(BLOCK, job->n_texels - first);
-    const gsize from = (gsize)job->near->n_views * (gsize)job->near->n_lights * LANES;
-    const gsize to = (gsize)job->to->n_views * (gsize)job->to->n_lights * LANES;
+    const gsize from = job->near->views.n * job->near->lights.n * LANES;
+    const gsize to = job->to->views.n * job->to->lights.n * LANES;
     g_autofree float *values = g_new(float, BLOCK *from), *made = g_new(float, BLOCK *to);
     g_autofree float *rows =
-        g_new(float, BLOCK *LANES *(gsize)MAX(job->near->n_lights, job->to->n_lights));
+        g_new(float, BLOCK *LANES *(gsize)MAX(job->near->lights.n, job->to->lights.n));
     GError *error = NULL;
     job->sums[block] = resampler_sums_new(&job->resampler);
     gboolean ok = read_block(job, first, n, values, rows, &error);
@@ -227,13 +227,13 @@ static gboolean in_band(const struct near_field_correction_band *band, float the
 
 static void fill_from(const struct job *job, struct near_field_correction_result *ret) {
     struct resampler_from whole = {0};
-    ret->from = elevations(job->near->view_theta_deg, job->near->n_views);
+    ret->from = elevations(job->near->views.theta_deg, job->near->views.n);
     for (guint k = 0; k < ret->from->len; k++) {
         struct near_field_correction_band *band =
             &g_array_index(ret->from, struct near_field_correction_band, k);
         struct resampler_from sums = {0};
-        for (int i = 0; i < job->near->n_views; i++)
-            if (in_band(band, job->near->view_theta_deg[i])) {
+        for (gsize i = 0; i < job->near->views.n; i++)
+            if (in_band(band, job->near->views.theta_deg[i])) {
                 resampler_from_add(&job->all->from[i], &sums);
                 band->n_views++;
             }
@@ -245,30 +245,30 @@ static void fill_from(const struct job *job, struct near_field_correction_result
 
 static void fill_to(const struct job *job, struct near_field_correction_result *ret) {
     struct resampler_to whole = {0};
-    ret->to = elevations(job->to->view_theta_deg, job->to->n_views);
+    ret->to = elevations(job->to->views.theta_deg, job->to->views.n);
     for (guint k = 0; k < ret->to->len; k++) {
         struct near_field_correction_band *band =
             &g_array_index(ret->to, struct near_field_correction_band, k);
         struct resampler_to sums = {0};
-        for (int i = 0; i < job->to->n_views; i++)
-            if (in_band(band, job->to->view_theta_deg[i])) {
+        for (gsize i = 0; i < job->to->views.n; i++)
+            if (in_band(band, job->to->views.theta_deg[i])) {
                 resampler_to_add(&job->all->to[i], &sums);
                 band->n_views++;
             }
         set_to(band, &sums, (double)job->n_texels * band->n_views, job->resampler.own);
         resampler_to_add(&sums, &whole);
     }
-    set_to(&ret->all, &whole, (double)job->n_texels * job->to->n_views, job->resampler.own);
+    set_to(&ret->all, &whole, (double)job->n_texels * job->to->views.n, job->resampler.own);
 }
 
 static void fill_result(const struct job *job, struct near_field_correction_result *ret) {
     ret->exact = job->near->camera_mm != NULL;
-    ret->n_views = job->near->n_views;
-    ret->n_lights = job->near->n_lights;
+    ret->n_views = job->near->views.n;
+    ret->n_lights = job->near->lights.n;
     ret->sampled = job->all->sampled;
     ret->light_moved_deg = job->all->light_moved_deg / job->n_texels;
     ret->light_most_moved_deg = job->all->light_most_moved_deg;
-    ret->all = (struct near_field_correction_band){.theta_deg = -1, .n_views = job->to->n_views};
+    ret->all = (struct near_field_correction_band){.theta_deg = -1, .n_views = job->to->views.n};
     fill_from(job, ret);
     fill_to(job, ret);
 }
@@ -277,7 +277,7 @@ static void fill_result(const struct job *job, struct near_field_correction_resu
 static gboolean near_field_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                      GError **error) {
     struct job *job = data;
-    const gsize n_lights = (gsize)job->to->n_lights, n = (gsize)job->n_texels;
+    const gsize n_lights = job->to->lights.n, n = (gsize)job->n_texels;
     g_autofree float *rows = g_new(float, BLOCK *n_lights *LANES);
     memset(ret_holes, 0, sizeof(int) * n_lights);
     memset(job->some, 0, sizeof(gboolean) * n_lights);
@@ -324,7 +324,7 @@ static const guint8 *give_light(int view, int light, struct exr_part *part, gpoi
 /* Writes the result as an imported session. */
 static gboolean write_session(struct job *job, const char *path,
                               struct near_field_correction_result *ret, GError **error) {
-    const gsize n = (gsize)job->n_texels * (gsize)job->to->n_lights;
+    const gsize n = (gsize)job->n_texels * job->to->lights.n;
     const struct session_grid *grid = &job->near->grid;
     g_autofree char *mdf = g_build_filename(job->source, "products", "mdf.exr", NULL);
     ret->mdf = g_file_test(mdf, G_FILE_TEST_EXISTS);
@@ -333,18 +333,18 @@ static gboolean write_session(struct job *job, const char *path,
     g_autofree char *source =
         g_strdup_printf("%s, resampled to directions “%s”", job->source, job->to->name);
     g_autofree guint8 *marks = job->marks = g_new0(guint8, n);
-    g_autofree gboolean *some = job->some = g_new0(gboolean, job->to->n_lights);
+    g_autofree gboolean *some = job->some = g_new0(gboolean, job->to->lights.n);
     const struct import_material material = {
         .source = source,
         .width = grid->width,
         .height = grid->height,
         .texel_mm = grid->width_mm / grid->width,
-        .n_views = job->to->n_views,
-        .n_lights = job->to->n_lights,
-        .view_theta_deg = job->to->view_theta_deg,
-        .view_phi_deg = job->to->view_phi_deg,
-        .light_theta_deg = job->to->light_theta_deg,
-        .light_phi_deg = job->to->light_phi_deg,
+        .n_views = job->to->views.n,
+        .n_lights = job->to->lights.n,
+        .view_theta_deg = job->to->views.theta_deg,
+        .view_phi_deg = job->to->views.phi_deg,
+        .light_theta_deg = job->to->lights.theta_deg,
+        .light_phi_deg = job->to->lights.phi_deg,
         .view = near_field_give_view,
         .light = give_light,
         .data = job,
@@ -356,26 +356,20 @@ static gboolean write_session(struct job *job, const char *path,
 }
 
 static struct btf_directions *own_directions(const struct near_field *near) {
-    const gsize n_views = sizeof(float) * (gsize)near->n_views;
-    const gsize n_lights = sizeof(float) * (gsize)near->n_lights;
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
     *ret = (struct btf_directions){.name = g_strdup("own"),
-                                   .n_views = near->n_views,
-                                   .n_lights = near->n_lights,
-                                   .view_theta_deg = g_memdup2(near->view_theta_deg, n_views),
-                                   .view_phi_deg = g_memdup2(near->view_phi_deg, n_views),
-                                   .light_theta_deg = g_memdup2(near->light_theta_deg, n_lights),
-                                   .light_phi_deg = g_memdup2(near->light_phi_deg, n_lights)};
+                                   .views = direction_list_copy(&near->views),
+                                   .lights = direction_list_copy(&near->lights)};
     return ret;
 }
 
 static gboolean open_scratch(struct job *job, const char *path, GError **error) {
     g_autofree char *absolute = g_canonicalize_filename(path, NULL);
     g_autofree char *folder = g_path_get_dirname(absolute);
-    job->measured = btf_scratch_new(folder, (gsize)job->near->n_lights * LANES, job->near->n_views,
+    job->measured = btf_scratch_new(folder, job->near->lights.n * LANES, job->near->views.n,
                                     job->n_texels, error);
-    job->made = job->measured ? btf_scratch_new(folder, (gsize)job->to->n_lights * LANES,
-                                                job->to->n_views, job->n_texels, error)
+    job->made = job->measured ? btf_scratch_new(folder, job->to->lights.n * LANES, job->to->views.n,
+                                                job->n_texels, error)
                               : NULL;
     return job->made != NULL;
 }

@@ -308,27 +308,27 @@ static struct eigenmaps *pipeline_new_eigenmaps(const struct columns *columns) {
     const struct catalogue *catalogue = columns->run->catalogue;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     maps->name = g_strdup(session_name(columns->run->session));
-    maps->width = catalogue->grid.width;
-    maps->height = catalogue->grid.height;
-    maps->texel_mm = catalogue->grid.width_mm / catalogue->grid.width;
-    maps->reference_mm = catalogue->grid.reference_mm;
-    maps->n_views = columns->n_views;
-    maps->n_lights = columns->n_lights;
+    maps->layout.width = catalogue->grid.width;
+    maps->layout.height = catalogue->grid.height;
+    maps->layout.texel_mm = catalogue->grid.width_mm / catalogue->grid.width;
+    maps->layout.reference_mm = catalogue->grid.reference_mm;
+    maps->layout.views.n = columns->n_views;
+    maps->layout.lights.n = columns->n_lights;
     maps->n_terms = MIN(columns->run->options->n_eigenmaps, columns->n_views);
-    maps->view_theta_deg = g_new(float, maps->n_views);
-    maps->view_phi_deg = g_new(float, maps->n_views);
-    maps->light_theta_deg = g_new(float, maps->n_lights);
-    maps->light_phi_deg = g_new(float, maps->n_lights);
-    for (int i = 0; i < maps->n_views; i++) {
+    maps->layout.views.theta_deg = g_new(float, maps->layout.views.n);
+    maps->layout.views.phi_deg = g_new(float, maps->layout.views.n);
+    maps->layout.lights.theta_deg = g_new(float, maps->layout.lights.n);
+    maps->layout.lights.phi_deg = g_new(float, maps->layout.lights.n);
+    for (gsize i = 0; i < maps->layout.views.n; i++) {
         const struct session_direction *view =
             g_ptr_array_index(catalogue->views, columns->views[i]);
-        maps->view_theta_deg[i] = (float)view->theta_deg;
-        maps->view_phi_deg[i] = (float)view->phi_deg;
+        maps->layout.views.theta_deg[i] = (float)view->theta_deg;
+        maps->layout.views.phi_deg[i] = (float)view->phi_deg;
     }
-    for (int i = 0; i < maps->n_lights; i++) {
+    for (gsize i = 0; i < maps->layout.lights.n; i++) {
         const struct session_direction *light = g_ptr_array_index(catalogue->lights, i);
-        maps->light_theta_deg[i] = (float)light->theta_deg;
-        maps->light_phi_deg[i] = (float)light->phi_deg;
+        maps->layout.lights.theta_deg[i] = (float)light->theta_deg;
+        maps->layout.lights.phi_deg[i] = (float)light->phi_deg;
     }
     return maps;
 }

@@ -24,53 +24,54 @@ static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **erro
     GLint layers = 0, size = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    if (maps->n_views < 1 || maps->n_lights < 1 || maps->n_terms < 1 || maps->width < 1 ||
-        maps->height < 1) {
+    if (maps->layout.views.n < 1 || maps->layout.lights.n < 1 || maps->n_terms < 1 ||
+        maps->layout.width < 1 || maps->layout.height < 1) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
         return FALSE;
     }
-    gint64 needed = (gint64)maps->n_terms * ((gint64)maps->n_lights + 2);
+    gint64 needed = (gint64)maps->n_terms * ((gint64)maps->layout.lights.n + 2);
     if (needed > layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d terms of %d lights need %" G_GINT64_FORMAT
+                    "%d terms of %zu lights need %" G_GINT64_FORMAT
                     " layers, %s has %d; compress the material with %d terms or fewer",
-                    maps->n_terms, maps->n_lights, needed, gpu_renderer(), layers,
-                    (int)MAX(1, layers / ((gint64)maps->n_lights + 2)));
+                    maps->n_terms, maps->layout.lights.n, needed, gpu_renderer(), layers,
+                    (int)MAX(1, layers / ((gint64)maps->layout.lights.n + 2)));
         return FALSE;
     }
-    if (maps->width > size || maps->height > size) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d × %d texels: %s takes %d each way; process the material with fewer texels",
-                    maps->width, maps->height, gpu_renderer(), size);
+    if (maps->layout.width > (gsize)size || maps->layout.height > (gsize)size) {
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+            "%zu × %zu texels: %s takes %d each way; process the material with fewer texels",
+            maps->layout.width, maps->layout.height, gpu_renderer(), size);
         return FALSE;
     }
     return TRUE;
 }
 
 static gboolean check_weights(const struct eigenmaps *maps, GError **error) {
-    for (gsize k = 0; k < (gsize)maps->n_terms * maps->n_views; k++)
+    for (gsize k = 0; k < (gsize)maps->n_terms * maps->layout.views.n; k++)
         if (!isfinite(maps->weights[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                         "the weight of term %d for view %d is not a finite number",
-                        (int)(k / maps->n_views), (int)(k % maps->n_views));
+                        (int)(k / maps->layout.views.n), (int)(k % maps->layout.views.n));
             return FALSE;
         }
     return TRUE;
 }
 
 static const float *map_of(const struct eigenmaps *maps, int term, int light) {
-    gsize texels = (gsize)maps->width * maps->height;
-    return maps->maps + 3 * texels * ((gsize)term * maps->n_lights + light);
+    gsize texels = btf_layout_texels(&maps->layout);
+    return maps->maps + 3 * texels * ((gsize)term * maps->layout.lights.n + light);
 }
 
 static gboolean add_map(const struct eigenmaps *maps, int term, int light, float share, float *sum,
                         GError **error) {
     const float *map = map_of(maps, term, light);
-    for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++) {
+    for (gsize k = 0; k < 3 * btf_layout_texels(&maps->layout); k++) {
         if (!isfinite(map[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                         "term %d, light %d, texel (%d, %d) is not a finite number", term, light,
-                        (int)(k / 3 % maps->width), (int)(k / 3 / maps->width));
+                        (int)(k / 3 % maps->layout.width), (int)(k / 3 / maps->layout.width));
             return FALSE;
         }
         sum[k] += share * map[k];
@@ -95,7 +96,7 @@ static void eigenmaps_view_refine(const float *from, int n, gsize step, float *t
 }
 
 static void put_refined(const struct eigenmaps *maps, int layer, const float *texels) {
-    gsize w = maps->width, h = maps->height;
+    gsize w = maps->layout.width, h = maps->layout.height;
     g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
     for (gsize j = 0; j < h; j++)
         eigenmaps_view_refine(texels + 3 * w * j, w, 3, wide + 6 * w * j, 3);
@@ -110,10 +111,10 @@ static void put_refined(const struct eigenmaps *maps, int layer, const float *te
  * filtering, without more fetches. */
 static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
                                      int layer, float *texels) {
-    for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++)
+    for (gsize k = 0; k < 3 * btf_layout_texels(&maps->layout); k++)
         texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, maps->width,
-                    maps->height, 1, GL_RGB, GL_FLOAT, texels);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, maps->layout.width,
+                    maps->layout.height, 1, GL_RGB, GL_FLOAT, texels);
     if (view->refined)
         put_refined(maps, layer, texels);
 }
@@ -121,22 +122,24 @@ static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eig
 /* Storage for both levels, if the finer one fits into FINE_BYTES and the card. */
 static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
     int layers = view->n_terms * view->n_layers;
-    gsize fine = 4 * 8 * (gsize)maps->width * maps->height * layers;
+    gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;
     GLint size = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    view->refined = fine <= FINE_BYTES && 2 * MAX(maps->width, maps->height) <= size;
+    view->refined =
+        fine <= FINE_BYTES && 2 * MAX(maps->layout.width, maps->layout.height) <= (gsize)size;
     int scale = view->refined ? 2 : 1;
-    view->maps = gpu_texture(GL_RGBA16F, scale * maps->width, scale * maps->height, layers);
+    view->maps =
+        gpu_texture(GL_RGBA16F, scale * maps->layout.width, scale * maps->layout.height, layers);
     if (view->refined)
-        glTexImage3D(GL_TEXTURE_2D_ARRAY, 1, GL_RGBA16F, maps->width, maps->height, layers, 0,
-                     GL_RGB, GL_FLOAT, NULL);
+        glTexImage3D(GL_TEXTURE_2D_ARRAY, 1, GL_RGBA16F, maps->layout.width, maps->layout.height,
+                     layers, 0, GL_RGB, GL_FLOAT, NULL);
 }
 
 /* One layer that is a mix of lights. */
 static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
                           int layer, const float *shares, float *texels, GError **error) {
-    memset(texels, 0, 3 * sizeof(float) * (gsize)maps->width * maps->height);
-    for (int light = 0; light < maps->n_lights; light++)
+    memset(texels, 0, 3 * sizeof(float) * btf_layout_texels(&maps->layout));
+    for (gsize light = 0; light < maps->layout.lights.n; light++)
         if (shares[light] != 0.0f && !add_map(maps, term, light, shares[light], texels, error))
             return FALSE;
     eigenmaps_view_put_layer(view, maps, layer, texels);
@@ -146,24 +149,24 @@ static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *map
 static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eigenmaps *maps,
                                            const float *pole, const float *ambient,
                                            GError **error) {
-    g_autofree float *texels = g_new(float, 3 * (gsize)maps->width * maps->height);
-    g_autofree float *one = g_new0(float, maps->n_lights);
+    g_autofree float *texels = g_new(float, 3 * btf_layout_texels(&maps->layout));
+    g_autofree float *one = g_new0(float, maps->layout.lights.n);
     make_maps(view, maps);
     if (!gpu_check("the material's texture", error)) {
-        g_prefix_error(error, "%d × %d texels in %d layers: ", maps->width, maps->height,
-                       view->n_terms * view->n_layers);
+        g_prefix_error(error, "%zu × %zu texels in %d layers: ", maps->layout.width,
+                       maps->layout.height, view->n_terms * view->n_layers);
         return FALSE;
     }
     for (int term = 0; term < view->n_terms; term++) {
         int base = term * view->n_layers;
-        for (int light = 0; light < maps->n_lights; light++) {
+        for (gsize light = 0; light < maps->layout.lights.n; light++) {
             one[light] = 1.0f;
             if (!mix_layer(view, maps, term, base + light, one, texels, error))
                 return FALSE;
             one[light] = 0.0f;
         }
-        if (!mix_layer(view, maps, term, base + maps->n_lights, pole, texels, error) ||
-            !mix_layer(view, maps, term, base + maps->n_lights + 1, ambient, texels, error))
+        if (!mix_layer(view, maps, term, base + maps->layout.lights.n, pole, texels, error) ||
+            !mix_layer(view, maps, term, base + maps->layout.lights.n + 1, ambient, texels, error))
             return FALSE;
     }
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
@@ -183,12 +186,12 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
 
 static float weight_at(const struct eigenmaps *maps, const Directions *views, int term,
                        const struct direction_weights *at) {
-    const float *w = maps->weights + (gsize)term * maps->n_views;
+    const float *w = maps->weights + (gsize)term * maps->layout.views.n;
     double sum = 0.0;
     for (int k = 0; k < 4; k++) {
         int n;
         const int *members = directions_pole(views, &n);
-        if (at->index[k] < maps->n_views)
+        if ((gsize)at->index[k] < maps->layout.views.n)
             sum += at->weight[k] * w[at->index[k]];
         else
             for (int m = 0; m < n; m++)
@@ -223,25 +226,25 @@ static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Dire
 EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
     if (!eigenmaps_view_check(maps, error) || !check_weights(maps, error))
         return NULL;
-    g_autoptr(Directions) views =
-        directions_new(maps->view_theta_deg, maps->view_phi_deg, maps->n_views, error);
+    g_autoptr(Directions) views = directions_new(
+        maps->layout.views.theta_deg, maps->layout.views.phi_deg, maps->layout.views.n, error);
     if (views == NULL) {
         g_prefix_error(error, "views: ");
         return NULL;
     }
-    g_autoptr(Directions) lights =
-        directions_new(maps->light_theta_deg, maps->light_phi_deg, maps->n_lights, error);
+    g_autoptr(Directions) lights = directions_new(
+        maps->layout.lights.theta_deg, maps->layout.lights.phi_deg, maps->layout.lights.n, error);
     if (lights == NULL) {
         g_prefix_error(error, "lights: ");
         return NULL;
     }
     g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
-    g_autofree float *pole = g_new0(float, maps->n_lights);
-    g_autofree float *ambient = g_new0(float, maps->n_lights);
+    g_autofree float *pole = g_new0(float, maps->layout.lights.n);
+    g_autofree float *ambient = g_new0(float, maps->layout.lights.n);
     view->n_terms = maps->n_terms;
-    view->n_layers = maps->n_lights + 2;
+    view->n_layers = maps->layout.lights.n + 2;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    direction_table_pole_shares(lights, pole, maps->n_lights);
+    direction_table_pole_shares(lights, pole, maps->layout.lights.n);
     directions_sky(lights, ambient);
     view->lights = direction_table_new(lights, TRUE);
     upload_views(view, maps, views);

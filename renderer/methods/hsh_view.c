@@ -29,16 +29,17 @@ static int hsh_view_value_at(int n_terms, int page, int k) {
 }
 
 static gboolean hsh_view_check(const struct hsh *hsh, GError **error) {
-    const int n_layers = hsh->n_views * hsh_view_pages(hsh->n_terms);
+    const int n_layers = hsh->layout.views.n * hsh_view_pages(hsh->n_terms);
     const gsize n = (gsize)(hsh_bytes(hsh) / 2);
     GLint size = 0, layers = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (hsh->width > size || hsh->height > size || n_layers > layers) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d × %d texels in %d layers are more than %s takes (%d each way, %d layers); "
-                    "compress with fewer --terms, or with another method",
-                    hsh->width, hsh->height, n_layers, gpu_renderer(), size, layers);
+    if (hsh->layout.width > (gsize)size || hsh->layout.height > (gsize)size || n_layers > layers) {
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+            "%zu × %zu texels in %d layers are more than %s takes (%d each way, %d layers); "
+            "compress with fewer --terms, or with another method",
+            hsh->layout.width, hsh->layout.height, n_layers, gpu_renderer(), size, layers);
         return FALSE;
     }
     for (gsize k = 0; k < n; k++)
@@ -53,18 +54,18 @@ static gboolean hsh_view_check(const struct hsh *hsh, GError **error) {
 }
 
 static void hsh_view_put_layer(const struct hsh *hsh, int layer, const float *rgba) {
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, hsh->width, hsh->height, 1, GL_RGBA,
-                    GL_FLOAT, rgba);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, hsh->layout.width, hsh->layout.height, 1,
+                    GL_RGBA, GL_FLOAT, rgba);
 }
 
 static gboolean hsh_view_upload_values(HshView *view, const struct hsh *hsh, GError **error) {
-    const gsize texels = (gsize)hsh->width * hsh->height, n_values = (gsize)hsh->n_terms * COLOURS;
+    const gsize texels = btf_layout_texels(&hsh->layout), n_values = (gsize)hsh->n_terms * COLOURS;
     g_autofree float *layer = g_new(float, PAGE *texels);
-    view->values = gpu_texture_levels(GL_RGBA16F, hsh->width, hsh->height,
-                                      hsh->n_views * view->n_pages, view->n_levels);
+    view->values = gpu_texture_levels(GL_RGBA16F, hsh->layout.width, hsh->layout.height,
+                                      hsh->layout.views.n * view->n_pages, view->n_levels);
     if (!gpu_check("the texture of the hemispherical harmonics", error))
         return FALSE;
-    for (int n = 0; n < hsh->n_views * view->n_pages; n++) {
+    for (gsize n = 0; n < hsh->layout.views.n * view->n_pages; n++) {
         const float *values = hsh->values + n / view->n_pages * texels * n_values;
         for (gsize k = 0; k < PAGE * texels; k++) {
             const int at = hsh_view_value_at(hsh->n_terms, n % view->n_pages, (int)(k % PAGE));
@@ -79,13 +80,13 @@ static gboolean hsh_view_upload_values(HshView *view, const struct hsh *hsh, GEr
 /* √(2/π) c_0: a layer a view, and one of their pole. pole_share: n_views. */
 static gboolean hsh_view_upload_ambients(HshView *view, const struct hsh *hsh,
                                          const float *pole_share, GError **error) {
-    const gsize texels = (gsize)hsh->width * hsh->height, n_values = (gsize)hsh->n_terms * COLOURS;
+    const gsize texels = btf_layout_texels(&hsh->layout), n_values = (gsize)hsh->n_terms * COLOURS;
     g_autofree float *layer = g_new0(float, PAGE *texels), *pole = g_new0(float, PAGE *texels);
-    view->ambients =
-        gpu_texture_levels(GL_RGBA16F, hsh->width, hsh->height, hsh->n_views + 1, view->n_levels);
+    view->ambients = gpu_texture_levels(GL_RGBA16F, hsh->layout.width, hsh->layout.height,
+                                        hsh->layout.views.n + 1, view->n_levels);
     if (!gpu_check("the texture of the ambient light", error))
         return FALSE;
-    for (int v = 0; v < hsh->n_views; v++) {
+    for (gsize v = 0; v < hsh->layout.views.n; v++) {
         for (gsize k = 0; k < PAGE * texels; k++) {
             const float *values = hsh->values + (v * texels + k / PAGE) * n_values;
             const float sum = k % PAGE < COLOURS ? (float)sqrt(2 / G_PI) * values[k % PAGE] : 0;
@@ -94,7 +95,7 @@ static gboolean hsh_view_upload_ambients(HshView *view, const struct hsh *hsh,
         }
         hsh_view_put_layer(hsh, v, layer);
     }
-    hsh_view_put_layer(hsh, hsh->n_views, pole);
+    hsh_view_put_layer(hsh, hsh->layout.views.n, pole);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
     return gpu_check("the texture of the ambient light", error);
 }
@@ -114,21 +115,21 @@ static void hsh_view_upload_pole(HshView *view, Directions *views) {
 HshView *hsh_view_new(const struct hsh *hsh, GError **error) {
     if (!hsh_view_check(hsh, error))
         return NULL;
-    g_autoptr(Directions) views =
-        directions_new(hsh->view_theta_deg, hsh->view_phi_deg, hsh->n_views, error);
+    g_autoptr(Directions) views = directions_new(
+        hsh->layout.views.theta_deg, hsh->layout.views.phi_deg, hsh->layout.views.n, error);
     if (views == NULL) {
         g_prefix_error(error, "views: ");
         return NULL;
     }
     g_autoptr(HshView) view = g_new0(HshView, 1);
-    g_autofree float *shares = g_new0(float, hsh->n_views);
-    view->n_levels = (int)g_bit_storage((gulong)MAX(hsh->width, hsh->height));
+    g_autofree float *shares = g_new0(float, hsh->layout.views.n);
+    view->n_levels = (int)g_bit_storage((gulong)MAX(hsh->layout.width, hsh->layout.height));
     view->n_pages = hsh_view_pages(hsh->n_terms);
-    view->n_views = hsh->n_views;
+    view->n_views = hsh->layout.views.n;
     view->n_terms = hsh->n_terms;
     view->views = direction_table_new(views, FALSE);
     hsh_view_upload_pole(view, views);
-    direction_table_pole_shares(views, shares, hsh->n_views);
+    direction_table_pole_shares(views, shares, hsh->layout.views.n);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     return hsh_view_upload_values(view, hsh, error) &&
                    hsh_view_upload_ambients(view, hsh, shares, error)

@@ -41,7 +41,7 @@ static int count_pages(const struct lobes *lobes) {
 }
 
 static gboolean lobes_view_all_finite(const struct lobes *lobes, GError **error) {
-    const gsize n = (gsize)lobes->width * lobes->height * lobes->n_slices * lobes->n_values;
+    const gsize n = btf_layout_texels(&lobes->layout) * lobes->n_slices * lobes->n_values;
     for (gsize k = 0; k < n; k++)
         if (!isfinite(lobes->values[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
@@ -56,25 +56,26 @@ static gboolean lobes_view_fits(const struct lobes *lobes, int n_pages, GError *
     GLint size = 0, layers = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (lobes->width <= size && lobes->height <= size && lobes->n_slices * n_pages <= layers &&
-        lobes->n_views + 1 <= layers)
+    if (lobes->layout.width <= (gsize)size && lobes->layout.height <= (gsize)size &&
+        lobes->n_slices * n_pages <= layers && lobes->layout.views.n + 1 <= (gsize)layers)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d × %d texels in %d layers are more than %s takes (%d each way, %d layers); "
+                "%zu × %zu texels in %d layers are more than %s takes (%d each way, %d layers); "
                 "compress with fewer lobes, or another model",
-                lobes->width, lobes->height, lobes->n_slices * n_pages, gpu_renderer(), size,
-                layers);
+                lobes->layout.width, lobes->layout.height, lobes->n_slices * n_pages,
+                gpu_renderer(), size, layers);
     return FALSE;
 }
 
 /* Whether it can be level number of what first is level 0 of. */
 static gboolean belongs(const struct lobes *first, const struct lobes *lobes, int number) {
-    const gsize views = sizeof(float) * first->n_views;
+    const gsize views = sizeof(float) * first->layout.views.n;
     return lobes->model == first->model && lobes->n_lobes == first->n_lobes &&
-           lobes->width == MAX(1, first->width >> number) &&
-           lobes->height == MAX(1, first->height >> number) && lobes->n_views == first->n_views &&
-           memcmp(lobes->view_theta_deg, first->view_theta_deg, views) == 0 &&
-           memcmp(lobes->view_phi_deg, first->view_phi_deg, views) == 0;
+           lobes->layout.width == MAX(1, first->layout.width >> number) &&
+           lobes->layout.height == MAX(1, first->layout.height >> number) &&
+           lobes->layout.views.n == first->layout.views.n &&
+           memcmp(lobes->layout.views.theta_deg, first->layout.views.theta_deg, views) == 0 &&
+           memcmp(lobes->layout.views.phi_deg, first->layout.views.phi_deg, views) == 0;
 }
 
 static gboolean lobes_view_check(struct lobes *const *levels, int n, int n_pages, GError **error) {
@@ -83,9 +84,10 @@ static gboolean lobes_view_check(struct lobes *const *levels, int n, int n_pages
     for (int k = 0; k < n; k++) {
         if (k > 0 && !belongs(levels[0], levels[k], k)) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "mip level %d is %s of %d × %d texels, which does not fit level 0; "
+                        "mip level %d is %s of %zu × %zu texels, which does not fit level 0; "
                         "compress the material anew",
-                        k, lobes_model_name(levels[k]->model), levels[k]->width, levels[k]->height);
+                        k, lobes_model_name(levels[k]->model), levels[k]->layout.width,
+                        levels[k]->layout.height);
             return FALSE;
         }
         if (!lobes_view_all_finite(levels[k], error)) {
@@ -99,12 +101,12 @@ static gboolean lobes_view_check(struct lobes *const *levels, int n, int n_pages
 
 static void lobes_view_put_layer(const struct lobes *lobes, int level, int layer,
                                  const float *rgba) {
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, lobes->width, lobes->height, 1,
-                    GL_RGBA, GL_FLOAT, rgba);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, lobes->layout.width,
+                    lobes->layout.height, 1, GL_RGBA, GL_FLOAT, rgba);
 }
 
 static void upload_values(const LobesView *view, const struct lobes *lobes, int level) {
-    const gsize texels = (gsize)lobes->width * lobes->height;
+    const gsize texels = btf_layout_texels(&lobes->layout);
     g_autofree float *layer = g_new(float, PAGE *texels);
     for (int n = 0; n < lobes->n_slices * view->n_pages; n++) {
         const float *values = lobes->values + n / view->n_pages * texels * lobes->n_values;
@@ -132,12 +134,13 @@ static void add_sky(const struct lobes *lobes, int slice, int texel, const float
 
 /* A layer a view, and one of their pole. */
 static void upload_ambients(const struct lobes *lobes, int level, const float *pole_share) {
-    const int texels = lobes->width * lobes->height;
+    const int texels = btf_layout_texels(&lobes->layout);
     g_autofree float *layer = g_new(float, PAGE *(gsize)texels);
     g_autofree float *pole = g_new0(float, PAGE *(gsize)texels);
-    for (int v = 0; v < lobes->n_views; v++) {
+    for (gsize v = 0; v < lobes->layout.views.n; v++) {
         float direction[3];
-        direction_from_deg(lobes->view_theta_deg[v], lobes->view_phi_deg[v], direction);
+        direction_from_deg(lobes->layout.views.theta_deg[v], lobes->layout.views.phi_deg[v],
+                           direction);
         memset(layer, 0, sizeof(float) * PAGE * texels);
         for (int k = 0; k < texels; k++)
             add_sky(lobes, lobes->n_slices > 1 ? v : 0, k, direction, layer + PAGE * (gsize)k);
@@ -145,7 +148,7 @@ static void upload_ambients(const struct lobes *lobes, int level, const float *p
             pole[k] += pole_share[v] * layer[k];
         lobes_view_put_layer(lobes, level, v, layer);
     }
-    lobes_view_put_layer(lobes, level, lobes->n_views, pole);
+    lobes_view_put_layer(lobes, level, lobes->layout.views.n, pole);
 }
 
 static gboolean lobes_view_upload(LobesView *view, struct lobes *const *levels,
@@ -153,7 +156,7 @@ static gboolean lobes_view_upload(LobesView *view, struct lobes *const *levels,
     const struct lobes *first = levels[0];
     const int n = view->n_levels;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    view->values = gpu_texture_levels(GL_RGBA16F, first->width, first->height,
+    view->values = gpu_texture_levels(GL_RGBA16F, first->layout.width, first->layout.height,
                                       view->n_slices * view->n_pages, n);
     if (!gpu_check("the texture of the lobes", error))
         return FALSE;
@@ -161,8 +164,8 @@ static gboolean lobes_view_upload(LobesView *view, struct lobes *const *levels,
         upload_values(view, levels[k], k);
     if (!gpu_check("the texture of the lobes", error))
         return FALSE;
-    view->ambients =
-        gpu_texture_levels(GL_RGBA16F, first->width, first->height, first->n_views + 1, n);
+    view->ambients = gpu_texture_levels(GL_RGBA16F, first->layout.width, first->layout.height,
+                                        first->layout.views.n + 1, n);
     for (int k = 0; k < n; k++)
         upload_ambients(levels[k], k, pole_share);
     return gpu_check("the texture of the ambient light", error);
@@ -185,21 +188,21 @@ LobesView *lobes_view_new(struct lobes *const *levels, int n, GError **error) {
     const int n_pages = count_pages(lobes);
     if (!lobes_view_check(levels, n, n_pages, error))
         return NULL;
-    g_autoptr(Directions) views =
-        directions_new(lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views, error);
+    g_autoptr(Directions) views = directions_new(
+        lobes->layout.views.theta_deg, lobes->layout.views.phi_deg, lobes->layout.views.n, error);
     if (views == NULL) {
         g_prefix_error(error, "views: ");
         return NULL;
     }
     g_autoptr(LobesView) view = g_new0(LobesView, 1);
-    g_autofree float *shares = g_new0(float, lobes->n_views);
+    g_autofree float *shares = g_new0(float, lobes->layout.views.n);
     view->n_levels = n;
     view->n_pages = n_pages;
     view->n_slices = lobes->n_slices;
     view->n_lobes = lobes->n_lobes;
     view->views = direction_table_new(views, FALSE);
     upload_pole(view, views);
-    direction_table_pole_shares(views, shares, lobes->n_views);
+    direction_table_pole_shares(views, shares, lobes->layout.views.n);
     return lobes_view_upload(view, levels, shares, error) ? g_steal_pointer(&view) : NULL;
 }
 

@@ -102,9 +102,9 @@ struct resampling {
 static void lpca_grid_resample(const struct resampling *r, const float *component, float *ret) {
     const struct lpca *lpca = r->lpca;
     const gsize n_columns = r->lights->len;
-    for (int v = 0; v < lpca->n_views; v++)
+    for (gsize v = 0; v < lpca->layout.views.n; v++)
         for (gsize cell = 0; cell < n_columns; cell++)
-            mix(component + 3 * (gsize)lpca->n_lights * v, 3, r->lights->pdata[cell],
+            mix(component + 3 * lpca->layout.lights.n * v, 3, r->lights->pdata[cell],
                 r->half + 3 * (n_columns * v + cell));
     for (gsize row = 0; row < r->views->len; row++)
         for (gsize cell = 0; cell < n_columns; cell++, ret += 3)
@@ -142,7 +142,7 @@ static float put_component(const float *values, gsize n_samples, int i, int n_pa
 static void put_cluster(const struct resampling *r, int cluster, int n_pages, float *values,
                         guint32 *words, float *ret_scales) {
     const struct lpca *lpca = r->lpca;
-    const gsize size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    const gsize size = 3 * lpca->layout.views.n * lpca->layout.lights.n;
     const gsize n_samples = (gsize)r->views->len * r->lights->len;
     memset(words, 0, sizeof(guint32) * WORDS * n_pages * n_samples);
     for (int i = 0; i <= lpca->n_components; i++) {
@@ -164,13 +164,15 @@ static gboolean lpca_grid_upload(LpcaGrid *grid, const struct lpca *lpca,
                                  GError **error) {
     const int n_pages = pages_of(lpca), cells = grid->n * grid->n;
     const gsize n_samples = (gsize)cells * (cells + 1);
-    g_autoptr(GPtrArray) views = cell_shares(directions->views, lpca->n_views, grid->n, FALSE);
-    g_autoptr(GPtrArray) lights = cell_shares(directions->lights, lpca->n_lights, grid->n, TRUE);
-    g_autofree float *half = g_new(float, 3 * (gsize)lpca->n_views * (cells + 1));
+    g_autoptr(GPtrArray) views =
+        cell_shares(directions->views, lpca->layout.views.n, grid->n, FALSE);
+    g_autoptr(GPtrArray) lights =
+        cell_shares(directions->lights, lpca->layout.lights.n, grid->n, TRUE);
+    g_autofree float *half = g_new(float, 3 * lpca->layout.views.n * (cells + 1));
     g_autofree float *values = g_new(float, 3 * n_samples);
     g_autofree guint32 *words = g_new(guint32, WORDS * n_pages * n_samples);
     const struct resampling r = {lpca, views, lights, half};
-    g_ptr_array_add(lights, sky_shares(directions->sky, lpca->n_lights));
+    g_ptr_array_add(lights, sky_shares(directions->sky, lpca->layout.lights.n));
     glGenBuffers(1, &grid->buffer);
     glBindBuffer(GL_TEXTURE_BUFFER, grid->buffer);
     glBufferData(GL_TEXTURE_BUFFER, (GLsizeiptr)(n_samples * lpca->n_clusters * n_pages * TEXEL),

@@ -44,13 +44,13 @@ static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error)
     if (lpca->n_grid == 0)
         return lpca_resample(floats, n_grid ? n_grid : lpca_revised_fitting(lpca), error);
     floats->name = NULL;
-    floats->view_theta_deg = floats->view_phi_deg = NULL;
-    floats->light_theta_deg = floats->light_phi_deg = NULL;
+    floats->layout.views.theta_deg = floats->layout.views.phi_deg = NULL;
+    floats->layout.lights.theta_deg = floats->layout.lights.phi_deg = NULL;
     floats->clusters = NULL;
     floats->light_scales = NULL;
     floats->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
-    floats->brdfs =
-        g_memdup2(lpca->brdfs, sizeof(float) * 3 * tables * lpca->n_views * (gsize)lpca->n_lights);
+    floats->brdfs = g_memdup2(lpca->brdfs, sizeof(float) * 3 * tables * lpca->layout.views.n *
+                                               lpca->layout.lights.n);
     return g_steal_pointer(&floats);
 }
 
@@ -144,7 +144,7 @@ static void put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int 
 }
 
 static gboolean lpca_revised_upload(LpcaRevised *r, struct lpca *grid, GError **error) {
-    const gsize samples = (gsize)grid->n_views, values = 3 * samples * (samples + 1);
+    const gsize samples = grid->layout.views.n, values = 3 * samples * (samples + 1);
     if (!lpca_revised_fits(r, grid, error) || !make_volumes(r, grid, error))
         return FALSE;
     g_autofree float *block = g_new(float, values);

@@ -21,9 +21,10 @@ static gboolean lpca_texels_all_finite(const float *values, gsize n, const char 
 }
 
 static gboolean check_one(const struct lpca *lpca, GError **error) {
-    const gsize texels = (gsize)lpca->width * lpca->height;
-    const gsize brdf = 3 * (gsize)lpca->n_views * lpca->n_lights;
-    if (lpca->n_views < 1 || lpca->n_lights < 1 || texels < 1 || lpca->n_clusters < 1) {
+    const gsize texels = btf_layout_texels(&lpca->layout);
+    const gsize brdf = 3 * lpca->layout.views.n * lpca->layout.lights.n;
+    if (lpca->layout.views.n < 1 || lpca->layout.lights.n < 1 || texels < 1 ||
+        lpca->n_clusters < 1) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
         return FALSE;
     }
@@ -37,10 +38,11 @@ static gboolean check_one(const struct lpca *lpca, GError **error) {
         }
     GLint size = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    if (lpca->width > size || lpca->height > size) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d × %d texels: %s takes %d each way; process the material with fewer texels",
-                    lpca->width, lpca->height, gpu_renderer(), size);
+    if (lpca->layout.width > (gsize)size || lpca->layout.height > (gsize)size) {
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+            "%zu × %zu texels: %s takes %d each way; process the material with fewer texels",
+            lpca->layout.width, lpca->layout.height, gpu_renderer(), size);
         return FALSE;
     }
     return lpca_texels_all_finite(lpca->weights, texels * lpca->n_components, "weight", error) &&
@@ -49,12 +51,14 @@ static gboolean check_one(const struct lpca *lpca, GError **error) {
 }
 
 static gboolean lpca_texels_same_directions(const struct lpca *a, const struct lpca *b) {
-    const gsize views = sizeof(float) * a->n_views, lights = sizeof(float) * a->n_lights;
-    return a->n_views == b->n_views && a->n_lights == b->n_lights && a->n_grid == b->n_grid &&
-           memcmp(a->view_theta_deg, b->view_theta_deg, views) == 0 &&
-           memcmp(a->view_phi_deg, b->view_phi_deg, views) == 0 &&
-           memcmp(a->light_theta_deg, b->light_theta_deg, lights) == 0 &&
-           memcmp(a->light_phi_deg, b->light_phi_deg, lights) == 0;
+    const gsize views = sizeof(float) * a->layout.views.n,
+                lights = sizeof(float) * a->layout.lights.n;
+    return a->layout.views.n == b->layout.views.n && a->layout.lights.n == b->layout.lights.n &&
+           a->n_grid == b->n_grid &&
+           memcmp(a->layout.views.theta_deg, b->layout.views.theta_deg, views) == 0 &&
+           memcmp(a->layout.views.phi_deg, b->layout.views.phi_deg, views) == 0 &&
+           memcmp(a->layout.lights.theta_deg, b->layout.lights.theta_deg, lights) == 0 &&
+           memcmp(a->layout.lights.phi_deg, b->layout.lights.phi_deg, lights) == 0;
 }
 
 static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GError **error) {
@@ -64,15 +68,16 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
                 g_prefix_error(error, "mip level %d: ", k);
             return FALSE;
         }
-        if (k > 0 && (levels[k]->width != MAX(1, levels[0]->width >> k) ||
-                      levels[k]->height != MAX(1, levels[0]->height >> k) ||
+        if (k > 0 && (levels[k]->layout.width != MAX(1, levels[0]->layout.width >> k) ||
+                      levels[k]->layout.height != MAX(1, levels[0]->layout.height >> k) ||
                       levels[k]->colours != levels[0]->colours ||
                       !lpca_texels_same_directions(levels[0], levels[k]))) {
-            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "mip level %d has %d × %d texels and %d × %d directions, which does not "
-                        "fit level 0; compress the material anew",
-                        k, levels[k]->width, levels[k]->height, levels[k]->n_views,
-                        levels[k]->n_lights);
+            g_set_error(
+                error, GPU_ERROR, GPU_ERROR_FAILED,
+                "mip level %d has %zu × %zu texels and %zu × %zu directions, which does not "
+                "fit level 0; compress the material anew",
+                k, levels[k]->layout.width, levels[k]->layout.height, levels[k]->layout.views.n,
+                levels[k]->layout.lights.n);
             return FALSE;
         }
     }
@@ -82,7 +87,7 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
 /* Concatenates the eigen-BRDFs of all levels; components that a level lacks are 0, with weight 0.
  */
 static void join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
-    const gsize size = 3 * (gsize)joined->n_views * joined->n_lights;
+    const gsize size = 3 * joined->layout.views.n * joined->layout.lights.n;
     const gsize tables = joined->n_components + 1;
     joined->brdfs = g_new0(float, size *tables * joined->n_clusters);
     joined->scales = g_new(float, tables * joined->n_clusters);
@@ -172,7 +177,7 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
 /* Of each texel and of its three neighbours, so that four take one fetch. */
 static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
-    const int w = lpca->width, h = lpca->height;
+    const int w = lpca->layout.width, h = lpca->layout.height;
     g_autofree guint16 *clusters = g_new(guint16, 4 * (gsize)w * h);
     for (gsize k = 0; k < 4 * (gsize)w * h; k++) {
         const int i = (int)(k / 4 % w + k % 2) % w, j = (int)(k / 4 / w + k / 2 % 2) % h;
@@ -185,11 +190,11 @@ static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
 static void upload_weights(const struct lpca_pyramid *pyramid, const float *scales, int level,
                            int pages) {
     const struct lpca *lpca = pyramid->levels[level];
-    const gsize n = (gsize)lpca->width * lpca->height;
+    const gsize n = btf_layout_texels(&lpca->layout);
     const int tables = pyramid->lpca->n_components + 1;
     g_autofree float *page = g_new(float, 4 * n);
-    glTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_RGBA32F, lpca->width, lpca->height, pages, 0,
-                 GL_RGBA, GL_FLOAT, NULL);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_RGBA32F, lpca->layout.width, lpca->layout.height,
+                 pages, 0, GL_RGBA, GL_FLOAT, NULL);
     for (int p = 0; p < pages; p++) {
         for (gsize k = 0; k < 4 * n; k++) {
             const int i = 4 * p + (int)(k % 4);
@@ -197,8 +202,8 @@ static void upload_weights(const struct lpca_pyramid *pyramid, const float *scal
             page[k] = i < lpca->n_components ? lpca->weights[k / 4 * lpca->n_components + i] : 0;
             page[k] *= scales && i + 1 < tables ? scales[(gsize)cluster * tables + i + 1] : 1;
         }
-        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, p, lpca->width, lpca->height, 1, GL_RGBA,
-                        GL_FLOAT, page);
+        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, p, lpca->layout.width,
+                        lpca->layout.height, 1, GL_RGBA, GL_FLOAT, page);
     }
 }
 
@@ -300,16 +305,17 @@ static Directions *directions_of(const char *what, gboolean triangulated, const 
 gboolean lpca_directions_init(struct lpca_directions *directions, const struct lpca *lpca,
                               gboolean triangulated, GError **error) {
     *directions = (struct lpca_directions){0};
-    directions->views = directions_of("views", triangulated, lpca->view_theta_deg,
-                                      lpca->view_phi_deg, lpca->n_views, error);
+    directions->views = directions_of("views", triangulated, lpca->layout.views.theta_deg,
+                                      lpca->layout.views.phi_deg, lpca->layout.views.n, error);
     if (directions->views)
-        directions->lights = directions_of("lights", triangulated, lpca->light_theta_deg,
-                                           lpca->light_phi_deg, lpca->n_lights, error);
+        directions->lights =
+            directions_of("lights", triangulated, lpca->layout.lights.theta_deg,
+                          lpca->layout.lights.phi_deg, lpca->layout.lights.n, error);
     if (!directions->lights) {
         lpca_directions_clear(directions);
         return FALSE;
     }
-    directions->sky = g_new0(float, lpca->n_lights);
+    directions->sky = g_new0(float, lpca->layout.lights.n);
     directions_sky(directions->lights, directions->sky);
     return TRUE;
 }

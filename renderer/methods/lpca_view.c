@@ -22,7 +22,7 @@ struct LpcaView {
 /* Adds one component of one view to a row: the lights as measured, the sky. */
 static void add_lights(const struct lpca *lpca, const float *values, const float *sky,
                        int component, float *row) {
-    const int n = lpca->n_lights, step = 3 * (lpca->n_components + 1);
+    const int n = lpca->layout.lights.n, step = 3 * (lpca->n_components + 1);
     float *to = row + 3 * component;
     for (int l = 0; l < n; l++)
         for (int c = 0; c < 3; c++) {
@@ -33,11 +33,12 @@ static void add_lights(const struct lpca *lpca, const float *values, const float
 
 static void fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack, int cluster,
                          const float *sky, float *ret) {
-    const gsize row = 3 * (gsize)stack->n_columns, size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    const gsize row = 3 * (gsize)stack->n_columns,
+                size = 3 * lpca->layout.views.n * lpca->layout.lights.n;
     const float *values = lpca->brdfs + size * (lpca->n_components + 1) * cluster;
     memset(ret, 0, sizeof(float) * row * stack->n_rows);
     for (int i = 0; i <= lpca->n_components; i++)
-        for (int v = 0; v < lpca->n_views; v++, values += 3 * (gsize)lpca->n_lights)
+        for (gsize v = 0; v < lpca->layout.views.n; v++, values += 3 * lpca->layout.lights.n)
             add_lights(lpca, values, sky, i, ret + row * v);
 }
 
@@ -57,21 +58,21 @@ static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const floa
 
 /* Of one level: each texel's reflectance under an even sky, a layer a view. */
 static void put_skies(const struct lpca *lpca, int level, const float *sky) {
-    const gsize texels = (gsize)lpca->width * lpca->height;
-    const gsize pairs = (gsize)lpca->n_views * lpca->n_lights;
+    const gsize texels = btf_layout_texels(&lpca->layout);
+    const gsize pairs = lpca->layout.views.n * lpca->layout.lights.n;
     g_autofree float *rgb = g_new(float, 3 * pairs);
-    g_autofree float *layers = g_new0(float, 3 * texels * (gsize)lpca->n_views);
+    g_autofree float *layers = g_new0(float, 3 * texels * lpca->layout.views.n);
     for (gsize x = 0; x < texels; x++) {
         lpca_reconstruct(lpca, (int)x, rgb);
         for (gsize k = 0; k < 3 * pairs; k++) {
-            const gsize v = k / 3 / lpca->n_lights, l = k / 3 % lpca->n_lights;
+            const gsize v = k / 3 / lpca->layout.lights.n, l = k / 3 % lpca->layout.lights.n;
             layers[3 * (v * texels + x) + k % 3] += sky[l] * rgb[k];
         }
     }
-    for (gsize k = 0; k < 3 * texels * lpca->n_views; k++)
+    for (gsize k = 0; k < 3 * texels * lpca->layout.views.n; k++)
         layers[k] = CLAMP(layers[k], 0, HALF_MAX);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, 0, lpca->width, lpca->height, lpca->n_views,
-                    GL_RGB, GL_FLOAT, layers);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, 0, lpca->layout.width, lpca->layout.height,
+                    lpca->layout.views.n, GL_RGB, GL_FLOAT, layers);
 }
 
 static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid, const float *sky,
@@ -79,15 +80,15 @@ static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid,
     const struct lpca *first = pyramid->levels[0];
     GLint layers = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (first->n_views > layers) {
+    if (first->layout.views.n > (gsize)layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d views in logarithms are more than %s takes (%d layers); compress without "
+                    "%zu views in logarithms are more than %s takes (%d layers); compress without "
                     "--colours=log",
-                    first->n_views, gpu_renderer(), layers);
+                    first->layout.views.n, gpu_renderer(), layers);
         return FALSE;
     }
-    view->skies = gpu_texture_levels(GL_RGBA16F, first->width, first->height, first->n_views,
-                                     pyramid->n_levels);
+    view->skies = gpu_texture_levels(GL_RGBA16F, first->layout.width, first->layout.height,
+                                     first->layout.views.n, pyramid->n_levels);
     for (int k = 0; k < pyramid->n_levels; k++)
         put_skies(pyramid->levels[k], k, sky);
     return gpu_check("the texture of the even sky", error);
@@ -96,12 +97,12 @@ static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid,
 static gboolean lpca_view_make(LpcaView *view, const struct lpca_pyramid *pyramid, GError **error) {
     const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
-    if (!lpca_stack_init(&view->stack, lpca->n_clusters,
-                         (lpca->n_lights + 1) * (lpca->n_components + 1), lpca->n_views,
-                         "compress with fewer components or clusters", error) ||
+    if (!lpca_stack_init(
+            &view->stack, lpca->n_clusters, (lpca->layout.lights.n + 1) * (lpca->n_components + 1),
+            lpca->layout.views.n, "compress with fewer components or clusters", error) ||
         !lpca_directions_init(&directions, lpca, TRUE, error))
         return FALSE;
-    view->ambient_column = lpca->n_lights * (lpca->n_components + 1);
+    view->ambient_column = lpca->layout.lights.n * (lpca->n_components + 1);
     view->views = direction_cube_new(directions.views, FALSE);
     view->lights = direction_cube_new(directions.lights, TRUE);
     const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&

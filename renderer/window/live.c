@@ -13,16 +13,17 @@ static gboolean live_get_column(int view, float *ret_column, gpointer data, GErr
 static struct eigenmaps *maps_like(const struct reference_info *info, const char *session) {
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     maps->name = g_path_get_basename(session);
-    maps->width = info->width;
-    maps->height = info->height;
-    maps->texel_mm = 1.0;
-    maps->n_views = info->n_views;
-    maps->n_lights = info->n_lights;
+    maps->layout.width = info->width;
+    maps->layout.height = info->height;
+    maps->layout.texel_mm = 1.0;
+    maps->layout.views.n = info->n_views;
+    maps->layout.lights.n = info->n_lights;
     maps->n_terms = MIN(TERMS, info->n_views);
-    maps->view_theta_deg = g_memdup2(info->view_theta_deg, sizeof(float) * info->n_views);
-    maps->view_phi_deg = g_memdup2(info->view_phi_deg, sizeof(float) * info->n_views);
-    maps->light_theta_deg = g_memdup2(info->light_theta_deg, sizeof(float) * info->n_lights);
-    maps->light_phi_deg = g_memdup2(info->light_phi_deg, sizeof(float) * info->n_lights);
+    maps->layout.views.theta_deg = g_memdup2(info->view_theta_deg, sizeof(float) * info->n_views);
+    maps->layout.views.phi_deg = g_memdup2(info->view_phi_deg, sizeof(float) * info->n_views);
+    maps->layout.lights.theta_deg =
+        g_memdup2(info->light_theta_deg, sizeof(float) * info->n_lights);
+    maps->layout.lights.phi_deg = g_memdup2(info->light_phi_deg, sizeof(float) * info->n_lights);
     return maps;
 }
 

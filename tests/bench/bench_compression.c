@@ -105,15 +105,15 @@ static float shade(int texel, int view, int light, int colour) {
 static struct btf_matrix *empty(void) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     *btf = (struct btf_matrix){.name = g_strdup("weave"),
-                               .width = texels,
-                               .height = texels,
-                               .texel_mm = 1,
-                               .n_views = views,
-                               .n_lights = lights,
-                               .view_theta_deg = g_new0(float, views),
-                               .view_phi_deg = g_new0(float, views),
-                               .light_theta_deg = g_new0(float, lights),
-                               .light_phi_deg = g_new0(float, lights)};
+                               .layout.width = texels,
+                               .layout.height = texels,
+                               .layout.texel_mm = 1,
+                               .layout.views.n = views,
+                               .layout.lights.n = lights,
+                               .layout.views.theta_deg = g_new0(float, views),
+                               .layout.views.phi_deg = g_new0(float, views),
+                               .layout.lights.theta_deg = g_new0(float, lights),
+                               .layout.lights.phi_deg = g_new0(float, lights)};
     return btf;
 }
 
@@ -132,14 +132,13 @@ static struct btf_matrix *synthetic(void) {
 /* Flops that cannot be avoided: the projection, and the polish with its weights and check. */
 static double needed_gflop(const struct btf_matrix *btf, const struct lpca *lpca) {
     const double values =
-        (double)btf->width * btf->height * btf->n_views * btf->n_lights * 3 * 1e-9;
+        (double)btf_layout_texels(&btf->layout) * btf_layout_values(&btf->layout) * 1e-9;
     return 2 * values * (REDUCED + 3.0 * lpca->n_components);
 }
 
 static gboolean write_rows(const struct btf_matrix *btf) {
     FILE *file = fopen(dump, "wb");
-    const gsize n =
-        (gsize)btf->width * (gsize)btf->height * (gsize)btf->n_views * (gsize)btf->n_lights * 3;
+    const gsize n = btf_layout_texels(&btf->layout) * btf_layout_values(&btf->layout);
     const gboolean ok = file && fwrite(btf->values, sizeof(float), n, file) == n;
     return file && fclose(file) == 0 && ok;
 }
@@ -183,11 +182,12 @@ static int measure(const struct btf_matrix *btf, GError **error) {
         return 1;
     stages.seconds[stages.n - 1] += seconds_since(stages.last);
     const double share = needed_gflop(btf, lpca) / time / gflops;
-    printf(json ? "{\"rows\": %d, \"columns\": %d, \"clusters\": %d, \"components\": %d, "
-                  "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f"
-                : "%d × %d, %d clusters of %d components: %.3f s, error %.5f; sgemm %.1f GFLOP/s, "
-                  "share of that %.3f; ",
-           btf->width * btf->height, btf->n_views * btf->n_lights * 3, lpca->n_clusters,
+    printf(json
+               ? "{\"rows\": %zu, \"columns\": %zu, \"clusters\": %d, \"components\": %d, "
+                 "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f"
+               : "%zu × %zu, %d clusters of %d components: %.3f s, error %.5f; sgemm %.1f GFLOP/s, "
+                 "share of that %.3f; ",
+           btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout), lpca->n_clusters,
            lpca->n_components, time, lpca->error, gflops, share);
     print_stages(&stages);
     puts(json ? "}" : "");

@@ -196,12 +196,12 @@ static void time_ways(struct way *ways, guint measured, int frames) {
 static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, GError **error) {
     GRand *random = g_rand_new_with_seed(5);
     struct lobes fields = {.model = LOBES_FIELDS,
-                           .width = 16,
-                           .height = 16,
-                           .texel_mm = 1,
-                           .n_views = r->n,
-                           .view_theta_deg = (float *)r->theta_deg,
-                           .view_phi_deg = (float *)r->phi_deg,
+                           .layout.width = 16,
+                           .layout.height = 16,
+                           .layout.texel_mm = 1,
+                           .layout.views.n = r->n,
+                           .layout.views.theta_deg = (float *)r->theta_deg,
+                           .layout.views.phi_deg = (float *)r->phi_deg,
                            .n_lobes = 2,
                            .n_slices = r->n,
                            .n_values = 11};

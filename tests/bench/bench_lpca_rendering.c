@@ -53,11 +53,11 @@ static void fill_component(struct lpca *p, GRand *random, int i, float *values) 
     const double exponent = i == 0 ? 6 : g_rand_double_range(random, 4, 40);
     unit((float)(i == 0 ? 0 : g_rand_double_range(random, 0, 40)),
          (float)g_rand_double_range(random, 0, 360), n);
-    for (int v = 0; v < p->n_views; v++)
-        for (int l = 0; l < p->n_lights; l++, values += 3) {
+    for (gsize v = 0; v < p->layout.views.n; v++)
+        for (gsize l = 0; l < p->layout.lights.n; l++, values += 3) {
             double from[3], to[3];
-            unit(p->view_theta_deg[v], p->view_phi_deg[v], to);
-            unit(p->light_theta_deg[l], p->light_phi_deg[l], from);
+            unit(p->layout.views.theta_deg[v], p->layout.views.phi_deg[v], to);
+            unit(p->layout.lights.theta_deg[l], p->layout.lights.phi_deg[l], from);
             const double value = lobe(to, from, exponent, n);
             values[0] = (float)(i == 0 ? 0.4 * from[2] + 0.3 * value : value);
             values[1] = (float)(i == 0 ? 0.3 * from[2] + 0.3 * value : 0.9 * value);
@@ -69,13 +69,13 @@ static struct lpca *make_lpca(int n_components) {
     g_autoptr(GRand) random = g_rand_new_with_seed(1);
     struct lpca *p = g_new0(struct lpca, 1);
     p->name = g_strdup("lobes");
-    p->width = p->height = TEXELS;
-    p->n_views = p->n_lights = 81;
+    p->layout.width = p->layout.height = TEXELS;
+    p->layout.views.n = p->layout.lights.n = 81;
     p->n_clusters = CLUSTERS;
     p->n_components = n_components;
-    directions_81(&p->view_theta_deg, &p->view_phi_deg);
-    directions_81(&p->light_theta_deg, &p->light_phi_deg);
-    const gsize size = 3 * (gsize)p->n_views * p->n_lights;
+    directions_81(&p->layout.views.theta_deg, &p->layout.views.phi_deg);
+    directions_81(&p->layout.lights.theta_deg, &p->layout.lights.phi_deg);
+    const gsize size = 3 * p->layout.views.n * p->layout.lights.n;
     p->clusters = g_new(int, TEXELS *TEXELS);
     p->weights = g_new(float, TEXELS *TEXELS *n_components);
     p->scales = g_new(float, CLUSTERS *(n_components + 1));

@@ -93,7 +93,7 @@ static void shade(const struct bumps *b, int light, const double v[3], const dou
                   double y, float ret[3]) {
     static const double glaze[3] = {0.50, 0.16, 0.07}, ground[3] = {0.30, 0.27, 0.22};
     double l[3], up = height_at(x, y), h[3], length = 0.0, cosine = 0.0, half = 0.0;
-    unit(b->maps->light_theta_deg[light], b->maps->light_phi_deg[light], l);
+    unit(b->maps->layout.lights.theta_deg[light], b->maps->layout.lights.phi_deg[light], l);
     for (int k = 0; k < 3; k++) {
         h[k] = l[k] + v[k];
         length += h[k] * h[k];
@@ -113,14 +113,14 @@ static void shade(const struct bumps *b, int light, const double v[3], const dou
 static gboolean column(int view, float *ret, gpointer data, GError **error) {
     const struct bumps *b = data;
     double v[3];
-    unit(b->maps->view_theta_deg[view], b->maps->view_phi_deg[view], v);
+    unit(b->maps->layout.views.theta_deg[view], b->maps->layout.views.phi_deg[view], v);
     for (int j = 0; j < b->n; j++)
         for (int i = 0; i < b->n; i++) {
             double x = (i + 0.5) / b->n, y = 1.0 - (j + 0.5) / b->n;
             double n[3];
             trace(v, &x, &y);
             normal_at(x, y, n);
-            for (int light = 0; light < b->maps->n_lights; light++)
+            for (gsize light = 0; light < b->maps->layout.lights.n; light++)
                 shade(b, light, v, n, x, y, ret + 3 * (((gsize)light * b->n + j) * b->n + i));
         }
     return TRUE;
@@ -135,10 +135,10 @@ static float *ring_angles(gboolean theta, double offset_deg) {
 }
 
 static void find_shadows(struct bumps *b) {
-    b->visible = g_new(float, (gsize)b->maps->n_lights * b->n * b->n);
-    for (int light = 0; light < b->maps->n_lights; light++) {
+    b->visible = g_new(float, b->maps->layout.lights.n * b->n * b->n);
+    for (gsize light = 0; light < b->maps->layout.lights.n; light++) {
         double l[3];
-        unit(b->maps->light_theta_deg[light], b->maps->light_phi_deg[light], l);
+        unit(b->maps->layout.lights.theta_deg[light], b->maps->layout.lights.phi_deg[light], l);
         float *visible = b->visible + (gsize)light * b->n * b->n;
         for (int j = 0; j < b->n; j++)
             for (int i = 0; i < b->n; i++)
@@ -149,14 +149,14 @@ static void find_shadows(struct bumps *b) {
 static struct eigenmaps *make_material(int n, double *ret_error, GError **error) {
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     maps->name = g_strdup("glazed bumps");
-    maps->width = maps->height = n;
-    maps->texel_mm = 50.0 / n;
-    maps->n_views = maps->n_lights = N_THETA * N_PHI;
+    maps->layout.width = maps->layout.height = n;
+    maps->layout.texel_mm = 50.0 / n;
+    maps->layout.views.n = maps->layout.lights.n = N_THETA * N_PHI;
     maps->n_terms = 4;
-    maps->view_theta_deg = ring_angles(TRUE, 0.0);
-    maps->view_phi_deg = ring_angles(FALSE, 0.0);
-    maps->light_theta_deg = ring_angles(TRUE, 0.0);
-    maps->light_phi_deg = ring_angles(FALSE, 15.0);
+    maps->layout.views.theta_deg = ring_angles(TRUE, 0.0);
+    maps->layout.views.phi_deg = ring_angles(FALSE, 0.0);
+    maps->layout.lights.theta_deg = ring_angles(TRUE, 0.0);
+    maps->layout.lights.phi_deg = ring_angles(FALSE, 15.0);
     struct bumps bumps = {n, maps, NULL};
     make_heights();
     find_shadows(&bumps);
@@ -170,15 +170,15 @@ static struct eigenmaps *make_material(int n, double *ret_error, GError **error)
 
 /* The same bumps seen from each direction. */
 static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
-    int n = maps->width;
+    int n = maps->layout.width;
     struct mdf_table *mdf = g_new0(struct mdf_table, 1);
-    *mdf = (struct mdf_table){n, n, maps->n_views, maps->texel_mm};
-    mdf->theta_deg = g_memdup2(maps->view_theta_deg, maps->n_views * sizeof(float));
-    mdf->phi_deg = g_memdup2(maps->view_phi_deg, maps->n_views * sizeof(float));
-    mdf->depth_mm = g_new(float, (gsize)maps->n_views *n *n);
-    mdf->deepest_mm = DEPTH * n * maps->texel_mm;
+    *mdf = (struct mdf_table){n, n, maps->layout.views.n, maps->layout.texel_mm};
+    mdf->theta_deg = g_memdup2(maps->layout.views.theta_deg, maps->layout.views.n * sizeof(float));
+    mdf->phi_deg = g_memdup2(maps->layout.views.phi_deg, maps->layout.views.n * sizeof(float));
+    mdf->depth_mm = g_new(float, maps->layout.views.n *n *n);
+    mdf->deepest_mm = DEPTH * n * maps->layout.texel_mm;
     float *out = mdf->depth_mm;
-    for (int view = 0; view < maps->n_views; view++)
+    for (gsize view = 0; view < maps->layout.views.n; view++)
         for (int j = 0; j < n; j++)
             for (int i = 0; i < n; i++) {
                 double v[3], from_x = (i + 0.5) / n, from_y = 1.0 - (j + 0.5) / n;
@@ -186,7 +186,7 @@ static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
                 unit(mdf->theta_deg[view], mdf->phi_deg[view], v);
                 trace(v, &x, &y);
                 double z = hypot(x - from_x, y - from_y) * v[2] / hypot(v[0], v[1]);
-                *out++ = MIN(z, DEPTH) * n * maps->texel_mm;
+                *out++ = MIN(z, DEPTH) * n * maps->layout.texel_mm;
             }
     return mdf;
 }
@@ -270,15 +270,15 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
     mdf_table_free(mdf);
     const struct viewer_memory memory = viewer_memory(viewer);
     if (json)
-        g_print("{\"renderer\": \"%s\", \"width\": 800, \"height\": 600, \"texels\": %d, "
+        g_print("{\"renderer\": \"%s\", \"width\": 800, \"height\": 600, \"texels\": %zu, "
                 "\"terms\": 4, \"lights\": %d, \"frames\": %d, \"svd_error\": %.4f, \"gpu_bytes\": "
                 "%" G_GINT64_FORMAT ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT ", \"scenes\": [",
-                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual, memory.material,
-                memory.mdf);
+                gpu_renderer(), maps->layout.width, N_THETA * N_PHI, frames, residual,
+                memory.material, memory.mdf);
     else
-        g_print("%s, 800 × 600, %d² texels, 4 terms, %d lights, median of %d frames\n"
+        g_print("%s, 800 × 600, %zu² texels, 4 terms, %d lights, median of %d frames\n"
                 "(error of the eigen-maps %.4f); %.1f MB on the card, and %.1f MB of the MDF\n",
-                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual,
+                gpu_renderer(), maps->layout.width, N_THETA * N_PHI, frames, residual,
                 (double)memory.material * 1e-6, (double)memory.mdf * 1e-6);
     for (gsize k = 0; good && k < G_N_ELEMENTS(shapes); k++)
         good = measure(viewer, shapes[k], frames, json, error);

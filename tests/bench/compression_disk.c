@@ -60,14 +60,14 @@ static void print_stages(const struct stages *stages, double needed_s, gboolean 
 }
 
 gboolean bench_fill(struct btf_matrix *btf, float (*value)(int, int, int, int), GError **error) {
-    const int texels = btf->width * btf->height;
-    const gsize row = (gsize)btf->n_lights * 3;
+    const int texels = btf_layout_texels(&btf->layout);
+    const gsize row = btf->layout.lights.n * 3;
     g_autofree float *view = g_new(float, (gsize)texels *row);
-    btf->scratch = btf_scratch_new(g_get_tmp_dir(), row, btf->n_views, texels, error);
-    for (int v = 0; btf->scratch && v < btf->n_views; v++) {
+    btf->scratch = btf_scratch_new(g_get_tmp_dir(), row, btf->layout.views.n, texels, error);
+    for (gsize v = 0; btf->scratch && v < btf->layout.views.n; v++) {
         for (int x = 0; x < texels; x++) {
-            const int i = x % btf->width, j = x / btf->width;
-            const int like = j % TILE * btf->width + i % TILE;
+            const int i = x % btf->layout.width, j = x / btf->layout.width;
+            const int like = j % TILE * btf->layout.width + i % TILE;
             const float bright = 1 - 0.02F * (float)((i / TILE * 5 + j / TILE * 3) % 8);
             for (gsize k = 0; k < row; k++)
                 view[(gsize)x * row + k] = like == x ? value(x, v, (int)(k / 3), (int)(k % 3))
@@ -89,12 +89,12 @@ struct needed {
 static void needed_block(int block, gpointer data) {
     const struct needed *needed = data;
     const struct btf_matrix *btf = needed->btf;
-    const int columns = btf->n_lights * 3, from = block * BLOCK;
-    const int n = MIN(BLOCK, btf->width * btf->height - from),
+    const int columns = btf->layout.lights.n * 3, from = block * BLOCK;
+    const int n = MIN(BLOCK, btf_layout_texels(&btf->layout) - from),
               outputs = REDUCED + needed->components;
     g_autofree float *buffer = g_new(float, (gsize)n *(gsize)columns);
     g_autofree float *products = g_new0(float, (gsize)n *(gsize)outputs);
-    for (int view = 0; view < btf->n_views; view++) {
+    for (gsize view = 0; view < btf->layout.views.n; view++) {
         gsize stride;
         const float *rows = btf_matrix_rows(btf, view, from, n, buffer, &stride, NULL);
         if (!rows)
@@ -109,12 +109,12 @@ static void needed_block(int block, gpointer data) {
 
 static struct spent needed_time(const struct btf_matrix *btf, int components) {
     struct needed needed = {btf, components, NULL};
-    const gsize n = (gsize)(REDUCED + components) * (gsize)btf->n_lights * 3;
+    const gsize n = (gsize)(REDUCED + components) * btf->layout.lights.n * 3;
     needed.factors = g_new(float, n);
     for (gsize i = 0; i < n; i++)
         needed.factors[i] = (float)(i % 17) - 8;
     const struct spent start = now();
-    work_for_each(0, (btf->width * btf->height + BLOCK - 1) / BLOCK, needed_block, &needed);
+    work_for_each(0, (btf_layout_texels(&btf->layout) + BLOCK - 1) / BLOCK, needed_block, &needed);
     g_free(needed.factors);
     return since(start);
 }
@@ -124,17 +124,17 @@ static void report(const struct btf_matrix *btf, const struct lpca *lpca,
     const struct spent end = stages->starts[stages->n];
     const struct spent spent = {end.real_s - stages->starts[0].real_s,
                                 end.cpu_s - stages->starts[0].cpu_s};
-    printf(json ? "{\"rows\": %d, \"columns\": %d, \"file_gb\": %.2f, \"seconds\": %.2f, "
+    printf(json ? "{\"rows\": %zu, \"columns\": %zu, \"file_gb\": %.2f, \"seconds\": %.2f, "
                   "\"needed_seconds\": %.2f, \"ratio\": %.2f, \"cpu_seconds\": %.2f, "
                   "\"cpu_ratio\": %.2f, \"peak_mib\": %.0f, "
                   "\"error\": %.5f"
-                : "%d × %d, %.2f GB in a file: %.2f s; reading it and two products %.2f s: %.2f "
+                : "%zu × %zu, %.2f GB in a file: %.2f s; reading it and two products %.2f s: %.2f "
                   "times that (%.2f s and %.2f times of processors); %.0f MiB resident at most; "
                   "error %.5f; of processors ",
-           btf->width * btf->height, btf->n_views * btf->n_lights * 3,
-           (double)btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights) / 2e9,
-           spent.real_s, needed.real_s, spent.real_s / needed.real_s, spent.cpu_s,
-           spent.cpu_s / needed.cpu_s, peak, lpca->error);
+           btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout),
+           (double)btf_matrix_bytes(&btf->layout) / 2e9, spent.real_s, needed.real_s,
+           spent.real_s / needed.real_s, spent.cpu_s, spent.cpu_s / needed.cpu_s, peak,
+           lpca->error);
     print_stages(stages, needed.cpu_s, json);
     puts(json ? "}" : "and what it is of that in brackets");
 }

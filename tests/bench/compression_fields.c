@@ -33,14 +33,16 @@ static double cpu_s(void) {
 }
 
 static void take_problems(struct problems *p, struct btf_matrix *btf, int n) {
-    const int samples = btf->n_lights, all = btf->width * btf->height * btf->n_views;
+    const int samples = btf->layout.lights.n,
+              all = btf_layout_texels(&btf->layout) * btf->layout.views.n;
     p->btf = btf;
     p->n = MIN(n, all);
     p->lights = g_new(float, 3 * samples);
     p->rows = g_new(float, p->n *samples);
     p->starts = g_new(float, p->n *PARAMETERS);
     for (int i = 0; i < samples; i++)
-        direction_from_deg(btf->light_theta_deg[i], btf->light_phi_deg[i], p->lights + 3 * i);
+        direction_from_deg(btf->layout.lights.theta_deg[i], btf->layout.lights.phi_deg[i],
+                           p->lights + 3 * i);
     for (int i = 0; i < p->n; i++) {
         const gsize from = (gsize)((double)all * i / p->n); /* all over the sample and the views */
         for (int light = 0; light < samples; light++)
@@ -170,7 +172,7 @@ static float to_half(float value) {
 
 static gint64 count_overflows(const struct lobes *lobes) {
     gint64 count = 0;
-    const gint64 n = (gint64)lobes->n_slices * lobes->width * lobes->height;
+    const gint64 n = (gint64)lobes->n_slices * btf_layout_texels(&lobes->layout);
     for (gint64 i = 0; i < n * lobes->n_lobes; i++) {
         const float *p =
             lobes->values + i / lobes->n_lobes * lobes->n_values + 3 + i % lobes->n_lobes * 4;
@@ -244,10 +246,10 @@ int bench_fields(char *const *sessions, int fits, gboolean json) {
             return 1;
         }
         take_problems(&problems, btf, fits);
-        printf(json ? "%s{\"name\": \"%s\", \"texels\": %d, \"views\": %d, \"lights\": %d, "
-                    : "%s%s: %d texels, %d views, %d lights\n",
-               json && i ? ", " : "", btf->name, btf->width * btf->height, btf->n_views,
-               btf->n_lights);
+        printf(json ? "%s{\"name\": \"%s\", \"texels\": %zu, \"views\": %zu, \"lights\": %zu, "
+                    : "%s%s: %zu texels, %zu views, %zu lights\n",
+               json && i ? ", " : "", btf->name, btf_layout_texels(&btf->layout),
+               btf->layout.views.n, btf->layout.lights.n);
         print_solvers(&problems, json);
         print_models(btf, json);
         printf(json ? "}" : "");

@@ -154,8 +154,8 @@ static void add_point(GArray *points, char *label, double bytes, double error) {
 
 static void add_published(GArray *points, const struct btf_matrix *noisy,
                           const struct btf_matrix *quiet, int k, int c) {
-    struct published p = {noisy, noisy->width * noisy->height,
-                          lpca_dimensions(noisy->n_views, noisy->n_lights), k, c};
+    struct published p = {noisy, btf_layout_texels(&noisy->layout),
+                          (int)btf_layout_values(&noisy->layout), k, c};
     p.labels = g_new0(int, p.n);
     p.means = g_new0(float, (gsize)k *(gsize)p.d);
     p.axes = g_new0(float, (gsize)(k * c) * (gsize)p.d);
@@ -199,9 +199,9 @@ static gboolean add_ours(GArray *points, const struct btf_matrix *noisy,
 /* On disk: what the whole file takes. */
 static gboolean add_packed(GArray *points, const struct btf_matrix *noisy,
                            const struct btf_matrix *quiet, double mean, GError **error) {
-    const int values = lpca_dimensions(noisy->n_views, noisy->n_lights);
-    const struct lpca_options options = {1, MIN(PACKED, MIN(values, noisy->width * noisy->height)),
-                                         .to_pack = TRUE};
+    const int values = (int)btf_layout_values(&noisy->layout);
+    const struct lpca_options options = {
+        1, MIN(PACKED, MIN(values, btf_layout_texels(&noisy->layout))), .to_pack = TRUE};
     g_autofree char *path = g_build_filename(g_get_tmp_dir(), "bench_rate_packed.exr", NULL);
     struct lpca *exact = lpca_compute(noisy, &options, error);
     struct lpca_packer *packer = exact ? lpca_packer_new(exact, 0) : NULL;
@@ -261,26 +261,24 @@ static double bytes_at(const GArray *points, double error) {
 
 /* Every n-th view alone, which takes that many times less time. */
 static void thin(struct btf_matrix *btf, int n) {
-    const int kept = (btf->n_views + n - 1) / n;
-    const gsize columns = (gsize)btf->n_lights * 3, texels = (gsize)btf->width * (gsize)btf->height;
+    const int kept = (btf->layout.views.n + n - 1) / n;
+    const gsize columns = btf->layout.lights.n * 3, texels = btf_layout_texels(&btf->layout);
     for (gsize x = 0; x < texels; x++)
         for (int view = 0; view < kept; view++)
             memmove(btf->values + (x * (gsize)kept + (gsize)view) * columns,
-                    btf->values + (x * (gsize)btf->n_views + (gsize)(view * n)) * columns,
+                    btf->values + (x * btf->layout.views.n + (gsize)(view * n)) * columns,
                     sizeof(float) * columns);
     for (int view = 0; view < kept; view++) {
-        btf->view_theta_deg[view] = btf->view_theta_deg[view * n];
-        btf->view_phi_deg[view] = btf->view_phi_deg[view * n];
+        btf->layout.views.theta_deg[view] = btf->layout.views.theta_deg[view * n];
+        btf->layout.views.phi_deg[view] = btf->layout.views.phi_deg[view * n];
     }
-    btf->n_views = kept;
+    btf->layout.views.n = kept;
 }
 
 /* Relative to the quiet one, whose mean size it also tells. */
 static double noise(const struct btf_matrix *noisy, const struct btf_matrix *quiet,
                     double *ret_mean) {
-    const gint64 n =
-        btf_matrix_bytes(noisy->width, noisy->height, noisy->n_views, noisy->n_lights) /
-        (gint64)sizeof(float);
+    const gint64 n = btf_matrix_bytes(&noisy->layout) / (gint64)sizeof(float);
     double rest = 0, all = 0;
     for (gint64 i = 0; i < n; i++) {
         const double away = (double)noisy->values[i] - quiet->values[i];
@@ -340,8 +338,7 @@ static gboolean measure(const char *name, const struct btf_matrix *noisy,
     GArray *packed = g_array_new(FALSE, FALSE, sizeof(struct point));
     double mean;
     const double grain = noise(noisy, quiet, &mean);
-    const double raw =
-        (double)btf_matrix_bytes(noisy->width, noisy->height, noisy->n_views, noisy->n_lights) / 2;
+    const double raw = (double)btf_matrix_bytes(&noisy->layout) / 2;
     gboolean ok = TRUE;
     for (guint i = 0; ok && i < G_N_ELEMENTS(clusters); i++)
         for (int c = 1; ok && c <= LPCA_MAX_COMPONENTS && c * clusters[i] <= 128; c *= 2) {

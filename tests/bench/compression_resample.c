@@ -52,19 +52,21 @@ static double mix(const float *row, int n_lights, const struct triples *views, i
 }
 
 static double nine_pairs(const struct lpca *lpca, const struct btf_matrix *truth) {
-    struct triples views = triples_new(lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views,
-                                       truth->view_theta_deg, truth->view_phi_deg, truth->n_views);
-    struct triples lights =
-        triples_new(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights,
-                    truth->light_theta_deg, truth->light_phi_deg, truth->n_lights);
-    g_autofree float *row = g_new(float, lpca->n_views * lpca->n_lights * 3);
+    struct triples views = triples_new(lpca->layout.views.theta_deg, lpca->layout.views.phi_deg,
+                                       lpca->layout.views.n, truth->layout.views.theta_deg,
+                                       truth->layout.views.phi_deg, truth->layout.views.n);
+    struct triples lights = triples_new(lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg,
+                                        lpca->layout.lights.n, truth->layout.lights.theta_deg,
+                                        truth->layout.lights.phi_deg, truth->layout.lights.n);
+    g_autofree float *row = g_new(float, btf_layout_values(&lpca->layout));
     const float *value = truth->values;
     double rest = 0, all = 0;
-    for (int texel = 0; texel < truth->width * truth->height; texel++) {
+    for (gsize texel = 0; texel < btf_layout_texels(&truth->layout); texel++) {
         lpca_reconstruct(lpca, texel, row);
-        for (int i = 0; i < truth->n_views * truth->n_lights * 3; i++, value++) {
-            const double found = mix(row, lpca->n_lights, &views, i / 3 / truth->n_lights, &lights,
-                                     i / 3 % truth->n_lights, i % 3);
+        for (gsize i = 0; i < btf_layout_values(&truth->layout); i++, value++) {
+            const double found =
+                mix(row, lpca->layout.lights.n, &views, i / 3 / truth->layout.lights.n, &lights,
+                    i / 3 % truth->layout.lights.n, i % 3);
             rest += (found - *value) * (found - *value);
             all += (double)*value * *value;
         }

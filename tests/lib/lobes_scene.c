@@ -36,8 +36,8 @@ static void slice_value(const struct scene *s, int slice, int texel, const float
 /* The sky as a measured view sees it, by 16 lights. */
 static void sky_value(const struct scene *s, int view, int texel, double share, double ret[3]) {
     const struct lobes *p = s->lobes;
-    const double theta = p->view_theta_deg[view] * G_PI / 180;
-    const double phi = p->view_phi_deg[view] * G_PI / 180;
+    const double theta = p->layout.views.theta_deg[view] * G_PI / 180;
+    const double phi = p->layout.views.phi_deg[view] * G_PI / 180;
     const float v[3] = {(float)(sin(theta) * cos(phi)), (float)(sin(theta) * sin(phi)),
                         (float)cos(theta)};
     for (int k = 0; k < 16; k++) {
@@ -52,7 +52,7 @@ static void add_view(const struct scene *s, int view, int texel, const float *v,
                      double share, double ret[3]) {
     int n = 1;
     const int *members = &view;
-    if (view == s->lobes->n_views)
+    if (view == (int)s->lobes->layout.views.n)
         members = directions_pole(s->views, &n);
     for (int k = 0; k < n; k++) {
         if (s->lobes->n_slices > 1)

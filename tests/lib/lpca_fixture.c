@@ -1,7 +1,7 @@
 #include "lpca_fixture.h"
 
 int lpca_fixture_row_length(const struct btf_matrix *btf) {
-    return btf->n_views * btf->n_lights * 3;
+    return btf_layout_values(&btf->layout);
 }
 
 struct btf_matrix *lpca_fixture_mixture(int width, int height, int n_views, int n_lights,
@@ -27,13 +27,13 @@ struct btf_matrix *lpca_fixture_mixture(int width, int height, int n_views, int 
 }
 
 void lpca_fixture_assert_same(const struct lpca *a, const struct lpca *b) {
-    const gsize n = (gsize)(a->width * a->height), c = (gsize)a->n_components;
+    const gsize n = btf_layout_texels(&a->layout), c = (gsize)a->n_components;
     const gsize tables = (gsize)a->n_clusters * (c + 1);
-    const gsize d = (gsize)(a->n_views * a->n_lights * 3);
+    const gsize d = btf_layout_values(&a->layout);
     g_assert_cmpint(a->n_clusters, ==, b->n_clusters);
     g_assert_cmpint(a->n_components, ==, b->n_components);
-    g_assert_cmpint(a->n_views, ==, b->n_views);
-    g_assert_cmpint(a->n_lights, ==, b->n_lights);
+    g_assert_cmpint(a->layout.views.n, ==, b->layout.views.n);
+    g_assert_cmpint(a->layout.lights.n, ==, b->layout.lights.n);
     g_assert_cmpmem(a->clusters, n * sizeof(int), b->clusters, n * sizeof(int));
     for (gsize i = 0; i < n * c; i++) /* −0 of 8 bits comes back as 0 */
         g_assert_true(a->weights[i] == b->weights[i]);

@@ -5,18 +5,18 @@ struct lpca *lpca_scene_level(int level, int n_clusters, int n_components) {
     g_autoptr(GRand) random = g_rand_new_with_seed(5 + level);
     struct lpca *p = g_new0(struct lpca, 1);
     p->name = g_strdup("test");
-    p->width = w;
-    p->height = h;
-    p->texel_mm = 1;
-    p->n_views = p->n_lights = RINGS * A_RING;
+    p->layout.width = w;
+    p->layout.height = h;
+    p->layout.texel_mm = 1;
+    p->layout.views.n = p->layout.lights.n = RINGS * A_RING;
     p->n_clusters = n_clusters;
     p->n_components = n_components;
-    rings_fill(0, &p->view_theta_deg, &p->view_phi_deg);
-    rings_fill(5, &p->light_theta_deg, &p->light_phi_deg);
+    rings_fill(0, &p->layout.views.theta_deg, &p->layout.views.phi_deg);
+    rings_fill(5, &p->layout.lights.theta_deg, &p->layout.lights.phi_deg);
     p->clusters = g_new(int, w *h);
     p->weights = g_new(float, w *h *n_components);
     p->scales = g_new(float, n_clusters *(n_components + 1));
-    const gsize n = (gsize)n_clusters * (n_components + 1) * p->n_views * p->n_lights * 3;
+    const gsize n = (gsize)n_clusters * (n_components + 1) * btf_layout_values(&p->layout);
     p->brdfs = g_new(float, n);
     for (int k = 0; k < w * h; k++) /* a whole row of one cluster, others mixed */
         p->clusters[k] = k < 2 * w ? 0 : g_rand_int_range(random, 0, n_clusters);
@@ -38,20 +38,20 @@ static double component(const struct scene *s, int cluster, int i, int v, int l,
     const struct lpca *p = s->lpca;
     int n;
     double sum = 0;
-    if (v == p->n_views) {
+    if (v == (int)p->layout.views.n) {
         const int *members = directions_pole(s->views, &n);
         for (int k = 0; k < n; k++)
             sum += component(s, cluster, i, members[k], l, c) / n;
         return sum;
     }
-    if (l == p->n_lights) {
+    if (l == (int)p->layout.lights.n) {
         const int *members = directions_pole(s->lights, &n);
         for (int k = 0; k < n; k++)
             sum += component(s, cluster, i, v, members[k], c) / n;
         return sum;
     }
-    const gsize row = ((gsize)cluster * (p->n_components + 1) + i) * p->n_views + v;
-    return p->brdfs[(row * p->n_lights + l) * 3 + c];
+    const gsize row = ((gsize)cluster * (p->n_components + 1) + i) * p->layout.views.n + v;
+    return p->brdfs[(row * p->layout.lights.n + l) * 3 + c];
 }
 
 static double sum_of(const struct scene *s, int texel, int v, int l, int c) {
@@ -74,7 +74,7 @@ static double pair(const struct scene *s, int texel, int v, int l, int c) {
 
 static double texel_value(const struct scene *s, int i, int j, const struct direction_weights *g,
                           const struct direction_weights *h, double fade, int c) {
-    const int w = s->lpca->width, height = s->lpca->height;
+    const int w = s->lpca->layout.width, height = s->lpca->layout.height;
     const int texel = ((i % w) + w) % w + w * (((j % height) + height) % height);
     double sum = 0;
     for (int a = 0; a < 4; a++) {
@@ -84,7 +84,7 @@ static double texel_value(const struct scene *s, int i, int j, const struct dire
             if (h->weight[b] > 0)
                 sum += g->weight[a] * h->weight[b] * fade *
                        pair(s, texel, g->index[a], h->index[b], c);
-        for (int l = 0; s->ambient > 0 && l < s->lpca->n_lights; l++)
+        for (gsize l = 0; s->ambient > 0 && l < s->lpca->layout.lights.n; l++)
             sum += g->weight[a] * s->ambient * s->sky[l] * pair(s, texel, g->index[a], l, c);
     }
     return sum;
@@ -191,8 +191,8 @@ static gboolean direction_shares(const struct scene *s, const float *v, const fl
 static gboolean lpca_scene_expected(const struct scene *s, const float *at, const float *v,
                                     const float *l, double ret[3]) {
     struct direction_weights g, h;
-    const double x = at[0] * (double)s->lpca->width - 0.5,
-                 y = at[1] * (double)s->lpca->height - 0.5;
+    const double x = at[0] * (double)s->lpca->layout.width - 0.5,
+                 y = at[1] * (double)s->lpca->layout.height - 0.5;
     const double fx = x - floor(x), fy = y - floor(y);
     if (v[2] < 0.1 || l[2] < 0.1 ||
         (s->nearest && (fabs(fx - 0.5) < 0.03 || fabs(fy - 0.5) < 0.03)))
@@ -245,10 +245,12 @@ void lpca_scene_check_levels(Viewer *view, struct lpca *const *levels, double ti
     struct mesh *mesh = scene_plane();
     struct viewer_settings settings;
     struct between b;
-    g_autoptr(Directions) views = directions_new_triangulated(
-        levels[0]->view_theta_deg, levels[0]->view_phi_deg, levels[0]->n_views, &error);
-    g_autoptr(Directions) lights = directions_new_triangulated(
-        levels[0]->light_theta_deg, levels[0]->light_phi_deg, levels[0]->n_lights, &error);
+    g_autoptr(Directions) views = directions_new_triangulated(levels[0]->layout.views.theta_deg,
+                                                              levels[0]->layout.views.phi_deg,
+                                                              levels[0]->layout.views.n, &error);
+    g_autoptr(Directions) lights = directions_new_triangulated(levels[0]->layout.lights.theta_deg,
+                                                               levels[0]->layout.lights.phi_deg,
+                                                               levels[0]->layout.lights.n, &error);
     formula_start_view(view, &settings, mesh);
     settings.ambient = 0;
     settings.camera_elevation_deg = 90;

@@ -4,19 +4,19 @@
 static struct eigenmaps *silhouettes_grey(void) {
     struct eigenmaps *m = g_new0(struct eigenmaps, 1);
     m->name = g_strdup("grey");
-    m->width = m->height = m->n_terms = m->n_views = 1;
-    m->texel_mm = 1.0;
-    m->n_lights = 3;
-    m->view_theta_deg = g_new0(float, 1);
-    m->view_phi_deg = g_new0(float, 1);
-    m->light_theta_deg = g_new(float, 3);
-    m->light_phi_deg = g_new(float, 3);
+    m->layout.width = m->layout.height = m->n_terms = m->layout.views.n = 1;
+    m->layout.texel_mm = 1.0;
+    m->layout.lights.n = 3;
+    m->layout.views.theta_deg = g_new0(float, 1);
+    m->layout.views.phi_deg = g_new0(float, 1);
+    m->layout.lights.theta_deg = g_new(float, 3);
+    m->layout.lights.phi_deg = g_new(float, 3);
     m->weights = g_new(float, 1);
     m->maps = g_new(float, 9);
     m->weights[0] = 1.0f;
     for (int k = 0; k < 3; k++) {
-        m->light_theta_deg[k] = 60.0f;
-        m->light_phi_deg[k] = 120.0f * k;
+        m->layout.lights.theta_deg[k] = 60.0f;
+        m->layout.lights.phi_deg[k] = 120.0f * k;
         for (int c = 0; c < 3; c++)
             m->maps[3 * k + c] = 0.5f;
     }

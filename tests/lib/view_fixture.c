@@ -49,27 +49,31 @@ static void view_fixture_directions(int n_rings, int n_phi, double offset, float
 struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi) {
     struct eigenmaps *m = g_new0(struct eigenmaps, 1);
     m->name = g_strdup("test");
-    m->width = W;
-    m->height = H;
-    m->texel_mm = 1.0;
-    m->n_views = m->n_lights = n_rings * n_phi;
+    m->layout.width = W;
+    m->layout.height = H;
+    m->layout.texel_mm = 1.0;
+    m->layout.views.n = m->layout.lights.n = n_rings * n_phi;
     m->n_terms = 5;
-    view_fixture_directions(n_rings, n_phi, 0.0, &m->view_theta_deg, &m->view_phi_deg);
-    view_fixture_directions(n_rings, n_phi, 5.0, &m->light_theta_deg, &m->light_phi_deg);
-    m->weights = g_new0(float, m->n_terms * m->n_views);
-    for (int k = 0; k < m->n_views; k++) {
-        struct v3 v = v3_unit(m->view_theta_deg[k], m->view_phi_deg[k]);
+    view_fixture_directions(n_rings, n_phi, 0.0, &m->layout.views.theta_deg,
+                            &m->layout.views.phi_deg);
+    view_fixture_directions(n_rings, n_phi, 5.0, &m->layout.lights.theta_deg,
+                            &m->layout.lights.phi_deg);
+    m->weights = g_new0(float, m->n_terms * m->layout.views.n);
+    for (gsize k = 0; k < m->layout.views.n; k++) {
+        struct v3 v = v3_unit(m->layout.views.theta_deg[k], m->layout.views.phi_deg[k]);
         m->weights[k] = 1.0;
-        m->weights[m->n_views + k] = v.x;
-        m->weights[2 * m->n_views + k] = v.y;
+        m->weights[m->layout.views.n + k] = v.x;
+        m->weights[2 * m->layout.views.n + k] = v.y;
     }
-    m->maps = g_new(float, (gsize)m->n_terms * m->n_lights * W * H * 3);
+    m->maps = g_new(float, (gsize)m->n_terms * m->layout.lights.n * W * H * 3);
     float *out = m->maps;
     for (int term = 0; term < m->n_terms; term++)
-        for (int light = 0; light < m->n_lights; light++)
+        for (gsize light = 0; light < m->layout.lights.n; light++)
             for (int k = 0; k < W * H; k++, out += 3)
-                fill_texel(kind, term, v3_unit(m->light_theta_deg[light], m->light_phi_deg[light]),
-                           k % W, k / W, out);
+                fill_texel(
+                    kind, term,
+                    v3_unit(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]),
+                    k % W, k / W, out);
     return m;
 }
 
@@ -179,15 +183,15 @@ void write_view(enum kind kind, const struct eigenmaps *m, int view, const char 
     g_autoptr(GError) error = NULL;
     static const char *const channels[] = {"B", "G", "R", NULL};
     struct exr_file *file = exr_file_new();
-    for (int light = 0; light < m->n_lights; light++) {
-        g_autofree char *name = g_strdup_printf("light_%04d", light);
+    for (gsize light = 0; light < m->layout.lights.n; light++) {
+        g_autofree char *name = g_strdup_printf("light_%04zu", light);
         struct exr_part *part = exr_part_new(name, W, H, channels, EXR_HALF);
-        exr_set_double(part, "view.theta_deg", m->view_theta_deg[view]);
-        exr_set_double(part, "view.phi_deg", m->view_phi_deg[view]);
-        exr_set_double(part, "light.theta_deg", m->light_theta_deg[light]);
-        exr_set_double(part, "light.phi_deg", m->light_phi_deg[light]);
-        struct v3 l = v3_unit(m->light_theta_deg[light], m->light_phi_deg[light]);
-        struct v3 v = v3_unit(m->view_theta_deg[view], m->view_phi_deg[view]);
+        exr_set_double(part, "view.theta_deg", m->layout.views.theta_deg[view]);
+        exr_set_double(part, "view.phi_deg", m->layout.views.phi_deg[view]);
+        exr_set_double(part, "light.theta_deg", m->layout.lights.theta_deg[light]);
+        exr_set_double(part, "light.phi_deg", m->layout.lights.phi_deg[light]);
+        struct v3 l = v3_unit(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]);
+        struct v3 v = v3_unit(m->layout.views.theta_deg[view], m->layout.views.phi_deg[view]);
         for (int k = 0; k < W * H; k++) {
             float rgb[3];
             fill_texel(kind, 0, l, k % W, k / W, rgb);
@@ -205,7 +209,7 @@ void write_view(enum kind kind, const struct eigenmaps *m, int view, const char 
 char *view_fixture_write_btf(enum kind kind, int n_rings, int n_phi) {
     char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     struct eigenmaps *m = view_fixture_material(kind, n_rings, n_phi);
-    for (int view = 0; view < m->n_views; view++)
+    for (gsize view = 0; view < m->layout.views.n; view++)
         write_view(kind, m, view, dir);
     eigenmaps_free(m);
     return dir;

@@ -38,7 +38,7 @@ static void add_view(const struct scene *s, int view, int texel, const float *l,
                      double ret[3]) {
     int n = 1;
     const int *members = &view;
-    if (view == s->hsh->n_views)
+    if (view == (int)s->hsh->layout.views.n)
         members = directions_pole(s->views, &n);
     for (int k = 0; k < n; k++) {
         float rgb[3];
@@ -81,14 +81,14 @@ static struct hsh *make_hsh(int n_terms) {
     g_autoptr(GRand) random = g_rand_new_with_seed(11);
     struct hsh *hsh = g_new0(struct hsh, 1);
     *hsh = (struct hsh){.name = g_strdup("test"),
-                        .width = W,
-                        .height = H,
-                        .texel_mm = 1,
-                        .n_views = RINGS * A_RING,
-                        .n_lights = RINGS * A_RING,
+                        .layout.width = W,
+                        .layout.height = H,
+                        .layout.texel_mm = 1,
+                        .layout.views.n = RINGS * A_RING,
+                        .layout.lights.n = RINGS * A_RING,
                         .n_terms = n_terms};
-    rings_fill(0, &hsh->view_theta_deg, &hsh->view_phi_deg);
-    rings_fill(5, &hsh->light_theta_deg, &hsh->light_phi_deg);
+    rings_fill(0, &hsh->layout.views.theta_deg, &hsh->layout.views.phi_deg);
+    rings_fill(5, &hsh->layout.lights.theta_deg, &hsh->layout.lights.phi_deg);
     hsh->values = g_new0(float, hsh_bytes(hsh) / 2);
     for (int k = 0; k < hsh_bytes(hsh) / 2; k++) {
         const int term = k / 3 % n_terms, fall = 1 + term / 4;
@@ -124,8 +124,8 @@ static void check_terms(int n_terms, gboolean nearest, double ambient) {
     settings.style.nearest = nearest;
     settings.ambient = ambient;
     struct hsh *hsh = show(view, n_terms);
-    g_autoptr(Directions) views =
-        directions_new(hsh->view_theta_deg, hsh->view_phi_deg, hsh->n_views, &error);
+    g_autoptr(Directions) views = directions_new(
+        hsh->layout.views.theta_deg, hsh->layout.views.phi_deg, hsh->layout.views.n, &error);
     const struct scene scene = {hsh, views, ambient, nearest};
     g_test_message("%d terms", n_terms);
     formula_compare(expected, &scene, view, &settings);
@@ -153,13 +153,13 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(error->message, "value number 19 of the hemispherical harmonics"));
     g_clear_error(&error);
     hsh->values[19] = 0.5F;
-    hsh->view_theta_deg[1] = NAN;
+    hsh->layout.views.theta_deg[1] = NAN;
     g_assert_null(hsh_view_new(hsh, &error));
     g_assert_true(g_str_has_prefix(error->message, "views: "));
     g_clear_error(&error);
-    hsh->view_theta_deg[1] = 20;
-    hsh->width = 1 << 20;
-    hsh->height = 0;
+    hsh->layout.views.theta_deg[1] = 20;
+    hsh->layout.width = 1 << 20;
+    hsh->layout.height = 0;
     g_assert_null(hsh_view_new(hsh, &error));
     g_assert_nonnull(strstr(error->message, "more than"));
     hsh_free(hsh);

@@ -52,16 +52,16 @@ static struct lobes *make_lobes(enum lobes_model model, int n_lobes) {
     const int n_values[LOBES_MODELS] = {3 + 4 * n_lobes, 9, 4 + 4 * n_lobes, 14, 14};
     *p = (struct lobes){.model = model,
                         .name = g_strdup("test"),
-                        .width = W,
-                        .height = H,
-                        .texel_mm = 1,
-                        .n_views = RINGS * A_RING,
-                        .n_lights = RINGS * A_RING,
+                        .layout.width = W,
+                        .layout.height = H,
+                        .layout.texel_mm = 1,
+                        .layout.views.n = RINGS * A_RING,
+                        .layout.lights.n = RINGS * A_RING,
                         .n_lobes = model == LOBES_FIELDS || model == LOBES_LAFORTUNE ? n_lobes : 0,
                         .n_slices = sliced ? RINGS * A_RING : 1,
                         .n_values = n_values[model]};
-    rings_fill(0, &p->view_theta_deg, &p->view_phi_deg);
-    rings_fill(5, &p->light_theta_deg, &p->light_phi_deg);
+    rings_fill(0, &p->layout.views.theta_deg, &p->layout.views.phi_deg);
+    rings_fill(5, &p->layout.lights.theta_deg, &p->layout.lights.phi_deg);
     p->values = g_new0(float, p->n_slices *W *H * p->n_values);
     for (int k = 0; k < p->n_slices * W * H; k++)
         fill_values(random, p, p->values + (gsize)k * p->n_values);
@@ -98,8 +98,8 @@ static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest,
     settings.style.rotation = rotation;
     settings.ambient = ambient;
     struct lobes *lobes = show(view, model, n_lobes);
-    g_autoptr(Directions) views =
-        directions_new(lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views, &error);
+    g_autoptr(Directions) views = directions_new(
+        lobes->layout.views.theta_deg, lobes->layout.views.phi_deg, lobes->layout.views.n, &error);
     const struct scene scene = {lobes, views, ambient, nearest, rotation};
     g_test_message("%s, %d lobes", lobes_model_name(model), lobes->n_lobes);
     formula_compare(lobes_scene_expected, &scene, view, &settings);
@@ -143,13 +143,13 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(error->message, "value number 19 of the fields"));
     g_clear_error(&error);
     lobes->values[19] = 0.5F;
-    lobes->view_theta_deg[1] = NAN;
+    lobes->layout.views.theta_deg[1] = NAN;
     g_assert_null(lobes_view_new(&lobes, 1, &error));
     g_assert_true(g_str_has_prefix(error->message, "views: "));
     g_clear_error(&error);
-    lobes->view_theta_deg[1] = 20;
-    lobes->width = 1 << 20;
-    lobes->height = 0;
+    lobes->layout.views.theta_deg[1] = 20;
+    lobes->layout.width = 1 << 20;
+    lobes->layout.height = 0;
     g_assert_null(lobes_view_new(&lobes, 1, &error));
     g_assert_nonnull(strstr(error->message, "more than"));
     lobes_free(lobes);

@@ -23,11 +23,11 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     settings.ambient = ambient;
     Directions *(*const new)(const float *, const float *, int, GError **) =
         n_grid == 0 ? directions_new_triangulated : directions_new;
-    g_autoptr(Directions) views =
-        new (lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
-    g_autoptr(Directions) lights =
-        new (lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
-    g_autofree float *sky = g_new0(float, lpca->n_lights);
+    g_autoptr(Directions) views = new (lpca->layout.views.theta_deg, lpca->layout.views.phi_deg,
+                                       lpca->layout.views.n, &error);
+    g_autoptr(Directions) lights = new (lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg,
+                                        lpca->layout.lights.n, &error);
+    g_autofree float *sky = g_new0(float, lpca->layout.lights.n);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
     formula_compare(lpca_scene_pixel, &scene, view, &settings);
@@ -102,7 +102,7 @@ static void test_levels(struct fixture *f, gconstpointer data) {
     lpca_scene_check_levels(view, levels, 18);
     lpca_scene_check_levels(view, levels, 33);
     lpca_scene_check_levels(view, levels, 90);
-    levels[1]->view_phi_deg[3] += 1;
+    levels[1]->layout.views.phi_deg[3] += 1;
     g_assert_null(lpca_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 1"));
     for (int k = 0; k < 3; k++)
@@ -122,16 +122,20 @@ static void test_grid(struct fixture *f, gconstpointer data) {
 static struct btf_matrix *make_btf(void) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     const int n = RINGS * A_RING;
-    *btf = (struct btf_matrix){
-        .name = g_strdup("bumps"), .width = W, .height = H, .texel_mm = 1, .n_views = n};
-    btf->n_lights = n;
-    rings_fill(0, &btf->view_theta_deg, &btf->view_phi_deg);
-    rings_fill(5, &btf->light_theta_deg, &btf->light_phi_deg);
+    *btf = (struct btf_matrix){.name = g_strdup("bumps"),
+                               .layout.width = W,
+                               .layout.height = H,
+                               .layout.texel_mm = 1,
+                               .layout.views.n = n};
+    btf->layout.lights.n = n;
+    rings_fill(0, &btf->layout.views.theta_deg, &btf->layout.views.phi_deg);
+    rings_fill(5, &btf->layout.lights.theta_deg, &btf->layout.lights.phi_deg);
     btf->values = g_new(float, 3 * (gsize)W * H * n * n);
     for (int k = 0; k < W * H * n * n; k++) {
         const struct vec3 v =
-            lpca_scene_direction(btf->view_theta_deg, btf->view_phi_deg, k / n % n);
-        const struct vec3 l = lpca_scene_direction(btf->light_theta_deg, btf->light_phi_deg, k % n);
+            lpca_scene_direction(btf->layout.views.theta_deg, btf->layout.views.phi_deg, k / n % n);
+        const struct vec3 l =
+            lpca_scene_direction(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, k % n);
         const int texel = k / n / n;
         const struct vec3 normal = vec3_unit(vec3(0.4 * sin(texel), 0.4 * cos(2.0 * texel), 1));
         const double gloss = pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 8);
@@ -148,11 +152,11 @@ static double apart(Viewer *a, Viewer *b, const struct btf_matrix *btf) {
     struct viewer_settings s = viewer_settings_default;
     g_autoptr(GError) error = NULL;
     double off = 0, all = 0;
-    for (int k = 0; k < btf->n_views * btf->n_lights; k++) {
-        const struct vec3 v =
-            lpca_scene_direction(btf->view_theta_deg, btf->view_phi_deg, k / btf->n_lights);
-        const struct vec3 l =
-            lpca_scene_direction(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
+    for (gsize k = 0; k < btf->layout.views.n * btf->layout.lights.n; k++) {
+        const struct vec3 v = lpca_scene_direction(
+            btf->layout.views.theta_deg, btf->layout.views.phi_deg, k / btf->layout.lights.n);
+        const struct vec3 l = lpca_scene_direction(
+            btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, k % btf->layout.lights.n);
         const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
         const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
         g_autofree float *one = viewer_render_flat(a, &s, to_view, to_light, W, H, &error);
@@ -250,10 +254,10 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     lpca->clusters[0] = -1;
     refuse_lpca(lpca, "cluster -1");
     lpca = lpca_scene_lpca(3, 2);
-    lpca->view_theta_deg[1] = NAN;
+    lpca->layout.views.theta_deg[1] = NAN;
     refuse_lpca(lpca, "views: ");
     lpca = lpca_scene_lpca(3, 2);
-    lpca->n_lights = 0;
+    lpca->layout.lights.n = 0;
     refuse_lpca(lpca, "no texels or directions");
 }
 

@@ -92,12 +92,12 @@ static void test_bad_reference(struct fixture *f, gconstpointer data) {
     g_assert_null(reference_open("/nowhere", &none));
     g_assert_error(none, REFERENCE_ERROR, REFERENCE_ERROR_NONE);
     struct eigenmaps *m = view_fixture_material(GREY, 1, 4);
-    m->view_phi_deg[2] = NAN;
+    m->layout.views.phi_deg[2] = NAN;
     write_view(GREY, m, 2, dir);
     g_assert_null(reference_open(dir, &lost));
     g_assert_error(lost, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
     g_assert_nonnull(strstr(lost->message, "view_0002.exr: part light_0000: an angle of its view"));
-    m->n_lights = 3;
+    m->layout.lights.n = 3;
     write_view(GREY, m, 2, dir); /* a light is missing */
     eigenmaps_free(m);
     g_assert_null(reference_open(dir, &odd));
@@ -216,8 +216,8 @@ static void test_live(struct fixture *f, gconstpointer data) {
             move_view(made, btf, k);
         struct eigenmaps *maps = wait_for(live, &n_views);
         g_assert_cmpint(n_views, ==, n + 4);
-        g_assert_cmpint(maps->n_views, ==, n + 4);
-        g_assert_cmpint(maps->n_lights, ==, 8);
+        g_assert_cmpint(maps->layout.views.n, ==, n + 4);
+        g_assert_cmpint(maps->layout.lights.n, ==, 8);
         g_assert_null(live_poll(live, &n_views, NULL)); /* nothing new */
         eigenmaps_free(maps);
     }

@@ -269,19 +269,19 @@ static void test_bad_material(struct fixture *f, gconstpointer data) {
     m->weights[13] = INFINITY;
     refuse(m, "term 1 for view 1");
     m = view_fixture_material(GREY, 3, 4);
-    m->light_theta_deg[2] = 100.0f;
+    m->layout.lights.theta_deg[2] = 100.0f;
     refuse(m, "lights: direction 2");
     m = view_fixture_material(GREY, 3, 4);
-    m->view_phi_deg[2] = NAN;
+    m->layout.views.phi_deg[2] = NAN;
     refuse(m, "views: direction 2");
     m = view_fixture_material(GREY, 3, 4);
     m->n_terms = 100000; /* refused before anything of it is read */
     refuse(m, "layers");
     m = view_fixture_material(GREY, 3, 4);
-    m->width = 1 << 20;
+    m->layout.width = 1 << 20;
     refuse(m, "texels");
     m = view_fixture_material(GREY, 3, 4);
-    m->n_lights = 0;
+    m->layout.lights.n = 0;
     refuse(m, "no texels or directions");
 }
 

@@ -86,22 +86,25 @@ static void compress(const char *path, const char *const *options) {
 static struct btf_matrix *make_btf(void) {
     struct eigenmaps *m = view_fixture_material(LIGHT, 3, 4);
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    const int n = m->n_views;
-    *btf = (struct btf_matrix){.name = g_strdup("test"),
-                               .width = W,
-                               .height = H,
-                               .texel_mm = 1,
-                               .n_views = n,
-                               .n_lights = n,
-                               .view_theta_deg = g_steal_pointer(&m->view_theta_deg),
-                               .view_phi_deg = g_steal_pointer(&m->view_phi_deg),
-                               .light_theta_deg = g_steal_pointer(&m->light_theta_deg),
-                               .light_phi_deg = g_steal_pointer(&m->light_phi_deg)};
+    const int n = m->layout.views.n;
+    *btf =
+        (struct btf_matrix){.name = g_strdup("test"),
+                            .layout.width = W,
+                            .layout.height = H,
+                            .layout.texel_mm = 1,
+                            .layout.views.n = n,
+                            .layout.lights.n = n,
+                            .layout.views.theta_deg = g_steal_pointer(&m->layout.views.theta_deg),
+                            .layout.views.phi_deg = g_steal_pointer(&m->layout.views.phi_deg),
+                            .layout.lights.theta_deg = g_steal_pointer(&m->layout.lights.theta_deg),
+                            .layout.lights.phi_deg = g_steal_pointer(&m->layout.lights.phi_deg)};
     btf->values = g_new(float, (gsize)W *H *n *n * 3);
     for (int texel = 0; texel < W * H; texel++)
         for (int k = 0; k < n * n; k++)
-            fill_texel(LIGHT, 0, v3_unit(btf->light_theta_deg[k % n], btf->light_phi_deg[k % n]),
-                       texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
+            fill_texel(
+                LIGHT, 0,
+                v3_unit(btf->layout.lights.theta_deg[k % n], btf->layout.lights.phi_deg[k % n]),
+                texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
     eigenmaps_free(m);
     return btf;
 }
@@ -328,10 +331,10 @@ static void test_distances(struct fixture *f, gconstpointer data) {
 static void write_wide_maps(const char *path) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *m = view_fixture_material(LIGHT, 1, 3);
-    m->width = WIDE;
-    m->height = m->n_terms = 1;
+    m->layout.width = WIDE;
+    m->layout.height = m->n_terms = 1;
     g_free(m->maps);
-    m->maps = g_new0(float, (gsize)m->n_lights *WIDE * 3);
+    m->maps = g_new0(float, m->layout.lights.n *WIDE * 3);
     eigenmaps_write(path, m, &error);
     g_assert_no_error(error);
     eigenmaps_free(m);
@@ -342,8 +345,8 @@ static void write_wide_lpca(const char *path, const struct btf_matrix *btf) {
     const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
-    lpca->width = WIDE;
-    lpca->height = 1;
+    lpca->layout.width = WIDE;
+    lpca->layout.height = 1;
     g_free(lpca->clusters);
     g_free(lpca->weights);
     lpca->clusters = g_new0(int, WIDE);

@@ -173,11 +173,13 @@ static char *write_large_session(void) {
     g_autofree char *products = g_path_get_dirname(path);
     g_mkdir(products, 0755);
     struct eigenmaps *m = view_fixture_material(LIGHT, 5, 12);
-    m->width = m->height = 160;
+    m->layout.width = m->layout.height = 160;
     g_free(m->maps);
-    m->maps = g_new0(float, (gsize)m->n_terms * m->n_lights * m->width * m->height * 3);
+    m->maps =
+        g_new0(float, (gsize)m->n_terms * m->layout.lights.n * btf_layout_texels(&m->layout) * 3);
     GRand *rand = g_rand_new_with_seed(1);
-    for (gsize k = 0; k < (gsize)m->n_terms * m->n_lights * m->width * m->height * 3; k++)
+    for (gsize k = 0;
+         k < (gsize)m->n_terms * m->layout.lights.n * btf_layout_texels(&m->layout) * 3; k++)
         m->maps[k] = (float)(g_rand_int(rand) & 1023) / 4096.0f;
     g_rand_free(rand);
     eigenmaps_write(path, m, &error);

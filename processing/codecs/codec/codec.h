@@ -17,25 +17,9 @@
 struct material_info {
     char *label;      /* to tell it from others: the file's or the session's name, or a method's */
     const char *kind; /* "btf", or the name of its codec */
-    int width, height, n_views, n_lights;         /* width × height texels */
-    const float *view_theta_deg, *view_phi_deg;   /* n_views */
-    const float *light_theta_deg, *light_phi_deg; /* n_lights */
+    const struct btf_layout *layout;
     gint64 bytes;                                 /* as a renderer holds it; the BTF in halves */
 };
-
-/* For struct codec's layout: copies the members that models and struct btf_matrix name alike. */
-#define MATERIAL_COPY_LAYOUT(info, from)                                                           \
-    G_STMT_START {                                                                                 \
-        (info)->width = (from)->width;                                                             \
-        (info)->height = (from)->height;                                                           \
-        (info)->n_views = (from)->n_views;                                                         \
-        (info)->n_lights = (from)->n_lights;                                                       \
-        (info)->view_theta_deg = (from)->view_theta_deg;                                           \
-        (info)->view_phi_deg = (from)->view_phi_deg;                                               \
-        (info)->light_theta_deg = (from)->light_theta_deg;                                         \
-        (info)->light_phi_deg = (from)->light_phi_deg;                                             \
-    }                                                                                              \
-    G_STMT_END
 
 /* What encode() is given. */
 struct codec_job {
@@ -98,7 +82,7 @@ struct codec {
     char *(*describe_file)(const struct exr_file *file);
 
     void (*free)(gpointer model); /* NULL is ignored */
-    void (*layout)(gconstpointer model, struct material_info *ret);
+    gsize layout;                 /* offset of a model's struct btf_layout */
     gint64 (*bytes)(gconstpointer model); /* as a renderer holds it */
     /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);

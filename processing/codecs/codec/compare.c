@@ -121,7 +121,7 @@ static void compare_add_sums(struct sums *to, const struct sums *from) {
 
 static gboolean compare_reconstruct(const struct run *run, const Material *of, int texel,
                                     float *ret, struct damage *ret_damage) {
-    const gsize n = (gsize)run->info->n_views * (gsize)run->info->n_lights * COLOURS;
+    const gsize n = run->info->layout->views.n * run->info->layout->lights.n * COLOURS;
     material_reconstruct(of, texel, ret);
     if (exr_all_finite(ret, n))
         return TRUE;
@@ -130,7 +130,7 @@ static gboolean compare_reconstruct(const struct run *run, const Material *of, i
 }
 
 static gboolean check_damage(const struct run *run, GError **error) {
-    const int width = run->info->width;
+    const int width = run->info->layout->width;
     for (int block = 0; block < run->n_blocks; block++) {
         const struct damage *damage = &run->damage[block];
         if (!damage->of)
@@ -146,8 +146,8 @@ static gboolean check_damage(const struct run *run, GError **error) {
 
 static void compare_do_block(int block, gpointer data) {
     const struct run *run = data;
-    const int views = run->info->n_views, lights = run->info->n_lights;
-    const gint64 texels = (gint64)run->info->width * run->info->height;
+    const int views = run->info->layout->views.n, lights = run->info->layout->lights.n;
+    const gint64 texels = (gint64)run->info->layout->width * run->info->layout->height;
     const int end = (int)(texels * (block + 1) / run->n_blocks);
     struct sums *sums = run->sums + (gsize)block * (gsize)(views + lights);
     g_autofree float *a = g_new0(float, views *lights *COLOURS);
@@ -171,7 +171,8 @@ static struct compare_sums compare_finish(const struct sums *sums) {
 }
 
 static struct comparison *compare_summarise(const struct run *run) {
-    const int views = run->info->n_views, lights = run->info->n_lights, n = views + lights;
+    const int views = run->info->layout->views.n, lights = run->info->layout->lights.n,
+              n = views + lights;
     struct comparison *ret = g_new0(struct comparison, 1);
     struct sums all = {0};
     ret->n_views = views;
@@ -208,22 +209,26 @@ static gboolean compare_same_directions(const float *theta_a, const float *phi_a
 static gboolean compare_check(const struct material_info *a, const struct material_info *b,
                               GError **error) {
     const char *what = NULL;
-    if (a->width != b->width || a->height != b->height)
+    if (a->layout->width != b->layout->width || a->layout->height != b->layout->height)
         what = "they have different texels";
-    else if (a->n_views != b->n_views ||
-             !compare_same_directions(a->view_theta_deg, a->view_phi_deg, b->view_theta_deg,
-                                      b->view_phi_deg, a->n_views))
+    else if (a->layout->views.n != b->layout->views.n ||
+             !compare_same_directions(a->layout->views.theta_deg, a->layout->views.phi_deg,
+                                      b->layout->views.theta_deg, b->layout->views.phi_deg,
+                                      a->layout->views.n))
         what = "they have different views";
-    else if (a->n_lights != b->n_lights ||
-             !compare_same_directions(a->light_theta_deg, a->light_phi_deg, b->light_theta_deg,
-                                      b->light_phi_deg, a->n_lights))
+    else if (a->layout->lights.n != b->layout->lights.n ||
+             !compare_same_directions(a->layout->lights.theta_deg, a->layout->lights.phi_deg,
+                                      b->layout->lights.theta_deg, b->layout->lights.phi_deg,
+                                      a->layout->lights.n))
         what = "they have different lights";
     if (what)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s (%d × %d texels, %d views, %d lights) and %s (%d × %d, %d, %d) cannot be "
-                    "compared: %s",
-                    a->label, a->width, a->height, a->n_views, a->n_lights, b->label, b->width,
-                    b->height, b->n_views, b->n_lights, what);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) cannot be "
+            "compared: %s",
+            a->label, a->layout->width, a->layout->height, a->layout->views.n, a->layout->lights.n,
+            b->label, b->layout->width, b->layout->height, b->layout->views.n, b->layout->lights.n,
+            what);
     return what == NULL;
 }
 
@@ -233,8 +238,9 @@ struct comparison *compare_materials(const Material *a, const Material *b, const
     struct comparison *ret = NULL;
     if (!compare_check(run.info, material_info(b), error))
         return NULL;
-    run.n_blocks = MIN(BLOCKS, run.info->width * run.info->height);
-    run.sums = g_new0(struct sums, run.n_blocks * (run.info->n_views + run.info->n_lights));
+    run.n_blocks = MIN(BLOCKS, run.info->layout->width * run.info->layout->height);
+    run.sums = g_new0(struct sums,
+                      run.n_blocks * (run.info->layout->views.n + run.info->layout->lights.n));
     run.largest = g_new0(double, run.n_blocks);
     run.damage = g_new0(struct damage, run.n_blocks);
     if (work_parallel(work, "compare", run.n_blocks, compare_do_block, &run, error) &&

@@ -15,33 +15,28 @@ static void material_btf_free(gpointer model) {
     btf_matrix_free(model);
 }
 
-static void material_btf_layout(gconstpointer model, struct material_info *ret) {
-    const struct btf_matrix *btf = model;
-    MATERIAL_COPY_LAYOUT(ret, btf);
-}
-
 static gint64 material_btf_bytes(gconstpointer model) {
     const struct btf_matrix *btf = model;
-    return btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights) / 2;
+    return btf_matrix_bytes(&btf->layout) / 2;
 }
 
 static void material_btf_reconstruct(gconstpointer model, int texel, float *ret) {
     const struct btf_matrix *btf = model;
-    const gsize n = (gsize)btf->n_views * (gsize)btf->n_lights * COLOURS;
+    const gsize n = btf_layout_values(&btf->layout);
     memcpy(ret, btf->values + (gsize)texel * n, sizeof(float) * n);
 }
 
 const struct codec material_btf_codec = {
     .name = "btf",
     .free = material_btf_free,
-    .layout = material_btf_layout,
+    .layout = G_STRUCT_OFFSET(struct btf_matrix, layout),
     .bytes = material_btf_bytes,
     .reconstruct = material_btf_reconstruct,
 };
 
 Material *material_new(const char *label, const struct codec *codec, gpointer model) {
     Material *material = g_new0(Material, 1);
-    codec->layout(model, &material->info);
+    material->info.layout = G_STRUCT_MEMBER_P(model, codec->layout);
     material->info.label = g_strdup(label);
     material->info.kind = codec->name;
     material->info.bytes = codec->bytes(model);

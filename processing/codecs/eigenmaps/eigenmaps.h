@@ -11,15 +11,12 @@
  */
 #pragma once
 
-#include <glib.h>
+#include "btf/btf_layout.h"
 
 struct eigenmaps {
     char *name;
-    int width, height; /* texels */
-    double texel_mm, reference_mm;
-    int n_views, n_lights, n_terms;
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    struct btf_layout layout;
+    int n_terms;
     float *weights;                         /* n_terms × n_views */
     float *maps; /* n_terms × n_lights × height × width × 3 (R, G, B) */
 };

@@ -18,10 +18,10 @@ struct columns {
 static gboolean eigenmaps_give_column(int view, float *ret_column, gpointer data, GError **error) {
     struct columns *columns = data;
     const struct btf_matrix *btf = columns->btf;
-    const gsize texels = (gsize)btf->width * (gsize)btf->height, n = 3 * (gsize)btf->n_lights;
+    const gsize texels = btf_layout_texels(&btf->layout), n = 3 * btf->layout.lights.n;
     columns->asked++;
-    if (!work_tell(columns->work, "eigenmaps", MIN(columns->asked, btf->n_views), btf->n_views,
-                   columns->begun_us, error))
+    if (!work_tell(columns->work, "eigenmaps", MIN(columns->asked, btf->layout.views.n),
+                   btf->layout.views.n, columns->begun_us, error))
         return FALSE;
     g_autofree float *buffer = btf->values ? NULL : g_new(float, ROWS *n);
     for (gsize first = 0; first < texels; first += ROWS) {
@@ -38,32 +38,14 @@ static gboolean eigenmaps_give_column(int view, float *ret_column, gpointer data
     return TRUE;
 }
 
-static struct eigenmaps *eigenmaps_new_of(const struct btf_matrix *btf, int n_terms) {
-    const gsize views = sizeof(float) * (gsize)btf->n_views;
-    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
-    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
-    *maps = (struct eigenmaps){
-        .name = g_strdup(btf->name),
-        .width = btf->width,
-        .height = btf->height,
-        .texel_mm = btf->texel_mm,
-        .reference_mm = btf->reference_mm,
-        .n_views = btf->n_views,
-        .n_lights = btf->n_lights,
-        .n_terms = n_terms,
-        .view_theta_deg = g_memdup2(btf->view_theta_deg, views),
-        .view_phi_deg = g_memdup2(btf->view_phi_deg, views),
-        .light_theta_deg = g_memdup2(btf->light_theta_deg, lights),
-        .light_phi_deg = g_memdup2(btf->light_phi_deg, lights),
-    };
-    return maps;
-}
-
 struct eigenmaps *eigenmaps_of_matrix(const struct btf_matrix *btf, int n_terms,
                                       const struct eigenmaps_options *options,
                                       const struct work *work, double *ret_error, GError **error) {
     struct columns columns = {.btf = btf, .work = work, .begun_us = g_get_monotonic_time()};
-    struct eigenmaps *maps = eigenmaps_new_of(btf, n_terms);
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    maps->name = g_strdup(btf->name);
+    maps->layout = btf_layout_copy(&btf->layout);
+    maps->n_terms = n_terms;
     if (!eigenmaps_compute_with(maps, options, eigenmaps_give_column, &columns, ret_error, error))
         g_clear_pointer(&maps, eigenmaps_free);
     return maps;
@@ -92,7 +74,7 @@ static const struct option eigenmaps_codec_table[] = {
 static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has_target, int terms,
                                        gsize *ret, GError **error) {
     const struct btf_matrix *btf = job->btf;
-    const gint64 column = btf_matrix_bytes(btf->width, btf->height, 1, btf->n_lights);
+    const gint64 column = btf_matrix_bytes(&btf->layout) / btf->layout.views.n;
     const gint64 left = job->memory - column * (has_target ? 1 : terms);
     *ret = (gsize)MAX(left, 0);
     if (job->memory == 0 || left >= column)
@@ -101,9 +83,9 @@ static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has
     g_autofree char *given = g_format_size((guint64)job->memory);
     g_set_error(
         error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%d eigen-maps of %d × %d texels and %d lights take %s of memory each, and one view "
+        "%d eigen-maps of %zu × %zu texels and %zu lights take %s of memory each, and one view "
         "as much, which is more than %s; allow more",
-        terms, btf->width, btf->height, btf->n_lights, size, given);
+        terms, btf->layout.width, btf->layout.height, btf->layout.lights.n, size, given);
     return FALSE;
 }
 
@@ -115,7 +97,7 @@ static gboolean eigenmaps_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                        const struct codec_job *job, struct codec_result *ret,
                                        GError **error) {
     const struct eigenmaps_codec_options *asked = job->options;
-    const int n_views = job->btf->n_views;
+    const int n_views = job->btf->layout.views.n;
     const int terms = asked->components  ? asked->components
                       : asked->error > 0 ? n_views
                                          : MIN(TERMS, n_views);
@@ -158,26 +140,21 @@ static char *eigenmaps_codec_describe_file(const struct exr_file *file) {
                            weights->height, weights->width, lights->width, map->width, map->height);
 }
 
-static void eigenmaps_codec_layout(gconstpointer model, struct material_info *ret) {
-    const struct eigenmaps *maps = model;
-    MATERIAL_COPY_LAYOUT(ret, maps);
-}
-
 /* Maps as halves, weights as floats. */
 static gint64 eigenmaps_codec_bytes(gconstpointer model) {
     const struct eigenmaps *maps = model;
-    const gint64 values = 3 * (gint64)maps->width * maps->height * maps->n_lights;
-    return maps->n_terms * (2 * values + (gint64)sizeof(float) * maps->n_views);
+    const gint64 values = 3 * btf_layout_texels(&maps->layout) * maps->layout.lights.n;
+    return maps->n_terms * (2 * values + (gint64)sizeof(float) * maps->layout.views.n);
 }
 
 /* B(v, l) = Σ_i W_i(v) E_i(x, l); maps: term × light × texel × RGB. */
 static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *ret) {
     const struct eigenmaps *maps = model;
-    const gsize texels = (gsize)maps->width * (gsize)maps->height, n_lights = (gsize)maps->n_lights;
-    memset(ret, 0, sizeof(float) * (gsize)maps->n_views * n_lights * 3);
+    const gsize texels = btf_layout_texels(&maps->layout), n_lights = maps->layout.lights.n;
+    memset(ret, 0, sizeof(float) * maps->layout.views.n * n_lights * 3);
     for (gsize term = 0; term < (gsize)maps->n_terms; term++)
-        for (gsize view = 0; view < (gsize)maps->n_views; view++) {
-            const float weight = maps->weights[term * (gsize)maps->n_views + view];
+        for (gsize view = 0; view < maps->layout.views.n; view++) {
+            const float weight = maps->weights[term * maps->layout.views.n + view];
             for (gsize light = 0; light < n_lights; light++) {
                 const float *map =
                     maps->maps + ((term * n_lights + light) * texels + (gsize)texel) * 3;
@@ -193,7 +170,7 @@ static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *r
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                       const struct work *work, CodecPoint tell, gpointer data,
                                       GError **error) {
-    const int most = MIN(CURVE_MOST, btf->n_views);
+    const int most = MIN(CURVE_MOST, btf->layout.views.n);
     const struct eigenmaps_options options = {0};
     double ignored;
     struct eigenmaps *maps = eigenmaps_of_matrix(btf, most, &options, work, &ignored, error);
@@ -228,7 +205,7 @@ const struct codec eigenmaps_codec = {
     .read = eigenmaps_codec_read,
     .describe_file = eigenmaps_codec_describe_file,
     .free = eigenmaps_codec_free,
-    .layout = eigenmaps_codec_layout,
+    .layout = G_STRUCT_OFFSET(struct eigenmaps, layout),
     .bytes = eigenmaps_codec_bytes,
     .reconstruct = eigenmaps_codec_reconstruct,
     .curve = eigenmaps_codec_curve,

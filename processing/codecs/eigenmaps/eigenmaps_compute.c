@@ -65,7 +65,7 @@ gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GErro
 }
 
 void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs) {
-    int n = maps->n_views;
+    int n = maps->layout.views.n;
     g_free(maps->weights);
     maps->weights = g_new(float, (gsize)maps->n_terms *n);
     for (int term = 0; term < maps->n_terms; term++) {
@@ -91,20 +91,20 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
                                 EigenmapsColumn column, gpointer data, double *ret_error,
                                 GError **error) {
-    if (maps->n_terms < 1 || maps->n_terms > maps->n_views || !isfinite(options->target) ||
-        options->target < 0) {
+    if (maps->n_terms < 1 || (gsize)maps->n_terms > maps->layout.views.n ||
+        !isfinite(options->target) || options->target < 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d eigen-maps of %d views to an error of %g: there can be 1 to %d, and the "
+                    "%d eigen-maps of %zu views to an error of %g: there can be 1 to %zu, and the "
                     "error is a number above 0, or 0 where any will do",
-                    maps->n_terms, maps->n_views, options->target, maps->n_views);
+                    maps->n_terms, maps->layout.views.n, options->target, maps->layout.views.n);
         return FALSE;
     }
     struct eigenmaps_job job = {maps, options, column, data};
-    job.rows = (gsize)maps->width * (gsize)maps->height * COLOURS * (gsize)maps->n_lights;
+    job.rows = btf_layout_texels(&maps->layout) * COLOURS * maps->layout.lights.n;
     job.fit = MAX(
         (options->memory > 0 ? options->memory : EIGENMAPS_MEMORY) / (job.rows * sizeof(float)), 1);
     const gboolean exact = options->method == EIGENMAPS_EXACT ||
-                           (options->method == EIGENMAPS_AUTO && job.fit >= (gsize)maps->n_views);
+                           (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n);
     g_clear_pointer(&maps->weights, g_free);
     g_clear_pointer(&maps->maps, g_free);
     /* The order of sums, and with it the last bits, would depend on the number of threads. */

@@ -57,15 +57,15 @@ static gboolean gram_matrix(struct gram *gram, GError **error) {
 static gboolean project_columns(const struct gram *gram, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     maps->maps = g_new0(float, gram->rows *(gsize)maps->n_terms);
-    for (int view = 0; view < maps->n_views; view++) {
+    for (gsize view = 0; view < maps->layout.views.n; view++) {
         const float *column = gram->columns + gram->rows * (gsize)view;
-        if (gram->block < maps->n_views) {
+        if (gram->block < gram->n_views) {
             if (!eigenmaps_get_column(gram->job, view, gram->columns, error))
                 return FALSE;
             column = gram->columns;
         }
         for (int term = 0; term < maps->n_terms; term++) {
-            float weight = maps->weights[term * maps->n_views + view];
+            float weight = maps->weights[term * maps->layout.views.n + view];
             float *map = maps->maps + gram->rows * (gsize)term;
             for (gsize i = 0; i < gram->rows; i++)
                 map[i] += weight * column[i];
@@ -76,7 +76,7 @@ static gboolean project_columns(const struct gram *gram, GError **error) {
 
 static gboolean decompose(struct gram *gram, double *ret_error, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
-    const int n = maps->n_views;
+    const int n = maps->layout.views.n;
     const double target = gram->job->options->target;
     g_autofree double *values = g_new0(double, n), *squares = g_new0(double, n);
     g_autofree double *rows = g_new0(double, (gsize)n *n);
@@ -99,7 +99,7 @@ static gboolean decompose(struct gram *gram, double *ret_error, GError **error) 
 }
 
 gboolean eigenmaps_exact(const struct eigenmaps_job *job, double *ret_error, GError **error) {
-    struct gram gram = {job, job->rows, job->maps->n_views};
+    struct gram gram = {job, job->rows, job->maps->layout.views.n};
     gram.block = (int)MIN(job->fit, (gsize)gram.n_views);
     gram.columns = eigenmaps_new_columns(job, gram.block + (gram.block < gram.n_views), error);
     gram.matrix = g_new0(double, (gsize)gram.n_views *gram.n_views);

@@ -268,7 +268,7 @@ static gboolean eigenmaps_randomised_search(struct randomised *r, double *ret_er
 }
 
 gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error) {
-    struct randomised r = {job, job->rows, job->maps->n_views};
+    struct randomised r = {job, job->rows, job->maps->layout.views.n};
     const gsize spare = MIN(SPARE, job->fit / 2);
     r.slots = (int)CLAMP(job->fit - spare, 1, (gsize)r.n_views);
     r.columns = eigenmaps_new_columns(job, r.slots, error);

@@ -16,23 +16,21 @@ void hsh_free(struct hsh *hsh) {
     if (!hsh)
         return;
     g_free(hsh->name);
-    g_free(hsh->view_theta_deg);
-    g_free(hsh->view_phi_deg);
-    g_free(hsh->light_theta_deg);
-    g_free(hsh->light_phi_deg);
+    btf_layout_clear(&hsh->layout);
     g_free(hsh->values);
     g_free(hsh);
 }
 
 /* Of a texel of a view: n_terms × COLOURS. */
 static float *hsh_values_of(const struct hsh *hsh, int view, int texel) {
-    const gsize texels = (gsize)hsh->width * (gsize)hsh->height;
+    const gsize texels = btf_layout_texels(&hsh->layout);
     return hsh->values +
            ((gsize)view * texels + (gsize)texel) * (gsize)hsh->n_terms * (gsize)COLOURS;
 }
 
 gint64 hsh_bytes(const struct hsh *hsh) {
-    return 2 * (gint64)hsh->n_views * hsh->width * hsh->height * hsh->n_terms * COLOURS;
+    return 2 * (gint64)hsh->layout.views.n * btf_layout_texels(&hsh->layout) * hsh->n_terms *
+           COLOURS;
 }
 
 /* The table of hsh.h; φ occurs as u and v alone, so that the pole needs no azimuth. */
@@ -64,10 +62,10 @@ void hsh_basis(const float light[3], int n_terms, float *ret) {
 
 /* n_lights × n_terms: H_i at each measured light. */
 static float *hsh_design(const struct hsh *hsh) {
-    float *ret = g_new0(float, (gsize)hsh->n_lights *(gsize)hsh->n_terms);
-    for (int i = 0; i < hsh->n_lights; i++) {
+    float *ret = g_new0(float, hsh->layout.lights.n *(gsize)hsh->n_terms);
+    for (gsize i = 0; i < hsh->layout.lights.n; i++) {
         float light[3];
-        direction_from_deg(hsh->light_theta_deg[i], hsh->light_phi_deg[i], light);
+        direction_from_deg(hsh->layout.lights.theta_deg[i], hsh->layout.lights.phi_deg[i], light);
         hsh_basis(light, hsh->n_terms, ret + (gsize)i * (gsize)hsh->n_terms);
     }
     return ret;
@@ -89,9 +87,9 @@ void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[
 
 static void hsh_reconstruct_with(const struct hsh *hsh, const float *design, int texel,
                                  float *ret) {
-    for (int v = 0; v < hsh->n_views; v++) {
+    for (gsize v = 0; v < hsh->layout.views.n; v++) {
         const float *values = hsh_values_of(hsh, v, texel);
-        for (int l = 0; l < hsh->n_lights; l++, ret += COLOURS)
+        for (gsize l = 0; l < hsh->layout.lights.n; l++, ret += COLOURS)
             hsh_sum(values, design + (gsize)l * (gsize)hsh->n_terms, hsh->n_terms, ret);
     }
 }
@@ -110,8 +108,8 @@ struct hsh_comparison {
 
 static void hsh_compare_block(int block, gpointer data) {
     const struct hsh_comparison *to = data;
-    const int n = to->btf->n_views * to->btf->n_lights;
-    const int end = MIN((block + 1) * BLOCK, to->btf->width * to->btf->height);
+    const int n = to->btf->layout.views.n * to->btf->layout.lights.n;
+    const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&to->btf->layout));
     double *sums = to->sums + (gsize)(4 * block);
     g_autofree float *values = g_new0(float, (gsize)n *COLOURS);
     for (int texel = block * BLOCK; texel < end; texel++) {
@@ -132,7 +130,7 @@ static void hsh_compare_block(int block, gpointer data) {
 }
 
 double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
-    const int n_blocks = (hsh->width * hsh->height + BLOCK - 1) / BLOCK;
+    const int n_blocks = (btf_layout_texels(&hsh->layout) + BLOCK - 1) / BLOCK;
     g_autofree float *design = hsh_design(hsh);
     g_autofree double *sums = g_new0(double, 4 * (gsize)n_blocks);
     struct hsh_comparison to = {hsh, btf, design, sums};
@@ -158,7 +156,7 @@ struct hsh_fit {
  * max(n_lights, n_terms) rows. */
 static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
                       int n_columns) {
-    const int n = fit->btf->n_lights, k = fit->hsh->n_terms;
+    const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *a = g_new(double, (gsize)n *(gsize)k);
     double singular[HSH_MAX_TERMS];
     int rank;
@@ -170,7 +168,7 @@ static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *
 
 /* A⁺ᵀ by solving for the unit matrix. */
 static float *hsh_pseudo_inverse(const struct hsh_fit *fit) {
-    const int n = fit->btf->n_lights, k = fit->hsh->n_terms;
+    const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * (gsize)n);
     float *ret = g_new(float, (gsize)n *(gsize)k);
     for (int i = 0; i < n; i++)
@@ -185,7 +183,7 @@ static float *hsh_pseudo_inverse(const struct hsh_fit *fit) {
 static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
     const int k = fit->hsh->n_terms;
     float sums[COLOURS][HSH_MAX_TERMS] = {{0}};
-    for (int l = 0; l < fit->btf->n_lights; l++) {
+    for (gsize l = 0; l < fit->btf->layout.lights.n; l++) {
         const float *row = fit->inverse + (gsize)l * (gsize)k;
         for (int c = 0; c < COLOURS; c++)
             for (int i = 0; i < k; i++)
@@ -198,7 +196,7 @@ static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *re
 /* The same with lights left out: a problem of its own. there: n_lights. */
 static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
                             float *ret) {
-    const int n = fit->btf->n_lights, k = fit->hsh->n_terms;
+    const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * COLOURS);
     for (int i = 0; i < n * COLOURS; i++)
         columns[i] = there[i / COLOURS] ? (double)rgb[i] : 0;
@@ -209,8 +207,8 @@ static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const g
 
 static void hsh_fit_block(int block, gpointer data) {
     const struct hsh_fit *fit = data;
-    const int n = fit->btf->n_lights, views = fit->btf->n_views;
-    const int end = MIN((block + 1) * BLOCK, fit->btf->width * fit->btf->height);
+    const int n = fit->btf->layout.lights.n, views = fit->btf->layout.views.n;
+    const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&fit->btf->layout));
     const float *rgb =
         fit->btf->values + (gsize)block * BLOCK * (gsize)views * (gsize)n * (gsize)COLOURS;
     g_autofree gboolean *there = g_new(gboolean, n);
@@ -239,50 +237,39 @@ static void hsh_to_halves(struct hsh *hsh) {
 }
 
 static gboolean hsh_check(const struct btf_matrix *btf, int n_terms, GError **error) {
-    const gint64 texels = (gint64)btf->width * btf->height;
-    const gint64 values = (gint64)btf->n_views * btf->n_lights * COLOURS;
+    const gint64 texels = btf_layout_texels(&btf->layout);
+    const gint64 values = btf_layout_values(&btf->layout);
     if (n_terms != 4 && n_terms != 9 && n_terms != 16) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "hemispherical harmonics have 4, 9 or 16 terms, not %d", n_terms);
         return FALSE;
     }
     if (texels < 1 || values < 1 || texels > G_MAXINT / 64 || values > G_MAXINT / 64) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the BTF has %d × %d texels, %d views and %d lights; hemispherical harmonics "
-                    "need at least one of each and at most %d texels and %d values a texel",
-                    btf->width, btf->height, btf->n_views, btf->n_lights, G_MAXINT / 64,
-                    G_MAXINT / 64);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "the BTF has %zu × %zu texels, %zu views and %zu lights; hemispherical harmonics "
+            "need at least one of each and at most %d texels and %d values a texel",
+            btf->layout.width, btf->layout.height, btf->layout.views.n, btf->layout.lights.n,
+            G_MAXINT / 64, G_MAXINT / 64);
         return FALSE;
     }
     for (gint64 i = 0; i < texels * values; i++)
         if (isinf(btf->values[i])) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "view %d, texel (%d, %d) is infinite; make that view's BTF again",
-                        (int)(i % values / COLOURS / btf->n_lights), (int)(i / values % btf->width),
-                        (int)(i / values / btf->width));
+                        (int)(i % values / COLOURS / btf->layout.lights.n),
+                        (int)(i / values % btf->layout.width),
+                        (int)(i / values / btf->layout.width));
             return FALSE;
         }
     return TRUE;
 }
 
 static struct hsh *hsh_new(const struct btf_matrix *btf, int n_terms) {
-    const gsize views = sizeof(float) * (gsize)btf->n_views;
-    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
     struct hsh *hsh = g_new0(struct hsh, 1);
-    *hsh = (struct hsh){
-        .name = g_strdup(btf->name),
-        .width = btf->width,
-        .height = btf->height,
-        .texel_mm = btf->texel_mm,
-        .reference_mm = btf->reference_mm,
-        .n_views = btf->n_views,
-        .n_lights = btf->n_lights,
-        .view_theta_deg = g_memdup2(btf->view_theta_deg, views),
-        .view_phi_deg = g_memdup2(btf->view_phi_deg, views),
-        .light_theta_deg = g_memdup2(btf->light_theta_deg, lights),
-        .light_phi_deg = g_memdup2(btf->light_phi_deg, lights),
-        .n_terms = n_terms,
-    };
+    hsh->name = g_strdup(btf->name);
+    hsh->layout = btf_layout_copy(&btf->layout);
+    hsh->n_terms = n_terms;
     hsh->values = g_new0(float, (gsize)(hsh_bytes(hsh) / 2));
     return hsh;
 }
@@ -292,7 +279,7 @@ struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *
     const int n_terms = options->n_terms ? options->n_terms : HSH_DEFAULT_TERMS;
     if (!hsh_check(btf, n_terms, error))
         return NULL;
-    const int n_blocks = (btf->width * btf->height + BLOCK - 1) / BLOCK;
+    const int n_blocks = (btf_layout_texels(&btf->layout) + BLOCK - 1) / BLOCK;
     struct hsh_fit fit = {.btf = btf, .hsh = hsh_new(btf, n_terms)};
     fit.design = hsh_design(fit.hsh);
     fit.inverse = hsh_pseudo_inverse(&fit);

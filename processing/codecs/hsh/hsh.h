@@ -41,11 +41,7 @@
 
 struct hsh {
     char *name;
-    int width, height; /* texels */
-    double texel_mm, reference_mm;
-    int n_views, n_lights;
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    struct btf_layout layout;
     int n_terms;                            /* 4, 9 or 16 */
     float *values;                          /* n_views × height × width × n_terms × 3 (R G B) */
     /* Of the BTF it was made of, as hsh_error() finds them: relative RMS of R G B, and the mean of

@@ -73,11 +73,6 @@ static char *hsh_codec_describe_file(const struct exr_file *file) {
                            luminance);
 }
 
-static void hsh_codec_layout(gconstpointer model, struct material_info *ret) {
-    const struct hsh *hsh = model;
-    MATERIAL_COPY_LAYOUT(ret, hsh);
-}
-
 static gint64 hsh_codec_bytes(gconstpointer model) {
     return hsh_bytes(model);
 }
@@ -118,7 +113,7 @@ const struct codec hsh_codec = {
     .read = hsh_codec_read,
     .describe_file = hsh_codec_describe_file,
     .free = hsh_codec_free,
-    .layout = hsh_codec_layout,
+    .layout = G_STRUCT_OFFSET(struct hsh, layout),
     .bytes = hsh_codec_bytes,
     .reconstruct = hsh_codec_reconstruct,
     .curve = hsh_codec_curve,

@@ -32,16 +32,13 @@ void lobes_free(struct lobes *lobes) {
     if (!lobes)
         return;
     g_free(lobes->name);
-    g_free(lobes->view_theta_deg);
-    g_free(lobes->view_phi_deg);
-    g_free(lobes->light_theta_deg);
-    g_free(lobes->light_phi_deg);
+    btf_layout_clear(&lobes->layout);
     g_free(lobes->values);
     g_free(lobes);
 }
 
 gint64 lobes_bytes(const struct lobes *lobes) {
-    return 2 * (gint64)lobes->n_slices * lobes->width * lobes->height * lobes->n_values;
+    return 2 * (gint64)lobes->n_slices * btf_layout_texels(&lobes->layout) * lobes->n_values;
 }
 
 /* Everything a computation holds; threads only read it, and write what is their texels'. */
@@ -97,7 +94,7 @@ static float *pseudo_inverse(const float *lights, int n) {
 }
 
 static void fit_polynomial(const struct run *run, const float *row, float *ret) {
-    const int n = run->btf->n_lights;
+    const int n = run->btf->layout.lights.n;
     gboolean whole = TRUE;
     for (int i = 0; whole && i < n; i++)
         whole = !isnan(row[i]);
@@ -196,14 +193,15 @@ static void lobes_store(const struct run *run, const float *colour, const float 
 /* Diffuse and specular colours of a texel by linear least squares, its shape being given. */
 static void colour_facet(const struct run *run, int texel, float *values) {
     const struct btf_matrix *btf = run->btf;
-    const float *rgb = btf->values + (gsize)texel * (gsize)(btf->n_views * btf->n_lights) * COLOURS;
+    const float *rgb =
+        btf->values + (gsize)texel * (gsize)(btf->layout.views.n * btf->layout.lights.n) * COLOURS;
     double m[3] = {1e-9, 0, 1e-9}, b[COLOURS][2] = {{0}};
     for (int i = 0; i < 6; i++)
         values[i] = i < 3 ? 1 : 0;
-    for (int i = 0; i < btf->n_views * btf->n_lights; i++) {
+    for (gsize i = 0; i < btf->layout.views.n * btf->layout.lights.n; i++) {
         float both[3], lambert[3];
-        const float *view = run->views + (gsize)(i / btf->n_lights * 3);
-        const float *light = run->lights + (gsize)(i % btf->n_lights * 3);
+        const float *view = run->views + (gsize)(i / btf->layout.lights.n * 3);
+        const float *light = run->lights + (gsize)(i % btf->layout.lights.n * 3);
         if (!lobes_is_there(rgb + (gsize)i * COLOURS))
             continue;
         values[3] = 0;
@@ -232,7 +230,7 @@ static void colour_facet(const struct run *run, int texel, float *values) {
 
 static void fit_texels(const struct run *run, int block) {
     struct lobes *lobes = run->lobes;
-    const int texels = lobes->width * lobes->height, first = block * BLOCK;
+    const int texels = btf_layout_texels(&lobes->layout), first = block * BLOCK;
     const int slices = lobes->n_slices, rows_here = MIN(BLOCK, texels - first) * slices;
     const gsize samples = (gsize)run->fit.n_views * (gsize)run->fit.n_lights;
     const gsize parameters =
@@ -286,10 +284,6 @@ static int count_values(enum lobes_model model, int k) {
     }
 }
 
-static float *lobes_copy(const float *values, int n) {
-    return g_memdup2(values, sizeof(float) * (gsize)n);
-}
-
 static struct lobes *lobes_new(const struct btf_matrix *btf, const struct lobes_options *options) {
     struct lobes *lobes = g_new0(struct lobes, 1);
     const gboolean views = options->model == LOBES_FIELDS || options->model == LOBES_PTM;
@@ -297,20 +291,11 @@ static struct lobes *lobes_new(const struct btf_matrix *btf, const struct lobes_
     *lobes = (struct lobes){
         .model = options->model,
         .name = g_strdup(btf->name),
-        .width = btf->width,
-        .height = btf->height,
-        .texel_mm = btf->texel_mm,
-        .reference_mm = btf->reference_mm,
-        .n_views = btf->n_views,
-        .n_lights = btf->n_lights,
-        .view_theta_deg = lobes_copy(btf->view_theta_deg, btf->n_views),
-        .view_phi_deg = lobes_copy(btf->view_phi_deg, btf->n_views),
-        .light_theta_deg = lobes_copy(btf->light_theta_deg, btf->n_lights),
-        .light_phi_deg = lobes_copy(btf->light_phi_deg, btf->n_lights),
+        .layout = btf_layout_copy(&btf->layout),
         .n_lobes = !k                 ? 0
                    : options->n_lobes ? options->n_lobes
                                       : 2,
-        .n_slices = views ? btf->n_views : 1,
+        .n_slices = views ? btf->layout.views.n : 1,
     };
     lobes->n_values = count_values(lobes->model, lobes->n_lobes);
     lobes->values = g_new0(float, lobes_bytes(lobes) / 2);
@@ -324,8 +309,8 @@ static gboolean data_error(GError **error, const char *what) {
 
 static gboolean lobes_check(const struct btf_matrix *btf, const struct lobes_options *options,
                             GError **error) {
-    const gint64 texels = (gint64)btf->width * btf->height;
-    const gint64 values = (gint64)btf->n_views * btf->n_lights * COLOURS;
+    const gint64 texels = btf_layout_texels(&btf->layout);
+    const gint64 values = btf_layout_values(&btf->layout);
     if (texels < 1 || values < 1 || texels > G_MAXINT / 64 || values > G_MAXINT / 64)
         return data_error(error, "the BTF has no texels, views or lights, or far too many");
     if ((guint)options->model >= LOBES_MODELS || options->n_lobes < 0 ||
@@ -335,8 +320,9 @@ static gboolean lobes_check(const struct btf_matrix *btf, const struct lobes_opt
         if (isinf(btf->values[i])) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "view %d, texel (%d, %d) is infinite; make that view's BTF again",
-                        (int)(i % values / COLOURS / btf->n_lights), (int)(i / values % btf->width),
-                        (int)(i / values / btf->width));
+                        (int)(i % values / COLOURS / btf->layout.lights.n),
+                        (int)(i / values % btf->layout.width),
+                        (int)(i / values / btf->layout.width));
             return FALSE;
         }
     return TRUE;
@@ -374,7 +360,7 @@ static gboolean fit_blocks(struct run *run, GError **error) {
     struct work work = run->options->work;
     work.progress = lobes_tell_and_save;
     work.data = (gpointer)run->options;
-    run->n_blocks = (run->lobes->width * run->lobes->height + BLOCK - 1) / BLOCK;
+    run->n_blocks = (btf_layout_texels(&run->lobes->layout) + BLOCK - 1) / BLOCK;
     run->done = g_new0(int, run->n_blocks);
     if (checkpoint)
         lobes_keep(run);
@@ -390,11 +376,14 @@ static gboolean fit_blocks(struct run *run, GError **error) {
 }
 
 static gboolean lobes_fit_all(struct run *run, GError **error) {
-    run->fit = (struct lobes_fit){
-        run->lobes->model,  run->lobes->n_lobes, run->lobes->n_slices > 1 ? 1 : run->btf->n_views,
-        run->btf->n_lights, run->views,          run->lights};
+    run->fit = (struct lobes_fit){run->lobes->model,
+                                  run->lobes->n_lobes,
+                                  run->lobes->n_slices > 1 ? 1 : run->btf->layout.views.n,
+                                  run->btf->layout.lights.n,
+                                  run->views,
+                                  run->lights};
     run->start = lobes_start_new(&run->fit);
-    run->polynomial = pseudo_inverse(run->lights, run->btf->n_lights);
+    run->polynomial = pseudo_inverse(run->lights, run->btf->layout.lights.n);
     const gboolean ok = fit_blocks(run, error);
     if (ok) {
         run->lobes->exact_error = lobes_error(run->lobes, run->btf, run->options->work.n_threads);
@@ -411,8 +400,10 @@ struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_opt
     if (!lobes_check(btf, options, error))
         return NULL;
     struct run run = {btf, options, lobes_new(btf, options)};
-    run.views = lobes_directions(btf->view_theta_deg, btf->view_phi_deg, btf->n_views);
-    run.lights = lobes_directions(btf->light_theta_deg, btf->light_phi_deg, btf->n_lights);
+    run.views = lobes_directions(btf->layout.views.theta_deg, btf->layout.views.phi_deg,
+                                 btf->layout.views.n);
+    run.lights = lobes_directions(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg,
+                                  btf->layout.lights.n);
     if (!lobes_fit_all(&run, error))
         g_clear_pointer(&run.lobes, lobes_free);
     g_free(run.views);

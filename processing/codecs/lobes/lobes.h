@@ -51,11 +51,7 @@ gboolean lobes_model_parse(const char *name, enum lobes_model *ret);
 struct lobes {
     enum lobes_model model;
     char *name;
-    int width, height; /* texels */
-    double texel_mm, reference_mm;
-    int n_views, n_lights;
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    struct btf_layout layout;
     int n_lobes;  /* fields and lafortune: k, 1 … LOBES_MAX_LOBES; else 0 */
     int n_slices; /* n_views for fields and ptm, else 1 */
     int n_values; /* of a texel of a slice */

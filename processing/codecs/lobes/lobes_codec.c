@@ -110,11 +110,6 @@ static char *lobes_codec_describe_file(const struct exr_file *file) {
     return g_string_free(text, FALSE);
 }
 
-static void lobes_codec_layout(gconstpointer model, struct material_info *ret) {
-    const struct lobes *lobes = model;
-    MATERIAL_COPY_LAYOUT(ret, lobes);
-}
-
 static gint64 lobes_codec_bytes(gconstpointer model) {
     return lobes_bytes(model);
 }
@@ -162,7 +157,7 @@ static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_ma
         .read = lobes_codec_read,                                                                  \
         .describe_file = lobes_codec_describe_file,                                                \
         .free = lobes_codec_free,                                                                  \
-        .layout = lobes_codec_layout,                                                              \
+        .layout = G_STRUCT_OFFSET(struct lobes, layout),                                           \
         .bytes = lobes_codec_bytes,                                                                \
         .reconstruct = lobes_codec_reconstruct,                                                    \
         .curve = lobes_codec_curve,                                                                \

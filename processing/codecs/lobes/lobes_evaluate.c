@@ -85,7 +85,7 @@ static void lobes_evaluate_evaluate(const struct lobes *lobes, const float *valu
 }
 
 static const float *values_of(const struct lobes *lobes, int slice, int texel) {
-    const gsize texels = (gsize)lobes->width * (gsize)lobes->height;
+    const gsize texels = btf_layout_texels(&lobes->layout);
     return lobes->values + ((gsize)slice * texels + (gsize)texel) * (gsize)lobes->n_values;
 }
 
@@ -99,12 +99,13 @@ struct measured {
 };
 
 static struct measured measured_directions(const struct lobes *lobes) {
-    struct measured ret = {g_new(float, 3 * lobes->n_views), g_new(float, 3 * lobes->n_lights)};
-    for (int i = 0; i < lobes->n_views; i++)
-        direction_from_deg(lobes->view_theta_deg[i], lobes->view_phi_deg[i],
+    struct measured ret = {g_new(float, 3 * lobes->layout.views.n),
+                           g_new(float, 3 * lobes->layout.lights.n)};
+    for (gsize i = 0; i < lobes->layout.views.n; i++)
+        direction_from_deg(lobes->layout.views.theta_deg[i], lobes->layout.views.phi_deg[i],
                            ret.views + (gsize)(3 * i));
-    for (int i = 0; i < lobes->n_lights; i++)
-        direction_from_deg(lobes->light_theta_deg[i], lobes->light_phi_deg[i],
+    for (gsize i = 0; i < lobes->layout.lights.n; i++)
+        direction_from_deg(lobes->layout.lights.theta_deg[i], lobes->layout.lights.phi_deg[i],
                            ret.lights + (gsize)(3 * i));
     return ret;
 }
@@ -116,9 +117,9 @@ static void lobes_evaluate_measured_clear(struct measured *measured) {
 
 static void lobes_evaluate_reconstruct(const struct lobes *lobes, const struct measured *at,
                                        int texel, float *ret) {
-    for (int v = 0; v < lobes->n_views; v++) {
+    for (gsize v = 0; v < lobes->layout.views.n; v++) {
         const float *values = values_of(lobes, lobes->n_slices > 1 ? v : 0, texel);
-        for (int l = 0; l < lobes->n_lights; l++, ret += COLOURS)
+        for (gsize l = 0; l < lobes->layout.lights.n; l++, ret += COLOURS)
             lobes_evaluate_evaluate(lobes, values, at->views + (gsize)(3 * v),
                                     at->lights + (gsize)(3 * l), ret);
     }
@@ -139,8 +140,8 @@ struct comparison {
 
 static void lobes_evaluate_compare_block(int block, gpointer data) {
     const struct comparison *to = data;
-    const int n = to->btf->n_views * to->btf->n_lights;
-    const int end = MIN((block + 1) * BLOCK, to->btf->width * to->btf->height);
+    const int n = to->btf->layout.views.n * to->btf->layout.lights.n;
+    const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&to->btf->layout));
     double *sums = to->sums + (gsize)(4 * block);
     g_autofree float *values = g_new0(float, n *COLOURS);
     for (int texel = block * BLOCK; texel < end; texel++) {
@@ -161,7 +162,7 @@ static void lobes_evaluate_compare_block(int block, gpointer data) {
 }
 
 double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads) {
-    const int blocks = (lobes->width * lobes->height + BLOCK - 1) / BLOCK;
+    const int blocks = (btf_layout_texels(&lobes->layout) + BLOCK - 1) / BLOCK;
     const struct work work = {.n_threads = n_threads};
     g_autofree double *sums = g_new0(double, 4 * blocks);
     struct comparison to = {lobes, btf, measured_directions(lobes), sums};

@@ -47,7 +47,7 @@ static struct exr_part *values_part(const struct lobes *lobes, int first, int *r
     g_autoptr(GPtrArray) channels = g_ptr_array_new();
     const char *channel;
     g_autofree char *name = lobes_value_part(lobes, first, &channel);
-    const gsize pixels = (gsize)lobes->n_slices * (gsize)lobes->width * (gsize)lobes->height;
+    const gsize pixels = (gsize)lobes->n_slices * btf_layout_texels(&lobes->layout);
     int end = first;
     for (; end < lobes->n_values; end++) {
         g_autofree char *part = lobes_value_part(lobes, end, &channel);
@@ -58,7 +58,7 @@ static struct exr_part *values_part(const struct lobes *lobes, int first, int *r
     g_ptr_array_sort(channels, lobes_file_by_name);
     g_ptr_array_add(channels, NULL);
     struct exr_part *part =
-        exr_part_new(name, lobes->width, lobes->n_slices * lobes->height,
+        exr_part_new(name, lobes->layout.width, lobes->n_slices * lobes->layout.height,
                      (const char *const *)(gconstpointer)channels->pdata, EXR_HALF);
     for (int value = first; value < end; value++) {
         g_autofree char *same = lobes_value_part(lobes, value, &channel);
@@ -75,22 +75,12 @@ static void lobes_file_set_head(struct exr_part *part, const struct lobes *lobes
     exr_set_string(part, "mesorig.name", lobes->name ? lobes->name : "");
     exr_set_int(part, "mesorig.lobes", lobes->n_lobes);
     exr_set_int(part, "mesorig.slices", lobes->n_slices);
-    exr_set_int(part, "mesorig.width", lobes->width);
-    exr_set_int(part, "mesorig.height", lobes->height);
+    exr_set_int(part, "mesorig.width", lobes->layout.width);
+    exr_set_int(part, "mesorig.height", lobes->layout.height);
     exr_set_double(part, "mesorig.error", lobes->error);
     exr_set_double(part, "mesorig.exact_error", lobes->exact_error);
     exr_set_double(part, "mesorig.luminance_error", lobes->luminance_error);
-    exr_set_double(part, "texel_mm", lobes->texel_mm);
-    exr_set_double(part, "reference_mm", lobes->reference_mm);
-}
-
-static struct exr_part *lobes_file_directions_part(const char *name, const float *theta_deg,
-                                                   const float *phi_deg, int n) {
-    static const char *const channels[] = {"phi_deg", "theta_deg", NULL};
-    struct exr_part *part = exr_part_new(name, n, 1, channels, EXR_FLOAT);
-    memcpy(part->planes[0], phi_deg, sizeof(float) * (gsize)n);
-    memcpy(part->planes[1], theta_deg, sizeof(float) * (gsize)n);
-    return part;
+    btf_layout_write_sizes(&lobes->layout, part);
 }
 
 struct exr_file *lobes_to_exr(const struct lobes *lobes) {
@@ -100,10 +90,7 @@ struct exr_file *lobes_to_exr(const struct lobes *lobes) {
         exr_file_add(file, part);
     }
     lobes_file_set_head(g_ptr_array_index(file->parts, 0), lobes);
-    exr_file_add(file, lobes_file_directions_part("views", lobes->view_theta_deg,
-                                                  lobes->view_phi_deg, lobes->n_views));
-    exr_file_add(file, lobes_file_directions_part("lights", lobes->light_theta_deg,
-                                                  lobes->light_phi_deg, lobes->n_lights));
+    btf_layout_write_directions(&lobes->layout, file);
     return file;
 }
 
@@ -127,40 +114,6 @@ static gboolean lobes_file_all_finite(const float *values, gsize n) {
     return TRUE;
 }
 
-static gboolean lobes_file_read_directions(const struct exr_file *file, const char *name,
-                                           float **ret_theta, float **ret_phi, int *ret_n) {
-    const struct exr_part *part = exr_file_part(file, name);
-    const float *theta = part ? exr_part_plane(part, "theta_deg") : NULL;
-    const float *phi = part ? exr_part_plane(part, "phi_deg") : NULL;
-    if (!theta || !phi || part->height != 1 || !lobes_file_all_finite(theta, (gsize)part->width) ||
-        !lobes_file_all_finite(phi, (gsize)part->width))
-        return FALSE;
-    *ret_n = part->width;
-    *ret_theta = g_memdup2(theta, sizeof(float) * (gsize)part->width);
-    *ret_phi = g_memdup2(phi, sizeof(float) * (gsize)part->width);
-    return TRUE;
-}
-
-static gboolean read_numbers(struct lobes *lobes, const struct exr_part *part, GError **error) {
-    const struct {
-        const char *name;
-        double *to;
-    } doubles[] = {
-        {"mesorig.error", &lobes->error},
-        {"mesorig.exact_error", &lobes->exact_error},
-        {"mesorig.luminance_error", &lobes->luminance_error},
-        {"texel_mm", &lobes->texel_mm},
-        {"reference_mm", &lobes->reference_mm},
-    };
-    for (gsize i = 0; i < G_N_ELEMENTS(doubles); i++)
-        if (!exr_get_double(part, doubles[i].name, doubles[i].to, error))
-            return FALSE;
-    return exr_get_int(part, "mesorig.lobes", &lobes->n_lobes, error) &&
-           exr_get_int(part, "mesorig.slices", &lobes->n_slices, error) &&
-           exr_get_int(part, "mesorig.width", &lobes->width, error) &&
-           exr_get_int(part, "mesorig.height", &lobes->height, error);
-}
-
 static int expected_values(const struct lobes *lobes) {
     switch (lobes->model) {
     case LOBES_FIELDS:
@@ -178,46 +131,47 @@ static gboolean is_error(double value) {
     return value >= 0 && isfinite(value);
 }
 
-static const char *check_head(const struct lobes *lobes, const struct exr_part *part) {
-    const gboolean lobed = lobes->model == LOBES_FIELDS || lobes->model == LOBES_LAFORTUNE;
-    const gboolean views = lobes->model == LOBES_FIELDS || lobes->model == LOBES_PTM;
-    if (lobes->n_lobes < (lobed ? 1 : 0) || lobes->n_lobes > (lobed ? LOBES_MAX_LOBES : 0))
-        return "there can be 1 to 3 lobes";
-    if (lobes->n_slices != (views ? lobes->n_views : 1))
-        return "the slices do not fit the views";
-    if (lobes->width != part->width || lobes->height < 1 ||
-        (gint64)lobes->height * lobes->n_slices != part->height)
-        return "its size does not fit its parts";
-    if (!(lobes->texel_mm > 0) || !isfinite(lobes->texel_mm) || !isfinite(lobes->reference_mm))
-        return "texel_mm or reference_mm makes no sense";
-    if (!is_error(lobes->error) || !is_error(lobes->exact_error) ||
-        !is_error(lobes->luminance_error))
-        return "its errors are negative or not finite";
-    return NULL;
-}
-
 static gboolean lobes_file_read_head(struct lobes *lobes, const struct exr_file *file,
                                      const char *path, GError **error) {
     const struct exr_part *part = file->parts->len ? g_ptr_array_index(file->parts, 0) : NULL;
+    struct btf_layout *layout = &lobes->layout;
     const char *kind = NULL, *name = NULL;
+    int width, height;
     if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) ||
         !lobes_model_parse(kind, &lobes->model))
         return lobes_file_format_error(path, error, "its first part is not of such a kind");
-    if (!exr_get_string(part, "mesorig.name", &name, error) || !read_numbers(lobes, part, error))
+    if (!exr_get_string(part, "mesorig.name", &name, error) ||
+        !exr_get_double(part, "mesorig.error", &lobes->error, error) ||
+        !exr_get_double(part, "mesorig.exact_error", &lobes->exact_error, error) ||
+        !exr_get_double(part, "mesorig.luminance_error", &lobes->luminance_error, error) ||
+        !exr_get_int(part, "mesorig.lobes", &lobes->n_lobes, error) ||
+        !exr_get_int(part, "mesorig.slices", &lobes->n_slices, error) ||
+        !exr_get_int(part, "mesorig.width", &width, error) ||
+        !exr_get_int(part, "mesorig.height", &height, error))
         return FALSE;
     lobes->name = g_strdup(name);
-    if (!lobes_file_read_directions(file, "views", &lobes->view_theta_deg, &lobes->view_phi_deg,
-                                    &lobes->n_views) ||
-        !lobes_file_read_directions(file, "lights", &lobes->light_theta_deg, &lobes->light_phi_deg,
-                                    &lobes->n_lights))
-        return lobes_file_format_error(path, error, "views or lights are missing or damaged");
-    const char *what = check_head(lobes, part);
-    return !what || lobes_file_format_error(path, error, what);
+    const char *what = btf_layout_read(file, part, layout);
+    layout->width = (gsize)width;
+    layout->height = (gsize)height;
+    if (what)
+        return lobes_file_format_error(path, error, what);
+    const gboolean lobed = lobes->model == LOBES_FIELDS || lobes->model == LOBES_LAFORTUNE;
+    const gboolean views = lobes->model == LOBES_FIELDS || lobes->model == LOBES_PTM;
+    if (lobes->n_lobes < (lobed ? 1 : 0) || lobes->n_lobes > (lobed ? LOBES_MAX_LOBES : 0))
+        return lobes_file_format_error(path, error, "there can be 1 to 3 lobes");
+    if (lobes->n_slices < 1 || (gsize)lobes->n_slices != (views ? layout->views.n : 1))
+        return lobes_file_format_error(path, error, "the slices do not fit the views");
+    if (width != part->width || height < 1 || (gint64)height * lobes->n_slices != part->height)
+        return lobes_file_format_error(path, error, "its size does not fit its parts");
+    if (!is_error(lobes->error) || !is_error(lobes->exact_error) ||
+        !is_error(lobes->luminance_error))
+        return lobes_file_format_error(path, error, "its errors are negative or not finite");
+    return TRUE;
 }
 
 static gboolean lobes_file_read_values(struct lobes *lobes, const struct exr_file *file,
                                        const char *path, GError **error) {
-    const gsize pixels = (gsize)lobes->n_slices * (gsize)lobes->width * (gsize)lobes->height;
+    const gsize pixels = (gsize)lobes->n_slices * btf_layout_texels(&lobes->layout);
     lobes->n_values = expected_values(lobes);
     lobes->values = g_try_new(float, pixels *(gsize)lobes->n_values);
     if (!lobes->values)
@@ -227,8 +181,8 @@ static gboolean lobes_file_read_values(struct lobes *lobes, const struct exr_fil
         g_autofree char *name = lobes_value_part(lobes, value, &channel);
         const struct exr_part *part = exr_file_part(file, name);
         const float *plane = part ? exr_part_plane(part, channel) : NULL;
-        if (!plane || part->width != lobes->width ||
-            part->height != lobes->n_slices * lobes->height ||
+        if (!plane || (gsize)part->width != lobes->layout.width ||
+            (gsize)part->height != (gsize)lobes->n_slices * lobes->layout.height ||
             !lobes_file_all_finite(plane, pixels)) {
             g_autofree char *what =
                 g_strdup_printf("part %s, channel %s, is missing or damaged", name, channel);

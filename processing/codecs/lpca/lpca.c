@@ -53,10 +53,7 @@ void lpca_free(struct lpca *lpca) {
     if (!lpca)
         return;
     g_free(lpca->name);
-    g_free(lpca->view_theta_deg);
-    g_free(lpca->view_phi_deg);
-    g_free(lpca->light_theta_deg);
-    g_free(lpca->light_phi_deg);
+    btf_layout_clear(&lpca->layout);
     g_free(lpca->clusters);
     g_free(lpca->weights);
     g_free(lpca->brdfs);
@@ -67,17 +64,9 @@ void lpca_free(struct lpca *lpca) {
     g_free(lpca);
 }
 
-int lpca_dimensions(int n_views, int n_lights) {
-    return n_views * n_lights * COLOURS;
-}
-
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component) {
     return lpca->brdfs + (gsize)(cluster * (lpca->n_components + 1) + component) *
-                             (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
-}
-
-static float *lpca_copy(const float *values, gsize n) {
-    return g_memdup2(values, sizeof(float) * n);
+                             btf_layout_values(&lpca->layout);
 }
 
 float *lpca_ones(gsize n) {
@@ -89,25 +78,16 @@ float *lpca_ones(gsize n) {
 
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components) {
     const gsize tables = (gsize)n_clusters * (gsize)(n_components + 1);
-    const gsize texels = (gsize)btf->width * (gsize)btf->height;
+    const gsize texels = btf_layout_texels(&btf->layout);
     struct lpca *lpca = g_new0(struct lpca, 1);
     *lpca = (struct lpca){
         .name = g_strdup(btf->name),
-        .width = btf->width,
-        .height = btf->height,
-        .texel_mm = btf->texel_mm,
-        .reference_mm = btf->reference_mm,
-        .n_views = btf->n_views,
-        .n_lights = btf->n_lights,
+        .layout = btf_layout_copy(&btf->layout),
         .n_clusters = n_clusters,
         .n_components = n_components,
-        .view_theta_deg = lpca_copy(btf->view_theta_deg, (gsize)btf->n_views),
-        .view_phi_deg = lpca_copy(btf->view_phi_deg, (gsize)btf->n_views),
-        .light_theta_deg = lpca_copy(btf->light_theta_deg, (gsize)btf->n_lights),
-        .light_phi_deg = lpca_copy(btf->light_phi_deg, (gsize)btf->n_lights),
         .clusters = g_new0(int, texels),
         .weights = g_new0(float, texels *(gsize)n_components),
-        .brdfs = g_new0(float, tables *(gsize)lpca_dimensions(btf->n_views, btf->n_lights)),
+        .brdfs = g_new0(float, tables *btf_layout_values(&btf->layout)),
         .scales = lpca_ones(tables),
         .weight_scales = lpca_ones((gsize)n_clusters * (gsize)n_components),
     };
@@ -115,19 +95,16 @@ struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_compon
 }
 
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
-    const struct btf_matrix like = {
-        lpca->name,         lpca->width,           lpca->height,       lpca->texel_mm,
-        lpca->reference_mm, lpca->n_views,         lpca->n_lights,     lpca->view_theta_deg,
-        lpca->view_phi_deg, lpca->light_theta_deg, lpca->light_phi_deg};
-    const int c = lpca->n_components, texels = lpca->width * lpca->height;
-    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    const struct btf_matrix like = {.name = lpca->name, .layout = lpca->layout};
+    const int c = lpca->n_components, texels = btf_layout_texels(&lpca->layout);
+    const gsize d = btf_layout_values(&lpca->layout);
     g_return_val_if_fail(n_components >= 1 && n_components <= c, NULL);
     struct lpca *fewer = lpca_new(&like, lpca->n_clusters, n_components);
     memcpy(fewer->clusters, lpca->clusters, sizeof(int) * (gsize)texels);
     for (int i = 0; i < texels; i++)
         memcpy(fewer->weights + (gsize)i * (gsize)n_components, lpca->weights + (gsize)i * (gsize)c,
                sizeof(float) * (gsize)n_components);
-    const gsize lights = (gsize)lpca->n_lights;
+    const gsize lights = lpca->layout.lights.n;
     if (lpca->light_scales)
         fewer->light_scales = lpca_ones((gsize)(lpca->n_clusters * (n_components + 1)) * lights);
     for (int k = 0; k < lpca->n_clusters; k++) {
@@ -160,7 +137,7 @@ static void add_components(const struct lpca *lpca, int texel, int from, int n, 
 }
 
 void lpca_reconstruct(const struct lpca *lpca, int texel, float *ret) {
-    const int d = lpca_dimensions(lpca->n_views, lpca->n_lights);
+    const int d = (int)btf_layout_values(&lpca->layout);
     add_components(lpca, texel, 0, d, ret);
     if (lpca->colours == LPCA_LOG)
         lpca_from_log(ret, (gsize)d / COLOURS);
@@ -195,7 +172,7 @@ static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_sca
 }
 
 static void weights_to_steps(struct lpca *lpca) {
-    const int c = lpca->n_components, texels = lpca->width * lpca->height;
+    const int c = lpca->n_components, texels = btf_layout_texels(&lpca->layout);
     const int n = lpca->n_clusters * c;
     memset(lpca->weight_scales, 0, sizeof(float) * (gsize)n);
     for (int i = 0; i < texels * c; i++) {
@@ -212,7 +189,7 @@ static void weights_to_steps(struct lpca *lpca) {
 }
 
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
-    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    const gsize d = btf_layout_values(&lpca->layout);
     const int tables = lpca->n_components + 1;
     g_return_if_fail(lpca->quantise == LPCA_FLOAT && (int)quantise < LPCA_QUANTISE_KINDS);
     lpca->quantise = quantise;
@@ -221,29 +198,29 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
         return;
     if (quantise >= LPCA_8BIT && lpca->n_grid == 0)
         lpca->light_scales =
-            lpca_ones((gsize)lpca->n_clusters * (gsize)tables * (gsize)lpca->n_lights);
+            lpca_ones((gsize)lpca->n_clusters * (gsize)tables * lpca->layout.lights.n);
     if (quantise == LPCA_8BIT_WEIGHTS)
         weights_to_steps(lpca);
     else
-        lpca_to_halves(lpca->weights,
-                       (gsize)lpca->width * (gsize)lpca->height * (gsize)lpca->n_components);
+        lpca_to_halves(lpca->weights, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);
     for (int i = 0; i < lpca->n_clusters * tables; i++)
         if (quantise >= LPCA_8BIT && i % tables > 0)
-            lpca_to_steps(
-                lpca->brdfs + (gsize)i * d, lpca->n_views, lpca->n_lights, &lpca->scales[i],
-                lpca->light_scales ? lpca->light_scales + (gsize)i * (gsize)lpca->n_lights : NULL);
+            lpca_to_steps(lpca->brdfs + (gsize)i * d, lpca->layout.views.n, lpca->layout.lights.n,
+                          &lpca->scales[i],
+                          lpca->light_scales ? lpca->light_scales + (gsize)i * lpca->layout.lights.n
+                                             : NULL);
         else
             lpca_to_halves(lpca->brdfs + (gsize)i * d, d);
 }
 
 gint64 lpca_bytes(const struct lpca *lpca) {
-    const gint64 texels = (gint64)lpca->width * lpca->height, k = lpca->n_clusters;
-    const gint64 d = lpca_dimensions(lpca->n_views, lpca->n_lights), c = lpca->n_components;
+    const gint64 texels = btf_layout_texels(&lpca->layout), k = lpca->n_clusters;
+    const gint64 d = (int)btf_layout_values(&lpca->layout), c = lpca->n_components;
     const gint64 value = lpca->quantise == LPCA_FLOAT ? 4 : 2;
     const gint64 weight = lpca->quantise == LPCA_8BIT_WEIGHTS ? 1 : value;
     const gint64 scales = lpca->quantise == LPCA_8BIT_WEIGHTS ? 8 : 4;
     const gboolean bytes = lpca->quantise == LPCA_8BIT || lpca->quantise == LPCA_8BIT_WEIGHTS;
-    const gint64 lights = lpca->light_scales ? 2 * lpca->n_lights : 0;
+    const gint64 lights = lpca->light_scales ? 2 * lpca->layout.lights.n : 0;
     const gint64 brdfs = bytes ? k * (2 * d + c * (d + scales + lights)) : k * (c + 1) * d * value;
     return texels * ((k > 256 ? 2 : 1) + c * weight) + brdfs;
 }

@@ -63,13 +63,10 @@ void lpca_from_log(float *values, gsize n);
 
 struct lpca {
     char *name;
-    int width, height; /* texels */
-    double texel_mm, reference_mm;
-    int n_views, n_lights, n_clusters, n_components;
+    struct btf_layout layout;
+    int n_clusters, n_components;
     int n_grid; /* 0; or views and lights are the n_grid² samples of resample.h, not measured ones
                  */
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
     int *clusters;                          /* height × width: k(x) */
     float *weights;                         /* height × width × n_components */
     float *brdfs;  /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */

@@ -52,7 +52,7 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     case LPCA_KEPT_WEIGHTS:
         return sizeof(float) * n * c;
     default:
-        return sizeof(double) * k * (gsize)run->btf->n_views;
+        return sizeof(double) * k * run->btf->layout.views.n;
     }
 }
 
@@ -155,8 +155,8 @@ struct piece {
 #define PIECES 3
 
 static void pieces(const struct lpca *lpca, struct piece ret[PIECES]) {
-    const gsize n = (gsize)lpca->width * (gsize)lpca->height, c = (gsize)lpca->n_components;
-    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    const gsize n = btf_layout_texels(&lpca->layout), c = (gsize)lpca->n_components;
+    const gsize d = btf_layout_values(&lpca->layout);
     ret[0] = (struct piece){"clusters", lpca->clusters, sizeof(int) * n};
     ret[1] = (struct piece){"weights", lpca->weights, sizeof(float) * n * c};
     ret[2] =

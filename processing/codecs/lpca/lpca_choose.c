@@ -25,10 +25,10 @@ struct choosing {
 static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_wish *wish,
                                   int clusters, int components) {
     const struct lpca like = {
-        .width = btf->width,
-        .height = btf->height,
-        .n_views = wish->n_grid ? wish->n_grid * wish->n_grid : btf->n_views,
-        .n_lights = wish->n_grid ? wish->n_grid * wish->n_grid : btf->n_lights,
+        .layout.width = btf->layout.width,
+        .layout.height = btf->layout.height,
+        .layout.views.n = wish->n_grid ? wish->n_grid * wish->n_grid : btf->layout.views.n,
+        .layout.lights.n = wish->n_grid ? wish->n_grid * wish->n_grid : btf->layout.lights.n,
         .n_clusters = clusters,
         .n_components = components,
         .quantise = wish->quantise,
@@ -37,7 +37,7 @@ static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpc
 }
 
 static gint64 raw_bytes(const struct btf_matrix *btf) {
-    return 2 * 3 * (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
+    return 2 * 3 * btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
 }
 
 /* With an error to reach: smaller than the best so far, and than the BTF; of a few texels, as many
@@ -51,7 +51,7 @@ static gint64 most_bytes(const struct choosing *choosing) {
         return most;
     if (best->n_clusters > 0)
         return MIN(most, lpca_choose_size_of(btf, wish, best->n_clusters, best->n_components) - 1);
-    const gint64 texels = (gint64)btf->width * btf->height;
+    const gint64 texels = btf_layout_texels(&btf->layout);
     const int all = (int)MIN(texels, LPCA_MAX_COMPONENTS);
     return MIN(most, MAX(raw_bytes(btf), lpca_choose_size_of(btf, wish, 1, all)));
 }
@@ -61,7 +61,7 @@ static int most_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
     int c = MIN(choosing->wish->n_components, LPCA_MAX_COMPONENTS);
-    c = MIN(c, btf->n_views * btf->n_lights * 3);
+    c = MIN(c, btf_layout_values(&btf->layout));
     while (c > 0 && lpca_choose_size_of(btf, choosing->wish, clusters, c) > bytes)
         c--;
     return c;
@@ -185,7 +185,7 @@ static void lpca_choose_leave(const struct choosing *choosing) {
 }
 
 static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
-    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    const gsize d = btf_layout_values(&lpca->layout);
     for (int k = 0; k < lpca->n_clusters; k++) {
         const float *brdf = lpca_brdf(lpca, k, component);
         for (gsize i = 0; i < d; i++)
@@ -210,7 +210,7 @@ static struct lpca *without_unused(struct lpca *lpca) {
 
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_wish *wish, GError **error) {
-    const gint64 most = MIN((gint64)btf->width * btf->height, LPCA_MAX_CLUSTERS);
+    const gint64 most = MIN(btf_layout_texels(&btf->layout), LPCA_MAX_CLUSTERS);
     struct choosing choosing = {btf, options, wish, {.wish = *wish}, NULL};
     gboolean ok = TRUE;
     if (wish->bytes > 0 && most_components(&choosing, 1) == 0)

@@ -146,7 +146,7 @@ static void lpca_compute_read_sample(const struct sample *sample, const int *tex
     for (int i = 0; i < sample->n; i++) {
         float *row = sample->rows + (gsize)i * d;
         gsize stride;
-        for (int view = 0; view < run->btf->n_views; view++)
+        for (gsize view = 0; view < run->btf->layout.views.n; view++)
             if (texels[i] >= run->first && texels[i] < run->end)
                 memcpy(row + (gsize)view * columns,
                        lpca_run_rows(run, view, texels[i], 1, buffer, &stride),
@@ -259,7 +259,7 @@ static void reduce_block(int block, gpointer data) {
     const gsize r = (gsize)run->r;
     float *to = run->rows + (gsize)from * r;
     g_autofree float *buffer = g_new(float, (gsize)n *(gsize)run->columns);
-    for (int view = 0; view < run->btf->n_views; view++) {
+    for (gsize view = 0; view < run->btf->layout.views.n; view++) {
         const gsize at = (gsize)view * (gsize)run->columns;
         gsize stride;
         const float *rows = lpca_run_rows(run, view, from, n, buffer, &stride);
@@ -387,8 +387,8 @@ static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
 }
 
 gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options) {
-    const gint64 n = (gint64)btf->width * btf->height, k = options->n_clusters;
-    const gint64 d = lpca_dimensions(btf->n_views, btf->n_lights), c = options->n_components;
+    const gint64 n = btf_layout_texels(&btf->layout), k = options->n_clusters;
+    const gint64 d = (int)btf_layout_values(&btf->layout), c = options->n_components;
     const gint64 r = reduced_to((int)d, (int)c), samples = lpca_compute_samples_of((int)n, (int)r);
     const gint64 threads =
         options->work.n_threads > 0 ? options->work.n_threads : (gint64)g_get_num_processors();
@@ -398,7 +398,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     /* Thrice as it is, with what is turned, and two that are rounded, each with its whole numbers.
      */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
-    const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->n_views + c);
+    const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
     /* Copied to be written. */
     const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
@@ -422,21 +422,22 @@ static gboolean lpca_compute_check_memory(const struct btf_matrix *btf,
     if (options->memory <= 0 || least <= options->memory)
         return TRUE;
     /* Given that much, a BTF that is smaller would not stay in a file. */
-    const gint64 values = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
+    const gint64 values = btf_matrix_bytes(&btf->layout);
     g_autofree char *need = format_need(least + (values <= least ? values : 0));
     g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%d clusters of %d components for %d × %d texels, %d views and %d lights take %s "
-                "of memory, not %s; allow more, or ask for fewer of them",
-                options->n_clusters, options->n_components, btf->width, btf->height, btf->n_views,
-                btf->n_lights, need, given);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "%d clusters of %d components for %zu × %zu texels, %zu views and %zu lights take %s "
+        "of memory, not %s; allow more, or ask for fewer of them",
+        options->n_clusters, options->n_components, btf->layout.width, btf->layout.height,
+        btf->layout.views.n, btf->layout.lights.n, need, given);
     return FALSE;
 }
 
 static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
                                          const struct lpca_options *options, GError **error) {
-    const gint64 texels = (gint64)btf->width * btf->height;
-    const gint64 values = (gint64)btf->n_views * btf->n_lights * COLOURS;
+    const gint64 texels = btf_layout_texels(&btf->layout);
+    const gint64 values = btf_layout_values(&btf->layout);
     const int most = options->to_pack ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
     const char *what = NULL;
     if (texels < 1 || values < 1 || texels > G_MAXINT / 2 || values > G_MAXINT / 2)
@@ -448,10 +449,11 @@ static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
     else if (!isfinite(options->target) || options->target < 0)
         what = "the error to reach must be a number above 0";
     if (what)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d clusters of %d components for %d × %d texels, %d views and %d lights: %s",
-                    options->n_clusters, options->n_components, btf->width, btf->height,
-                    btf->n_views, btf->n_lights, what);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%d clusters of %d components for %zu × %zu texels, %zu views and %zu lights: %s",
+            options->n_clusters, options->n_components, btf->layout.width, btf->layout.height,
+            btf->layout.views.n, btf->layout.lights.n, what);
     return what == NULL && lpca_compute_check_memory(btf, options, error);
 }
 
@@ -462,9 +464,9 @@ static gboolean lpca_compute_check_values(const struct lpca_run *run, GError **e
         if (!isfinite(run->btf->values[i])) {
             const int texel = run->first + (int)(i / d);
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "view %d, texel (%d, %d) is not a number; make that view's BTF again",
-                        (int)(i % d) / run->columns, texel % run->btf->width,
-                        texel / run->btf->width);
+                        "view %d, texel (%zu, %zu) is not a number; make that view's BTF again",
+                        (int)(i % d) / run->columns, texel % run->btf->layout.width,
+                        texel / run->btf->layout.width);
             return FALSE;
         }
     return TRUE;
@@ -476,9 +478,9 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     g_return_val_if_fail(!options->team || !options->checkpoint, NULL);
     if (!lpca_compute_check_sizes(btf, options, error))
         return NULL;
-    struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
-    run.d = lpca_dimensions(btf->n_views, btf->n_lights);
-    run.columns = run.d / btf->n_views;
+    struct lpca_run run = {.btf = btf, .options = options, .n = btf_layout_texels(&btf->layout)};
+    run.d = (int)btf_layout_values(&btf->layout);
+    run.columns = run.d / btf->layout.views.n;
     run.r = reduced_to(run.d, options->n_components);
     team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
               &run.end);

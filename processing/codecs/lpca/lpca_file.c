@@ -8,20 +8,11 @@
 
 static const char *const colours[] = {"R", "G", "B"};
 
-static struct exr_part *lpca_file_directions_part(const char *name, const float *theta_deg,
-                                                  const float *phi_deg, int n) {
-    static const char *const channels[] = {"phi_deg", "theta_deg", NULL};
-    struct exr_part *part = exr_part_new(name, n, 1, channels, EXR_FLOAT);
-    memcpy(part->planes[0], phi_deg, sizeof(float) * (gsize)n);
-    memcpy(part->planes[1], theta_deg, sizeof(float) * (gsize)n);
-    return part;
-}
-
 static struct exr_part *clusters_part(const struct lpca *lpca) {
     static const char *const channels[] = {"K", NULL};
     struct exr_part *part =
-        exr_part_new("clusters", lpca->width, lpca->height, channels, EXR_FLOAT);
-    for (int i = 0; i < lpca->width * lpca->height; i++)
+        exr_part_new("clusters", lpca->layout.width, lpca->layout.height, channels, EXR_FLOAT);
+    for (gsize i = 0; i < btf_layout_texels(&lpca->layout); i++)
         part->planes[0][i] = (float)lpca->clusters[i];
     exr_set_string(part, "mesorig.kind", "lpca");
     exr_set_string(part, "mesorig.name", lpca->name ? lpca->name : "");
@@ -33,8 +24,7 @@ static struct exr_part *clusters_part(const struct lpca *lpca) {
         exr_set_string(part, "mesorig.colours", "log");
     if (lpca->quantise == LPCA_PACKED)
         exr_set_double(part, "mesorig.step", lpca->packed->step);
-    exr_set_double(part, "texel_mm", lpca->texel_mm);
-    exr_set_double(part, "reference_mm", lpca->reference_mm);
+    btf_layout_write_sizes(&lpca->layout, part);
     return part;
 }
 
@@ -54,10 +44,10 @@ static struct exr_part *weights_part(const struct lpca *lpca) {
     g_auto(GStrv) channels = g_new0(char *, c + 1);
     for (int i = 0; i < c; i++)
         channels[i] = g_strdup_printf("W%02d", i + 1);
-    struct exr_part *part =
-        exr_part_new("weights", lpca->width, lpca->height, (const char *const *)channels,
-                     lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
-    for (int texel = 0; texel < lpca->width * lpca->height; texel++)
+    struct exr_part *part = exr_part_new("weights", lpca->layout.width, lpca->layout.height,
+                                         (const char *const *)channels,
+                                         lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
+    for (gsize texel = 0; texel < btf_layout_texels(&lpca->layout); texel++)
         for (int i = 0; i < c; i++)
             part->planes[i][texel] = stored_weight(lpca, texel, i);
     return part;
@@ -77,9 +67,9 @@ static struct exr_part *light_scales_part(const struct lpca *lpca) {
     static const char *const channels[] = {"S", NULL};
     const int tables = lpca->n_clusters * (lpca->n_components + 1);
     struct exr_part *part =
-        exr_part_new("light_scales", lpca->n_lights, tables, channels, EXR_HALF);
+        exr_part_new("light_scales", lpca->layout.lights.n, tables, channels, EXR_HALF);
     memcpy(part->planes[0], lpca->light_scales,
-           sizeof(float) * (gsize)lpca->n_lights * (gsize)tables);
+           sizeof(float) * lpca->layout.lights.n * (gsize)tables);
     return part;
 }
 
@@ -88,12 +78,12 @@ static char *table_name(int component) {
 }
 
 static gsize table_size(const struct lpca *lpca) {
-    return (gsize)lpca->n_views * (gsize)lpca->n_lights;
+    return lpca->layout.views.n * lpca->layout.lights.n;
 }
 
 /* Of value i of a table that is not a mean. */
 static float step_of(const struct lpca *lpca, gsize table, gsize i) {
-    const gsize n = (gsize)lpca->n_lights;
+    const gsize n = lpca->layout.lights.n;
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
 }
 
@@ -103,7 +93,7 @@ static struct exr_part *table_part(const struct lpca *lpca, int component) {
     const gsize size = table_size(lpca);
     g_autofree char *name = table_name(component);
     struct exr_part *part =
-        exr_part_new(name, lpca->n_lights, lpca->n_clusters * lpca->n_views, channels,
+        exr_part_new(name, lpca->layout.lights.n, lpca->n_clusters * lpca->layout.views.n, channels,
                      lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
     for (int k = 0; k < lpca->n_clusters; k++) {
         const gsize table = (gsize)k * tables + (gsize)component;
@@ -134,10 +124,7 @@ struct exr_file *lpca_to_exr(const struct lpca *lpca) {
         exr_file_add(file, light_scales_part(lpca));
     for (int i = 0; !packed && i <= lpca->n_components; i++)
         exr_file_add(file, table_part(lpca, i));
-    exr_file_add(file, lpca_file_directions_part("views", lpca->view_theta_deg, lpca->view_phi_deg,
-                                                 lpca->n_views));
-    exr_file_add(file, lpca_file_directions_part("lights", lpca->light_theta_deg,
-                                                 lpca->light_phi_deg, lpca->n_lights));
+    btf_layout_write_directions(&lpca->layout, file);
     return file;
 }
 
@@ -169,19 +156,6 @@ static const float *plane(const struct exr_file *file, const char *name, const c
     return values;
 }
 
-static gboolean lpca_file_read_directions(const struct exr_file *file, const char *name,
-                                          float **ret_theta, float **ret_phi, int *ret_n) {
-    const struct exr_part *part = exr_file_part(file, name);
-    const float *theta = part ? plane(file, name, "theta_deg", part->width, 1) : NULL;
-    const float *phi = part ? plane(file, name, "phi_deg", part->width, 1) : NULL;
-    if (!theta || !phi)
-        return FALSE;
-    *ret_n = part->width;
-    *ret_theta = g_memdup2(theta, sizeof(float) * (gsize)part->width);
-    *ret_phi = g_memdup2(phi, sizeof(float) * (gsize)part->width);
-    return TRUE;
-}
-
 static gboolean lpca_file_read_colours(struct lpca *lpca, const struct exr_part *part) {
     const char *name = "rgb";
     exr_get_string(part, "mesorig.colours", &name, NULL);
@@ -197,28 +171,23 @@ static gboolean lpca_file_read_head(struct lpca *lpca, const struct exr_file *fi
         return lpca_file_format_error(path, error, "there is no part \"clusters\" of that kind");
     if (!exr_get_string(part, "mesorig.name", &name, error) ||
         !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
-        !exr_get_double(part, "mesorig.error", &lpca->error, error) ||
-        !exr_get_double(part, "texel_mm", &lpca->texel_mm, error) ||
-        !exr_get_double(part, "reference_mm", &lpca->reference_mm, error))
+        !exr_get_double(part, "mesorig.error", &lpca->error, error))
         return FALSE;
     lpca->name = g_strdup(name);
-    lpca->width = part->width;
-    lpca->height = part->height;
+    lpca->layout.width = (gsize)part->width;
+    lpca->layout.height = (gsize)part->height;
     if (!lpca_quantise_parse(quantise, &lpca->quantise))
         return lpca_file_format_error(
             path, error, "mesorig.quantise is not float, half, 8bit, 8bit-weights or packed");
     if (!lpca_file_read_colours(lpca, part))
         return lpca_file_format_error(path, error, "mesorig.colours is not rgb or log");
-    if (!(lpca->texel_mm > 0) || !isfinite(lpca->texel_mm) || !isfinite(lpca->reference_mm))
-        return lpca_file_format_error(path, error, "texel_mm or reference_mm makes no sense");
-    if (!lpca_file_read_directions(file, "views", &lpca->view_theta_deg, &lpca->view_phi_deg,
-                                   &lpca->n_views) ||
-        !lpca_file_read_directions(file, "lights", &lpca->light_theta_deg, &lpca->light_phi_deg,
-                                   &lpca->n_lights))
-        return lpca_file_format_error(path, error, "views or lights are missing or damaged");
+    const char *what = btf_layout_read(file, part, &lpca->layout);
+    if (what)
+        return lpca_file_format_error(path, error, what);
     if (exr_get_int(part, "mesorig.grid", &lpca->n_grid, NULL) &&
-        (lpca->n_grid < 2 || lpca->n_grid > 1024 || lpca->n_views != lpca->n_grid * lpca->n_grid ||
-         lpca->n_lights != lpca->n_views))
+        (lpca->n_grid < 2 || lpca->n_grid > 1024 ||
+         lpca->layout.views.n != (gsize)lpca->n_grid * (gsize)lpca->n_grid ||
+         lpca->layout.lights.n != lpca->layout.views.n))
         return lpca_file_format_error(path, error, "its views and lights are not those of a grid");
     part = exr_file_part(file, "scales");
     const int most = lpca->quantise == LPCA_PACKED ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
@@ -255,8 +224,8 @@ static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file
     if (!exr_file_part(file, "light_scales"))
         return TRUE;
     const int tables = lpca->n_clusters * (lpca->n_components + 1);
-    const gsize n = (gsize)tables * (gsize)lpca->n_lights;
-    const float *scales = plane(file, "light_scales", "S", lpca->n_lights, tables);
+    const gsize n = (gsize)tables * lpca->layout.lights.n;
+    const float *scales = plane(file, "light_scales", "S", lpca->layout.lights.n, tables);
     for (gsize i = 0; scales && i < n; i++)
         if (!(scales[i] > 0))
             return FALSE;
@@ -267,8 +236,8 @@ static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file
 
 static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, const char *path,
                               GError **error) {
-    const int n = lpca->width * lpca->height;
-    const float *clusters = plane(file, "clusters", "K", lpca->width, lpca->height);
+    const int n = btf_layout_texels(&lpca->layout);
+    const float *clusters = plane(file, "clusters", "K", lpca->layout.width, lpca->layout.height);
     if (!clusters)
         return lpca_file_format_error(path, error, "clusters are missing or damaged");
     lpca->clusters = g_new(int, n);
@@ -283,13 +252,14 @@ static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, co
 
 static gboolean lpca_file_read_texels(struct lpca *lpca, const struct exr_file *file,
                                       const char *path, GError **error) {
-    const int c = lpca->n_components, n = lpca->width * lpca->height;
+    const int c = lpca->n_components, n = btf_layout_texels(&lpca->layout);
     if (!read_weight_scales(lpca, file))
         return lpca_file_format_error(path, error, "weight_scales are missing or damaged");
     lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
     for (int i = 0; i < c; i++) {
         g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
-        const float *weights = plane(file, "weights", channel, lpca->width, lpca->height);
+        const float *weights =
+            plane(file, "weights", channel, lpca->layout.width, lpca->layout.height);
         if (!weights || !lpca->weights)
             return lpca_file_format_error(path, error, "weights are missing or damaged");
         for (int texel = 0; texel < n; texel++)
@@ -303,10 +273,11 @@ static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int c
     const gsize tables = (gsize)lpca->n_components + 1;
     const gsize size = table_size(lpca);
     g_autofree char *name = table_name(component);
-    const gint64 height = (gint64)lpca->n_clusters * lpca->n_views;
+    const gint64 height = (gint64)lpca->n_clusters * lpca->layout.views.n;
     for (int c = 0; c < COLOURS; c++) {
         const float *values =
-            height <= G_MAXINT ? plane(file, name, colours[c], lpca->n_lights, (int)height) : NULL;
+            height <= G_MAXINT ? plane(file, name, colours[c], lpca->layout.lights.n, (int)height)
+                               : NULL;
         if (!values)
             return FALSE;
         for (int k = 0; k < lpca->n_clusters; k++) {
@@ -326,8 +297,8 @@ static gboolean lpca_file_read_tables(struct lpca *lpca, const struct exr_file *
     lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     const struct exr_part *means = exr_file_part(file, "means");
     /* Checked before memory is asked for: the sizes come from parts of a few values. */
-    if (!lpca->scales || !means || means->width != lpca->n_lights ||
-        means->height != (gint64)lpca->n_clusters * lpca->n_views)
+    if (!lpca->scales || !means || (gsize)means->width != lpca->layout.lights.n ||
+        (gsize)means->height != (gsize)lpca->n_clusters * lpca->layout.views.n)
         return lpca_file_format_error(path, error, "scales or means are missing or damaged");
     if (!read_light_scales(lpca, file))
         return lpca_file_format_error(path, error, "light_scales are damaged");
@@ -360,8 +331,7 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
         return lpca_file_format_error(path, error, "what is packed is missing or damaged");
     lpca->scales = lpca_ones(n);
     lpca->weight_scales = lpca_ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
-    lpca->weights =
-        g_try_new(float, (gsize)lpca->width *(gsize)lpca->height *(gsize)lpca->n_components);
+    lpca->weights = g_try_new(float, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);
     lpca->brdfs = g_try_new(float, n *table_size(lpca) * COLOURS);
     if (!lpca->weights || !lpca->brdfs)
         return lpca_file_format_error(path, error, "it is larger than memory");

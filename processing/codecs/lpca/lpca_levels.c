@@ -15,12 +15,12 @@ static double overlap(int i, int half, int j, int n) {
 
 static void average(const struct btf_matrix *btf, const struct btf_matrix *half, int x, int y,
                     gsize row) {
-    float *to = half->values + ((gsize)y * (gsize)half->width + (gsize)x) * row;
-    for (int j = 0; j < btf->height; j++) {
-        const double down = overlap(y, half->height, j, btf->height);
-        for (int i = 0; down > 0 && i < btf->width; i++) {
-            const double share = down * overlap(x, half->width, i, btf->width);
-            const float *from = btf->values + ((gsize)j * (gsize)btf->width + (gsize)i) * row;
+    float *to = half->values + ((gsize)y * half->layout.width + (gsize)x) * row;
+    for (gsize j = 0; j < btf->layout.height; j++) {
+        const double down = overlap(y, half->layout.height, j, btf->layout.height);
+        for (gsize i = 0; down > 0 && i < btf->layout.width; i++) {
+            const double share = down * overlap(x, half->layout.width, i, btf->layout.width);
+            const float *from = btf->values + ((gsize)j * btf->layout.width + (gsize)i) * row;
             if (share > 0)
                 cblas_saxpy((int)row, (float)share, from, 1, to, 1);
         }
@@ -28,27 +28,22 @@ static void average(const struct btf_matrix *btf, const struct btf_matrix *half,
 }
 
 struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf) {
-    const gsize row = (gsize)btf->n_views * (gsize)btf->n_lights * 3;
-    const gsize views = sizeof(float) * (gsize)btf->n_views;
-    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
+    const gsize row = btf_layout_values(&btf->layout);
     struct btf_matrix *half = g_new0(struct btf_matrix, 1);
-    if (btf->width <= 1 && btf->height <= 1) {
+    if (btf->layout.width <= 1 && btf->layout.height <= 1) {
         g_free(half);
         return NULL;
     }
     *half = *btf;
     half->name = g_strdup(btf->name);
     half->directory = g_strdup(btf->directory);
-    half->width = MAX(1, btf->width / 2);
-    half->height = MAX(1, btf->height / 2);
-    half->texel_mm = btf->texel_mm * btf->width / half->width;
-    half->view_theta_deg = g_memdup2(btf->view_theta_deg, views);
-    half->view_phi_deg = g_memdup2(btf->view_phi_deg, views);
-    half->light_theta_deg = g_memdup2(btf->light_theta_deg, lights);
-    half->light_phi_deg = g_memdup2(btf->light_phi_deg, lights);
-    half->values = g_new0(float, (gsize)half->width *(gsize)half->height *row);
-    for (int y = 0; y < half->height; y++)
-        for (int x = 0; x < half->width; x++)
+    half->layout = btf_layout_copy(&btf->layout);
+    half->layout.width = MAX(1, btf->layout.width / 2);
+    half->layout.height = MAX(1, btf->layout.height / 2);
+    half->layout.texel_mm = btf->layout.texel_mm * btf->layout.width / half->layout.width;
+    half->values = g_new0(float, btf_layout_texels(&half->layout) * row);
+    for (gsize y = 0; y < half->layout.height; y++)
+        for (gsize x = 0; x < half->layout.width; x++)
             average(btf, half, x, y, row);
     return half;
 }

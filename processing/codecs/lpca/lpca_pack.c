@@ -57,12 +57,12 @@ static int n_tables(const struct lpca *lpca) {
 }
 
 static gsize dimensions(const struct lpca *lpca) {
-    return (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    return btf_layout_values(&lpca->layout);
 }
 
 /* What an error in a table counts for. */
 static float *lpca_pack_find_scales(const struct lpca *lpca) {
-    const int c = lpca->n_components, tables = c + 1, texels = lpca->width * lpca->height;
+    const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
     float *scales = g_new(float, n_tables(lpca));
     for (int x = 0; x < texels; x++) {
@@ -99,7 +99,7 @@ struct ways {
 };
 
 static void add_table(const struct lpca *lpca, const float *scales, int table, struct ways *to) {
-    const int v = lpca->n_views, l = lpca->n_lights;
+    const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
     const float *values = lpca->brdfs + (gsize)table * dimensions(lpca);
     const float scale = scales[table] * scales[table];
     g_autofree float *split = g_new(float, dimensions(lpca));
@@ -167,7 +167,7 @@ static void clear_turns(struct turns *turns) {
 }
 
 static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
-    const int v = lpca->n_views, l = lpca->n_lights;
+    const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
     struct ways ways = {g_new0(float, v *v), g_new0(float, l *l), {0}};
     float colours[9];
     packed->n_views = v;
@@ -202,7 +202,7 @@ static void turn_colours(const float *turn, gboolean back, int lines, int n, flo
 static void turn_table(int table, gpointer data) {
     const struct lpca_packer *packer = data;
     const struct lpca *lpca = packer->lpca;
-    const int v = lpca->n_views, l = lpca->n_lights;
+    const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
     const gsize d = dimensions(lpca);
     float *to = packer->tables + (gsize)table * d;
     g_autofree float *turned = g_new(float, d), *split = g_new(float, d);
@@ -236,19 +236,20 @@ struct mapping {
 static void map_weights(int component, gpointer data) {
     const struct mapping *mapping = data;
     const struct lpca *lpca = mapping->lpca;
-    const gsize n = (gsize)lpca->width * (gsize)lpca->height, c = (gsize)lpca->n_components;
+    const gsize n = btf_layout_texels(&lpca->layout), c = (gsize)lpca->n_components;
     float *map = mapping->maps + (gsize)component * n, *weights = lpca->weights + component;
     g_autofree float *picture = g_new(float, n);
     for (gsize x = 0; mapping->forward && x < n; x++)
         picture[x] = weights[x * c];
-    turn_map(mapping->rows, lpca->height, mapping->columns, lpca->width, mapping->forward,
-             mapping->forward ? picture : map, mapping->forward ? map : picture);
+    turn_map(mapping->rows, lpca->layout.height, mapping->columns, lpca->layout.width,
+             mapping->forward, mapping->forward ? picture : map, mapping->forward ? map : picture);
     for (gsize x = 0; !mapping->forward && x < n; x++)
         weights[x * c] = picture[x];
 }
 
 static void map_all(const struct lpca *lpca, float *maps, gboolean forward, int n_threads) {
-    g_autofree float *rows = lpca_cosines(lpca->height), *columns = lpca_cosines(lpca->width);
+    g_autofree float *rows = lpca_cosines(lpca->layout.height),
+                     *columns = lpca_cosines(lpca->layout.width);
     struct mapping mapping = {lpca, rows, columns, maps, forward};
     work_for_each(n_threads, lpca->n_components, map_weights, &mapping);
 }
@@ -260,9 +261,9 @@ struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
     packer->n_threads = n_threads;
     packer->axes.scales = lpca_pack_find_scales(lpca);
     packer->tables = g_new(float, (gsize)n_tables(lpca) * dimensions(lpca));
-    packer->maps = g_new(float, (gsize)lpca->n_components *(gsize)lpca->width *(gsize)lpca->height);
+    packer->maps = g_new(float, (gsize)lpca->n_components *btf_layout_texels(&lpca->layout));
     lpca_pack_find_axes(lpca, &packer->axes);
-    packer->turns = make_turns(&packer->axes, lpca->n_views, lpca->n_lights);
+    packer->turns = make_turns(&packer->axes, lpca->layout.views.n, lpca->layout.lights.n);
     work_for_each(n_threads, n_tables(lpca), turn_table, packer);
     map_all(packer->lpca, packer->maps, TRUE, n_threads);
     return packer;
@@ -294,7 +295,7 @@ static gboolean lpca_pack_is_used(const float *values, gsize n, double step) {
 /* Components without a number that counts are of no use, in all clusters. */
 static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
-    const gsize n = (gsize)lpca->width * (gsize)lpca->height, d = dimensions(lpca);
+    const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
     for (int i = lpca->n_components; i > 1; i--)
         for (int k = 0;
              lpca_pack_is_used(packer->maps + (gsize)(i - 1) * n, n, step) && k < lpca->n_clusters;
@@ -315,8 +316,8 @@ static void used_axes(const struct lpca_packer *packer, int components, double s
         const float *table = packer->tables + (gsize)i * dimensions(lpca);
         for (int j = 0; i % tables <= components && j < (int)dimensions(lpca); j++)
             if (lpca_pack_steps(table[j], step) != 0) {
-                *ret_views = MAX(*ret_views, j / (COLOURS * lpca->n_lights) + 1);
-                *ret_lights = MAX(*ret_lights, j % lpca->n_lights + 1);
+                *ret_views = MAX(*ret_views, j / (COLOURS * lpca->layout.lights.n) + 1);
+                *ret_lights = MAX(*ret_lights, j % lpca->layout.lights.n + 1);
             }
     }
 }
@@ -332,7 +333,7 @@ static void round_tables(const struct lpca_packer *packer, const struct lpca *to
         packed->scales[i] = packer->axes.scales[from];
         for (int line = 0; line < lines; line++)
             for (int l = 0; l < packed->n_lights; l++)
-                *at++ = lpca_pack_steps(table[line * lpca->n_lights + l], step);
+                *at++ = lpca_pack_steps(table[line * lpca->layout.lights.n + l], step);
     }
 }
 
@@ -340,14 +341,14 @@ struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     struct lpca *ret = lpca_truncated(lpca, used_components(packer, step));
     struct lpca_packed *packed = ret->packed = lpca_packed_new();
-    const gsize n = (gsize)ret->n_components * (gsize)lpca->width * (gsize)lpca->height;
+    const gsize n = (gsize)ret->n_components * btf_layout_texels(&lpca->layout);
     ret->quantise = LPCA_PACKED;
     packed->step = step;
     used_axes(packer, ret->n_components, step, &packed->n_views, &packed->n_lights);
-    packed->views =
-        g_memdup2(packer->axes.views, sizeof(float) * (gsize)(packed->n_views * lpca->n_views));
-    packed->lights =
-        g_memdup2(packer->axes.lights, sizeof(float) * (gsize)(packed->n_lights * lpca->n_lights));
+    packed->views = g_memdup2(packer->axes.views,
+                              sizeof(float) * (gsize)(packed->n_views * lpca->layout.views.n));
+    packed->lights = g_memdup2(packer->axes.lights,
+                               sizeof(float) * (gsize)(packed->n_lights * lpca->layout.lights.n));
     memcpy(packed->colours, packer->axes.colours, sizeof packed->colours);
     packed->scales = g_new(float, n_tables(ret));
     packed->tables = g_new0(gint32, (gsize)n_tables(ret) * (gsize)packed->n_views * COLOURS *
@@ -370,7 +371,7 @@ static void unpack_table(int table, gpointer data) {
     const struct turns *turns = &unpacking->turns;
     const struct lpca *lpca = unpacking->lpca;
     const struct lpca_packed *packed = lpca->packed;
-    const int v = lpca->n_views, l = lpca->n_lights, kept = packed->n_views;
+    const int v = lpca->layout.views.n, l = lpca->layout.lights.n, kept = packed->n_views;
     const gsize n = (gsize)kept * COLOURS * (gsize)packed->n_lights;
     const gint32 *from = packed->tables + (gsize)table * n;
     float *to = lpca->brdfs + (gsize)table * dimensions(lpca);
@@ -387,12 +388,13 @@ static void unpack_table(int table, gpointer data) {
 }
 
 void lpca_unpack(struct lpca *lpca, int n_threads) {
-    const gsize n = (gsize)lpca->n_components * (gsize)lpca->width * (gsize)lpca->height;
+    const gsize n = (gsize)lpca->n_components * btf_layout_texels(&lpca->layout);
     g_autofree float *maps = g_new(float, n);
     for (gsize i = 0; i < n; i++)
         maps[i] = (float)(lpca->packed->maps[i] * lpca->packed->step);
     map_all(lpca, maps, FALSE, n_threads);
-    struct unpacking unpacking = {lpca, make_turns(lpca->packed, lpca->n_views, lpca->n_lights)};
+    struct unpacking unpacking = {
+        lpca, make_turns(lpca->packed, lpca->layout.views.n, lpca->layout.lights.n)};
     work_for_each(n_threads, n_tables(lpca), unpack_table, &unpacking);
     clear_turns(&unpacking.turns);
 }

@@ -34,7 +34,7 @@ struct search {
 };
 
 double lpca_mean_size(const struct lpca *lpca) {
-    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    const gsize d = btf_layout_values(&lpca->layout);
     double sum = 0;
     for (gsize i = 0; i < d; i++)
         sum += (double)lpca->brdfs[i] * lpca->brdfs[i];
@@ -254,8 +254,8 @@ static struct lpca *lpca_pack_choose_find(struct search *search, GError **error)
 
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
                        const struct lpca_wish *wish, GError **error) {
-    const gint64 texels = (gint64)btf->width * btf->height;
-    const gint64 values = (gint64)btf->n_views * btf->n_lights * 3;
+    const gint64 texels = btf_layout_texels(&btf->layout);
+    const gint64 values = btf_layout_values(&btf->layout);
     const int asked =
         wish->n_components > 0 ? MIN(wish->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
     struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), 0, INFINITY};

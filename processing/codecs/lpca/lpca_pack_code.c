@@ -123,7 +123,7 @@ static GByteArray *squeeze_tables(const struct lpca *lpca) {
 
 static GByteArray *squeeze_maps(const struct lpca *lpca) {
     gsize size = 0;
-    g_autofree gsize *order = map_order(lpca->width, lpca->height, &size);
+    g_autofree gsize *order = map_order(lpca->layout.width, lpca->layout.height, &size);
     const gsize c = (gsize)lpca->n_components;
     g_autofree gint32 *values = g_new0(gint32, size * c);
     for (gsize i = 0; i < c; i++)
@@ -156,10 +156,10 @@ static struct exr_part *bits_part(const char *name, GByteArray *bytes) {
 
 void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca) {
     const struct lpca_packed *packed = lpca->packed;
-    exr_file_add(file, one_channel("view_axes", "A", lpca->n_views, packed->n_views, EXR_HALF,
-                                   packed->views));
-    exr_file_add(file, one_channel("light_axes", "A", lpca->n_lights, packed->n_lights, EXR_HALF,
-                                   packed->lights));
+    exr_file_add(file, one_channel("view_axes", "A", lpca->layout.views.n, packed->n_views,
+                                   EXR_HALF, packed->views));
+    exr_file_add(file, one_channel("light_axes", "A", lpca->layout.lights.n, packed->n_lights,
+                                   EXR_HALF, packed->lights));
     exr_file_add(file,
                  one_channel("colour_axes", "A", COLOURS, COLOURS, EXR_FLOAT, packed->colours));
     exr_file_add(file, bits_part("tables", squeeze_tables(lpca)));
@@ -218,7 +218,7 @@ static gboolean lpca_pack_code_read_tables(const struct lpca *lpca, const struct
 
 static gboolean lpca_pack_code_read_maps(const struct lpca *lpca, const struct exr_file *file) {
     gsize size = 0;
-    g_autofree gsize *order = map_order(lpca->width, lpca->height, &size);
+    g_autofree gsize *order = map_order(lpca->layout.width, lpca->layout.height, &size);
     const gsize c = (gsize)lpca->n_components;
     g_autofree gint32 *values = read_bits(file, "maps", size * c);
     if (!values)
@@ -232,8 +232,8 @@ static gboolean lpca_pack_code_read_maps(const struct lpca *lpca, const struct e
 
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file) {
     struct lpca_packed *packed = lpca->packed;
-    packed->views = read_axes(file, "view_axes", lpca->n_views, &packed->n_views);
-    packed->lights = read_axes(file, "light_axes", lpca->n_lights, &packed->n_lights);
+    packed->views = read_axes(file, "view_axes", lpca->layout.views.n, &packed->n_views);
+    packed->lights = read_axes(file, "light_axes", lpca->layout.lights.n, &packed->n_lights);
     return packed->views && packed->lights && lpca_pack_code_read_colours(packed, file) &&
            (gint64)packed->n_views * packed->n_lights * COLOURS * lpca->n_clusters <=
                MOST_TABLES / (lpca->n_components + 1) &&

@@ -144,7 +144,7 @@ static void finish_mean(const struct polish *polish, int k) {
     const double n = members->len;
     float *mean = lpca_brdf(polish->lpca, k, 0);
     double *held = polish->held + (gsize)(2 * k), squares = 0;
-    for (int view = 0; view < run->btf->n_views; view++)
+    for (gsize view = 0; view < run->btf->layout.views.n; view++)
         squares += polish->squares[view * polish->lpca->n_clusters + k];
     held[0] = held[1] = squares;
     for (int j = 0; j < run->d; j++) {
@@ -221,7 +221,7 @@ static void weigh_block(int block, gpointer data) {
     group(polish, block, &groups);
     g_autofree float *rows = g_new(float, (gsize)groups.n *columns);
     g_autofree float *weights = g_new0(float, groups.n *c);
-    for (int view = 0; view < run->btf->n_views; view++) {
+    for (gsize view = 0; view < run->btf->layout.views.n; view++) {
         lpca_polish_gather(polish, &groups, view, lpca->brdfs, stride, rows);
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
@@ -326,16 +326,16 @@ static gboolean sum_views(struct polish *polish, GError **error) {
     const struct lpca *lpca = polish->lpca;
     const struct team *team = run->options->team;
     lpca_keep(run, LPCA_KEPT_SQUARES, polish->squares);
-    lpca_keep_blocks(run, run->btf->n_views);
+    lpca_keep_blocks(run, run->btf->layout.views.n);
     work_for_each(run->options->work.n_threads, blocks(run), reduced_block, polish);
-    if (!lpca_run_blocks(run, "polish", run->btf->n_views, sum_view, polish, error))
+    if (!lpca_run_blocks(run, "polish", run->btf->layout.views.n, sum_view, polish, error))
         return FALSE;
     lpca_drop_blocks(run);
     if (team) {
         team->sum_floats(team, lpca->brdfs,
                          (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)run->d);
         team->sum_doubles(team, polish->squares,
-                          (gsize)run->btf->n_views * (gsize)lpca->n_clusters);
+                          run->btf->layout.views.n * (gsize)lpca->n_clusters);
     }
     if (!polish->weigh)
         polish->turns = covariances(polish);
@@ -351,7 +351,7 @@ static void sum_error(struct polish *polish) {
         missing += polish->held[2 * k];
         sum += polish->held[2 * k + 1];
     }
-    for (int i = 0; i < polish->run->btf->n_views * polish->lpca->n_clusters; i++)
+    for (gsize i = 0; i < polish->run->btf->layout.views.n * polish->lpca->n_clusters; i++)
         all += polish->squares[i];
     polish->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
@@ -401,7 +401,7 @@ struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduce
     polish.lpca->colours = run->options->colours;
     memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
     lpca_keep(run, LPCA_KEPT_LABELS, polish.lpca->clusters);
-    polish.squares = g_new0(double, reduced->k * run->btf->n_views);
+    polish.squares = g_new0(double, reduced->k * run->btf->layout.views.n);
     polish.held = g_new0(double, 2 * reduced->k);
     if (!lpca_polish_make(&polish, error))
         g_clear_pointer(&polish.lpca, lpca_free);
@@ -434,7 +434,7 @@ static void lpca_polish_compare_block(int block, gpointer data) {
     for (int i = 0; i < groups.n; i++)
         memcpy(weights + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
                sizeof(float) * (gsize)c);
-    for (int view = 0; view < run->btf->n_views; view++) {
+    for (gsize view = 0; view < run->btf->layout.views.n; view++) {
         const gsize at = (gsize)view * columns;
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
@@ -480,9 +480,9 @@ gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error)
 
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error) {
-    struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
-    run.d = lpca_dimensions(btf->n_views, btf->n_lights);
-    run.columns = run.d / btf->n_views;
+    struct lpca_run run = {.btf = btf, .options = options, .n = btf_layout_texels(&btf->layout)};
+    run.d = (int)btf_layout_values(&btf->layout);
+    run.columns = run.d / btf->layout.views.n;
     team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
               &run.end);
     g_mutex_init(&run.lock);

@@ -4,7 +4,6 @@
 #include "exr/exr.h"
 #include "lpca.h"
 
-int lpca_dimensions(int n_views, int n_lights);
 float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */

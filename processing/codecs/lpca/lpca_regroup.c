@@ -14,7 +14,7 @@ static void turn_cluster(int k, gpointer data) {
     const struct regroup *regroup = data;
     const struct lpca_reduced *reduced = regroup->reduced;
     const struct lpca *from = regroup->from;
-    const int d = lpca_dimensions(from->n_views, from->n_lights), r = reduced->r, c = reduced->c;
+    const int d = (int)btf_layout_values(&from->layout), r = reduced->r, c = reduced->c;
     float *mean = lpca_brdf(regroup->to, k, 0);
     memcpy(mean, lpca_brdf(from, 0, 0), sizeof(float) * (gsize)d);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, 1, d, r, 1,
@@ -41,7 +41,7 @@ static void lpca_regroup_turn_weights(int block, gpointer data) {
 
 struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
                           GError **error) {
-    const int n = lpca->width * lpca->height;
+    const int n = btf_layout_texels(&lpca->layout);
     struct lpca_reduced reduced = {
         .n = n,
         .r = lpca->n_components,
@@ -54,10 +54,7 @@ struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *op
         lpca_reduced_clear(&reduced);
         return NULL;
     }
-    const struct btf_matrix like = {
-        lpca->name,         lpca->width,           lpca->height,       lpca->texel_mm,
-        lpca->reference_mm, lpca->n_views,         lpca->n_lights,     lpca->view_theta_deg,
-        lpca->view_phi_deg, lpca->light_theta_deg, lpca->light_phi_deg};
+    const struct btf_matrix like = {.name = lpca->name, .layout = lpca->layout};
     struct lpca *ret = lpca_new(&like, reduced.k, reduced.c);
     struct regroup regroup = {lpca, ret, &reduced};
     ret->colours = lpca->colours;

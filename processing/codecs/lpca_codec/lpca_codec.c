@@ -201,7 +201,7 @@ static gboolean lpca_codec_add_levels(const struct lpca_codec_options *asked,
         struct lpca_codec_options fixed = *asked;
         struct lpca_options now = *options;
         struct codec_result ignored = {0};
-        fixed.clusters = now.n_clusters = MIN(ret->clusters, half->width * half->height);
+        fixed.clusters = now.n_clusters = MIN(ret->clusters, btf_layout_texels(&half->layout));
         now.n_components = ret->components;
         fixed.error = now.target = 0;
         now.checkpoint = NULL;
@@ -226,10 +226,11 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   GError **error) {
     const struct lpca_codec_options *asked = job->options;
     const struct btf_matrix *btf = job->btf;
-    const int values = 3 * btf->n_views * btf->n_lights;
+    const int values = 3 * btf->layout.views.n * btf->layout.lights.n;
     const int most = asked->error > 0 || asked->size > 0 ? LPCA_MAX_COMPONENTS : COMPONENTS;
     struct lpca_options options = {
-        .n_clusters = asked->clusters ? asked->clusters : MIN(CLUSTERS, btf->width * btf->height),
+        .n_clusters =
+            asked->clusters ? asked->clusters : (int)MIN(CLUSTERS, btf_layout_texels(&btf->layout)),
         .n_components = asked->components ? asked->components : MIN(most, values),
         .target = asked->error,
         .colours = (enum lpca_colours)asked->colours,
@@ -237,9 +238,7 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
         .checkpoint = job->checkpoint,
     };
     if (job->memory > 0) {
-        const gint64 held =
-            btf->values ? btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights)
-                        : 0;
+        const gint64 held = btf->values ? btf_matrix_bytes(&btf->layout) : 0;
         options.memory = MAX(1, job->memory - held);
     }
     ret->packed = asked->quantise == LPCA_PACKED;
@@ -314,11 +313,6 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     return g_string_free(text, FALSE);
 }
 
-static void lpca_codec_layout(gconstpointer model, struct material_info *ret) {
-    const struct lpca *lpca = model;
-    MATERIAL_COPY_LAYOUT(ret, lpca);
-}
-
 static gint64 lpca_codec_bytes(gconstpointer model) {
     return lpca_bytes(model);
 }
@@ -374,8 +368,8 @@ static gboolean lpca_codec_tell_packed(const struct lpca_packer *packer, double 
 /* One local PCA is rounded to coarser and finer steps. */
 static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const struct work *work,
                                         CodecPoint tell, gpointer data, GError **error) {
-    const gint64 texels = (gint64)btf->width * btf->height;
-    const gint64 values = 3 * (gint64)btf->n_views * btf->n_lights;
+    const gint64 texels = btf_layout_texels(&btf->layout);
+    const gint64 values = 3 * (gint64)btf->layout.views.n * btf->layout.lights.n;
     const struct lpca_options options = {
         .n_clusters = 1,
         .n_components = (int)MIN(LPCA_MAX_PACKED, MIN(texels, values)),
@@ -399,8 +393,8 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
 static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
                                  const struct btf_matrix *btf, const struct work *work,
                                  CodecPoint tell, gpointer data, GError **error) {
-    const int most = btf->width * btf->height / TEXELS_A_CLUSTER;
-    const int values = 3 * btf->n_views * btf->n_lights;
+    const int most = btf_layout_texels(&btf->layout) / TEXELS_A_CLUSTER;
+    const int values = 3 * btf->layout.views.n * btf->layout.lights.n;
     gboolean ok = TRUE;
     for (int k = 1; ok && k <= CURVE_CLUSTERS && (k == 1 || k <= most); k *= 4) {
         const struct lpca_options options = {
@@ -429,7 +423,7 @@ const struct codec lpca_codec = {
     .read = lpca_codec_read,
     .describe_file = lpca_codec_describe_file,
     .free = lpca_codec_free,
-    .layout = lpca_codec_layout,
+    .layout = G_STRUCT_OFFSET(struct lpca, layout),
     .bytes = lpca_codec_bytes,
     .reconstruct = lpca_codec_reconstruct,
     .curve = lpca_codec_curve,

@@ -12,22 +12,22 @@
 #define BLOCK   8 /* texels a thread compares at a time */
 
 static struct lpca *like(const struct lpca *lpca, int n_grid) {
-    const gsize texels = (gsize)lpca->width * (gsize)lpca->height;
+    const gsize texels = btf_layout_texels(&lpca->layout);
     const gsize tables = (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
     struct lpca *ret = g_new0(struct lpca, 1);
     *ret = *lpca;
     ret->name = g_strdup(lpca->name);
     ret->n_grid = n_grid;
-    ret->n_views = ret->n_lights = n_grid * n_grid;
-    direction_grid_angles(n_grid, &ret->view_theta_deg, &ret->view_phi_deg);
-    direction_grid_angles(n_grid, &ret->light_theta_deg, &ret->light_phi_deg);
+    ret->layout.views.n = ret->layout.lights.n = (gsize)n_grid * (gsize)n_grid;
+    direction_grid_angles(n_grid, &ret->layout.views.theta_deg, &ret->layout.views.phi_deg);
+    direction_grid_angles(n_grid, &ret->layout.lights.theta_deg, &ret->layout.lights.phi_deg);
     ret->clusters = g_memdup2(lpca->clusters, sizeof(int) * texels);
     ret->weights = g_memdup2(lpca->weights, sizeof(float) * texels * (gsize)lpca->n_components);
     ret->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
     ret->weight_scales = g_memdup2(lpca->weight_scales, sizeof(float) * (gsize)lpca->n_clusters *
                                                             (gsize)lpca->n_components);
     ret->light_scales = NULL;
-    ret->brdfs = g_try_new(float, tables *(gsize)ret->n_views *(gsize)ret->n_lights *COLOURS);
+    ret->brdfs = g_try_new(float, tables *btf_layout_values(&ret->layout));
     ret->error = 0;
     return ret;
 }
@@ -35,25 +35,27 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
 /* Views, then the lights of each view, whose colours lie side by side. */
 static void resample_table(const struct lpca *from, const struct lpca *to, gsize table,
                            const float *views, const float *lights, float *between) {
-    const int samples = to->n_views, row = from->n_lights * COLOURS;
-    const float *values = from->brdfs + table * (gsize)from->n_views * (gsize)row;
+    const int samples = to->layout.views.n, row = from->layout.lights.n * COLOURS;
+    const float *values = from->brdfs + table * from->layout.views.n * (gsize)row;
     float *ret = to->brdfs + table * (gsize)samples * (gsize)samples * COLOURS;
-    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, row, from->n_views, 1, views,
-                from->n_views, values, row, 0, between, row);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, row, from->layout.views.n, 1,
+                views, from->layout.views.n, values, row, 0, between, row);
     for (gsize i = 0; i < (gsize)samples; i++)
-        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, COLOURS, from->n_lights, 1,
-                    lights, from->n_lights, between + i * (gsize)row, COLOURS, 0,
-                    ret + i * (gsize)samples * COLOURS, COLOURS);
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, COLOURS,
+                    from->layout.lights.n, 1, lights, from->layout.lights.n,
+                    between + i * (gsize)row, COLOURS, 0, ret + i * (gsize)samples * COLOURS,
+                    COLOURS);
 }
 
 struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) {
     g_return_val_if_fail(
         lpca->quantise == LPCA_FLOAT && lpca->n_grid == 0 && lpca->colours == LPCA_RGB, NULL);
-    g_autofree float *views = direction_grid_operator(lpca->view_theta_deg, lpca->view_phi_deg,
-                                                      lpca->n_views, n_grid, FALSE, error);
+    g_autofree float *views =
+        direction_grid_operator(lpca->layout.views.theta_deg, lpca->layout.views.phi_deg,
+                                lpca->layout.views.n, n_grid, FALSE, error);
     g_autofree float *lights =
-        views ? direction_grid_operator(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights,
-                                        n_grid, TRUE, error)
+        views ? direction_grid_operator(lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg,
+                                        lpca->layout.lights.n, n_grid, TRUE, error)
               : NULL;
     if (!lights)
         return NULL;
@@ -65,7 +67,7 @@ struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) 
         lpca_free(ret);
         return NULL;
     }
-    g_autofree float *between = g_new(float, (gsize)ret->n_views *(gsize)lpca->n_lights *COLOURS);
+    g_autofree float *between = g_new(float, ret->layout.views.n * lpca->layout.lights.n * COLOURS);
     for (gsize table = 0; table < (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
          table++)
         resample_table(lpca, ret, table, views, lights, between);
@@ -95,7 +97,7 @@ static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const
 
 static void interpolate(const struct comparison *to, const float *grid, int view, int light,
                         float ret[COLOURS]) {
-    const gsize samples = (gsize)to->lpca->n_lights;
+    const gsize samples = to->lpca->layout.lights.n;
     memset(ret, 0, sizeof(float) * COLOURS);
     for (int a = 0; a < 4; a++)
         for (int b = 0; b < 4; b++) {
@@ -111,7 +113,7 @@ static void interpolate(const struct comparison *to, const float *grid, int view
 /* What a view shows of a texel, whose samples are on the grid. */
 static void compare_view(const struct comparison *to, const float *grid, const float *truth,
                          int view, double *sums) {
-    for (int light = 0; light < to->btf->n_lights; light++, truth += COLOURS) {
+    for (gsize light = 0; light < to->btf->layout.lights.n; light++, truth += COLOURS) {
         float value[COLOURS];
         interpolate(to, grid, view, light, value);
         for (int c = 0; c < COLOURS; c++) {
@@ -125,14 +127,13 @@ static void compare_view(const struct comparison *to, const float *grid, const f
 static void lpca_resample_compare_block(int block, gpointer data) {
     const struct comparison *to = data;
     const struct btf_matrix *btf = to->btf;
-    const int end = MIN((block + 1) * BLOCK, btf->width * btf->height);
+    const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&btf->layout));
     double *sums = to->sums + (gsize)(2 * block);
-    g_autofree float *grid =
-        g_new(float, (gsize)to->lpca->n_views *(gsize)to->lpca->n_lights *COLOURS);
-    g_autofree float *buffer = g_new(float, btf->n_lights *COLOURS);
+    g_autofree float *grid = g_new(float, btf_layout_values(&to->lpca->layout));
+    g_autofree float *buffer = g_new(float, btf->layout.lights.n *COLOURS);
     for (int texel = block * BLOCK; texel < end; texel++) {
         lpca_reconstruct(to->lpca, texel, grid);
-        for (int view = 0; view < btf->n_views; view++) {
+        for (gsize view = 0; view < btf->layout.views.n; view++) {
             gsize stride;
             const float *truth = btf_matrix_rows(btf, view, texel, 1, buffer, &stride, NULL);
             if (truth)
@@ -145,16 +146,18 @@ static void lpca_resample_compare_block(int block, gpointer data) {
 
 double lpca_resample_error(struct lpca *resampled, const struct btf_matrix *btf, int n_threads) {
     const struct work work = {.n_threads = n_threads};
-    const int blocks = (btf->width * btf->height + BLOCK - 1) / BLOCK;
+    const int blocks = (btf_layout_texels(&btf->layout) + BLOCK - 1) / BLOCK;
     struct comparison to = {.lpca = resampled, .btf = btf, .sums = g_new0(double, 2 * blocks)};
     double rest = 0, all = 0;
-    g_return_val_if_fail(resampled->n_grid > 0 && resampled->width == btf->width &&
-                             resampled->height == btf->height,
+    g_return_val_if_fail(resampled->n_grid > 0 && resampled->layout.width == btf->layout.width &&
+                             resampled->layout.height == btf->layout.height,
                          NAN);
-    lpca_resample_fill_weights(resampled->n_grid, btf->view_theta_deg, btf->view_phi_deg,
-                               btf->n_views, &to.view_index, &to.view_weight);
-    lpca_resample_fill_weights(resampled->n_grid, btf->light_theta_deg, btf->light_phi_deg,
-                               btf->n_lights, &to.light_index, &to.light_weight);
+    lpca_resample_fill_weights(resampled->n_grid, btf->layout.views.theta_deg,
+                               btf->layout.views.phi_deg, btf->layout.views.n, &to.view_index,
+                               &to.view_weight);
+    lpca_resample_fill_weights(resampled->n_grid, btf->layout.lights.theta_deg,
+                               btf->layout.lights.phi_deg, btf->layout.lights.n, &to.light_index,
+                               &to.light_weight);
     work_parallel(&work, "", blocks, lpca_resample_compare_block, &to, NULL);
     for (int i = 0; i < blocks; i++) {
         rest += to.sums[2 * i];

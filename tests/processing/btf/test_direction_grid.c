@@ -143,16 +143,17 @@ static void test_refused(void) {
 /* Lambertian bumps: a normal a texel. */
 static struct btf_matrix *new_btf(int size) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf = (struct btf_matrix){.name = g_strdup("bumps"), .width = size, .height = size};
-    btf->texel_mm = 1;
-    btf->n_views = rings(&btf->view_theta_deg, &btf->view_phi_deg);
-    btf->n_lights = rings(&btf->light_theta_deg, &btf->light_phi_deg);
+    *btf =
+        (struct btf_matrix){.name = g_strdup("bumps"), .layout.width = size, .layout.height = size};
+    btf->layout.texel_mm = 1;
+    btf->layout.views.n = rings(&btf->layout.views.theta_deg, &btf->layout.views.phi_deg);
+    btf->layout.lights.n = rings(&btf->layout.lights.theta_deg, &btf->layout.lights.phi_deg);
     btf->values = g_new0(float, (gsize)(size * size * 60 * 60 * 3));
     for (int i = 0; i < size * size * 60 * 60; i++) {
         const int texel = i / 3600, light = i % 60;
         const double a = 0.4 * sin(texel % size), b = 0.4 * cos(2.0 * texel / size);
         float l[3];
-        direction_of(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+        direction_of(btf->layout.lights.theta_deg[light], btf->layout.lights.phi_deg[light], l);
         const double nl = (a * l[0] + b * l[1] + l[2]) / sqrt(1 + a * a + b * b);
         const double y = 0.7 * MAX(nl, 0) * (1 + 0.2 * sin(0.1 * (i / 60 % 60)));
         for (int c = 0; c < 3; c++)
@@ -172,7 +173,7 @@ static void test_lpca(void) {
     struct lpca *grid = lpca_resample(lpca, 10, &error);
     g_assert_no_error(error);
     g_assert_cmpint(grid->n_grid, ==, 10);
-    g_assert_cmpint(grid->n_views, ==, 100);
+    g_assert_cmpint(grid->layout.views.n, ==, 100);
     const double found = lpca_resample_error(grid, btf, 0);
     g_assert_cmpfloat(found, <, lpca->error + 0.04);
     lpca_quantise(grid, LPCA_8BIT);
@@ -223,9 +224,10 @@ static void test_choose(void) {
     g_assert_null(lpca_choose(btf, &options, &wish, &error));
     g_assert_nonnull(strstr(error->message, "is too little"));
     g_clear_error(&error);
-    for (gsize i = 0; i < (gsize)btf->width * (gsize)btf->height; i++) /* all texels alike */
-        memcpy(btf->values + i * 3 * (gsize)(btf->n_views * btf->n_lights), btf->values,
-               sizeof(float) * 3 * (gsize)(btf->n_views * btf->n_lights));
+    for (gsize i = 0; i < btf_layout_texels(&btf->layout); i++) /* all texels alike */
+        memcpy(btf->values + i * 3 * (gsize)(btf->layout.views.n * btf->layout.lights.n),
+               btf->values,
+               sizeof(float) * 3 * (gsize)(btf->layout.views.n * btf->layout.lights.n));
     wish = (struct lpca_wish){.bytes = 300000, .n_components = 8};
     best = lpca_choose(btf, &options, &wish, &error);
     g_assert_no_error(error);
@@ -247,8 +249,8 @@ static void test_levels(void) {
     struct lpca *levels[3];
     struct btf_matrix *btf = new_btf(5), *half = btf_matrix_halved(btf);
     const int row = 60 * 60 * 3;
-    g_assert_cmpint(half->width, ==, 2);
-    g_assert_cmpfloat(half->texel_mm, ==, 2.5);
+    g_assert_cmpint(half->layout.width, ==, 2);
+    g_assert_cmpfloat(half->layout.texel_mm, ==, 2.5);
     for (int i = 0; i < row; i += 97) { /* 2.5 × 2.5 texels: two whole, one by half, each way */
         static const double share[] = {0.4, 0.4, 0.2};
         double mean = 0;
@@ -259,11 +261,11 @@ static void test_levels(void) {
         g_assert_cmpfloat_with_epsilon(half->values[i], mean, 1e-5);
     }
     struct btf_matrix *one = btf_matrix_halved(half);
-    g_assert_cmpint(one->width * one->height, ==, 1);
+    g_assert_cmpint(btf_layout_texels(&one->layout), ==, 1);
     g_assert_null(btf_matrix_halved(one));
     const struct btf_matrix *all[] = {btf, half, one};
     for (int i = 0; i < 3; i++) {
-        const struct lpca_options options = {.n_clusters = MIN(2, all[i]->width),
+        const struct lpca_options options = {.n_clusters = MIN(2, all[i]->layout.width),
                                              .n_components = 2};
         levels[i] = lpca_compute(all[i], &options, &error);
         g_assert_no_error(error);
@@ -275,8 +277,8 @@ static void test_levels(void) {
     for (int i = 0; i < 3; i++) {
         struct lpca *back = i ? lpca_read_level(path, i, &error) : lpca_read(path, &error);
         g_assert_no_error(error);
-        g_assert_cmpint(back->width, ==, all[i]->width);
-        g_assert_cmpfloat(back->texel_mm, ==, all[i]->texel_mm);
+        g_assert_cmpint(back->layout.width, ==, all[i]->layout.width);
+        g_assert_cmpfloat(back->layout.texel_mm, ==, all[i]->layout.texel_mm);
         g_assert_true(back->error == levels[i]->error);
         g_assert_cmpfloat_with_epsilon(lpca_error(back, all[i], 0), levels[i]->error, 1e-6);
         lpca_free(back);

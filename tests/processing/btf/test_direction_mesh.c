@@ -117,10 +117,10 @@ static void test_table(void) {
     g_assert_true(g_file_set_contents(path, good, -1, NULL));
     struct btf_directions *read = btf_directions_read(path, &error);
     g_assert_no_error(error);
-    g_assert_cmpint(read->n_views, ==, 2);
-    g_assert_cmpint(read->n_lights, ==, 2);
-    g_assert_cmpfloat((double)read->view_phi_deg[1], ==, 90);
-    g_assert_cmpfloat((double)read->light_theta_deg[1], ==, 60);
+    g_assert_cmpint(read->views.n, ==, 2);
+    g_assert_cmpint(read->lights.n, ==, 2);
+    g_assert_cmpfloat((double)read->views.phi_deg[1], ==, 90);
+    g_assert_cmpfloat((double)read->lights.theta_deg[1], ==, 60);
     g_assert_cmpstr(read->name, ==, "table.csv");
     btf_directions_free(read);
 }

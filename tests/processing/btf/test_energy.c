@@ -22,23 +22,24 @@ typedef double (*Reflect)(double theta_l, double theta_v, double between);
 static struct btf_matrix *new_btf(Reflect reflect) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     *btf = (struct btf_matrix){.name = g_strdup("analytic"),
-                               .width = SIDE,
-                               .height = SIDE,
-                               .n_views = N,
-                               .n_lights = N,
-                               .view_theta_deg = g_new(float, N),
-                               .view_phi_deg = g_new(float, N),
-                               .light_theta_deg = g_new(float, N),
-                               .light_phi_deg = g_new(float, N),
+                               .layout.width = SIDE,
+                               .layout.height = SIDE,
+                               .layout.views.n = N,
+                               .layout.lights.n = N,
+                               .layout.views.theta_deg = g_new(float, N),
+                               .layout.views.phi_deg = g_new(float, N),
+                               .layout.lights.theta_deg = g_new(float, N),
+                               .layout.lights.phi_deg = g_new(float, N),
                                .values = g_new(float, SIDE *SIDE *N *N * 3)};
-    fill_directions(btf->view_theta_deg, btf->view_phi_deg);
-    fill_directions(btf->light_theta_deg, btf->light_phi_deg);
+    fill_directions(btf->layout.views.theta_deg, btf->layout.views.phi_deg);
+    fill_directions(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg);
     for (int i = 0; i < SIDE * SIDE * N * N; i++) {
         int v = i / N % N, l = i % N;
         double degree = G_PI / 180;
-        double value = reflect((double)btf->light_theta_deg[l] * degree,
-                               (double)btf->view_theta_deg[v] * degree,
-                               (double)(btf->view_phi_deg[v] - btf->light_phi_deg[l]) * degree);
+        double value = reflect(
+            (double)btf->layout.lights.theta_deg[l] * degree,
+            (double)btf->layout.views.theta_deg[v] * degree,
+            (double)(btf->layout.views.phi_deg[v] - btf->layout.lights.phi_deg[l]) * degree);
         for (int c = 0; c < 3; c++)
             btf->values[3 * i + c] = (float)value;
     }
@@ -57,7 +58,7 @@ static void test_lambert(void) {
     g_assert_no_error(error);
     double mean = 0;
     for (int l = 0; l < N; l++)
-        mean += 0.6 * cos((double)btf->light_theta_deg[l] * G_PI / 180) / N;
+        mean += 0.6 * cos((double)btf->layout.lights.theta_deg[l] * G_PI / 180) / N;
     g_assert_cmpint(energy->texel, ==, 4);
     g_assert_cmpint(energy->pairs, ==, N * (N - 1) / 2);
     g_assert_cmpfloat(energy->asymmetry, <, 1e-5);
@@ -66,7 +67,7 @@ static void test_lambert(void) {
         g_assert_cmpfloat_with_epsilon(energy->e_r[i], mean, 1e-5);
         g_assert_cmpfloat_with_epsilon(energy->texel_e_r[i], mean, 1e-5);
         g_assert_cmpfloat_with_epsilon(
-            energy->e_i[i], 0.6 * cos((double)btf->light_theta_deg[i] * G_PI / 180), 1e-5);
+            energy->e_i[i], 0.6 * cos((double)btf->layout.lights.theta_deg[i] * G_PI / 180), 1e-5);
         g_assert_cmpfloat_with_epsilon(energy->albedo[i], 0.6, 1e-5);
     }
     energy_free(energy);

@@ -151,10 +151,10 @@ static void test_81(void) {
     g_autoptr(GError) error = NULL;
     struct near_field *near = near_field_read(made, &error);
     g_assert_no_error(error);
-    g_assert_cmpint(near->n_views, ==, 81);
-    g_assert_cmpint(near->n_lights, ==, 81);
-    g_assert_cmpfloat((double)near->view_theta_deg[80], ==, 75);
-    g_assert_cmpfloat(fabs((double)near->light_phi_deg[80] - 345), <, 1e-4);
+    g_assert_cmpint(near->views.n, ==, 81);
+    g_assert_cmpint(near->lights.n, ==, 81);
+    g_assert_cmpfloat((double)near->views.theta_deg[80], ==, 75);
+    g_assert_cmpfloat(fabs((double)near->lights.phi_deg[80] - 345), <, 1e-4);
     g_assert_cmpfloat(near->grid.reference_mm, ==, LEVEL_MM);
     near_field_free(near);
     double wrong[6];

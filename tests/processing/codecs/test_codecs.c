@@ -67,9 +67,9 @@ static void test_round_trip(gconstpointer data) {
     g_assert_no_error(error);
     const struct material_info *info = material_info(material);
     g_assert_cmpstr(info->kind, ==, codec->name);
-    g_assert_cmpint(info->width * info->height, ==, WIDTH * HEIGHT);
-    g_assert_cmpint(info->n_views, ==, VIEWS);
-    g_assert_cmpint(info->n_lights, ==, LIGHTS);
+    g_assert_cmpint(info->layout->width * info->layout->height, ==, WIDTH * HEIGHT);
+    g_assert_cmpint(info->layout->views.n, ==, VIEWS);
+    g_assert_cmpint(info->layout->lights.n, ==, LIGHTS);
     g_assert_cmpint(info->bytes, ==, codec->bytes(result.levels->pdata[0]));
     gpointer model = codec->read(path, &error);
     g_assert_no_error(error);

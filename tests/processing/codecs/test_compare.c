@@ -59,20 +59,22 @@ static struct btf_matrix *new_btf(int width, int height, int n_views, int n_ligh
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     GRand *random = g_rand_new_with_seed(1);
     *btf = (struct btf_matrix){.name = g_strdup("small"),
-                               .width = width,
-                               .height = height,
-                               .texel_mm = 1,
-                               .n_views = n_views,
-                               .n_lights = n_lights,
-                               .view_theta_deg = g_new0(float, n_views),
-                               .view_phi_deg = g_new0(float, n_views),
-                               .light_theta_deg = g_new0(float, n_lights),
-                               .light_phi_deg = g_new0(float, n_lights),
+                               .layout.width = width,
+                               .layout.height = height,
+                               .layout.texel_mm = 1,
+                               .layout.views.n = n_views,
+                               .layout.lights.n = n_lights,
+                               .layout.views.theta_deg = g_new0(float, n_views),
+                               .layout.views.phi_deg = g_new0(float, n_views),
+                               .layout.lights.theta_deg = g_new0(float, n_lights),
+                               .layout.lights.phi_deg = g_new0(float, n_lights),
                                .values = g_new0(float, n)};
     for (int i = 0; i < n_views; i++)
-        btf->view_theta_deg[i] = 20 * (float)i, btf->view_phi_deg[i] = 50 * (float)i;
+        btf->layout.views.theta_deg[i] = 20 * (float)i,
+        btf->layout.views.phi_deg[i] = 50 * (float)i;
     for (int i = 0; i < n_lights; i++)
-        btf->light_theta_deg[i] = 15 * (float)i, btf->light_phi_deg[i] = 80 * (float)i;
+        btf->layout.lights.theta_deg[i] = 15 * (float)i,
+        btf->layout.lights.phi_deg[i] = 80 * (float)i;
     for (gsize i = 0; i < n; i++)
         btf->values[i] = (float)g_rand_double_range(random, 0.1, 0.6);
     g_rand_free(random);
@@ -114,26 +116,28 @@ static void test_sums(void) {
 
 /* Exact models give no error at all. */
 static struct eigenmaps *exact_maps(const struct btf_matrix *btf) {
-    const gsize texels = (gsize)btf->width * (gsize)btf->height, lights = (gsize)btf->n_lights;
+    const gsize texels = btf_layout_texels(&btf->layout), lights = btf->layout.lights.n;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     *maps = (struct eigenmaps){.name = g_strdup("small"),
-                               .width = btf->width,
-                               .height = btf->height,
-                               .texel_mm = 1,
-                               .n_views = btf->n_views,
-                               .n_lights = btf->n_lights,
-                               .n_terms = btf->n_views};
-    maps->view_theta_deg = g_memdup2(btf->view_theta_deg, sizeof(float) * (gsize)btf->n_views);
-    maps->view_phi_deg = g_memdup2(btf->view_phi_deg, sizeof(float) * (gsize)btf->n_views);
-    maps->light_theta_deg = g_memdup2(btf->light_theta_deg, sizeof(float) * lights);
-    maps->light_phi_deg = g_memdup2(btf->light_phi_deg, sizeof(float) * lights);
-    maps->weights = g_new0(float, btf->n_views * btf->n_views);
-    maps->maps = g_new0(float, texels *lights *(gsize)btf->n_views * 3);
-    for (gsize view = 0; view < (gsize)btf->n_views; view++) {
-        maps->weights[view * (gsize)btf->n_views + view] = 1;
+                               .layout.width = btf->layout.width,
+                               .layout.height = btf->layout.height,
+                               .layout.texel_mm = 1,
+                               .layout.views.n = btf->layout.views.n,
+                               .layout.lights.n = btf->layout.lights.n,
+                               .n_terms = btf->layout.views.n};
+    maps->layout.views.theta_deg =
+        g_memdup2(btf->layout.views.theta_deg, sizeof(float) * btf->layout.views.n);
+    maps->layout.views.phi_deg =
+        g_memdup2(btf->layout.views.phi_deg, sizeof(float) * btf->layout.views.n);
+    maps->layout.lights.theta_deg = g_memdup2(btf->layout.lights.theta_deg, sizeof(float) * lights);
+    maps->layout.lights.phi_deg = g_memdup2(btf->layout.lights.phi_deg, sizeof(float) * lights);
+    maps->weights = g_new0(float, btf->layout.views.n * btf->layout.views.n);
+    maps->maps = g_new0(float, texels *lights * btf->layout.views.n * 3);
+    for (gsize view = 0; view < btf->layout.views.n; view++) {
+        maps->weights[view * btf->layout.views.n + view] = 1;
         for (gsize i = 0; i < texels * lights * 3; i++)
             maps->maps[view * texels * lights * 3 + i] =
-                btf->values[((i / 3 % texels * (gsize)btf->n_views + view) * lights +
+                btf->values[((i / 3 % texels * btf->layout.views.n + view) * lights +
                              i / 3 / texels) *
                                 3 +
                             i % 3];
@@ -185,7 +189,7 @@ static void test_kinds(void) {
 static void assert_refused(int width, int n_views, float turn_deg, const char *what) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *other = new_btf(width, 3, n_views, 4);
-    other->light_phi_deg[2] += turn_deg;
+    other->layout.lights.phi_deg[2] += turn_deg;
     g_autoptr(Material) a = material_new("a", &material_btf_codec, new_btf(4, 3, 3, 4));
     g_autoptr(Material) b = material_new("b", &material_btf_codec, other);
     g_assert_null(compare_materials(a, b, NULL, &error));

@@ -46,21 +46,22 @@ static struct matrix random_matrix(int rows, int columns, int rank, double noise
 static struct eigenmaps *new_maps(int width, int height, int n_lights, int n_views, int n_terms) {
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     *maps = (struct eigenmaps){.name = g_strdup("weave"),
-                               .width = width,
-                               .height = height,
-                               .texel_mm = 0.5,
-                               .reference_mm = 5,
-                               .n_views = n_views,
-                               .n_lights = n_lights,
+                               .layout.width = width,
+                               .layout.height = height,
+                               .layout.texel_mm = 0.5,
+                               .layout.reference_mm = 5,
+                               .layout.views.n = n_views,
+                               .layout.lights.n = n_lights,
                                .n_terms = n_terms,
-                               .view_theta_deg = g_new0(float, n_views),
-                               .view_phi_deg = g_new0(float, n_views),
-                               .light_theta_deg = g_new0(float, n_lights),
-                               .light_phi_deg = g_new0(float, n_lights)};
+                               .layout.views.theta_deg = g_new0(float, n_views),
+                               .layout.views.phi_deg = g_new0(float, n_views),
+                               .layout.lights.theta_deg = g_new0(float, n_lights),
+                               .layout.lights.phi_deg = g_new0(float, n_lights)};
     for (int i = 0; i < n_views; i++)
-        maps->view_theta_deg[i] = (float)i, maps->view_phi_deg[i] = 2 * (float)i;
+        maps->layout.views.theta_deg[i] = (float)i, maps->layout.views.phi_deg[i] = 2 * (float)i;
     for (int i = 0; i < n_lights; i++)
-        maps->light_theta_deg[i] = 3 * (float)i, maps->light_phi_deg[i] = 4 * (float)i;
+        maps->layout.lights.theta_deg[i] = 3 * (float)i,
+        maps->layout.lights.phi_deg[i] = 4 * (float)i;
     return maps;
 }
 
@@ -319,15 +320,15 @@ static void test_file(void) {
     struct eigenmaps *back = eigenmaps_read(path, &error);
     g_assert_no_error(error);
     g_assert_cmpstr(back->name, ==, "weave");
-    g_assert_cmpint(back->n_views, ==, 4);
-    g_assert_cmpint(back->n_lights, ==, 2);
+    g_assert_cmpint(back->layout.views.n, ==, 4);
+    g_assert_cmpint(back->layout.lights.n, ==, 2);
     g_assert_cmpint(back->n_terms, ==, 3);
-    g_assert_cmpint(back->width, ==, 6);
-    g_assert_cmpint(back->height, ==, 5);
-    g_assert_cmpfloat(back->texel_mm, ==, 0.5);
-    g_assert_cmpfloat(back->reference_mm, ==, 5);
-    g_assert_cmpfloat(back->light_phi_deg[1], ==, 4);
-    g_assert_cmpfloat(back->view_theta_deg[3], ==, 3);
+    g_assert_cmpint(back->layout.width, ==, 6);
+    g_assert_cmpint(back->layout.height, ==, 5);
+    g_assert_cmpfloat(back->layout.texel_mm, ==, 0.5);
+    g_assert_cmpfloat(back->layout.reference_mm, ==, 5);
+    g_assert_cmpfloat(back->layout.lights.phi_deg[1], ==, 4);
+    g_assert_cmpfloat(back->layout.views.theta_deg[3], ==, 3);
     g_assert_cmpmem(back->weights, 12 * sizeof(float), maps->weights, 12 * sizeof(float));
     for (int i = 0; i < 3 * 2 * 6 * 5 * 3; i++)
         g_assert_cmpfloat_with_epsilon(back->maps[i], maps->maps[i],

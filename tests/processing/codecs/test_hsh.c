@@ -16,26 +16,27 @@ static const int all_terms[] = {4, 9, 16};
 static struct btf_matrix *new_btf(int width, int height, int rings) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     *btf = (struct btf_matrix){.name = g_strdup("coin"),
-                               .width = width,
-                               .height = height,
-                               .texel_mm = 0.5,
-                               .reference_mm = 5,
-                               .n_views = 3,
-                               .n_lights = 1 + 3 * rings * (rings + 1)};
-    btf->view_theta_deg = g_new0(float, btf->n_views);
-    btf->view_phi_deg = g_new0(float, btf->n_views);
-    btf->light_theta_deg = g_new0(float, btf->n_lights);
-    btf->light_phi_deg = g_new0(float, btf->n_lights);
-    for (int i = 1; i < btf->n_views; i++) {
-        btf->view_theta_deg[i] = 30;
-        btf->view_phi_deg[i] = (float)(90 * i);
+                               .layout.width = width,
+                               .layout.height = height,
+                               .layout.texel_mm = 0.5,
+                               .layout.reference_mm = 5,
+                               .layout.views.n = 3,
+                               .layout.lights.n = 1 + 3 * rings * (rings + 1)};
+    btf->layout.views.theta_deg = g_new0(float, btf->layout.views.n);
+    btf->layout.views.phi_deg = g_new0(float, btf->layout.views.n);
+    btf->layout.lights.theta_deg = g_new0(float, btf->layout.lights.n);
+    btf->layout.lights.phi_deg = g_new0(float, btf->layout.lights.n);
+    for (gsize i = 1; i < btf->layout.views.n; i++) {
+        btf->layout.views.theta_deg[i] = 30;
+        btf->layout.views.phi_deg[i] = (float)(90 * i);
     }
     for (int ring = 1, n = 1; ring <= rings; ring++)
         for (int i = 0; i < 6 * ring; i++, n++) {
-            btf->light_theta_deg[n] = 80 * (float)ring / (float)rings;
-            btf->light_phi_deg[n] = 360 * (float)i / (float)(6 * ring) + 11;
+            btf->layout.lights.theta_deg[n] = 80 * (float)ring / (float)rings;
+            btf->layout.lights.phi_deg[n] = 360 * (float)i / (float)(6 * ring) + 11;
         }
-    btf->values = g_new0(float, (gsize)(width * height * btf->n_views * btf->n_lights) * 3);
+    btf->values =
+        g_new0(float, (gsize)(width * height * btf->layout.views.n * btf->layout.lights.n) * 3);
     return btf;
 }
 
@@ -140,7 +141,7 @@ static void test_limits(void) {
 /* Coefficients that halves hold exactly: n_views × texels × n_terms × 3. */
 static float *random_coefficients(const struct btf_matrix *btf, int n_terms) {
     GRand *random = g_rand_new_with_seed(9);
-    const int n = btf->n_views * btf->width * btf->height * n_terms * 3;
+    const int n = btf->layout.views.n * btf_layout_texels(&btf->layout) * n_terms * 3;
     float *ret = g_new0(float, n);
     for (int i = 0; i < n; i++)
         ret[i] = (float)g_rand_int_range(random, -512, 512) / 512;
@@ -150,18 +151,18 @@ static float *random_coefficients(const struct btf_matrix *btf, int n_terms) {
 
 /* What the coefficients mean, in double precision. */
 static void fill(struct btf_matrix *btf, const float *coefficients, int n_terms) {
-    const int texels = btf->width * btf->height;
+    const int texels = btf_layout_texels(&btf->layout);
     float *to = btf->values;
     for (int texel = 0; texel < texels; texel++)
-        for (int view = 0; view < btf->n_views; view++)
-            for (int light = 0; light < btf->n_lights; light++, to += 3)
+        for (gsize view = 0; view < btf->layout.views.n; view++)
+            for (gsize light = 0; light < btf->layout.lights.n; light++, to += 3)
                 for (int c = 0; c < 3; c++) {
                     const float *from = coefficients + (gsize)(view * texels + texel) * n_terms * 3;
                     double sum = 0;
                     for (int n = 0; n < n_terms; n++)
                         sum += from[3 * n + c] *
-                               rti_viewer(n, btf->light_theta_deg[light] * G_PI / 180,
-                                          btf->light_phi_deg[light] * G_PI / 180);
+                               rti_viewer(n, btf->layout.lights.theta_deg[light] * G_PI / 180,
+                                          btf->layout.lights.phi_deg[light] * G_PI / 180);
                     to[c] = (float)sum;
                 }
 }
@@ -190,17 +191,17 @@ static void test_own(void) {
         g_assert_cmpfloat(hsh->exact_error, <, 2e-6);
         g_assert_cmpfloat(hsh->error, <, 2e-6);
         g_assert_cmpfloat(hsh->luminance_error, <, 2e-6);
-        g_autofree float *row = g_new(float, (gsize)btf->n_views * btf->n_lights * 3);
+        g_autofree float *row = g_new(float, btf_layout_values(&btf->layout));
         hsh_reconstruct(hsh, 12, row);
-        for (int i = 0; i < btf->n_views * btf->n_lights * 3; i++) {
-            const int view = i / 3 / btf->n_lights, l = i / 3 % btf->n_lights;
+        for (gsize i = 0; i < btf_layout_values(&btf->layout); i++) {
+            const int view = i / 3 / btf->layout.lights.n, l = i / 3 % btf->layout.lights.n;
             float light[3], rgb[3];
-            direction(btf->light_theta_deg[l] * G_PI / 180, btf->light_phi_deg[l] * G_PI / 180,
-                      light);
+            direction(btf->layout.lights.theta_deg[l] * G_PI / 180,
+                      btf->layout.lights.phi_deg[l] * G_PI / 180, light);
             hsh_evaluate(hsh, view, 12, light, rgb);
             g_assert_cmpfloat_with_epsilon(rgb[i % 3], row[i], 1e-5);
             g_assert_cmpfloat_with_epsilon(
-                row[i], btf->values[12 * btf->n_views * btf->n_lights * 3 + i], 1e-4);
+                row[i], btf->values[12 * btf_layout_values(&btf->layout) + i], 1e-4);
         }
         hsh_free(hsh);
         btf_matrix_free(btf);
@@ -209,11 +210,13 @@ static void test_own(void) {
 
 /* A matt surface with a highlight, in which every degree is some part. */
 static void fill_glossy(struct btf_matrix *btf) {
-    for (int i = 0; i < btf->width * btf->height * btf->n_views * btf->n_lights; i++) {
-        const int light = i % btf->n_lights, texel = i / (btf->n_views * btf->n_lights);
+    for (gsize i = 0;
+         i < btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n; i++) {
+        const int light = i % btf->layout.lights.n,
+                  texel = i / (btf->layout.views.n * btf->layout.lights.n);
         float l[3];
-        direction(btf->light_theta_deg[light] * G_PI / 180, btf->light_phi_deg[light] * G_PI / 180,
-                  l);
+        direction(btf->layout.lights.theta_deg[light] * G_PI / 180,
+                  btf->layout.lights.phi_deg[light] * G_PI / 180, l);
         const double shine = pow(fmax(0, 0.3 * l[0] + 0.1 * texel * l[1] + 0.9 * l[2]), 20);
         for (int c = 0; c < 3; c++)
             btf->values[3 * i + c] = (float)((0.2 + 0.1 * c) * l[2] + 0.4 * shine);
@@ -247,10 +250,10 @@ static void test_holes(void) {
     struct btf_matrix *btf = new_btf(3, 3, 4);
     g_autofree float *coefficients = random_coefficients(btf, 9);
     fill(btf, coefficients, 9);
-    const int row = btf->n_views * btf->n_lights * 3;
+    const int row = btf_layout_values(&btf->layout);
     for (int i = 0; i < 9 * row; i += 7)
         btf->values[i] = NAN;
-    for (int i = 0; i < btf->n_lights * 3; i++)
+    for (gsize i = 0; i < btf->layout.lights.n * 3; i++)
         btf->values[4 * row + i] = NAN; /* of view 0 texel 4 was never seen */
     memset(coefficients + (gsize)4 * 27, 0, sizeof(float) * 27);
     struct hsh *hsh = compute(btf, 9);
@@ -274,12 +277,13 @@ static void test_few(void) {
     btf_matrix_free(btf);
 
     btf = new_btf(1, 1, 4);
-    for (int i = 0; i < btf->n_views * btf->n_lights * 3; i++)
-        btf->values[i] = i / 3 % btf->n_lights == 10 ? 0.5F : NAN;
+    for (gsize i = 0; i < btf_layout_values(&btf->layout); i++)
+        btf->values[i] = i / 3 % btf->layout.lights.n == 10 ? 0.5F : NAN;
     hsh = compute(btf, 16);
     float light[3], basis[16];
     double norm = 0;
-    direction(btf->light_theta_deg[10] * G_PI / 180, btf->light_phi_deg[10] * G_PI / 180, light);
+    direction(btf->layout.lights.theta_deg[10] * G_PI / 180,
+              btf->layout.lights.phi_deg[10] * G_PI / 180, light);
     hsh_basis(light, 16, basis);
     for (int n = 0; n < 16; n++)
         norm += basis[n] * basis[n];
@@ -346,18 +350,18 @@ static void write_small(const char *path, int n_terms) {
     g_assert_no_error(error);
     const gsize size = sizeof(float) * (gsize)(hsh_bytes(hsh) / 2);
     g_assert_cmpint(back->n_terms, ==, n_terms);
-    g_assert_cmpint(back->width, ==, 4);
-    g_assert_cmpint(back->height, ==, 3);
-    g_assert_cmpint(back->n_views, ==, 3);
-    g_assert_cmpint(back->n_lights, ==, 19);
+    g_assert_cmpint(back->layout.width, ==, 4);
+    g_assert_cmpint(back->layout.height, ==, 3);
+    g_assert_cmpint(back->layout.views.n, ==, 3);
+    g_assert_cmpint(back->layout.lights.n, ==, 19);
     g_assert_cmpmem(back->values, size, hsh->values, size);
     g_assert_true(back->error == hsh->error);
     g_assert_true(back->exact_error == hsh->exact_error);
     g_assert_true(back->luminance_error == hsh->luminance_error);
-    g_assert_true(back->texel_mm == 0.5 && back->reference_mm == 5);
+    g_assert_true(back->layout.texel_mm == 0.5 && back->layout.reference_mm == 5);
     g_assert_cmpstr(back->name, ==, "coin");
-    g_assert_cmpfloat(back->view_phi_deg[2], ==, btf->view_phi_deg[2]);
-    g_assert_cmpfloat(back->light_theta_deg[5], ==, btf->light_theta_deg[5]);
+    g_assert_cmpfloat(back->layout.views.phi_deg[2], ==, btf->layout.views.phi_deg[2]);
+    g_assert_cmpfloat(back->layout.lights.theta_deg[5], ==, btf->layout.lights.theta_deg[5]);
     hsh_free(back);
     hsh_free(hsh);
     btf_matrix_free(btf);

@@ -29,19 +29,19 @@ static void fill_directions(int rings, float turn_deg, float *theta_deg, float *
 static struct btf_matrix *new_btf(int width, int height, int view_rings, int light_rings) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     *btf = (struct btf_matrix){.name = g_strdup("weave"),
-                               .width = width,
-                               .height = height,
-                               .texel_mm = 0.5,
-                               .reference_mm = 5,
-                               .n_views = count_directions(view_rings),
-                               .n_lights = count_directions(light_rings)};
-    btf->view_theta_deg = g_new0(float, btf->n_views);
-    btf->view_phi_deg = g_new0(float, btf->n_views);
-    btf->light_theta_deg = g_new0(float, btf->n_lights);
-    btf->light_phi_deg = g_new0(float, btf->n_lights);
-    fill_directions(view_rings, 0, btf->view_theta_deg, btf->view_phi_deg);
-    fill_directions(light_rings, 7, btf->light_theta_deg, btf->light_phi_deg);
-    btf->values = g_new0(float, (gsize)(width * height * btf->n_views * btf->n_lights * 3));
+                               .layout.width = width,
+                               .layout.height = height,
+                               .layout.texel_mm = 0.5,
+                               .layout.reference_mm = 5,
+                               .layout.views.n = count_directions(view_rings),
+                               .layout.lights.n = count_directions(light_rings)};
+    btf->layout.views.theta_deg = g_new0(float, btf->layout.views.n);
+    btf->layout.views.phi_deg = g_new0(float, btf->layout.views.n);
+    btf->layout.lights.theta_deg = g_new0(float, btf->layout.lights.n);
+    btf->layout.lights.phi_deg = g_new0(float, btf->layout.lights.n);
+    fill_directions(view_rings, 0, btf->layout.views.theta_deg, btf->layout.views.phi_deg);
+    fill_directions(light_rings, 7, btf->layout.lights.theta_deg, btf->layout.lights.phi_deg);
+    btf->values = g_new0(float, (gsize)(width * height * btf_layout_values(&btf->layout)));
     return btf;
 }
 
@@ -169,13 +169,13 @@ static void fill(struct btf_matrix *btf, enum lobes_model model, double noise) {
     GRand *random = g_rand_new_with_seed(11);
     float *to = btf->values;
     double p[16] = {0}, v[3], l[3];
-    for (int texel = 0; texel < btf->width * btf->height; texel++) {
-        for (int view = 0; view < btf->n_views; view++) {
+    for (gsize texel = 0; texel < btf_layout_texels(&btf->layout); texel++) {
+        for (gsize view = 0; view < btf->layout.views.n; view++) {
             if (view == 0 || model == LOBES_FIELDS)
                 random_parameters(random, model, p);
-            unit(btf->view_theta_deg[view], btf->view_phi_deg[view], v);
-            for (int light = 0; light < btf->n_lights; light++, to += 3) {
-                unit(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+            unit(btf->layout.views.theta_deg[view], btf->layout.views.phi_deg[view], v);
+            for (gsize light = 0; light < btf->layout.lights.n; light++, to += 3) {
+                unit(btf->layout.lights.theta_deg[light], btf->layout.lights.phi_deg[light], l);
                 const double y = truths[model](v, l, p);
                 for (int c = 0; c < 3; c++)
                     to[c] = (float)(colour[c] * y + noise * between(random, -1, 1));
@@ -194,10 +194,10 @@ static struct lobes *compute(const struct btf_matrix *btf, enum lobes_model mode
 }
 
 static double residual(const struct lobes *lobes, const struct btf_matrix *btf) {
-    const int d = btf->n_views * btf->n_lights * 3;
+    const int d = btf_layout_values(&btf->layout);
     g_autofree float *row = g_new(float, d);
     double rest = 0, all = 0;
-    for (int texel = 0; texel < btf->width * btf->height; texel++) {
+    for (gsize texel = 0; texel < btf_layout_texels(&btf->layout); texel++) {
         lobes_reconstruct(lobes, texel, row);
         for (int i = 0; i < d; i++) {
             const double truth = btf->values[texel * d + i];
@@ -230,9 +230,9 @@ static void test_polynomial(void) {
     static const double c[6] = {0.2, -0.1, 0.05, 0.3, -0.2, 0.6};
     struct btf_matrix *btf = new_btf(2, 2, 1, RINGS);
     double l[3];
-    for (int i = 0; i < 4 * btf->n_views * btf->n_lights; i++) {
-        const int light = i % btf->n_lights;
-        unit(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+    for (gsize i = 0; i < 4 * btf->layout.views.n * btf->layout.lights.n; i++) {
+        const int light = i % btf->layout.lights.n;
+        unit(btf->layout.lights.theta_deg[light], btf->layout.lights.phi_deg[light], l);
         const double basis[6] = {l[0] * l[0], l[1] * l[1], l[0] * l[1], l[0], l[1], 1};
         double y = 0;
         for (int k = 0; k < 6; k++)
@@ -246,16 +246,16 @@ static void test_polynomial(void) {
     lobes_free(lobes);
     fill(btf, LOBES_FIELDS, 0);
     lobes = compute(btf, LOBES_PTM);
-    g_autofree float *row = g_new(float, btf->n_views * btf->n_lights * 3);
+    g_autofree float *row = g_new(float, btf_layout_values(&btf->layout));
     lobes_reconstruct(lobes, 0, row);
     double left[6] = {0};
-    for (int light = 0; light < btf->n_lights; light++) {
-        unit(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+    for (gsize light = 0; light < btf->layout.lights.n; light++) {
+        unit(btf->layout.lights.theta_deg[light], btf->layout.lights.phi_deg[light], l);
         const double basis[6] = {l[0] * l[0], l[1] * l[1], l[0] * l[1], l[0], l[1], 1};
         const float *a = btf->values + (gsize)(3 * light), *b = row + (gsize)(3 * light);
         const double y = 0.2126 * (a[0] - b[0]) + 0.7152 * (a[1] - b[1]) + 0.0722 * (a[2] - b[2]);
         for (int k = 0; k < 6; k++)
-            left[k] += y * basis[k] / btf->n_lights;
+            left[k] += y * basis[k] / btf->layout.lights.n;
     }
     for (int k = 0; k < 6; k++)
         g_assert_cmpfloat_with_epsilon(left[k], 0, 1e-3);
@@ -270,7 +270,7 @@ static void test_noise(void) {
     struct lobes *lobes = compute(btf, LOBES_FIELDS);
     const double noise = 0.03 / sqrt(3);
     double all = 0;
-    const int n = 6 * 5 * btf->n_views * btf->n_lights * 3;
+    const int n = 6 * 5 * btf_layout_values(&btf->layout);
     for (int i = 0; i < n; i++)
         all += (double)btf->values[i] * btf->values[i] / n;
     g_assert_cmpfloat(lobes->error, <, 1.05 * noise / sqrt(all));
@@ -282,7 +282,7 @@ static void test_noise(void) {
 static void test_halves(void) {
     struct btf_matrix *btf = new_btf(8, 8, 1, 2);
     GRand *random = g_rand_new_with_seed(3);
-    const int n = 64 * btf->n_views * btf->n_lights;
+    const int n = 64 * btf->layout.views.n * btf->layout.lights.n;
     for (int i = 0; i < 3 * n; i++) /* single bright lights: the sharpest lobes there are */
         btf->values[i] = i / 3 % 7 == g_rand_int_range(random, 0, 7)
                              ? (float)pow(10, between(random, -3, 3))
@@ -329,7 +329,7 @@ static void test_threads(void) {
 static void test_edges(void) {
     for (int model = 0; model < LOBES_MODELS; model++) {
         struct btf_matrix *btf = new_btf(3, 2, 1, 2);
-        const int n = 6 * btf->n_views * btf->n_lights * 3;
+        const int n = 6 * btf_layout_values(&btf->layout);
         struct lobes *lobes = compute(btf, (enum lobes_model)model);
         g_assert_cmpfloat(lobes->error, ==, 0);
         g_assert_cmpfloat(residual(lobes, btf), ==, 0);
@@ -350,15 +350,15 @@ static void test_edges(void) {
 
         btf = new_btf(2, 1, 0, 3); /* one view; the second texel was never seen */
         fill(btf, LOBES_FIELDS, 0);
-        for (int i = 0; i < btf->n_lights * 3; i++)
-            btf->values[btf->n_lights * 3 + i] = NAN;
+        for (gsize i = 0; i < btf->layout.lights.n * 3; i++)
+            btf->values[btf->layout.lights.n * 3 + i] = NAN;
         lobes = compute(btf, (enum lobes_model)model);
         g_assert_true(isfinite(lobes->error));
         for (int i = 0; i < 2 * lobes->n_slices * lobes->n_values; i++)
             g_assert_true(isfinite(lobes->values[i]));
-        g_autofree float *row = g_new(float, btf->n_lights * 3);
+        g_autofree float *row = g_new(float, btf->layout.lights.n * 3);
         lobes_reconstruct(lobes, 1, row);
-        for (int i = 0; i < btf->n_lights * 3; i++)
+        for (gsize i = 0; i < btf->layout.lights.n * 3; i++)
             g_assert_cmpfloat(row[i], ==, 0);
         lobes_free(lobes);
         btf_matrix_free(btf);
@@ -372,7 +372,7 @@ static void test_holes(void) {
         const enum lobes_model kind = model == LOBES_PTM ? LOBES_FIELDS : (enum lobes_model)model;
         fill(whole, kind, 0);
         fill(btf, kind, 0);
-        for (int i = 0; i < 9 * btf->n_views * btf->n_lights; i += 10)
+        for (gsize i = 0; i < 9 * btf->layout.views.n * btf->layout.lights.n; i += 10)
             btf->values[3 * i + 1] = NAN;
         struct lobes *lobes = compute(btf, (enum lobes_model)model);
         const double error = lobes->error;
@@ -404,7 +404,7 @@ static struct lobes *compute_checkpoint(const struct btf_matrix *btf, const char
 /* Changes a value of what is kept, as if it had come out so. */
 static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) {
     g_autoptr(Checkpoint) checkpoint = checkpoint_new(path);
-    const int n_blocks = btf->width * btf->height / 16;
+    const int n_blocks = btf_layout_texels(&btf->layout) / 16;
     btf_checkpoint_begin(checkpoint, btf, "ptm of 0");
     const int *found = checkpoint_get(checkpoint, "blocks", sizeof(int) * (gsize)n_blocks);
     const float *values = checkpoint_get(checkpoint, "values", sizeof(float) * n);
@@ -426,7 +426,7 @@ static void test_checkpoint(void) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct btf_matrix *btf = new_btf(64, 64, 1, RINGS);
     fill(btf, LOBES_FIELDS, 0.1);
-    const gsize n = (gsize)(64 * 64 * btf->n_views * 9);
+    const gsize n = (gsize)(64 * 64 * btf->layout.views.n * 9);
     struct lobes *whole = compute_checkpoint(btf, NULL, NULL);
     g_assert_null(compute_checkpoint(btf, path, cancellable));
     struct lobes *rest = compute_checkpoint(btf, path, NULL);
@@ -496,8 +496,8 @@ static void test_file(void) {
         g_assert_true(back->error == lobes->error);
         g_assert_true(back->luminance_error == lobes->luminance_error);
         g_assert_cmpstr(back->name, ==, "weave");
-        g_assert_cmpfloat(back->view_theta_deg[3], ==, btf->view_theta_deg[3]);
-        g_assert_cmpfloat(back->light_phi_deg[5], ==, btf->light_phi_deg[5]);
+        g_assert_cmpfloat(back->layout.views.theta_deg[3], ==, btf->layout.views.theta_deg[3]);
+        g_assert_cmpfloat(back->layout.lights.phi_deg[5], ==, btf->layout.lights.phi_deg[5]);
         lobes_free(back);
         lobes_free(lobes);
     }

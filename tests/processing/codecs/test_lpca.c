@@ -28,7 +28,7 @@ static double error_of(const struct btf_matrix *btf, int k, int c) {
 static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
     const int d = lpca_fixture_row_length(btf), c = lpca->n_components;
     double rest = 0, all = 0;
-    for (int x = 0; x < btf->width * btf->height; x++)
+    for (gsize x = 0; x < btf_layout_texels(&btf->layout); x++)
         for (int j = 0; j < d; j++) {
             const float *e = lpca->brdfs + lpca->clusters[x] * (c + 1) * d + j;
             double value = btf->values[x * d + j], sum = e[0];
@@ -41,7 +41,7 @@ static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
 }
 
 static void assert_orthonormal(const struct lpca *lpca) {
-    const int d = lpca->n_views * lpca->n_lights * 3, c = lpca->n_components;
+    const int d = btf_layout_values(&lpca->layout), c = lpca->n_components;
     for (int k = 0; k < lpca->n_clusters; k++)
         for (int i = 1; i <= c; i++)
             for (int j = 1; j <= i; j++) {
@@ -76,7 +76,8 @@ static void test_mixture(void) {
 
 /* Of the matrix less its mean row, beyond the first c, relative to the whole. */
 static double dense_error(const struct btf_matrix *btf, int c) {
-    const int d = lpca_fixture_row_length(btf), n = btf->width * btf->height, rank = MIN(n, d);
+    const int d = lpca_fixture_row_length(btf), n = btf_layout_texels(&btf->layout),
+              rank = MIN(n, d);
     g_autofree double *a = g_new(double, n *d), *s = g_new(double, rank);
     g_autofree double *superb = g_new(double, rank);
     double rest = 0, all = 0;
@@ -222,9 +223,9 @@ static void test_refused(void) {
 
 /* What rounding may do to a texel: half a step of each eigen-BRDF, and the bits of a half. */
 static void assert_within_bound(const struct lpca *exact, const struct lpca *rounded) {
-    const int d = exact->n_views * exact->n_lights * 3, c = exact->n_components;
+    const int d = btf_layout_values(&exact->layout), c = exact->n_components;
     g_autofree float *a = g_new(float, d), *b = g_new(float, d);
-    for (int x = 0; x < exact->width * exact->height; x++) {
+    for (gsize x = 0; x < btf_layout_texels(&exact->layout); x++) {
         const int table = exact->clusters[x] * (c + 1);
         lpca_reconstruct(exact, x, a);
         lpca_reconstruct(rounded, x, b);
@@ -233,12 +234,13 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
             for (int i = 1; i <= c; i++) {
                 const double weight = fabsf(exact->weights[x * c + i - 1]);
                 const double value = fabsf(exact->brdfs[(table + i) * d + j]);
-                const double step = rounded->quantise >= LPCA_8BIT
-                                        ? rounded->scales[table + i] *
-                                              rounded->light_scales[(table + i) * exact->n_lights +
-                                                                    j / 3 % exact->n_lights] /
-                                              2
-                                        : value / 2048 + 1e-7;
+                const double step =
+                    rounded->quantise >= LPCA_8BIT
+                        ? rounded->scales[table + i] *
+                              rounded->light_scales[(table + i) * exact->layout.lights.n +
+                                                    j / 3 % exact->layout.lights.n] /
+                              2
+                        : value / 2048 + 1e-7;
                 const double weight_step =
                     rounded->quantise == LPCA_8BIT_WEIGHTS
                         ? rounded->weight_scales[exact->clusters[x] * c + i - 1] / 2
@@ -273,10 +275,10 @@ static void test_quantised(void) {
         g_assert_cmpint(back->quantise, ==, kind);
         g_assert_true(back->error == rounded->error);
         g_assert_cmpstr(back->name, ==, "weave");
-        g_assert_cmpfloat(back->texel_mm, ==, 0.5);
-        g_assert_cmpfloat(back->reference_mm, ==, 5);
-        g_assert_cmpfloat(back->view_theta_deg[3], ==, 3);
-        g_assert_cmpfloat(back->light_phi_deg[4], ==, 16);
+        g_assert_cmpfloat(back->layout.texel_mm, ==, 0.5);
+        g_assert_cmpfloat(back->layout.reference_mm, ==, 5);
+        g_assert_cmpfloat(back->layout.views.theta_deg[3], ==, 3);
+        g_assert_cmpfloat(back->layout.lights.phi_deg[4], ==, 16);
         lpca_free(back);
         lpca_free(rounded);
     }
@@ -288,15 +290,15 @@ static void test_quantised(void) {
 
 /* Relative, under one light, of what rounding makes of a local PCA. */
 static double rounding_under(const struct lpca *exact, const struct lpca *rounded, int light) {
-    const int d = exact->n_views * exact->n_lights * 3;
+    const int d = btf_layout_values(&exact->layout);
     g_autofree float *a = g_new(float, d), *b = g_new(float, d);
     double off = 0, all = 0;
-    for (int x = 0; x < exact->width * exact->height; x++) {
+    for (gsize x = 0; x < btf_layout_texels(&exact->layout); x++) {
         lpca_reconstruct(exact, x, a);
         lpca_reconstruct(rounded, x, b);
         for (int j = 0; j < d; j++) {
-            off += j / 3 % exact->n_lights == light ? pow(a[j] - b[j], 2) : 0;
-            all += j / 3 % exact->n_lights == light ? pow(a[j], 2) : 0;
+            off += j / 3 % (int)exact->layout.lights.n == light ? pow(a[j] - b[j], 2) : 0;
+            all += j / 3 % (int)exact->layout.lights.n == light ? pow(a[j], 2) : 0;
         }
     }
     return sqrt(off / all);

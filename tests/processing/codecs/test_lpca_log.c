@@ -7,7 +7,7 @@
 
 /* What random numbers are as logarithms: from a hundredth to about white. */
 static void make_log(struct lpca *lpca) {
-    const gsize size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    const gsize size = 3 * lpca->layout.views.n * lpca->layout.lights.n;
     lpca->colours = LPCA_LOG;
     for (int k = 0; k < lpca->n_clusters; k++)
         for (gsize i = 0; i < size; i += 3) {
@@ -31,10 +31,10 @@ static void check_log(int n_components, gboolean nearest, double ambient) {
     settings.style.nearest = nearest;
     settings.ambient = ambient;
     g_autoptr(Directions) views = directions_new_triangulated(
-        lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
+        lpca->layout.views.theta_deg, lpca->layout.views.phi_deg, lpca->layout.views.n, &error);
     g_autoptr(Directions) lights = directions_new_triangulated(
-        lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
-    g_autofree float *sky = g_new0(float, lpca->n_lights);
+        lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg, lpca->layout.lights.n, &error);
+    g_autofree float *sky = g_new0(float, lpca->layout.lights.n);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
     formula_compare(lpca_scene_pixel, &scene, view, &settings);

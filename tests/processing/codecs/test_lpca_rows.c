@@ -30,7 +30,7 @@ static struct btf_matrix *bumps(int size) {
 }
 
 static void move_to_file(struct btf_matrix *btf) {
-    const gsize row = LIGHTS * 3, texels = (gsize)btf->width * (gsize)btf->height;
+    const gsize row = LIGHTS * 3, texels = btf_layout_texels(&btf->layout);
     g_autofree float *view = g_new(float, texels *row);
     g_autoptr(GError) error = NULL;
     btf->scratch = btf_scratch_new(g_get_tmp_dir(), row, VIEWS, (int)texels, &error);
@@ -47,7 +47,7 @@ static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
     const gsize d = VIEWS * LIGHTS * 3;
     g_autofree float *sum = g_new(float, d);
     double rest = 0, all = 0;
-    for (int x = 0; x < btf->width * btf->height; x++) {
+    for (gsize x = 0; x < btf_layout_texels(&btf->layout); x++) {
         lpca_reconstruct(lpca, x, sum);
         for (gsize j = 0; j < d; j++) {
             const double value = btf->values[(gsize)x * d + j];
@@ -187,7 +187,8 @@ static gpointer work(gpointer data) {
     const gsize d = VIEWS * LIGHTS * 3;
     int first, end;
     const struct lpca_options options = {6, 4, .work.n_threads = 1, .team = &member->team};
-    team_part(&member->team, member->team.rank, part.width * part.height, TEAM_ROWS, &first, &end);
+    team_part(&member->team, member->team.rank, btf_layout_texels(&part.layout), TEAM_ROWS, &first,
+              &end);
     part.values =
         g_memdup2(part.values + (gsize)first * d, sizeof(float) * MAX(1, (gsize)(end - first) * d));
     member->lpca = lpca_compute(&part, &options, NULL);

@@ -378,12 +378,12 @@ static void test_packed(void) {
 static struct eigenmaps *grey(void) {
     struct eigenmaps *m = g_new0(struct eigenmaps, 1);
     m->name = g_strdup("grey");
-    m->width = m->height = m->n_terms = m->n_views = m->n_lights = 1;
-    m->texel_mm = 1;
-    m->view_theta_deg = g_new0(float, 1);
-    m->view_phi_deg = g_new0(float, 1);
-    m->light_theta_deg = g_new0(float, 1);
-    m->light_phi_deg = g_new0(float, 1);
+    m->layout.width = m->layout.height = m->n_terms = m->layout.views.n = m->layout.lights.n = 1;
+    m->layout.texel_mm = 1;
+    m->layout.views.theta_deg = g_new0(float, 1);
+    m->layout.views.phi_deg = g_new0(float, 1);
+    m->layout.lights.theta_deg = g_new0(float, 1);
+    m->layout.lights.phi_deg = g_new0(float, 1);
     m->weights = g_new(float, 1);
     m->maps = g_new(float, 3);
     m->weights[0] = 1;

@@ -23,11 +23,14 @@ static struct btf_matrix *new_btf(void) {
     g_autoptr(GRand) random = g_rand_new_with_seed(4);
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     const int n = RINGS * A_RING;
-    *btf = (struct btf_matrix){
-        .name = g_strdup("chips"), .width = W, .height = H, .texel_mm = 1, .n_views = n};
-    btf->n_lights = n;
-    rings_fill(0, &btf->view_theta_deg, &btf->view_phi_deg);
-    rings_fill(5, &btf->light_theta_deg, &btf->light_phi_deg);
+    *btf = (struct btf_matrix){.name = g_strdup("chips"),
+                               .layout.width = W,
+                               .layout.height = H,
+                               .layout.texel_mm = 1,
+                               .layout.views.n = n};
+    btf->layout.lights.n = n;
+    rings_fill(0, &btf->layout.views.theta_deg, &btf->layout.views.phi_deg);
+    rings_fill(5, &btf->layout.lights.theta_deg, &btf->layout.lights.phi_deg);
     btf->values = g_new(float, 3 * (gsize)W * H * n * n);
     for (int texel = 0; texel < W * H; texel++) {
         const double grey = texel % 2 ? 0.05 : g_rand_double_range(random, 0.3, 0.9);
@@ -35,8 +38,10 @@ static struct btf_matrix *new_btf(void) {
         const struct vec3 normal = vec3_unit(vec3(g_rand_double_range(random, -0.4, 0.4),
                                                   g_rand_double_range(random, -0.4, 0.4), 1));
         for (int k = 0; k < n * n; k++) {
-            const struct vec3 v = direction(btf->view_theta_deg, btf->view_phi_deg, k / n);
-            const struct vec3 l = direction(btf->light_theta_deg, btf->light_phi_deg, k % n);
+            const struct vec3 v =
+                direction(btf->layout.views.theta_deg, btf->layout.views.phi_deg, k / n);
+            const struct vec3 l =
+                direction(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, k % n);
             const double nl = fmax(vec3_dot(normal, l), 0);
             const double shine =
                 gloss * nl * pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 12);
@@ -130,8 +135,8 @@ static void check_far(enum lobes_model model, double tiles, double most) {
     struct mesh *mesh = scene_plane();
     struct viewer_settings settings;
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
-    g_autoptr(Directions) views =
-        directions_new(btf->view_theta_deg, btf->view_phi_deg, btf->n_views, &error);
+    g_autoptr(Directions) views = directions_new(
+        btf->layout.views.theta_deg, btf->layout.views.phi_deg, btf->layout.views.n, &error);
     const struct scene scene = {.lobes = levels[0], .views = views};
     float *truth[SHIFTS], *plain[SHIFTS], *levelled[SHIFTS];
     formula_start_view(view, &settings, mesh);
@@ -186,9 +191,9 @@ static void test_file(void) {
         struct lobes *of_half = lobes_compute(half, &options, &error);
         for (int k = 0; k < 3; k++) {
             const struct lobes *one = levels[k];
-            const int n = one->n_slices * one->width * one->height * one->n_values;
-            g_assert_cmpint(back[k]->width, ==, widths[k]);
-            g_assert_cmpint(back[k]->height, ==, heights[k]);
+            const int n = one->n_slices * btf_layout_texels(&one->layout) * one->n_values;
+            g_assert_cmpint(back[k]->layout.width, ==, widths[k]);
+            g_assert_cmpint(back[k]->layout.height, ==, heights[k]);
             g_assert_cmpmem(back[k]->values, sizeof(float) * (gsize)n, one->values,
                             sizeof(float) * (gsize)n);
             if (k == 1)
@@ -197,7 +202,7 @@ static void test_file(void) {
         }
         struct lobes *first = lobes_read(path, &error);
         g_assert_no_error(error);
-        g_assert_cmpint(first->width, ==, W);
+        g_assert_cmpint(first->layout.width, ==, W);
         g_assert_true(first->error == levels[0]->error);
         lobes_free(first);
         lobes_free(of_half);
@@ -284,7 +289,7 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     g_assert_null(lobes_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 2: value number 3"));
     g_clear_error(&error);
-    levels[1]->view_phi_deg[2] += 1;
+    levels[1]->layout.views.phi_deg[2] += 1;
     g_assert_null(lobes_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 1"));
     for (int k = 0; k < 3; k++)

@@ -103,9 +103,9 @@ static void test_refused(struct fixture *fixture, gconstpointer unused) {
     fixture->btf->values[7] += 1e-3F;
     assert_note(fixture, "work", "of another BTF");
     fixture->btf->values[7] -= 1e-3F;
-    fixture->btf->light_phi_deg[1] += 1;
+    fixture->btf->layout.lights.phi_deg[1] += 1;
     assert_note(fixture, "work", "of another BTF");
-    fixture->btf->light_phi_deg[1] -= 1;
+    fixture->btf->layout.lights.phi_deg[1] -= 1;
     g_assert_true(g_file_get_contents(fixture->path, &bytes, &size, NULL));
     g_assert_true(g_file_set_contents(fixture->path, bytes, (gssize)size / 2, NULL));
     assert_note(fixture, "work", "starting from the beginning");

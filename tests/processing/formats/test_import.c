@@ -68,13 +68,13 @@ static struct btf_matrix *read_back(const char *path) {
 }
 
 static void assert_set(const struct btf_matrix *btf) {
-    g_assert_cmpint(btf->n_views, ==, 2);
-    g_assert_cmpint(btf->n_lights, ==, 3);
-    g_assert_cmpint(btf->width, ==, WIDTH);
-    g_assert_cmpfloat((double)btf->view_theta_deg[0], ==, 15.5);
-    g_assert_cmpfloat((double)btf->view_phi_deg[1], ==, 180);
-    g_assert_cmpfloat((double)btf->light_theta_deg[2], ==, 30.25);
-    g_assert_cmpfloat((double)btf->light_phi_deg[2], ==, 270.5);
+    g_assert_cmpint(btf->layout.views.n, ==, 2);
+    g_assert_cmpint(btf->layout.lights.n, ==, 3);
+    g_assert_cmpint(btf->layout.width, ==, WIDTH);
+    g_assert_cmpfloat((double)btf->layout.views.theta_deg[0], ==, 15.5);
+    g_assert_cmpfloat((double)btf->layout.views.phi_deg[1], ==, 180);
+    g_assert_cmpfloat((double)btf->layout.lights.theta_deg[2], ==, 30.25);
+    g_assert_cmpfloat((double)btf->layout.lights.phi_deg[2], ==, 270.5);
     for (int t = 0; t < TEXELS; t++)
         for (int v = 0; v < 2; v++)
             for (int l = 0; l < 3; l++)
@@ -93,7 +93,7 @@ static void test_pictures(void) {
     g_assert_no_error(error);
     struct btf_matrix *btf = read_back(path);
     assert_set(btf);
-    g_assert_cmpfloat(btf->texel_mm, ==, 0.25);
+    g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.25);
     btf_matrix_free(btf);
     g_autofree char *maps_path = g_build_filename(path, "products", "eigenmaps.exr", NULL);
     struct eigenmaps *maps = eigenmaps_read(maps_path, &error);
@@ -199,12 +199,12 @@ static void test_rti(void) {
     g_assert_true(import_rti(path, list, &wish, &quietly, &result, &error));
     g_assert_no_error(error);
     struct btf_matrix *btf = read_back(path);
-    g_assert_cmpint(btf->n_views, ==, 1);
-    g_assert_cmpint(btf->n_lights, ==, 2);
-    g_assert_cmpint(btf->width, ==, 4);
-    g_assert_cmpint(btf->height, ==, 2);
-    g_assert_cmpfloat_with_epsilon((double)btf->light_theta_deg[1], 30, 1e-3);
-    g_assert_cmpfloat_with_epsilon((double)btf->light_phi_deg[1], 270, 1e-3);
+    g_assert_cmpint(btf->layout.views.n, ==, 1);
+    g_assert_cmpint(btf->layout.lights.n, ==, 2);
+    g_assert_cmpint(btf->layout.width, ==, 4);
+    g_assert_cmpint(btf->layout.height, ==, 2);
+    g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.theta_deg[1], 30, 1e-3);
+    g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.phi_deg[1], 270, 1e-3);
     g_assert_cmpfloat((double)btf->values[0], ==, 0);
     g_assert_cmpfloat_with_epsilon((double)btf->values[3], 0.5029,
                                    1e-3); /* ((188/255+.055)/1.055)^2.4 */
@@ -298,8 +298,8 @@ static void test_bonn(void) {
         g_assert_true(import_bonn(path, file, &wish, &quietly, &result, &error));
         g_assert_no_error(error);
         struct btf_matrix *btf = read_back(path);
-        g_assert_cmpfloat(btf->texel_mm, ==, 0.25);
-        g_assert_cmpfloat_with_epsilon((double)btf->light_phi_deg[2], 240, 1e-4);
+        g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.25);
+        g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.phi_deg[2], 240, 1e-4);
         const double here = (double)btf->values[((7 * 2 + 1) * 3 + 1) * 3 + 2];
         g_assert_cmpfloat_with_epsilon(here, (double)value(1, 1, 7, 2) * (cosine ? 1 : 0.5), 1e-3);
         btf_matrix_free(btf);

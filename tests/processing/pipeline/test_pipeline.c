@@ -63,8 +63,8 @@ static void check_eigenmaps(const struct fixture *fixture, double error_said) {
     g_autofree char *path = fixture_product(fixture, "eigenmaps.exr");
     struct eigenmaps *maps = eigenmaps_read(path, &error);
     g_assert_no_error(error);
-    g_assert_cmpint(maps->n_views, ==, N_VIEWS);
-    g_assert_cmpint(maps->n_lights, ==, N_LIGHTS);
+    g_assert_cmpint(maps->layout.views.n, ==, N_VIEWS);
+    g_assert_cmpint(maps->layout.lights.n, ==, N_LIGHTS);
     g_assert_cmpint(maps->n_terms, ==, 2);
     g_assert_cmpstr(maps->name, ==, "small");
     /* Lamps turn with the sample here, and the diffuser looks alike from everywhere. */

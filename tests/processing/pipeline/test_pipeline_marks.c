@@ -104,7 +104,7 @@ static void test_marks(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpint(btf->holes, >, 0);
     g_assert_cmpint(btf->bounds, >, 0);
     g_assert_cmpint(btf->shorter, >, 0);
-    for (int i = 0; i < TEXELS * TEXELS * btf->n_views * btf->n_lights * 3; i++)
+    for (gsize i = 0; i < TEXELS * TEXELS * btf_layout_values(&btf->layout); i++)
         g_assert_cmpfloat(btf->values[i], !=, 0);
     btf_matrix_free(btf);
 }

@@ -1,0 +1,45 @@
+/*
+ * What a BTF and every model of one are tables of: texels, views and lights. Plain data; any
+ * thread.
+ */
+#pragma once
+
+#include "exr/exr.h"
+
+/* Views or lights: θ and φ of each in the sample frame (base/direction.h). */
+struct direction_list {
+    gsize n;
+    float *theta_deg, *phi_deg; /* n each */
+};
+
+struct btf_layout {
+    gsize width, height; /* texels */
+    double texel_mm;     /* width of a texel */
+    double reference_mm; /* of the reference plane above the turntable */
+    struct direction_list views, lights;
+};
+
+/* Of n directions, all 0; direction_list_clear() frees the angles. */
+struct direction_list direction_list_new(gsize n);
+struct direction_list direction_list_copy(const struct direction_list *from);
+void direction_list_clear(struct direction_list *list);
+/* Whether both have the same angles, bit by bit. */
+gboolean direction_list_equal(const struct direction_list *a, const struct direction_list *b);
+
+/* Directions are copied; btf_layout_clear() frees them. */
+struct btf_layout btf_layout_copy(const struct btf_layout *from);
+void btf_layout_clear(struct btf_layout *layout);
+
+gsize btf_layout_texels(const struct btf_layout *layout); /* width × height */
+gsize btf_layout_values(const struct btf_layout *layout); /* of a texel: views × lights × 3 */
+
+/*
+ * How files of models hold a layout: double attributes texel_mm and reference_mm of one part, and
+ *   parts "views", "lights"    channels "phi_deg", "theta_deg", width n, height 1, float
+ * The size in texels is that of other parts.
+ */
+void btf_layout_write_sizes(const struct btf_layout *layout, struct exr_part *part);
+void btf_layout_write_directions(const struct btf_layout *layout, struct exr_file *file);
+/* Reads both; width and height stay as they are. NULL, or what is wrong with the file. */
+const char *btf_layout_read(const struct exr_file *file, const struct exr_part *part,
+                            struct btf_layout *ret);
