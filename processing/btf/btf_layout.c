@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/direction.h"
+
 #define COLOURS 3
 
 struct direction_list direction_list_new(gsize n) {
@@ -18,6 +20,13 @@ struct direction_list direction_list_copy(const struct direction_list *from) {
 void direction_list_clear(struct direction_list *list) {
     g_free(list->theta_deg);
     g_free(list->phi_deg);
+}
+
+float *direction_list_vectors(const struct direction_list *list) {
+    float *ret = g_new(float, 3 * list->n);
+    for (gsize i = 0; i < list->n; i++)
+        direction_from_deg(list->theta_deg[i], list->phi_deg[i], ret + 3 * i);
+    return ret;
 }
 
 gboolean direction_list_equal(const struct direction_list *a, const struct direction_list *b) {

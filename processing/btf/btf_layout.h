@@ -23,6 +23,7 @@ struct btf_layout {
 struct direction_list direction_list_new(gsize n);
 struct direction_list direction_list_copy(const struct direction_list *from);
 void direction_list_clear(struct direction_list *list);
+float *direction_list_vectors(const struct direction_list *list); /* n × 3, unit; g_free() */
 /* Whether both have the same angles, bit by bit. */
 gboolean direction_list_equal(const struct direction_list *a, const struct direction_list *b);
 

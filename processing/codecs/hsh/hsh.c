@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
-#include "base/direction.h"
-#include "exr/exr_half.h"
+#include "codec/texel_model.h"
 
 #define COLOURS 3
 #define BLOCK   16   /* texels fitted by a thread at a time */
@@ -62,12 +61,11 @@ void hsh_basis(const float light[3], int n_terms, float *ret) {
 
 /* n_lights × n_terms: H_i at each measured light. */
 static float *hsh_design(const struct hsh *hsh) {
-    float *ret = g_new0(float, hsh->layout.lights.n *(gsize)hsh->n_terms);
-    for (gsize i = 0; i < hsh->layout.lights.n; i++) {
-        float light[3];
-        direction_from_deg(hsh->layout.lights.theta_deg[i], hsh->layout.lights.phi_deg[i], light);
-        hsh_basis(light, hsh->n_terms, ret + (gsize)i * (gsize)hsh->n_terms);
-    }
+    const gsize k = (gsize)hsh->n_terms;
+    g_autofree float *lights = direction_list_vectors(&hsh->layout.lights);
+    float *ret = g_new0(float, hsh->layout.lights.n *k);
+    for (gsize i = 0; i < hsh->layout.lights.n; i++)
+        hsh_basis(lights + 3 * i, hsh->n_terms, ret + i * k);
     return ret;
 }
 
@@ -85,61 +83,30 @@ void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[
     hsh_sum(hsh_values_of(hsh, view, texel), basis, hsh->n_terms, ret);
 }
 
-static void hsh_reconstruct_with(const struct hsh *hsh, const float *design, int texel,
-                                 float *ret) {
+struct hsh_at_lights {
+    const struct hsh *hsh;
+    const float *design;
+};
+
+static void hsh_reconstruct_with(gconstpointer model, int texel, float *ret) {
+    const struct hsh_at_lights *at = model;
+    const struct hsh *hsh = at->hsh;
     for (gsize v = 0; v < hsh->layout.views.n; v++) {
-        const float *values = hsh_values_of(hsh, v, texel);
+        const float *values = hsh_values_of(hsh, (int)v, texel);
         for (gsize l = 0; l < hsh->layout.lights.n; l++, ret += COLOURS)
-            hsh_sum(values, design + (gsize)l * (gsize)hsh->n_terms, hsh->n_terms, ret);
+            hsh_sum(values, at->design + l * (gsize)hsh->n_terms, hsh->n_terms, ret);
     }
 }
 
 void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret) {
     g_autofree float *design = hsh_design(hsh);
-    hsh_reconstruct_with(hsh, design, texel, ret);
-}
-
-struct hsh_comparison {
-    const struct hsh *hsh;
-    const struct btf_matrix *btf;
-    const float *design;
-    double *sums; /* × 4 a block: of squares, of theirs; of |Y − Ŷ|, how many */
-};
-
-static void hsh_compare_block(int block, gpointer data) {
-    const struct hsh_comparison *to = data;
-    const int n = to->btf->layout.views.n * to->btf->layout.lights.n;
-    const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&to->btf->layout));
-    double *sums = to->sums + (gsize)(4 * block);
-    g_autofree float *values = g_new0(float, (gsize)n *COLOURS);
-    for (int texel = block * BLOCK; texel < end; texel++) {
-        const float *truth = to->btf->values + (gsize)texel * (gsize)n * COLOURS;
-        hsh_reconstruct_with(to->hsh, to->design, texel, values);
-        for (int i = 0; i < n * COLOURS; i++) {
-            const double residual = (double)truth[i] - values[i];
-            sums[0] += isnan(truth[i]) ? 0 : residual * residual;
-            sums[1] += isnan(truth[i]) ? 0 : (double)truth[i] * truth[i];
-        }
-        for (int i = 0; i < n; i++) {
-            const float y = rgb_luminance(truth + (gsize)i * COLOURS);
-            const float y_hat = rgb_luminance(values + (gsize)i * COLOURS);
-            sums[2] += isnan(y) ? 0 : fabsf(y - y_hat);
-            sums[3] += !isnan(y);
-        }
-    }
+    hsh_reconstruct_with(&(struct hsh_at_lights){hsh, design}, texel, ret);
 }
 
 double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
-    const int n_blocks = (btf_layout_texels(&hsh->layout) + BLOCK - 1) / BLOCK;
     g_autofree float *design = hsh_design(hsh);
-    g_autofree double *sums = g_new0(double, 4 * (gsize)n_blocks);
-    struct hsh_comparison to = {hsh, btf, design, sums};
-    double all[4] = {0};
-    work_for_each(n_threads, n_blocks, hsh_compare_block, &to);
-    for (int i = 0; i < 4 * n_blocks; i++)
-        all[i % 4] += sums[i];
-    hsh->error = all[1] > 0 ? sqrt(all[0] / all[1]) : 0;
-    hsh->luminance_error = all[3] > 0 ? all[2] / all[3] : 0;
+    texel_model_errors(btf, hsh_reconstruct_with, &(struct hsh_at_lights){hsh, design}, n_threads,
+                       &hsh->error, &hsh->luminance_error);
     return hsh->error;
 }
 
@@ -229,68 +196,33 @@ static void hsh_fit_block(int block, gpointer data) {
         }
 }
 
-static void hsh_to_halves(struct hsh *hsh) {
-    const gsize n = (gsize)(hsh_bytes(hsh) / 2);
-    g_autofree guint16 *halves = g_new(guint16, n);
-    exr_half_from_floats(halves, hsh->values, n);
-    exr_half_to_floats(hsh->values, halves, n);
-}
-
-static gboolean hsh_check(const struct btf_matrix *btf, int n_terms, GError **error) {
-    const gint64 texels = btf_layout_texels(&btf->layout);
-    const gint64 values = btf_layout_values(&btf->layout);
+struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
+                        GError **error) {
+    const int n_terms = options->n_terms ? options->n_terms : HSH_DEFAULT_TERMS;
     if (n_terms != 4 && n_terms != 9 && n_terms != 16) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "hemispherical harmonics have 4, 9 or 16 terms, not %d", n_terms);
-        return FALSE;
+        return NULL;
     }
-    if (texels < 1 || values < 1 || texels > G_MAXINT / 64 || values > G_MAXINT / 64) {
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "the BTF has %zu × %zu texels, %zu views and %zu lights; hemispherical harmonics "
-            "need at least one of each and at most %d texels and %d values a texel",
-            btf->layout.width, btf->layout.height, btf->layout.views.n, btf->layout.lights.n,
-            G_MAXINT / 64, G_MAXINT / 64);
-        return FALSE;
-    }
-    for (gint64 i = 0; i < texels * values; i++)
-        if (isinf(btf->values[i])) {
-            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "view %d, texel (%d, %d) is infinite; make that view's BTF again",
-                        (int)(i % values / COLOURS / btf->layout.lights.n),
-                        (int)(i / values % btf->layout.width),
-                        (int)(i / values / btf->layout.width));
-            return FALSE;
-        }
-    return TRUE;
-}
-
-static struct hsh *hsh_new(const struct btf_matrix *btf, int n_terms) {
+    if (!texel_model_check(btf, error))
+        return NULL;
+    const int n_blocks = (int)((btf_layout_texels(&btf->layout) + BLOCK - 1) / BLOCK);
     struct hsh *hsh = g_new0(struct hsh, 1);
     hsh->name = g_strdup(btf->name);
     hsh->layout = btf_layout_copy(&btf->layout);
     hsh->n_terms = n_terms;
     hsh->values = g_new0(float, (gsize)(hsh_bytes(hsh) / 2));
-    return hsh;
-}
-
-struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
-                        GError **error) {
-    const int n_terms = options->n_terms ? options->n_terms : HSH_DEFAULT_TERMS;
-    if (!hsh_check(btf, n_terms, error))
-        return NULL;
-    const int n_blocks = (btf_layout_texels(&btf->layout) + BLOCK - 1) / BLOCK;
-    struct hsh_fit fit = {.btf = btf, .hsh = hsh_new(btf, n_terms)};
-    fit.design = hsh_design(fit.hsh);
+    struct hsh_fit fit = {.btf = btf, .hsh = hsh};
+    fit.design = hsh_design(hsh);
     fit.inverse = hsh_pseudo_inverse(&fit);
     if (work_parallel(&options->work, "fit", n_blocks, hsh_fit_block, &fit, error)) {
-        fit.hsh->exact_error = hsh_error(fit.hsh, btf, options->work.n_threads);
-        hsh_to_halves(fit.hsh);
-        hsh_error(fit.hsh, btf, options->work.n_threads);
+        hsh->exact_error = hsh_error(hsh, btf, options->work.n_threads);
+        texel_model_to_halves(hsh->values, (gsize)(hsh_bytes(hsh) / 2));
+        hsh_error(hsh, btf, options->work.n_threads);
     } else {
-        g_clear_pointer(&fit.hsh, hsh_free);
+        g_clear_pointer(&hsh, hsh_free);
     }
     g_free(fit.design);
     g_free(fit.inverse);
-    return fit.hsh;
+    return hsh;
 }

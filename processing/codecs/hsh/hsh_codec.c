@@ -1,5 +1,6 @@
 #include "hsh_codec.h"
 
+#include "codec/texel_model.h"
 #include "hsh.h"
 
 struct hsh_codec_options {
@@ -55,22 +56,12 @@ static gpointer hsh_codec_read(const char *path, GError **error) {
 }
 
 static char *hsh_codec_describe_file(const struct exr_file *file) {
-    const struct exr_part *first = exr_file_part(file, "term0");
-    const struct exr_part *views = exr_file_part(file, "views");
-    const struct exr_part *lights = exr_file_part(file, "lights");
-    int terms = 0, width = 0, height = 0;
-    double error = 0, luminance = 0;
-    if (!first || !views || !lights)
+    g_autofree char *rest = exr_file_part(file, "term0") ? texel_model_describe_file(file) : NULL;
+    int terms = 0;
+    if (!rest)
         return NULL;
-    exr_get_int(first, "mesorig.terms", &terms, NULL);
-    exr_get_int(first, "mesorig.width", &width, NULL);
-    exr_get_int(first, "mesorig.height", &height, NULL);
-    exr_get_double(first, "mesorig.error", &error, NULL);
-    exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
-    return g_strdup_printf("hemispherical harmonics of %d terms: %d × %d texels, of %d views × %d "
-                           "lights; error %.2f %%, luminance off by %.4f",
-                           terms, width, height, views->width, lights->width, 100 * error,
-                           luminance);
+    exr_get_int(file->parts->pdata[0], "mesorig.terms", &terms, NULL);
+    return g_strdup_printf("hemispherical harmonics of %d terms: %s", terms, rest);
 }
 
 static gint64 hsh_codec_bytes(gconstpointer model) {

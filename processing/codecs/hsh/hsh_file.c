@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "exr/exr.h"
+#include "codec/texel_model.h"
 
 #define COLOURS 3
 
@@ -30,25 +30,20 @@ static struct exr_part *hsh_term_part(const struct hsh *hsh, int term) {
     return part;
 }
 
-static void hsh_set_head(struct exr_part *part, const struct hsh *hsh) {
-    exr_set_string(part, "mesorig.kind", "hsh");
-    exr_set_string(part, "mesorig.name", hsh->name ? hsh->name : "");
-    exr_set_int(part, "mesorig.terms", hsh->n_terms);
-    exr_set_int(part, "mesorig.views", hsh->layout.views.n);
-    exr_set_int(part, "mesorig.width", hsh->layout.width);
-    exr_set_int(part, "mesorig.height", hsh->layout.height);
-    exr_set_double(part, "mesorig.error", hsh->error);
-    exr_set_double(part, "mesorig.exact_error", hsh->exact_error);
-    exr_set_double(part, "mesorig.luminance_error", hsh->luminance_error);
-    btf_layout_write_sizes(&hsh->layout, part);
-}
-
 gboolean hsh_write(const char *path, const struct hsh *hsh, GError **error) {
     struct exr_file *file = exr_file_new();
     for (int term = 0; term < hsh->n_terms; term++)
         exr_file_add(file, hsh_term_part(hsh, term));
-    hsh_set_head(g_ptr_array_index(file->parts, 0), hsh);
-    btf_layout_write_directions(&hsh->layout, file);
+    const struct texel_model_head head = {
+        .kind = "hsh",
+        .name = hsh->name,
+        .names = {"mesorig.terms", "mesorig.views"},
+        .numbers = {hsh->n_terms, (int)hsh->layout.views.n},
+        .error = hsh->error,
+        .luminance_error = hsh->luminance_error,
+        .exact_error = hsh->exact_error,
+    };
+    texel_model_write_head(&head, &hsh->layout, file);
     const gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
     exr_file_free(file);
     return ok;
@@ -60,43 +55,23 @@ static gboolean hsh_format_error(const char *path, GError **error, const char *w
     return FALSE;
 }
 
-static gboolean hsh_is_error(double value) {
-    return value >= 0 && isfinite(value);
-}
-
 static gboolean hsh_read_head(struct hsh *hsh, const struct exr_file *file, const char *path,
                               GError **error) {
-    const struct exr_part *part = file->parts->len ? g_ptr_array_index(file->parts, 0) : NULL;
-    struct btf_layout *layout = &hsh->layout;
-    const char *kind = NULL, *name = NULL;
-    int n_views, width, height;
-    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "hsh") != 0)
+    struct texel_model_head head = {.names = {"mesorig.terms", "mesorig.views"}};
+    const char *what = NULL;
+    if (g_strcmp0(texel_model_kind(file), "hsh") != 0)
         return hsh_format_error(path, error, "mesorig.kind of its first part is not hsh");
-    if (!exr_get_string(part, "mesorig.name", &name, error) ||
-        !exr_get_int(part, "mesorig.terms", &hsh->n_terms, error) ||
-        !exr_get_int(part, "mesorig.views", &n_views, error) ||
-        !exr_get_int(part, "mesorig.width", &width, error) ||
-        !exr_get_int(part, "mesorig.height", &height, error) ||
-        !exr_get_double(part, "mesorig.error", &hsh->error, error) ||
-        !exr_get_double(part, "mesorig.exact_error", &hsh->exact_error, error) ||
-        !exr_get_double(part, "mesorig.luminance_error", &hsh->luminance_error, error))
-        return FALSE;
-    hsh->name = g_strdup(name);
-    const char *what = btf_layout_read(file, part, layout);
-    layout->width = (gsize)width;
-    layout->height = (gsize)height;
-    if (what)
-        return hsh_format_error(path, error, what);
+    if (!texel_model_read_head(file, &head, &hsh->layout, &what, error))
+        return what && hsh_format_error(path, error, what);
+    hsh->name = g_strdup(head.name);
+    hsh->n_terms = head.numbers[0];
+    hsh->error = head.error;
+    hsh->luminance_error = head.luminance_error;
+    hsh->exact_error = head.exact_error;
     if (hsh->n_terms != 4 && hsh->n_terms != 9 && hsh->n_terms != 16)
         return hsh_format_error(path, error, "mesorig.terms is not 4, 9 or 16");
-    if (n_views < 1 || (gsize)n_views != layout->views.n)
+    if (head.numbers[1] < 1 || (gsize)head.numbers[1] != hsh->layout.views.n)
         return hsh_format_error(path, error, "mesorig.views is not the number of its views");
-    if (width != part->width || height < 1 || (gint64)height * n_views != part->height)
-        return hsh_format_error(path, error,
-                                "mesorig.width or mesorig.height does not fit its parts");
-    if (!hsh_is_error(hsh->error) || !hsh_is_error(hsh->exact_error) ||
-        !hsh_is_error(hsh->luminance_error))
-        return hsh_format_error(path, error, "one of its errors is negative or not finite");
     return TRUE;
 }
 

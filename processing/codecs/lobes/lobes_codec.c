@@ -1,7 +1,9 @@
 #include "lobes_codec.h"
 
 #include "base/data_error.h"
+#include "codec/texel_model.h"
 #include "lobes_levels.h"
+#include "lobes_private.h"
 
 struct lobes_codec_options {
     int components;
@@ -86,28 +88,16 @@ static gpointer lobes_codec_read(const char *path, GError **error) {
 }
 
 static char *lobes_codec_describe_file(const struct exr_file *file) {
-    const struct exr_part *views = exr_file_part(file, "views");
-    const struct exr_part *lights = exr_file_part(file, "lights");
-    const struct exr_part *first = file->parts->pdata[0];
-    const char *kind = "";
-    int lobes = 0, width = 0, height = 0;
-    double error = 0, luminance = 0;
-    if (!views || !lights)
+    g_autofree char *rest = texel_model_describe_file(file);
+    const char *kind = texel_model_kind(file);
+    int lobes = 0;
+    if (!rest)
         return NULL;
-    exr_get_string(first, "mesorig.kind", &kind, NULL);
-    exr_get_int(first, "mesorig.lobes", &lobes, NULL);
-    exr_get_int(first, "mesorig.width", &width, NULL);
-    exr_get_int(first, "mesorig.height", &height, NULL);
-    exr_get_double(first, "mesorig.error", &error, NULL);
-    exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
-    GString *text = g_string_new(kind);
-    if (lobes > 0)
-        g_string_append_printf(text, lobes == 1 ? " of %d lobe" : " of %d lobes", lobes);
-    g_string_append_printf(text,
-                           ": %d × %d texels, of %d views × %d lights; error %.2f %%, luminance "
-                           "off by %.4f",
-                           width, height, views->width, lights->width, 100 * error, luminance);
-    return g_string_free(text, FALSE);
+    exr_get_int(file->parts->pdata[0], "mesorig.lobes", &lobes, NULL);
+    g_autofree char *of = lobes == 0
+                              ? g_strdup("")
+                              : g_strdup_printf(lobes == 1 ? " of %d lobe" : " of %d lobes", lobes);
+    return g_strdup_printf("%s%s: %s", kind ? kind : "", of, rest);
 }
 
 static gint64 lobes_codec_bytes(gconstpointer model) {
@@ -122,7 +112,7 @@ static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_ma
                                   const struct work *work, CodecPoint tell, gpointer data,
                                   GError **error) {
     const enum lobes_model model = (enum lobes_model)codec->variant;
-    const int most = model == LOBES_FIELDS || model == LOBES_LAFORTUNE ? LOBES_MAX_LOBES : 1;
+    const int most = lobes_traits[model].lobed ? LOBES_MAX_LOBES : 1;
     gboolean ok = TRUE;
     for (int k = 1; ok && k <= most; k++) {
         const struct lobes_options options = {.model = model, .n_lobes = k, .work = *work};

@@ -1,12 +1,11 @@
 #include "lobes_private.h"
 
-#include "base/direction.h"
+#include "codec/texel_model.h"
 
 #include <math.h>
 #include <string.h>
 
 #define COLOURS    3
-#define BLOCK      16
 #define LEAST_VIEW 0.1F
 
 static float lobes_evaluate_dot(const float a[3], const float b[3]) {
@@ -95,19 +94,13 @@ void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float
 }
 
 struct measured {
+    const struct lobes *lobes;
     float *views, *lights; /* × 3 */
 };
 
 static struct measured measured_directions(const struct lobes *lobes) {
-    struct measured ret = {g_new(float, 3 * lobes->layout.views.n),
-                           g_new(float, 3 * lobes->layout.lights.n)};
-    for (gsize i = 0; i < lobes->layout.views.n; i++)
-        direction_from_deg(lobes->layout.views.theta_deg[i], lobes->layout.views.phi_deg[i],
-                           ret.views + (gsize)(3 * i));
-    for (gsize i = 0; i < lobes->layout.lights.n; i++)
-        direction_from_deg(lobes->layout.lights.theta_deg[i], lobes->layout.lights.phi_deg[i],
-                           ret.lights + (gsize)(3 * i));
-    return ret;
+    return (struct measured){lobes, direction_list_vectors(&lobes->layout.views),
+                             direction_list_vectors(&lobes->layout.lights)};
 }
 
 static void lobes_evaluate_measured_clear(struct measured *measured) {
@@ -115,63 +108,26 @@ static void lobes_evaluate_measured_clear(struct measured *measured) {
     g_free(measured->lights);
 }
 
-static void lobes_evaluate_reconstruct(const struct lobes *lobes, const struct measured *at,
-                                       int texel, float *ret) {
+static void lobes_evaluate_reconstruct(gconstpointer model, int texel, float *ret) {
+    const struct measured *at = model;
+    const struct lobes *lobes = at->lobes;
     for (gsize v = 0; v < lobes->layout.views.n; v++) {
-        const float *values = values_of(lobes, lobes->n_slices > 1 ? v : 0, texel);
+        const float *values = values_of(lobes, lobes->n_slices > 1 ? (int)v : 0, texel);
         for (gsize l = 0; l < lobes->layout.lights.n; l++, ret += COLOURS)
-            lobes_evaluate_evaluate(lobes, values, at->views + (gsize)(3 * v),
-                                    at->lights + (gsize)(3 * l), ret);
+            lobes_evaluate_evaluate(lobes, values, at->views + 3 * v, at->lights + 3 * l, ret);
     }
 }
 
 void lobes_reconstruct(const struct lobes *lobes, int texel, float *ret) {
     struct measured at = measured_directions(lobes);
-    lobes_evaluate_reconstruct(lobes, &at, texel, ret);
+    lobes_evaluate_reconstruct(&at, texel, ret);
     lobes_evaluate_measured_clear(&at);
 }
 
-struct comparison {
-    const struct lobes *lobes;
-    const struct btf_matrix *btf;
-    struct measured at;
-    double *sums; /* × 4 a block: of squares, of theirs; of luminance, how many */
-};
-
-static void lobes_evaluate_compare_block(int block, gpointer data) {
-    const struct comparison *to = data;
-    const int n = to->btf->layout.views.n * to->btf->layout.lights.n;
-    const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&to->btf->layout));
-    double *sums = to->sums + (gsize)(4 * block);
-    g_autofree float *values = g_new0(float, n *COLOURS);
-    for (int texel = block * BLOCK; texel < end; texel++) {
-        const float *truth = to->btf->values + (gsize)texel * (gsize)n * COLOURS;
-        lobes_evaluate_reconstruct(to->lobes, &to->at, texel, values);
-        for (int i = 0; i < n * COLOURS; i++) {
-            const double rest = (double)truth[i] - values[i];
-            sums[0] += isnan(truth[i]) ? 0 : rest * rest;
-            sums[1] += isnan(truth[i]) ? 0 : (double)truth[i] * truth[i];
-        }
-        for (int i = 0; i < n; i++) {
-            const float y = rgb_luminance(truth + (gsize)(i * COLOURS));
-            const float there = rgb_luminance(values + (gsize)(i * COLOURS));
-            sums[2] += isnan(y) ? 0 : fabsf(y - there);
-            sums[3] += !isnan(y);
-        }
-    }
-}
-
 double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads) {
-    const int blocks = (btf_layout_texels(&lobes->layout) + BLOCK - 1) / BLOCK;
-    const struct work work = {.n_threads = n_threads};
-    g_autofree double *sums = g_new0(double, 4 * blocks);
-    struct comparison to = {lobes, btf, measured_directions(lobes), sums};
-    double all[4] = {0};
-    work_parallel(&work, "", blocks, lobes_evaluate_compare_block, &to, NULL);
-    for (int i = 0; i < 4 * blocks; i++)
-        all[i % 4] += sums[i];
-    lobes->error = all[1] > 0 ? sqrt(all[0] / all[1]) : 0;
-    lobes->luminance_error = all[3] > 0 ? all[2] / all[3] : 0;
-    lobes_evaluate_measured_clear(&to.at);
+    struct measured at = measured_directions(lobes);
+    texel_model_errors(btf, lobes_evaluate_reconstruct, &at, n_threads, &lobes->error,
+                       &lobes->luminance_error);
+    lobes_evaluate_measured_clear(&at);
     return lobes->error;
 }

@@ -1,6 +1,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "codec/texel_model.h"
 #include "lobes_private.h"
 
 #define COLOURS 3
@@ -8,19 +9,15 @@
 
 static const char *const rgb[] = {"R", "G", "B"}, *const xyzn[] = {"X", "Y", "Z", "N"};
 
-/* Of ward and ashikhmin. */
-static char *facet_part(int value, const char **ret_channel) {
-    static const char *const parts[] = {"diffuse", "specular", "normal", "tangent", "roughness"};
-    static const char *const uv[] = {"U", "V"};
-    const int group = MIN(value / 3, 4), at = value - 3 * group;
-    *ret_channel = group < 2 ? rgb[at] : group < 4 ? xyzn[at] : uv[at];
-    return g_strdup(parts[group]);
-}
-
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel) {
     static const char *const polynomial[] = {"C0", "C1", "C2", "C3", "C4", "C5"};
-    if (lobes->model == LOBES_WARD || lobes->model == LOBES_ASHIKHMIN)
-        return facet_part(value, ret_channel);
+    static const char *const facet[] = {"diffuse", "specular", "normal", "tangent", "roughness"};
+    static const char *const uv[] = {"U", "V"};
+    if (lobes_traits[lobes->model].facet) {
+        const int group = MIN(value / 3, 4), at = value - 3 * group;
+        *ret_channel = group < 2 ? rgb[at] : group < 4 ? xyzn[at] : uv[at];
+        return g_strdup(facet[group]);
+    }
     if (value < COLOURS) {
         *ret_channel = rgb[value];
         return g_strdup("colour");
@@ -43,7 +40,7 @@ static int lobes_file_by_name(gconstpointer a, gconstpointer b) {
 }
 
 /* The part that begins with value first; ret_end is the first value of the next one. */
-static struct exr_part *values_part(const struct lobes *lobes, int first, int *ret_end) {
+static struct exr_part *lobes_file_values_part(const struct lobes *lobes, int first, int *ret_end) {
     g_autoptr(GPtrArray) channels = g_ptr_array_new();
     const char *channel;
     g_autofree char *name = lobes_value_part(lobes, first, &channel);
@@ -70,27 +67,22 @@ static struct exr_part *values_part(const struct lobes *lobes, int first, int *r
     return part;
 }
 
-static void lobes_file_set_head(struct exr_part *part, const struct lobes *lobes) {
-    exr_set_string(part, "mesorig.kind", lobes_model_name(lobes->model));
-    exr_set_string(part, "mesorig.name", lobes->name ? lobes->name : "");
-    exr_set_int(part, "mesorig.lobes", lobes->n_lobes);
-    exr_set_int(part, "mesorig.slices", lobes->n_slices);
-    exr_set_int(part, "mesorig.width", lobes->layout.width);
-    exr_set_int(part, "mesorig.height", lobes->layout.height);
-    exr_set_double(part, "mesorig.error", lobes->error);
-    exr_set_double(part, "mesorig.exact_error", lobes->exact_error);
-    exr_set_double(part, "mesorig.luminance_error", lobes->luminance_error);
-    btf_layout_write_sizes(&lobes->layout, part);
-}
-
 struct exr_file *lobes_to_exr(const struct lobes *lobes) {
     struct exr_file *file = exr_file_new();
     for (int value = 0; value < lobes->n_values;) {
-        struct exr_part *part = values_part(lobes, value, &value);
+        struct exr_part *part = lobes_file_values_part(lobes, value, &value);
         exr_file_add(file, part);
     }
-    lobes_file_set_head(g_ptr_array_index(file->parts, 0), lobes);
-    btf_layout_write_directions(&lobes->layout, file);
+    const struct texel_model_head head = {
+        .kind = lobes_model_name(lobes->model),
+        .name = lobes->name,
+        .names = {"mesorig.lobes", "mesorig.slices"},
+        .numbers = {lobes->n_lobes, lobes->n_slices},
+        .error = lobes->error,
+        .luminance_error = lobes->luminance_error,
+        .exact_error = lobes->exact_error,
+    };
+    texel_model_write_head(&head, &lobes->layout, file);
     return file;
 }
 
@@ -114,65 +106,36 @@ static gboolean lobes_file_all_finite(const float *values, gsize n) {
     return TRUE;
 }
 
-static int expected_values(const struct lobes *lobes) {
-    switch (lobes->model) {
-    case LOBES_FIELDS:
-        return COLOURS + 4 * lobes->n_lobes;
-    case LOBES_PTM:
-        return COLOURS + 6;
-    case LOBES_LAFORTUNE:
-        return COLOURS + 1 + 4 * lobes->n_lobes;
-    default:
-        return 14;
-    }
-}
-
-static gboolean is_error(double value) {
-    return value >= 0 && isfinite(value);
-}
-
 static gboolean lobes_file_read_head(struct lobes *lobes, const struct exr_file *file,
                                      const char *path, GError **error) {
-    const struct exr_part *part = file->parts->len ? g_ptr_array_index(file->parts, 0) : NULL;
-    struct btf_layout *layout = &lobes->layout;
-    const char *kind = NULL, *name = NULL;
-    int width, height;
-    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) ||
-        !lobes_model_parse(kind, &lobes->model))
-        return lobes_file_format_error(path, error, "its first part is not of such a kind");
-    if (!exr_get_string(part, "mesorig.name", &name, error) ||
-        !exr_get_double(part, "mesorig.error", &lobes->error, error) ||
-        !exr_get_double(part, "mesorig.exact_error", &lobes->exact_error, error) ||
-        !exr_get_double(part, "mesorig.luminance_error", &lobes->luminance_error, error) ||
-        !exr_get_int(part, "mesorig.lobes", &lobes->n_lobes, error) ||
-        !exr_get_int(part, "mesorig.slices", &lobes->n_slices, error) ||
-        !exr_get_int(part, "mesorig.width", &width, error) ||
-        !exr_get_int(part, "mesorig.height", &height, error))
-        return FALSE;
-    lobes->name = g_strdup(name);
-    const char *what = btf_layout_read(file, part, layout);
-    layout->width = (gsize)width;
-    layout->height = (gsize)height;
-    if (what)
-        return lobes_file_format_error(path, error, what);
-    const gboolean lobed = lobes->model == LOBES_FIELDS || lobes->model == LOBES_LAFORTUNE;
-    const gboolean views = lobes->model == LOBES_FIELDS || lobes->model == LOBES_PTM;
-    if (lobes->n_lobes < (lobed ? 1 : 0) || lobes->n_lobes > (lobed ? LOBES_MAX_LOBES : 0))
-        return lobes_file_format_error(path, error, "there can be 1 to 3 lobes");
-    if (lobes->n_slices < 1 || (gsize)lobes->n_slices != (views ? layout->views.n : 1))
-        return lobes_file_format_error(path, error, "the slices do not fit the views");
-    if (width != part->width || height < 1 || (gint64)height * lobes->n_slices != part->height)
-        return lobes_file_format_error(path, error, "its size does not fit its parts");
-    if (!is_error(lobes->error) || !is_error(lobes->exact_error) ||
-        !is_error(lobes->luminance_error))
-        return lobes_file_format_error(path, error, "its errors are negative or not finite");
+    struct texel_model_head head = {.names = {"mesorig.lobes", "mesorig.slices"}};
+    const char *what = NULL;
+    if (!lobes_model_parse(texel_model_kind(file), &lobes->model))
+        return lobes_file_format_error(path, error,
+                                       "mesorig.kind of its first part is no model of lobes");
+    if (!texel_model_read_head(file, &head, &lobes->layout, &what, error))
+        return what && lobes_file_format_error(path, error, what);
+    const struct lobes_traits *traits = &lobes_traits[lobes->model];
+    const int least = traits->lobed ? 1 : 0, most = traits->lobed ? LOBES_MAX_LOBES : 0;
+    lobes->name = g_strdup(head.name);
+    lobes->n_lobes = head.numbers[0];
+    lobes->n_slices = head.numbers[1];
+    lobes->error = head.error;
+    lobes->luminance_error = head.luminance_error;
+    lobes->exact_error = head.exact_error;
+    if (lobes->n_lobes < least || lobes->n_lobes > most)
+        return lobes_file_format_error(
+            path, error, "mesorig.lobes is not 1 to 3, or not 0 in a model without lobes");
+    if (lobes->n_slices < 1 ||
+        (gsize)lobes->n_slices != (traits->each_view ? lobes->layout.views.n : 1))
+        return lobes_file_format_error(path, error, "mesorig.slices does not fit the views");
+    lobes->n_values = traits->n_values + 4 * lobes->n_lobes;
     return TRUE;
 }
 
 static gboolean lobes_file_read_values(struct lobes *lobes, const struct exr_file *file,
                                        const char *path, GError **error) {
     const gsize pixels = (gsize)lobes->n_slices * btf_layout_texels(&lobes->layout);
-    lobes->n_values = expected_values(lobes);
     lobes->values = g_try_new(float, pixels *(gsize)lobes->n_values);
     if (!lobes->values)
         return lobes_file_format_error(path, error, "it is larger than memory");

@@ -43,6 +43,16 @@ int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
 
+/* What a model is made of. */
+struct lobes_traits {
+    const char *name;
+    gboolean each_view; /* a slice of values for each view */
+    gboolean lobed;     /* has 1 … LOBES_MAX_LOBES lobes of 4 values */
+    gboolean facet;     /* ward, ashikhmin: a normal, a tangent and two roughnesses */
+    int n_values;       /* of a texel of a slice, beside the lobes */
+};
+extern const struct lobes_traits lobes_traits[LOBES_MODELS];
+
 /* Names of the part and channel a value lies in; g_free() the part's. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
