@@ -1,5 +1,7 @@
 #include "lobes_scene.h"
 
+#include <string.h>
+
 /* The same by microfacet.h, in the surface's frame whose x is the tangent's azimuth. */
 static void rotated_value(const struct scene *s, int texel, const float *v, const float *l,
                           float ret[3]) {
@@ -48,16 +50,19 @@ static void sky_value(const struct scene *s, int view, int texel, double share, 
     }
 }
 
+/* A measured view, or the pole, of a texel. */
 static void add_view(const struct scene *s, int view, int texel, const float *v, const float *l,
                      double share, double ret[3]) {
     int n = 1;
     const int *members = &view;
-    if (view == (int)s->lobes->layout.views.n)
+    if (view == (int)s->layout->views.n)
         members = directions_pole(s->views, &n);
     for (int k = 0; k < n; k++) {
-        if (s->lobes->n_slices > 1)
+        if (s->add)
+            s->add(s, members[k], texel, l, share / n, ret);
+        if (s->lobes && s->lobes->n_slices > 1)
             slice_value(s, members[k], texel, v, l, share / n, ret);
-        if (s->ambient > 0)
+        if (s->lobes && s->ambient > 0)
             sky_value(s, members[k], texel, share / n, ret);
     }
 }
@@ -81,11 +86,38 @@ gboolean lobes_scene_expected(gconstpointer data, const float *at, const float *
         const double share = (k % 2 ? near_x : 1 - near_x) * (k / 2 ? near_y : 1 - near_y);
         if (share <= 0)
             continue;
-        if (s->lobes->n_slices == 1)
+        if (s->lobes && s->lobes->n_slices == 1)
             slice_value(s, 0, texel, v, l, share, ret);
         for (int a = 0; a < 4; a++)
             if (g.weight[a] > 0)
                 add_view(s, g.index[a], texel, v, l, share * g.weight[a], ret);
     }
     return TRUE;
+}
+
+void lobes_scene_compare(struct scene *scene, const struct method *method, const char *path,
+                         const struct method *refuses, const char *model) {
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
+    g_assert_no_error(error);
+    formula_start_view(view, &settings, mesh);
+    settings.style.nearest = scene->nearest;
+    settings.style.rotation = scene->rotation;
+    settings.ambient = scene->ambient;
+    g_assert_true(viewer_open(view, method, path, &error));
+    g_assert_no_error(error);
+    if (refuses) {
+        g_assert_false(viewer_open(view, refuses, path, &error));
+        g_assert_nonnull(strstr(error->message, model));
+        g_clear_error(&error);
+    }
+    const struct direction_list *views = &scene->layout->views;
+    g_autoptr(Directions) directions =
+        directions_new(views->theta_deg, views->phi_deg, (int)views->n, &error);
+    g_assert_no_error(error);
+    scene->views = directions;
+    formula_compare(lobes_scene_expected, scene, view, &settings);
+    mesh_free(mesh);
 }

@@ -1,4 +1,4 @@
-/* What pictures of analytic models of texels should be: lobes_evaluate(), plainly filtered. */
+/* What pictures of models of each texel should be: their values, plainly filtered. */
 #pragma once
 
 #include "btf/direction_grid.h"
@@ -15,7 +15,17 @@ struct scene {
     double ambient;
     gboolean nearest;
     enum method_rotation rotation; /* of ward and ashikhmin */
+    /* Of a model that is no lobes: adds share × a texel of a measured view under light and sky. */
+    const struct btf_layout *layout;
+    gconstpointer model;
+    void (*add)(const struct scene *scene, int view, int texel, const float *l, double share,
+                double ret[3]);
 };
 
 gboolean lobes_scene_expected(gconstpointer data, const float *at, const float *v, const float *l,
                               double ret[3]);
+
+/* Draws the file by the method and compares with the scene, whose views are set here. refuses: a
+ * method that must refuse the file, naming the model; may be NULL. */
+void lobes_scene_compare(struct scene *scene, const struct method *method, const char *path,
+                         const struct method *refuses, const char *model);

@@ -1,20 +1,10 @@
 /* Pictures of hemispherical harmonics against hsh_evaluate(), pixel by pixel. */
-#include "lib/formula_fixture.h"
-#include "lib/gpu_fixture.h"
-#include "lib/rings.h"
+#include "lib/lobes_scene.h"
 
-#include "gl/directions.h"
 #include "methods/hsh_view.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
-
-struct scene {
-    const struct hsh *hsh;
-    Directions *views;
-    double ambient;
-    gboolean nearest;
-};
 
 /* (1/π) ∫ f dω by the midpoint rule in cos θ and φ. */
 static void sky_value(const struct hsh *hsh, int view, int texel, double ret[3]) {
@@ -33,46 +23,15 @@ static void sky_value(const struct hsh *hsh, int view, int texel, double ret[3])
         ret[c] = fmax(sums[c], 0);
 }
 
-/* A texel of a view, or of the pole of the views, under the light and the sky. */
 static void add_view(const struct scene *s, int view, int texel, const float *l, double share,
                      double ret[3]) {
-    int n = 1;
-    const int *members = &view;
-    if (view == (int)s->hsh->layout.views.n)
-        members = directions_pole(s->views, &n);
-    for (int k = 0; k < n; k++) {
-        float rgb[3];
-        double sky[3] = {0};
-        hsh_evaluate(s->hsh, members[k], texel, l, rgb);
-        if (s->ambient > 0)
-            sky_value(s->hsh, members[k], texel, sky);
-        for (int c = 0; c < 3; c++)
-            ret[c] += share / n * (fmax(rgb[c], 0) + s->ambient * sky[c]);
-    }
-}
-
-static gboolean expected(gconstpointer data, const float *at, const float *v, const float *l,
-                         double ret[3]) {
-    const struct scene *s = data;
-    struct direction_weights g;
-    const double x = at[0] * (double)W - 0.5, y = at[1] * (double)H - 0.5;
-    const double part[2] = {x - floor(x), y - floor(y)};
-    if (v[2] < 0.1 || l[2] < 0.1 ||
-        (s->nearest && (fabs(part[0] - 0.5) < 0.03 || fabs(part[1] - 0.5) < 0.03)))
-        return FALSE;
-    directions_weights(s->views, (struct vec3){v[0], v[1], v[2]}, &g);
-    ret[0] = ret[1] = ret[2] = 0;
-    for (int k = 0; k < 4; k++) {
-        const int i = (int)floor(x) + k % 2, j = (int)floor(y) + k / 2;
-        const int texel = (i % W + W) % W + W * ((j % H + H) % H);
-        const double near_x = s->nearest ? part[0] > 0.5 : part[0];
-        const double near_y = s->nearest ? part[1] > 0.5 : part[1];
-        const double share = (k % 2 ? near_x : 1 - near_x) * (k / 2 ? near_y : 1 - near_y);
-        for (int a = 0; share > 0 && a < 4; a++)
-            if (g.weight[a] > 0)
-                add_view(s, g.index[a], texel, l, share * g.weight[a], ret);
-    }
-    return TRUE;
+    float rgb[3];
+    double sky[3] = {0};
+    hsh_evaluate(s->model, view, texel, l, rgb);
+    if (s->ambient > 0)
+        sky_value(s->model, view, texel, sky);
+    for (int c = 0; c < 3; c++)
+        ret[c] += share * (fmax(rgb[c], 0) + s->ambient * sky[c]);
 }
 
 /* Coefficients fall with the degree, as those of a surface do; some values are negative. Views
@@ -98,8 +57,8 @@ static struct hsh *make_hsh(int n_terms) {
     return hsh;
 }
 
-/* Through a file, as the viewer opens it; returns what the file gives back. */
-static struct hsh *show(Viewer *view, int n_terms) {
+/* Through a file, as the viewer opens it. */
+static void check_terms(int n_terms, gboolean nearest, double ambient) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "hsh.exr", NULL);
@@ -108,29 +67,15 @@ static struct hsh *show(Viewer *view, int n_terms) {
     hsh_free(made);
     struct hsh *hsh = hsh_read(path, &error);
     g_assert_no_error(error);
-    g_assert_true(viewer_open(view, &method_hsh, path, &error));
-    g_assert_no_error(error);
-    g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
-    return hsh;
-}
-
-static void check_terms(int n_terms, gboolean nearest, double ambient) {
-    g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct viewer_settings settings;
-    g_autoptr(Viewer) view = viewer_new(NULL, &error);
-    g_assert_no_error(error);
-    formula_start_view(view, &settings, mesh);
-    settings.style.nearest = nearest;
-    settings.ambient = ambient;
-    struct hsh *hsh = show(view, n_terms);
-    g_autoptr(Directions) views = directions_new(
-        hsh->layout.views.theta_deg, hsh->layout.views.phi_deg, hsh->layout.views.n, &error);
-    const struct scene scene = {hsh, views, ambient, nearest};
+    struct scene scene = {.ambient = ambient,
+                          .nearest = nearest,
+                          .layout = &hsh->layout,
+                          .model = hsh,
+                          .add = add_view};
     g_test_message("%d terms", n_terms);
-    formula_compare(expected, &scene, view, &settings);
+    lobes_scene_compare(&scene, &method_hsh, path, NULL, NULL);
+    g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
     hsh_free(hsh);
-    mesh_free(mesh);
 }
 
 static void test_formula(struct fixture *f, gconstpointer data) {

@@ -137,7 +137,7 @@ static void check_far(enum lobes_model model, double tiles, double most) {
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_autoptr(Directions) views = directions_new(
         btf->layout.views.theta_deg, btf->layout.views.phi_deg, btf->layout.views.n, &error);
-    const struct scene scene = {.lobes = levels[0], .views = views};
+    const struct scene scene = {.lobes = levels[0], .layout = &levels[0]->layout, .views = views};
     float *truth[SHIFTS], *plain[SHIFTS], *levelled[SHIFTS];
     formula_start_view(view, &settings, mesh);
     settings.camera_elevation_deg = 35;

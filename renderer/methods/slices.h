@@ -1,0 +1,52 @@
+/*
+ * What the models of each texel (hsh_view.h, lobes_view.h) have on the graphics card: an array
+ * texture of halves with their values, in which a slice, a view's or the only one, has n_pages
+ * layers of four values; another with the reflectance of each view under an even sky; and the table
+ * of views.
+ */
+#pragma once
+
+#include "btf/btf_layout.h"
+#include "gl/direction_table.h"
+
+#define SLICES_PAGE      4 /* values of a texel in a layer */
+#define SLICES_MAX_PAGES 16
+
+/* A model, or a mip level of it. */
+struct slices_level {
+    const struct btf_layout *layout;
+    const float *values; /* n_slices × texels × n_values */
+    gsize n_values;
+    gconstpointer model;
+};
+
+/* Reflectance under an even sky in a view, (1/π) ∫ BTF dω: texels × SLICES_PAGE, of which the first
+ * three are R, G, B and the last is 0. */
+typedef void (*SlicesSky)(gconstpointer model, gsize view, float *ret_layer);
+
+struct slices {
+    /* Set by the caller. */
+    const char *what; /* for messages: "hemispherical harmonics" */
+    int n_levels, n_pages, n_slices;
+    int value_at[SLICES_MAX_PAGES][SLICES_PAGE]; /* which value of a texel; −1: none */
+    /* Set by slices_upload(). */
+    guint values, ambients, pole; /* textures */
+    struct direction_textures views;
+};
+
+/* Whether the card takes the slices, and all values of the level are finite. advice: how to make
+ * them smaller. */
+gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
+                           const char *advice, GError **error);
+gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,
+                             GError **error);
+
+/* If there are fewer levels (n) than n_levels, the card makes the others as means. */
+gboolean slices_upload(struct slices *slices, const struct slices_level *levels, int n,
+                       SlicesSky sky, GError **error);
+void slices_clear(struct slices *slices);
+
+/* For struct method's bytes and bind; bind takes the texture units 0 … 3 and those after them that
+ * direction_textures_bind() needs. */
+gint64 slices_bytes(const struct slices *slices);
+void slices_bind(const struct slices *slices, guint program);
