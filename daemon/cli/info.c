@@ -83,15 +83,15 @@ static gint64 cli_info_size_of(const char *directory, const char *relative) {
 }
 
 /* Of all views that can be read. */
-static struct btf_marks count_marks(const char *directory, const GPtrArray *list) {
-    struct btf_marks marks = {0};
+static struct btf_flag_counts count_marks(const char *directory, const GPtrArray *list) {
+    struct btf_flag_counts marks = {0};
     for (guint i = 0; i < list->len; i++) {
         if (!g_str_has_prefix(list->pdata[i], "products/btf/"))
             continue;
         g_autofree char *path = g_build_filename(directory, list->pdata[i], NULL);
         struct exr_file *file = exr_read_headers(path, NULL);
         for (guint k = 0; file && k < file->parts->len; k++)
-            btf_add_marks(g_ptr_array_index(file->parts, k), &marks);
+            btf_count_flags(g_ptr_array_index(file->parts, k), &marks);
         exr_file_free(file);
     }
     return marks;
@@ -104,7 +104,7 @@ static char *reason_of(Session *session, const char *state) {
 
 static void tell_products(Record *to, const char *directory) {
     g_autoptr(GPtrArray) list = products(directory);
-    const struct btf_marks marks = count_marks(directory, list);
+    const struct btf_flag_counts marks = count_marks(directory, list);
     int n_views = 0;
     gint64 view_bytes = 0;
     record_int(to, "btf_values", marks.texels);

@@ -13,8 +13,17 @@
 
 #define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
 
-static const char *const rgb_channels[] = {"B", "G", "R", NULL};
-static const char *const flagged_channels[] = {"B", "G", "R", "mark", NULL};
+/* Attributes that count the texels with each flag. */
+static const struct {
+    const char *name;
+    enum btf_flag flag;
+    gsize sum; /* offset in struct btf_flag_counts */
+} btf_flag_attributes[] = {
+    {"mesorig.holes", BTF_FLAG_HOLE, G_STRUCT_OFFSET(struct btf_flag_counts, holes)},
+    {"mesorig.bounds", BTF_FLAG_BOUND, G_STRUCT_OFFSET(struct btf_flag_counts, bounds)},
+    {"mesorig.shorter", BTF_FLAG_SHORTER, G_STRUCT_OFFSET(struct btf_flag_counts, shorter)},
+    {"mesorig.predicted", BTF_FLAG_PREDICTED, G_STRUCT_OFFSET(struct btf_flag_counts, predicted)},
+};
 
 void btf_view_free(struct btf_view *view) {
     if (!view)
@@ -26,95 +35,86 @@ void btf_view_free(struct btf_view *view) {
     g_free(view);
 }
 
+static gsize btf_texels(const struct btf_view *view) {
+    return (gsize)view->grid.width * (gsize)view->grid.height;
+}
+
 /* Sets an attribute to a point of the rig frame, transformed to the sample frame of this view. */
-static void set_point(struct exr_part *part, const struct btf_view *view, const char *name,
-                      struct vec3 rig_mm) {
-    struct vec3 p = rig_turn(rig_mm, -view->turntable_rad);
+static void btf_set_point(struct exr_part *part, const struct btf_view *view, const char *name,
+                          struct vec3 rig_mm) {
+    const struct vec3 p = rig_turn(rig_mm, -view->turntable_rad);
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
 /* A new part with the attributes of one light's picture. The channel "mark" is there if any texel
  * has a flag. */
 static struct exr_part *btf_light_part(const struct btf_view *view, const struct btf_light *light,
-                                       const guint8 *marks) {
-    static const struct {
-        const char *name;
-        enum btf_mark mark;
-    } counts[] = {{"mesorig.holes", BTF_MARK_HOLE},
-                  {"mesorig.bounds", BTF_MARK_BOUND},
-                  {"mesorig.shorter", BTF_MARK_SHORTER},
-                  {"mesorig.predicted", BTF_MARK_PREDICTED}};
-    const int n = view->grid.width * view->grid.height;
+                                       const guint8 *flags) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    static const char *const flagged_channels[] = {"B", "G", "R", "mark", NULL};
+    const gsize n = btf_texels(view);
     guint8 any = 0;
-    for (int i = 0; i < n; i++)
-        any |= marks[i];
+    for (gsize i = 0; i < n; i++)
+        any |= flags[i];
     g_autofree char *name = g_strdup_printf("light_%04d", light->index);
     struct exr_part *part = exr_part_new(name, view->grid.width, view->grid.height,
-                                         any ? flagged_channels : rgb_channels, EXR_HALF);
-    for (int i = 0; any && i < n; i++)
-        part->planes[3][i] = marks[i];
-    for (gsize k = 0; k < G_N_ELEMENTS(counts); k++) {
+                                         any ? flagged_channels : channels, EXR_HALF);
+    for (gsize i = 0; any && i < n; i++)
+        part->planes[3][i] = flags[i];
+    for (gsize k = 0; k < G_N_ELEMENTS(btf_flag_attributes); k++) {
         int count = 0;
-        for (int i = 0; i < n; i++)
-            count += (marks[i] & counts[k].mark) != 0;
-        exr_set_int(part, counts[k].name, count);
+        for (gsize i = 0; i < n; i++)
+            count += (flags[i] & btf_flag_attributes[k].flag) != 0;
+        exr_set_int(part, btf_flag_attributes[k].name, count);
     }
     exr_set_double(part, "view.theta_deg", view->theta_deg);
     exr_set_double(part, "view.phi_deg", view->phi_deg);
     exr_set_double(part, "light.theta_deg", light->theta_deg);
     exr_set_double(part, "light.phi_deg", light->phi_deg);
-    set_point(part, view, "view.centre_mm", rig_camera_centre_mm(view->camera));
-    set_point(part, view, "light.position_mm",
-              rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
+    btf_set_point(part, view, "view.centre_mm", rig_camera_centre_mm(view->camera));
+    btf_set_point(part, view, "light.position_mm",
+                  rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
     exr_set_string(part, "mesorig.inputs", view->inputs);
     return part;
 }
 
-/* Output of the lamp in a colour during this shot, relative to rig_lamp_irradiance(). */
-static float output_of(const struct btf_light *light, int colour) {
-    double own =
-        light->radiometry && light->radiometry->known ? light->radiometry->colour[colour] : 1;
-    return (float)(own * light->output);
-}
-
-/* Reflectance ρ = π L / E relative to a white Lambertian diffuser: L radiance (rgb: n × 3), E
- * irradiance of the texel facing the lamp. The cosine n·l stays in ρ. */
-static void to_reflectance(const struct btf_view *view, const struct btf_light *light, float *rgb,
-                           struct exr_part *part) {
-    int n = view->grid.width * view->grid.height;
+/* Reflectance ρ = π L / (o E) relative to a white Lambertian diffuser: L radiance (rgb: n × 3), E
+ * irradiance of the texel facing the lamp, o what the lamp gives in this colour and shot relative
+ * to rig_lamp_irradiance(). The cosine n·l stays in ρ. */
+static void btf_to_reflectance(const struct btf_view *view, const struct btf_light *light,
+                               const float *rgb, struct exr_part *part) {
+    const gsize n = btf_texels(view);
+    const struct radiometry_lamp *lamp = light->radiometry;
     g_autofree float *irradiance = g_new(float, n);
     rectify_irradiance(light->arc, light->lamp, light->arc_rad, view->turntable_rad, &view->grid,
                        irradiance);
-    for (int c = 0; c < 3; c++) {
-        float scale = (float)G_PI / output_of(light, c);
-        for (int i = 0; i < n; i++)
+    for (gsize c = 0; c < 3; c++) {
+        const float output = (float)((lamp && lamp->known ? lamp->colour[c] : 1) * light->output);
+        const float scale = (float)G_PI / output;
+        for (gsize i = 0; i < n; i++)
             part->planes[2 - c][i] = irradiance[i] > 0 ? rgb[3 * i + c] * scale / irradiance[i] : 0;
     }
 }
 
-/* The frames of a view, one a light, n_pixels each. */
+/* The frame of a light; all 0 if it is missing. */
+struct mosaic {
+    guint16 *half; /* n_pixels half floats */
+    guint8 *bound; /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
+    float shorter; /* values from here on come from shorter exposures; 0: there are none */
+    int saturated; /* number of saturated pixels; −1: unknown */
+};
+
+/* The frames of a view. */
 struct mosaics {
-    guint16 **half; /* of each light, half floats; NULL: missing */
-    guint8 **bound; /* of each light, whether a pixel is saturated; NULL: no channel for it */
-    float *shorter; /* of each light: values from here on come from shorter exposures; 0: there are
-                       none */
-    int *saturated; /* saturated pixels of each light's frame; −1: unknown */
-    double *sum;    /* sum over all lights: the guide */
+    struct mosaic *lights;
+    double *sum; /* over all lights: the guide */
     gsize n_pixels;
     char *cfa;
 };
 
-static void clear_mosaics(struct mosaics *mosaics, guint n) {
-    for (guint i = 0; i < n; i++) {
-        g_free(mosaics->half[i]);
-        g_free(mosaics->bound[i]);
-    }
-    g_free(mosaics->half);
-    g_free(mosaics->bound);
-    g_free(mosaics->shorter);
-    g_free(mosaics->saturated);
-    g_free(mosaics->sum);
-    g_free(mosaics->cfa);
+static void btf_clear_mosaic(struct mosaic *mosaic) {
+    g_clear_pointer(&mosaic->half, g_free);
+    g_clear_pointer(&mosaic->bound, g_free);
 }
 
 /* Checks that a frame belongs to the shot, and has the colour filter of the other frames. */
@@ -144,32 +144,32 @@ static gboolean btf_check_frame(const struct input *input, const struct exr_part
 
 /* Reads which of a frame's pixels are saturated, and from which value on shorter exposures were
  * used. */
-static void btf_load_saturation(const struct exr_part *frame, guint i, struct mosaics *to) {
+static void btf_load_saturation(const struct exr_part *frame, gsize n_pixels, struct mosaic *to) {
     const float *saturated = exr_part_plane(frame, "saturated");
     double shorter = 0;
-    to->saturated[i] = -1;
-    exr_get_int(frame, "mesorig.saturated", &to->saturated[i], NULL);
+    to->saturated = -1;
+    exr_get_int(frame, "mesorig.saturated", &to->saturated, NULL);
     if (exr_get_double(frame, "mesorig.shorter_from", &shorter, NULL) && shorter > 0)
-        to->shorter[i] = (float)shorter;
+        to->shorter = (float)shorter;
     if (!saturated)
         return;
-    to->bound[i] = g_new(guint8, to->n_pixels);
-    for (gsize k = 0; k < to->n_pixels; k++)
-        to->bound[i][k] = saturated[k] != 0;
+    to->bound = g_new(guint8, n_pixels);
+    for (gsize k = 0; k < n_pixels; k++)
+        to->bound[k] = saturated[k] != 0;
 }
 
 /* Loads one light's frame and adds its finite pixels to the guide. */
-static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
-                            GError **error) {
+static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
+                                GError **error) {
     static const char *const channels[] = {"Y", NULL};
     const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
     struct exr_part *frame = input_read(input, channels, error);
-    gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error);
+    const gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error);
     if (ok) {
         const float *mosaic = exr_part_plane(frame, "Y");
-        btf_load_saturation(frame, i, to);
-        to->half[i] = g_new(guint16, to->n_pixels);
-        exr_half_from_floats(to->half[i], mosaic, to->n_pixels);
+        btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
+        to->lights[i].half = g_new(guint16, to->n_pixels);
+        exr_half_from_floats(to->lights[i].half, mosaic, to->n_pixels);
         for (gsize k = 0; k < to->n_pixels; k++)
             to->sum[k] += isfinite(mosaic[k]) ? (double)mosaic[k] : 0;
     }
@@ -177,114 +177,106 @@ static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics
     return ok;
 }
 
-static Rectify *new_rectify(const struct btf_view *view, const struct mosaics *mosaics,
-                            GError **error) {
-    Rectify *rectify = rectify_new(view->camera, view->radiometry, mosaics->cfa,
-                                   view->turntable_rad, &view->grid, error);
-    if (!rectify)
-        return NULL;
-    g_autofree float *guide = g_new(float, mosaics->n_pixels);
-    for (gsize i = 0; i < mosaics->n_pixels; i++)
-        guide[i] = (float)mosaics->sum[i];
-    rectify_guide(rectify, guide);
-    return rectify;
-}
-
-/* Sets the flags of n texels. marks: on input whether each is a hole, on output bits of enum
- * btf_mark. */
-static void set_marks(const Rectify *rectify, const struct mosaics *mosaics, guint i,
-                      const float *mosaic, int n, guint8 *marks) {
-    g_autofree guint8 *pixels = g_new(guint8, mosaics->n_pixels), *found = g_new(guint8, n);
-    const guint8 *bound = mosaics->bound[i];
-    const float from = mosaics->shorter[i];
-    for (gsize k = 0; k < mosaics->n_pixels; k++)
-        pixels[k] = bound && bound[k]               ? BTF_MARK_BOUND
-                    : from > 0 && mosaic[k] >= from ? BTF_MARK_SHORTER
-                                                    : 0;
+/* Sets the flags of n texels: on input whether each is a hole, on output bits of enum btf_flag. */
+static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, const float *values,
+                          gsize n_pixels, gsize n, guint8 *flags) {
+    g_autofree guint8 *pixels = g_new(guint8, n_pixels), *found = g_new(guint8, n);
+    for (gsize k = 0; k < n_pixels; k++)
+        pixels[k] = mosaic->bound && mosaic->bound[k]                     ? BTF_FLAG_BOUND
+                    : mosaic->shorter > 0 && values[k] >= mosaic->shorter ? BTF_FLAG_SHORTER
+                                                                          : 0;
     rectify_marks(rectify, pixels, found);
-    for (int k = 0; k < n; k++)
-        marks[k] = marks[k] ? BTF_MARK_HOLE : found[k];
+    for (gsize k = 0; k < n; k++)
+        flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
 /* Rectifies one light's frame. An error if most of its texels are holes. */
-static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
-                                   const struct mosaics *mosaics, GError **error) {
+static struct exr_part *btf_make_light(const struct btf_view *view, guint i, const Rectify *rectify,
+                                       const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
-    int n = view->grid.width * view->grid.height;
-    g_autofree float *rgb = g_new(float, 3 * n), *mosaic = g_new(float, mosaics->n_pixels);
-    g_autofree guint8 *marks = g_new(guint8, n);
-    exr_half_to_floats(mosaic, mosaics->half[i], mosaics->n_pixels);
-    int holes = rectify_apply(rectify, mosaic, rgb, marks);
-    if (holes > MOST_HOLES * n) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: pixels of %d of %d texels are not finite numbers; capture this shot again",
-                    light->input.path, holes, n);
+    const struct mosaic *mosaic = &mosaics->lights[i];
+    const gsize n = btf_texels(view);
+    g_autofree float *rgb = g_new(float, 3 * n), *values = g_new(float, mosaics->n_pixels);
+    g_autofree guint8 *flags = g_new(guint8, n);
+    exr_half_to_floats(values, mosaic->half, mosaics->n_pixels);
+    const int holes = rectify_apply(rectify, values, rgb, flags);
+    if (holes > MOST_HOLES * (double)n) {
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%s: pixels of %d of %zu texels are not finite numbers; capture this shot again",
+            light->input.path, holes, n);
         return NULL;
     }
-    set_marks(rectify, mosaics, i, mosaic, n, marks);
-    struct exr_part *part = btf_light_part(view, light, marks);
-    if (mosaics->saturated[i] >= 0)
-        exr_set_int(part, "mesorig.saturated", mosaics->saturated[i]);
-    to_reflectance(view, light, rgb, part);
+    btf_set_flags(rectify, mosaic, values, mosaics->n_pixels, n, flags);
+    struct exr_part *part = btf_light_part(view, light, flags);
+    if (mosaic->saturated >= 0)
+        exr_set_int(part, "mesorig.saturated", mosaic->saturated);
+    btf_to_reflectance(view, light, rgb, part);
     return part;
 }
 
 /* Predicts the pictures of missing lights from the lights around them. */
-static void predict_missing(const struct btf_view *view, struct exr_part **parts) {
-    const gsize n = (gsize)view->grid.width * (gsize)view->grid.height;
-    g_autofree guint8 *marks = g_new(guint8, n);
-    g_autofree struct exr_part **taken = g_new(struct exr_part *, view->lights->len);
-    for (guint i = 0; i < view->lights->len; i++)
-        taken[i] = parts[i];
+static void btf_predict_missing(const struct btf_view *view, struct exr_part **parts) {
+    const gsize n = btf_texels(view);
+    g_autofree guint8 *flags = g_new(guint8, n);
+    g_autofree struct exr_part **taken =
+        g_memdup2(parts, sizeof(struct exr_part *) * view->lights->len);
     for (guint i = 0; i < view->lights->len; i++) {
         const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
         g_autofree double *weights = light->missing ? btf_missing_weights(view, taken, i) : NULL;
         if (!weights)
             continue;
-        btf_missing_marks(weights, taken, view->lights->len, n, marks);
-        parts[i] = btf_light_part(view, light, marks);
-        btf_missing_fill(weights, taken, view->lights->len, marks, parts[i]);
+        btf_missing_flags(weights, taken, view->lights->len, n, flags);
+        parts[i] = btf_light_part(view, light, flags);
+        btf_missing_fill(weights, taken, view->lights->len, flags, parts[i]);
     }
 }
 
-static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
-                             GCancellable *cancellable, GError **error) {
-    gboolean ok = TRUE;
-    for (guint i = 0; ok && i < view->lights->len; i++)
-        if (!g_array_index(view->lights, struct btf_light, i).missing)
-            ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-                 load_mosaic(view, i, to, error);
-    return ok;
+/* Loads all frames, whose sum is the guide of the rectification. */
+static Rectify *btf_load_mosaics(const struct btf_view *view, struct mosaics *to,
+                                 GCancellable *cancellable, GError **error) {
+    for (guint i = 0; i < view->lights->len; i++)
+        if (!g_array_index(view->lights, struct btf_light, i).missing &&
+            (g_cancellable_set_error_if_cancelled(cancellable, error) ||
+             !btf_load_mosaic(view, i, to, error)))
+            return NULL;
+    Rectify *rectify = rectify_new(view->camera, view->radiometry, to->cfa, view->turntable_rad,
+                                   &view->grid, error);
+    if (!rectify)
+        return NULL;
+    g_autofree float *guide = g_new(float, to->n_pixels);
+    for (gsize i = 0; i < to->n_pixels; i++)
+        guide[i] = (float)to->sum[i];
+    rectify_guide(rectify, guide);
+    return rectify;
 }
 
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error) {
-    g_autoptr(Rectify) rectify = NULL;
+    const guint n = view->lights->len;
+    const gsize n_pixels = (gsize)view->camera->width * (gsize)view->camera->height;
+    g_autofree struct mosaic *lights = g_new0(struct mosaic, n);
+    g_autofree double *sum = g_new0(double, n_pixels);
+    g_autofree struct exr_part **parts = g_new0(struct exr_part *, n);
+    struct mosaics mosaics = {lights, sum, n_pixels, NULL};
     struct exr_file *file = exr_file_new();
-    gsize n_pixels = (gsize)view->camera->width * (gsize)view->camera->height;
-    struct mosaics mosaics = {.half = g_new0(guint16 *, view->lights->len),
-                              .bound = g_new0(guint8 *, view->lights->len),
-                              .shorter = g_new0(float, view->lights->len),
-                              .saturated = g_new0(int, view->lights->len),
-                              .sum = g_new0(double, n_pixels),
-                              .n_pixels = n_pixels};
-    gboolean ok = load_mosaics(view, &mosaics, cancellable, error) &&
-                  (rectify = new_rectify(view, &mosaics, error)) != NULL;
-    g_autofree struct exr_part **parts = g_new0(struct exr_part *, view->lights->len);
-    for (guint i = 0; ok && i < view->lights->len; i++) {
+    g_autoptr(Rectify) rectify = btf_load_mosaics(view, &mosaics, cancellable, error);
+    gboolean ok = rectify != NULL;
+    for (guint i = 0; ok && i < n; i++) {
         if (g_array_index(view->lights, struct btf_light, i).missing)
             continue;
         ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-             (parts[i] = make_light(view, i, rectify, &mosaics, error)) != NULL;
-        g_clear_pointer(&mosaics.half[i], g_free);
-        g_clear_pointer(&mosaics.bound[i], g_free);
+             (parts[i] = btf_make_light(view, i, rectify, &mosaics, error)) != NULL;
+        btf_clear_mosaic(&lights[i]);
     }
-    predict_missing(view, parts);
-    for (guint i = 0; i < view->lights->len; i++)
+    btf_predict_missing(view, parts);
+    for (guint i = 0; i < n; i++)
         if (parts[i])
             exr_file_add(file, parts[i]);
     ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
-    clear_mosaics(&mosaics, view->lights->len);
+    for (guint i = 0; i < n; i++)
+        btf_clear_mosaic(&lights[i]);
+    g_free(mosaics.cfa);
     exr_file_free(file);
     return ok;
 }
@@ -304,50 +296,35 @@ gboolean btf_is_made(const struct btf_view *view, const char *path) {
     return made;
 }
 
-static gint64 btf_count_of(const struct exr_part *part, const char *name) {
-    int count = 0;
-    exr_get_int(part, name, &count, NULL);
-    return count;
-}
-
-void btf_add_marks(const struct exr_part *part, struct btf_marks *sums) {
+void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums) {
     sums->texels += (gint64)part->width * part->height;
-    sums->holes += btf_count_of(part, "mesorig.holes");
-    sums->bounds += btf_count_of(part, "mesorig.bounds");
-    sums->shorter += btf_count_of(part, "mesorig.shorter");
-    sums->predicted += btf_count_of(part, "mesorig.predicted");
-}
-
-static gboolean copy_light(const struct exr_part *part, const struct session_grid *grid,
-                           float *ret_rgb) {
-    if (!part || part->width != grid->width || part->height != grid->height)
-        return FALSE;
-    const float *r = exr_part_plane(part, "R"), *g = exr_part_plane(part, "G");
-    const float *b = exr_part_plane(part, "B");
-    if (!r || !g || !b)
-        return FALSE;
-    for (int i = 0; i < grid->width * grid->height; i++) {
-        ret_rgb[3 * i] = r[i];
-        ret_rgb[3 * i + 1] = g[i];
-        ret_rgb[3 * i + 2] = b[i];
+    for (gsize k = 0; k < G_N_ELEMENTS(btf_flag_attributes); k++) {
+        int count = 0;
+        exr_get_int(part, btf_flag_attributes[k].name, &count, NULL);
+        G_STRUCT_MEMBER(gint64, sums, btf_flag_attributes[k].sum) += count;
     }
-    return TRUE;
 }
 
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, float *ret_rgb, GError **error) {
+    static const char *const channels[] = {"R", "G", "B"};
+    const gsize texels = (gsize)grid->width * (gsize)grid->height;
     struct exr_file *file = exr_read(path, error);
-    if (!file)
-        return FALSE;
-    gboolean ok = TRUE;
-    gsize size = (gsize)grid->width * (gsize)grid->height * 3;
-    for (int i = 0; ok && i < n_lights; i++) {
-        g_autofree char *name = g_strdup_printf("light_%04d", lights[i]);
-        ok = copy_light(exr_file_part(file, name), grid, ret_rgb + size * (gsize)i);
+    gboolean ok = file != NULL;
+    for (int light = 0; ok && light < n_lights; light++, ret_rgb += 3 * texels) {
+        g_autofree char *name = g_strdup_printf("light_%04d", lights[light]);
+        const struct exr_part *part = exr_file_part(file, name);
+        ok = part && part->width == grid->width && part->height == grid->height;
+        for (gsize c = 0; ok && c < 3; c++) {
+            const float *plane = exr_part_plane(part, channels[c]);
+            ok = plane != NULL;
+            for (gsize i = 0; ok && i < texels; i++)
+                ret_rgb[3 * i + c] = plane[i];
+        }
         if (!ok)
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "%s: part %s is missing or is not %d × %d texels; delete the file and "
-                        "process again",
+                        "%s: part %s is missing or is not %d × %d texels of R, G and B; delete the "
+                        "file and process again",
                         path, name, grid->width, grid->height);
     }
     exr_file_free(file);

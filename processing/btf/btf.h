@@ -12,13 +12,13 @@
 #define BTF_METHOD 6
 
 /* Flags of a texel: bits of a part's channel "mark", which exists if any texel has one. */
-enum btf_mark {
-    BTF_MARK_SHORTER = 1, /* saturated in the longest exposure: the value is from shorter ones and
+enum btf_flag {
+    BTF_FLAG_SHORTER = 1, /* saturated in the longest exposure: the value is from shorter ones and
                              has more noise */
-    BTF_MARK_BOUND = 2,   /* saturated in all exposures: the value is a lower bound */
-    BTF_MARK_HOLE =
+    BTF_FLAG_BOUND = 2,   /* saturated in all exposures: the value is a lower bound */
+    BTF_FLAG_HOLE =
         4, /* no finite value, or outside of the picture: the value is 0 and means nothing */
-    BTF_MARK_PREDICTED = 8, /* not captured: predicted from the lights around it */
+    BTF_FLAG_PREDICTED = 8, /* not captured: predicted from the lights around it */
 };
 
 /* A view is not made if more than this share of its lights is missing. */
@@ -58,11 +58,11 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
                        GError **error);
 
 /* Numbers of texels, and of those with each flag, summed over parts. */
-struct btf_marks {
+struct btf_flag_counts {
     gint64 texels, holes, bounds, shorter, predicted;
 };
-void btf_add_marks(const struct exr_part *part,
-                   struct btf_marks *sums); /* needs the headers only */
+/* Adds a part, of which only the headers need be read. */
+void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 
 /* Whether the file exists and was made from these inputs. */
 gboolean btf_is_made(const struct btf_view *view, const char *path);

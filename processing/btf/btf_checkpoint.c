@@ -3,33 +3,27 @@
 #include <string.h>
 #include <xxhash.h>
 
-/* All values, or the hashes of the views where the values are in a scratch file. */
-static void hash_values(XXH3_state_t *state, const struct btf_matrix *btf) {
-    const gsize row = sizeof(float) * btf_layout_values(&btf->layout);
-    if (btf->values) {
-        XXH3_128bits_update(state, btf->values, row * btf_layout_texels(&btf->layout));
-        return;
-    }
-    for (gsize view = 0; view < btf->layout.views.n; view++) {
-        const guint64 hash = btf_scratch_hash(btf->scratch, view);
-        XXH3_128bits_update(state, &hash, sizeof hash);
-    }
-}
-
-static char *hash_inputs(const struct btf_matrix *btf, const char *what) {
+/* A hash of what the work is, of the layout, and of all values, or the hashes of the views where
+ * the values are in a scratch file. */
+static char *btf_checkpoint_hash(const struct btf_matrix *btf, const char *what) {
+    const struct btf_layout *layout = &btf->layout;
+    const struct direction_list *const lists[] = {&layout->views, &layout->lights};
     XXH3_state_t *state = XXH3_createState();
-    const float *const angles[] = {btf->layout.views.theta_deg, btf->layout.views.phi_deg,
-                                   btf->layout.lights.theta_deg, btf->layout.lights.phi_deg};
-    g_autofree char *head = g_strdup_printf(
-        "%s, %zu × %zu × %zu × %zu, %s", what, btf->layout.width, btf->layout.height,
-        btf->layout.views.n, btf->layout.lights.n, MESORIG_VERSION);
+    g_autofree char *head =
+        g_strdup_printf("%s, %zu × %zu × %zu × %zu, %s", what, layout->width, layout->height,
+                        layout->views.n, layout->lights.n, MESORIG_VERSION);
     XXH3_128bits_reset(state);
     XXH3_128bits_update(state, head, strlen(head));
-    for (int i = 0; i < 4; i++)
-        XXH3_128bits_update(state, angles[i],
-                            sizeof(float) *
-                                (gsize)(i < 2 ? btf->layout.views.n : btf->layout.lights.n));
-    hash_values(state, btf);
+    for (gsize i = 0; i < G_N_ELEMENTS(lists); i++) {
+        XXH3_128bits_update(state, lists[i]->theta_deg, sizeof(float) * lists[i]->n);
+        XXH3_128bits_update(state, lists[i]->phi_deg, sizeof(float) * lists[i]->n);
+    }
+    if (btf->values)
+        XXH3_128bits_update(state, btf->values, (gsize)btf_matrix_bytes(layout));
+    for (gsize view = 0; !btf->values && view < layout->views.n; view++) {
+        const guint64 hash = btf_scratch_hash(btf->scratch, (int)view);
+        XXH3_128bits_update(state, &hash, sizeof hash);
+    }
     const XXH128_hash_t hash = XXH3_128bits_digest(state);
     XXH3_freeState(state);
     return g_strdup_printf("%016" G_GINT64_MODIFIER "x%016" G_GINT64_MODIFIER "x",
@@ -39,6 +33,6 @@ static char *hash_inputs(const struct btf_matrix *btf, const char *what) {
 void btf_checkpoint_begin(Checkpoint *checkpoint, const struct btf_matrix *btf, const char *what) {
     if (checkpoint_is_begun(checkpoint))
         return;
-    g_autofree char *inputs = hash_inputs(btf, what);
+    g_autofree char *inputs = btf_checkpoint_hash(btf, what);
     checkpoint_begin(checkpoint, inputs);
 }

@@ -23,51 +23,39 @@ void btf_directions_free(struct btf_directions *directions) {
 struct btf_directions *btf_directions_81(void) {
     static const int counts[] = {1, 6, 12, 18, 20, 24};
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
-    int n = 0;
-    *ret = (struct btf_directions){.name = g_strdup("81"),
-                                   .views.theta_deg = g_new(float, 81),
-                                   .views.phi_deg = g_new(float, 81)};
-    for (gsize ring = 0; ring < G_N_ELEMENTS(counts); ring++)
+    ret->name = g_strdup("81");
+    ret->views = direction_list_new(81);
+    for (gsize ring = 0, n = 0; ring < G_N_ELEMENTS(counts); ring++)
         for (int k = 0; k < counts[ring]; k++, n++) {
             ret->views.theta_deg[n] = 15.0f * (float)ring;
             ret->views.phi_deg[n] = 360.0f * (float)k / (float)counts[ring];
         }
-    ret->views.n = ret->lights.n = n;
-    ret->lights.theta_deg = g_memdup2(ret->views.theta_deg, sizeof(float) * (gsize)n);
-    ret->lights.phi_deg = g_memdup2(ret->views.phi_deg, sizeof(float) * (gsize)n);
+    ret->lights = direction_list_copy(&ret->views);
     return ret;
 }
 
-struct list {
-    GArray *theta, *phi; /* float */
-};
-
-/* Compares by angle: φ wraps around, and counts less near the pole, where its circle has the
- * radius sin θ. */
-static gboolean btf_directions_same(double theta_a, double phi_a, double theta_b, double phi_b) {
-    const double across = remainder(phi_a - phi_b, 360) * sin(theta_a * G_PI / 180);
-    return hypot(theta_a - theta_b, across) < SAME_DEG;
-}
-
+/* Adds a direction to a list with room for MOST, if it is not there yet. Compares by angle: φ wraps
+ * around, and counts less near the pole, where its circle has the radius sin θ. */
 static gboolean btf_directions_add(const TextTable *table, int row, double theta, double phi,
-                                   struct list *to, GError **error) {
+                                   struct direction_list *to, GError **error) {
     const char *path = text_table_path(table);
     const int line = text_table_line(table, row);
-    for (guint i = 0; i < to->theta->len; i++)
-        if (btf_directions_same(theta, phi, (double)g_array_index(to->theta, float, i),
-                                (double)g_array_index(to->phi, float, i)))
+    for (gsize i = 0; i < to->n; i++) {
+        const double across =
+            remainder(phi - (double)to->phi_deg[i], 360) * sin(theta * G_PI / 180);
+        if (hypot(theta - (double)to->theta_deg[i], across) < SAME_DEG)
             return data_error_fail(path, line, error,
                                    "the direction θ %g°, φ %g° repeats an earlier row", theta, phi);
-    if (to->theta->len >= MOST)
+    }
+    if (to->n >= MOST)
         return data_error_fail(path, line, error, "more than %d directions", MOST);
-    const float pair[] = {(float)theta, (float)phi};
-    g_array_append_val(to->theta, pair[0]);
-    g_array_append_val(to->phi, pair[1]);
+    to->theta_deg[to->n] = (float)theta;
+    to->phi_deg[to->n++] = (float)phi;
     return TRUE;
 }
 
 static gboolean btf_directions_read_row(const TextTable *table, int row, const int columns[3],
-                                        struct list *views, struct list *lights, GError **error) {
+                                        struct btf_directions *to, GError **error) {
     const char *of = text_table_text(table, row, columns[0]);
     const gboolean both = strcmp(of, "both") == 0;
     const gboolean view = both || strcmp(of, "view") == 0, light = both || strcmp(of, "light") == 0;
@@ -81,12 +69,12 @@ static gboolean btf_directions_read_row(const TextTable *table, int row, const i
     if (!(theta >= 0 && theta <= LOWEST) || !(fabs(phi) <= 720))
         return data_error_fail(text_table_path(table), text_table_line(table, row), error,
                                "θ must be 0 to %g°, φ −720 to 720°", LOWEST);
-    return (!view || btf_directions_add(table, row, theta, phi, views, error)) &&
-           (!light || btf_directions_add(table, row, theta, phi, lights, error));
+    return (!view || btf_directions_add(table, row, theta, phi, &to->views, error)) &&
+           (!light || btf_directions_add(table, row, theta, phi, &to->lights, error));
 }
 
-static gboolean btf_directions_read_rows(const TextTable *table, struct list *views,
-                                         struct list *lights, GError **error) {
+static gboolean btf_directions_read_rows(const TextTable *table, struct btf_directions *to,
+                                         GError **error) {
     const char *path = text_table_path(table);
     const int columns[] = {text_table_column(table, "of"), text_table_column(table, "theta_deg"),
                            text_table_column(table, "phi_deg")};
@@ -94,34 +82,24 @@ static gboolean btf_directions_read_rows(const TextTable *table, struct list *vi
         return data_error_fail(path, 0, error,
                                "a table of directions has the columns of, theta_deg and phi_deg");
     for (int row = 0; row < text_table_rows(table); row++)
-        if (!btf_directions_read_row(table, row, columns, views, lights, error))
+        if (!btf_directions_read_row(table, row, columns, to, error))
             return FALSE;
-    if (views->theta->len == 0 || lights->theta->len == 0)
+    if (to->views.n == 0 || to->lights.n == 0)
         return data_error_fail(path, 0, error, "there is no %s in it",
-                               views->theta->len == 0 ? "view" : "light");
+                               to->views.n == 0 ? "view" : "light");
     return TRUE;
-}
-
-static struct list new_list(void) {
-    return (struct list){g_array_new(FALSE, FALSE, sizeof(float)),
-                         g_array_new(FALSE, FALSE, sizeof(float))};
 }
 
 struct btf_directions *btf_directions_read(const char *path, GError **error) {
     g_autoptr(TextTable) table = text_table_read(path, error);
     if (!table)
         return NULL;
-    struct list views = new_list(), lights = new_list();
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
-    const gboolean ok = btf_directions_read_rows(table, &views, &lights, error);
     ret->name = g_path_get_basename(path);
-    ret->views.n = (int)views.theta->len;
-    ret->lights.n = (int)lights.theta->len;
-    ret->views.theta_deg = (float *)(void *)g_array_free(views.theta, FALSE);
-    ret->views.phi_deg = (float *)(void *)g_array_free(views.phi, FALSE);
-    ret->lights.theta_deg = (float *)(void *)g_array_free(lights.theta, FALSE);
-    ret->lights.phi_deg = (float *)(void *)g_array_free(lights.phi, FALSE);
-    if (!ok)
+    ret->views = direction_list_new(MOST);
+    ret->lights = direction_list_new(MOST);
+    ret->views.n = ret->lights.n = 0;
+    if (!btf_directions_read_rows(table, ret, error))
         g_clear_pointer(&ret, btf_directions_free);
     return ret;
 }

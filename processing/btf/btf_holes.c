@@ -2,14 +2,6 @@
 
 #include "btf_matrix.h"
 
-/* A pixel is a hole if any of its n planes is NaN known. */
-static gboolean is_hole(float *const *planes, int n, gsize at) {
-    for (int i = 0; i < n; i++)
-        if (isnan(planes[i][at]))
-            return TRUE;
-    return FALSE;
-}
-
 /* Sets a pixel to the mean of its known neighbours among eight. FALSE: it has none. */
 static gboolean btf_holes_fill(float *const *planes, int n, int width, int height,
                                const gint8 *known, int pixel) {
@@ -29,8 +21,8 @@ static gboolean btf_holes_fill(float *const *planes, int n, int width, int heigh
     return found > 0;
 }
 
-/* Each round fills the holes at the border of the known area, and thus the distance from it grows
- * by one pixel per round. */
+/* A pixel is a hole if any of its n planes is NaN. Each round fills the holes at the border of the
+ * known area, and thus the distance from it grows by one pixel per round. */
 int btf_fill_holes(float *const *planes, int n, int width, int height) {
     const int pixels = width * height;
     g_autofree int *holes = g_new(int, pixels);
@@ -38,7 +30,9 @@ int btf_fill_holes(float *const *planes, int n, int width, int height) {
     int all = 0;
     g_return_val_if_fail(n <= 8, -1);
     for (int i = 0; i < pixels; i++) {
-        known[i] = !is_hole(planes, n, (gsize)i);
+        known[i] = 1;
+        for (int k = 0; k < n; k++)
+            known[i] = known[i] && !isnan(planes[k][i]);
         if (!known[i])
             holes[all++] = i;
     }

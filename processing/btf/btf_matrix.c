@@ -64,7 +64,7 @@ static int btf_matrix_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-static GPtrArray *list_views(const Session *session, GError **error) {
+static GPtrArray *btf_matrix_list_views(const Session *session, GError **error) {
     g_autofree char *folder = session_file(session, "products/btf");
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     GPtrArray *paths = g_ptr_array_new_with_free_func(g_free);
@@ -82,7 +82,7 @@ static GPtrArray *list_views(const Session *session, GError **error) {
     return paths;
 }
 
-static gboolean view_error(const char *path, GError **error, const char *what) {
+static gboolean btf_matrix_view_error(const char *path, GError **error, const char *what) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: %s; delete the file and process again, or import again", path, what);
     return FALSE;
@@ -91,16 +91,14 @@ static gboolean view_error(const char *path, GError **error, const char *what) {
 static gboolean btf_matrix_direction(const struct exr_part *part, const char *of, const char *path,
                                      float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           view_error(path, error, "a direction is missing or not a number");
+           btf_matrix_view_error(path, error, "a direction is missing or not a number");
 }
 
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error) {
-    btf->layout.lights.n = (int)first->parts->len;
-    if (btf->layout.lights.n < 1)
-        return view_error(path, error, "it has no lights");
-    btf->layout.lights.theta_deg = g_new0(float, btf->layout.lights.n);
-    btf->layout.lights.phi_deg = g_new0(float, btf->layout.lights.n);
+    if (first->parts->len < 1)
+        return btf_matrix_view_error(path, error, "it has no lights");
+    btf->layout.lights = direction_list_new(first->parts->len);
     for (gsize i = 0; i < btf->layout.lights.n; i++)
         if (!btf_matrix_direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
                                   &btf->layout.lights.theta_deg[i], &btf->layout.lights.phi_deg[i],
@@ -137,57 +135,44 @@ static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struc
                                        int light, const char *path, GError **error) {
     float theta, phi;
     if ((gsize)part->width != btf->layout.width || (gsize)part->height != btf->layout.height)
-        return view_error(path, error, "its texels are not those of the session");
+        return btf_matrix_view_error(path, error, "its texels are not those of the session");
     if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
-        return view_error(path, error, "a colour is missing");
+        return btf_matrix_view_error(path, error, "a colour is missing");
     if (!btf_matrix_direction(part, "light", path, &theta, &phi, error))
         return FALSE;
     if (theta != btf->layout.lights.theta_deg[light] || phi != btf->layout.lights.phi_deg[light])
-        return view_error(path, error, "its lights are not those of the first view");
+        return btf_matrix_view_error(path, error, "its lights are not those of the first view");
     return TRUE;
 }
 
-/* Sets holes, which are 0 in the file, to NaN. Imported pictures have no channel "mark" but may
- * have a number of holes: then every black texel is one. */
-static void mark_holes(const struct exr_part *part, float *const planes[COLOURS]) {
-    const gsize n = (gsize)part->width * (gsize)part->height;
-    const float *mark = exr_part_plane(part, "mark");
-    int holes = 0;
-    for (gsize i = 0; mark && i < n; i++)
-        if (mark[i] >= BTF_MARK_HOLE && mark[i] < 2 * BTF_MARK_HOLE)
-            planes[0][i] = NAN;
-    if (mark)
-        return;
-    if (!exr_get_int(part, "mesorig.holes", &holes, NULL) || holes <= 0)
-        return;
-    for (gsize i = 0; i < n; i++)
-        if (planes[0][i] == 0 && planes[1][i] == 0 && planes[2][i] == 0)
-            planes[0][i] = NAN;
-}
-
-/* Fills the holes of one picture; returns their number. A picture of holes alone becomes black:
+/* Fills the holes of one picture and adds their number; whatever else is not finite is an error.
+ * Holes are 0 in the file, and known by the channel "mark". Imported pictures have none but may
+ * have a number of holes: then every black texel is one. A picture of holes alone becomes black:
  * one among thousands should not make the BTF unusable. */
-static int fill_holes(const struct exr_part *part, float *const planes[COLOURS]) {
-    const gsize n = (gsize)part->width * (gsize)part->height;
-    mark_holes(part, planes);
-    const int filled = btf_fill_holes(planes, COLOURS, part->width, part->height);
-    for (int c = 0; filled < 0 && c < COLOURS; c++)
-        memset(planes[c], 0, sizeof(float) * n);
-    return filled < 0 ? (int)n : filled;
-}
-
-static gboolean btf_matrix_check_values(const struct exr_part *part, int light,
-                                        float *const planes[COLOURS], const char *path,
-                                        gint64 *holes, GError **error) {
+static gboolean btf_matrix_fill_holes(const struct exr_part *part, gsize light,
+                                      float *const planes[COLOURS], const char *path, gint64 *holes,
+                                      GError **error) {
     const int pixels = part->width * part->height;
-    *holes += fill_holes(part, planes);
-    for (int c = 0; c < COLOURS; c++)
+    const float *flags = exr_part_plane(part, "mark");
+    int n = 0;
+    const gboolean black = !flags && exr_get_int(part, "mesorig.holes", &n, NULL) && n > 0;
+    for (int i = 0; i < pixels; i++)
+        if (flags ? flags[i] >= BTF_FLAG_HOLE && flags[i] < 2 * BTF_FLAG_HOLE
+                  : black && planes[0][i] == 0 && planes[1][i] == 0 && planes[2][i] == 0)
+            planes[0][i] = NAN;
+    n = btf_fill_holes(planes, COLOURS, part->width, part->height);
+    *holes += n < 0 ? pixels : n;
+    for (int c = 0; c < COLOURS; c++) {
+        if (n < 0)
+            memset(planes[c], 0, sizeof(float) * (gsize)pixels);
         for (int i = 0; i < pixels; i++)
             if (!isfinite(planes[c][i])) {
-                g_autofree char *what = g_strdup_printf("under light %d texel (%d, %d) is infinite",
-                                                        light, i % part->width, i / part->width);
-                return view_error(path, error, what);
+                g_autofree char *what =
+                    g_strdup_printf("under light %zu texel (%d, %d) is infinite", light,
+                                    i % part->width, i / part->width);
+                return btf_matrix_view_error(path, error, what);
             }
+    }
     return TRUE;
 }
 
@@ -199,21 +184,21 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
     const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
     g_autofree float **planes = g_new0(float *, n);
     if (file->parts->len != btf->layout.lights.n)
-        return view_error(path, error, "its number of lights differs from that of the first view");
+        return btf_matrix_view_error(path, error,
+                                     "its number of lights differs from that of the first view");
     for (gsize light = 0; light < btf->layout.lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
         if (!btf_matrix_check_light(btf, part, light, path, error))
             return FALSE;
         for (int c = 0; c < COLOURS; c++)
             planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
-        if (!btf_matrix_check_values(part, light, planes + (gsize)(light * COLOURS), path,
-                                     &btf->holes, error))
+        if (!btf_matrix_fill_holes(part, light, planes + light * COLOURS, path, &btf->holes, error))
             return FALSE;
-        struct btf_marks marks = {0};
-        btf_add_marks(part, &marks);
-        btf->bounds += marks.bounds;
-        btf->shorter += marks.shorter;
-        btf->predicted += marks.predicted;
+        struct btf_flag_counts counts = {0};
+        btf_count_flags(part, &counts);
+        btf->bounds += counts.bounds;
+        btf->shorter += counts.shorter;
+        btf->predicted += counts.predicted;
     }
     for (gsize texel = 0; texel < texels; texel++)
         for (gsize i = 0; i < n; i++)
@@ -223,28 +208,27 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
                                 &btf->layout.views.phi_deg[view], error);
 }
 
-static gboolean btf_matrix_add_view(struct btf_matrix *btf, const struct exr_file *file, int view,
-                                    const char *path, GError **error) {
-    const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
-    if (btf->values)
-        return btf_take_view(btf, file, view, path, btf->values + (gsize)view * n,
-                             n * btf->layout.views.n, error);
-    g_autofree float *buffer = g_new(float, texels *n);
-    return btf_take_view(btf, file, view, path, buffer, n, error) &&
-           btf_scratch_write(btf->scratch, view, buffer, error);
-}
-
 static gboolean btf_matrix_read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
                                       const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
+    const gsize n_views = btf->layout.views.n, texels = btf_layout_texels(&btf->layout);
+    g_autofree float *buffer = NULL; /* of the scratch file */
     gboolean ok = TRUE;
-    for (gsize view = 0; ok && view < btf->layout.views.n; view++) {
-        const char *path = g_ptr_array_index(paths, (guint)view);
+    for (gsize view = 0; ok && view < n_views; view++) {
+        const char *path = g_ptr_array_index(paths, view);
         struct exr_file *file = exr_read(path, error);
-        ok = file && (view > 0 || btf_matrix_begin(btf, memory, file, path, error)) &&
-             btf_matrix_add_view(btf, file, view, path, error);
+        ok = file && (view > 0 || btf_matrix_begin(btf, memory, file, path, error));
+        const gsize n = btf->layout.lights.n * COLOURS;
+        if (ok && btf->values) {
+            ok = btf_take_view(btf, file, (int)view, path, btf->values + view * n, n * n_views,
+                               error);
+        } else if (ok) {
+            buffer = buffer ? buffer : g_new(float, texels *n);
+            ok = btf_take_view(btf, file, (int)view, path, buffer, n, error) &&
+                 btf_scratch_write(btf->scratch, (int)view, buffer, error);
+        }
         exr_file_free(file);
-        ok = ok && work_tell(work, "read", view + 1, btf->layout.views.n, begun_us, error);
+        ok = ok && work_tell(work, "read", (int)view + 1, (int)n_views, begun_us, error);
     }
     return ok;
 }
@@ -256,18 +240,18 @@ struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_p
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     if (!session || !session_grid(session, &grid, error) ||
         (verify && !session_check_products(session, "products/btf/", error)) ||
-        !(*ret_paths = list_views(session, error)))
+        !(*ret_paths = btf_matrix_list_views(session, error)))
         return NULL;
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     btf->name = g_strdup(session_name(session));
     btf->directory = g_strdup(session_path(session));
-    btf->layout.width = grid.width;
-    btf->layout.height = grid.height;
-    btf->layout.texel_mm = grid.width_mm / grid.width;
-    btf->layout.reference_mm = grid.reference_mm;
-    btf->layout.views.n = (int)(*ret_paths)->len;
-    btf->layout.views.theta_deg = g_new0(float, btf->layout.views.n);
-    btf->layout.views.phi_deg = g_new0(float, btf->layout.views.n);
+    btf->layout = (struct btf_layout){
+        .width = (gsize)grid.width,
+        .height = (gsize)grid.height,
+        .texel_mm = grid.width_mm / grid.width,
+        .reference_mm = grid.reference_mm,
+        .views = direction_list_new((*ret_paths)->len),
+    };
     return btf;
 }
 

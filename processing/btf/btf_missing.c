@@ -97,20 +97,20 @@ double *btf_missing_weights(const struct btf_view *view, struct exr_part *const 
     return weights;
 }
 
-void btf_missing_marks(const double *weights, struct exr_part *const *taken, guint n_lights,
-                       gsize n, guint8 *ret_marks) {
+void btf_missing_flags(const double *weights, struct exr_part *const *taken, guint n_lights,
+                       gsize n, guint8 *ret_flags) {
     for (gsize i = 0; i < n; i++)
-        ret_marks[i] = BTF_MARK_PREDICTED;
+        ret_flags[i] = BTF_FLAG_PREDICTED;
     for (guint k = 0; k < n_lights; k++) {
-        const float *mark = taken[k] && weights[k] != 0 ? exr_part_plane(taken[k], "mark") : NULL;
-        for (gsize i = 0; mark && i < n; i++)
-            if (((int)mark[i] & BTF_MARK_HOLE) != 0)
-                ret_marks[i] = BTF_MARK_HOLE;
+        const float *flag = taken[k] && weights[k] != 0 ? exr_part_plane(taken[k], "mark") : NULL;
+        for (gsize i = 0; flag && i < n; i++)
+            if (((int)flag[i] & BTF_FLAG_HOLE) != 0)
+                ret_flags[i] = BTF_FLAG_HOLE;
     }
 }
 
 void btf_missing_fill(const double *weights, struct exr_part *const *taken, guint n_lights,
-                      const guint8 *marks, struct exr_part *part) {
+                      const guint8 *flags, struct exr_part *part) {
     static const char *const names[] = {"B", "G", "R"};
     const gsize n = (gsize)part->width * (gsize)part->height;
     for (gsize c = 0; c < G_N_ELEMENTS(names); c++) {
@@ -122,6 +122,6 @@ void btf_missing_fill(const double *weights, struct exr_part *const *taken, guin
                 to[i] += (float)weights[k] * from[i];
         }
         for (gsize i = 0; i < n; i++)
-            to[i] = marks[i] & BTF_MARK_HOLE ? 0 : fmaxf(to[i], 0);
+            to[i] = flags[i] & BTF_FLAG_HOLE ? 0 : fmaxf(to[i], 0);
     }
 }

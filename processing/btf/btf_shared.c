@@ -10,7 +10,7 @@
 
 #define COLOURS 3
 
-struct shared {
+struct btf_shared {
     const struct team *team;
     struct btf_matrix *btf;
     const GPtrArray *paths;
@@ -20,7 +20,7 @@ struct shared {
 };
 
 /* FALSE on all ranks if ok is FALSE on any. */
-static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
+static gboolean btf_shared_all_ok(const struct team *team, gboolean ok, GError **error) {
     double failed = !ok;
     team->sum_doubles(team, &failed, 1);
     if (ok && failed > 0)
@@ -29,20 +29,12 @@ static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     return failed == 0;
 }
 
-/* Distributes the view that rank root has read: each rank gets the rows of its own texels. */
-static void deal_view(struct shared *shared, int root, int view, const float *values) {
-    const struct btf_matrix *btf = shared->btf;
-    const gsize n = btf->layout.lights.n * COLOURS, row = n * btf->layout.views.n;
-    shared->team->deal(shared->team, root, values, shared->starts, shared->mine);
-    for (int i = 0; i < shared->end - shared->first; i++)
-        memcpy(btf->values + (gsize)i * row + (gsize)view * n, shared->mine + (gsize)i * n,
-               sizeof(float) * n);
-}
-
 /* One round: rank r reads view from + r, then the ranks distribute their views in turn. */
-static gboolean read_round(struct shared *shared, int from, float *buffer, GError **error) {
+static gboolean btf_shared_read_round(struct btf_shared *shared, int from, float *buffer,
+                                      GError **error) {
     struct btf_matrix *btf = shared->btf;
-    const int view = from + shared->team->rank;
+    const struct team *team = shared->team;
+    const int view = from + team->rank;
     gboolean ok = TRUE;
     if ((gsize)view < btf->layout.views.n) {
         const char *path = g_ptr_array_index(shared->paths, (guint)view);
@@ -51,23 +43,21 @@ static gboolean read_round(struct shared *shared, int from, float *buffer, GErro
              btf_take_view(btf, file, view, path, buffer, btf->layout.lights.n * COLOURS, error);
         exr_file_free(file);
     }
-    if (!all_ok(shared->team, ok, error))
+    if (!btf_shared_all_ok(team, ok, error))
         return FALSE;
-    for (gsize root = 0; root < MIN(shared->team->n_ranks, btf->layout.views.n - from); root++)
-        deal_view(shared, root, from + root, buffer);
+    /* Each rank gets the rows of its own texels. */
+    const gsize n = btf->layout.lights.n * COLOURS, row = n * btf->layout.views.n;
+    for (int root = 0; root < MIN(team->n_ranks, (int)btf->layout.views.n - from); root++) {
+        team->deal(team, root, buffer, shared->starts, shared->mine);
+        for (gsize i = 0; i < (gsize)(shared->end - shared->first); i++)
+            memcpy(btf->values + i * row + (gsize)(from + root) * n, shared->mine + i * n,
+                   sizeof(float) * n);
+    }
     return TRUE;
 }
 
-static gboolean read_lights(struct shared *shared, GError **error) {
-    const char *path = g_ptr_array_index(shared->paths, 0);
-    struct exr_file *first = exr_read_headers(path, error);
-    const gboolean ok = first && btf_take_lights(shared->btf, first, path, error);
-    exr_file_free(first);
-    return ok;
-}
-
 /* Divides the texels among the ranks and allocates this rank's share. */
-static gboolean take_part(struct shared *shared, GError **error) {
+static gboolean btf_shared_take_part(struct btf_shared *shared, GError **error) {
     struct btf_matrix *btf = shared->btf;
     const gsize n = btf->layout.lights.n * COLOURS;
     shared->starts = g_new0(gsize, shared->team->n_ranks + 1);
@@ -88,44 +78,50 @@ static gboolean take_part(struct shared *shared, GError **error) {
 }
 
 /* Sums what only the rank that read a view has set; it is 0 on all others. */
-static void share_directions(const struct shared *shared) {
+static void btf_shared_share_directions(const struct btf_shared *shared) {
     struct btf_matrix *btf = shared->btf;
-    double marks[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,
-                      (double)btf->predicted};
+    double counts[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,
+                       (double)btf->predicted};
     shared->team->sum_floats(shared->team, btf->layout.views.theta_deg, btf->layout.views.n);
     shared->team->sum_floats(shared->team, btf->layout.views.phi_deg, btf->layout.views.n);
-    shared->team->sum_doubles(shared->team, marks, G_N_ELEMENTS(marks));
-    btf->holes = (gint64)marks[0];
-    btf->bounds = (gint64)marks[1];
-    btf->shorter = (gint64)marks[2];
-    btf->predicted = (gint64)marks[3];
+    shared->team->sum_doubles(shared->team, counts, G_N_ELEMENTS(counts));
+    btf->holes = (gint64)counts[0];
+    btf->bounds = (gint64)counts[1];
+    btf->shorter = (gint64)counts[2];
+    btf->predicted = (gint64)counts[3];
 }
 
-static gboolean read_shared(struct shared *shared, const struct work *work, GError **error) {
+static gboolean btf_shared_read(struct btf_shared *shared, const struct work *work,
+                                GError **error) {
     struct btf_matrix *btf = shared->btf;
     const gint64 begun_us = g_get_monotonic_time();
     const int step = shared->team->n_ranks;
-    if (!all_ok(shared->team, read_lights(shared, error) && take_part(shared, error), error))
+    const char *path = g_ptr_array_index(shared->paths, 0);
+    struct exr_file *first = exr_read_headers(path, error);
+    const gboolean ok =
+        first && btf_take_lights(btf, first, path, error) && btf_shared_take_part(shared, error);
+    exr_file_free(first);
+    if (!btf_shared_all_ok(shared->team, ok, error))
         return FALSE;
     g_autofree float *buffer =
         g_new(float, btf_layout_texels(&btf->layout) * btf->layout.lights.n * COLOURS);
     for (gsize view = 0; view < btf->layout.views.n; view += step) {
-        if (!read_round(shared, view, buffer, error))
+        if (!btf_shared_read_round(shared, view, buffer, error))
             return FALSE;
         const int done = MIN(view + step, btf->layout.views.n);
         work_tell(work, "read", done, btf->layout.views.n, begun_us, NULL);
     }
-    share_directions(shared);
+    btf_shared_share_directions(shared);
     return TRUE;
 }
 
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct shared shared = {team, btf_open(path, FALSE, &paths, error)};
+    struct btf_shared shared = {team, btf_open(path, FALSE, &paths, error)};
     shared.paths = paths;
-    if (!all_ok(team, shared.btf != NULL, error) || !shared.btf ||
-        !read_shared(&shared, work, error))
+    if (!btf_shared_all_ok(team, shared.btf != NULL, error) || !shared.btf ||
+        !btf_shared_read(&shared, work, error))
         g_clear_pointer(&shared.btf, btf_matrix_free);
     g_free(shared.starts);
     g_free(shared.mine);

@@ -76,15 +76,14 @@ struct smooth {
     gboolean lights;
 };
 
-static double kernel(const float *a, const float *b) {
-    const double x = (double)a[0] - b[0], y = (double)a[1] - b[1], z = (double)a[2] - b[2];
-    return sqrt(x * x + y * y + z * z);
-}
-
 /* ret (n + LINEAR): |ω − ω_i| for all i, then 1, x, y, z. */
 static void smooth_row(const struct smooth *smooth, const float *direction, double *ret) {
-    for (int i = 0; i < smooth->n; i++)
-        ret[i] = kernel(direction, smooth->directions + (gsize)(3 * i));
+    for (int i = 0; i < smooth->n; i++) {
+        const float *to = smooth->directions + (gsize)(3 * i);
+        const double x = (double)direction[0] - to[0], y = (double)direction[1] - to[1];
+        const double z = (double)direction[2] - to[2];
+        ret[i] = sqrt(x * x + y * y + z * z);
+    }
     ret[smooth->n] = 1;
     for (int k = 0; k < 3; k++)
         ret[smooth->n + 1 + k] = direction[k];
@@ -92,32 +91,23 @@ static void smooth_row(const struct smooth *smooth, const float *direction, doub
 
 /* Solves [K P; Pᵀ 0] · inverse = [I; 0], K_ij = |ω_i − ω_j|, P_i = (1, ω_i), for the solution of
  * least norm, so that repeated, coplanar or single directions are no problem. */
-static gboolean direction_grid_invert(struct smooth *smooth) {
-    const int n = smooth->n, m = n + LINEAR;
+static gboolean smooth_init(struct smooth *smooth, const struct direction_list *list,
+                            gboolean lights) {
+    const int n = (int)list->n, m = n + LINEAR;
     g_autofree double *a = g_new0(double, m *m), *singular = g_new(double, m);
     int rank;
+    *smooth = (struct smooth){n, direction_list_vectors(list), 1, g_new0(double, m *n), lights};
+    for (int i = 0; i < n; i++)
+        smooth->lowest = MIN(smooth->lowest, smooth->directions[3 * i + 2]);
+    smooth->lowest = MAX(smooth->lowest, 1e-3);
     for (int i = 0; i < n; i++) {
         smooth_row(smooth, smooth->directions + (gsize)(3 * i), a + (gsize)i * (gsize)m);
         for (int k = n; k < m; k++)
             a[(gsize)k * (gsize)m + (gsize)i] = a[(gsize)i * (gsize)m + (gsize)k];
-    }
-    smooth->inverse = g_new0(double, m *n);
-    for (int i = 0; i < n; i++)
         smooth->inverse[(gsize)i * (gsize)n + (gsize)i] = 1;
+    }
     return LAPACKE_dgelsd(LAPACK_ROW_MAJOR, m, m, n, a, m, smooth->inverse, n, singular, 1e-7,
                           &rank) == 0;
-}
-
-static gboolean smooth_init(struct smooth *smooth, const float *theta_deg, const float *phi_deg,
-                            int n, gboolean lights) {
-    *smooth = (struct smooth){n, g_new(float, 3 * n), 1, NULL, lights};
-    for (int i = 0; i < n; i++) {
-        float *direction = smooth->directions + (gsize)(3 * i);
-        direction_from_deg(theta_deg[i], phi_deg[i], direction);
-        smooth->lowest = MIN(smooth->lowest, direction[2]);
-    }
-    smooth->lowest = MAX(smooth->lowest, 1e-3);
-    return direction_grid_invert(smooth);
 }
 
 static void smooth_clear(struct smooth *smooth) {
@@ -165,20 +155,6 @@ static void add_equation(int n_grid, const float *direction, double weight, cons
     }
 }
 
-/* DENSE × 3: even directions on a Fibonacci spiral, z_i = 1 − (i + ½)/DENSE, φ_i = π (1 + √5)(i +
- * ½). */
-static float *dense_directions(void) {
-    float *ret = g_new(float, 3 * DENSE);
-    for (int i = 0; i < DENSE; i++) {
-        const double z = 1 - (i + 0.5) / DENSE, r = sqrt(1 - z * z);
-        const double phi = G_PI * (1 + sqrt(5)) * (i + 0.5);
-        ret[3 * i] = (float)(r * cos(phi));
-        ret[3 * i + 1] = (float)(r * sin(phi));
-        ret[3 * i + 2] = (float)z;
-    }
-    return ret;
-}
-
 static float *grid_directions(int n_grid) {
     float *ret = g_new(float, 3 * n_grid * n_grid);
     for (int i = 0; i < n_grid * n_grid; i++) {
@@ -210,7 +186,15 @@ static void equations_clear(struct equations *equations) {
 /* Terms that pull the bilinear grid to the smooth interpolant all over the hemisphere. */
 static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
     struct equations ret = equations_new(n_grid, smooth->n);
-    g_autofree float *dense = dense_directions(), *grid = grid_directions(n_grid);
+    g_autofree float *dense = g_new(float, 3 * DENSE), *grid = grid_directions(n_grid);
+    /* A Fibonacci spiral, z_i = 1 − (i + ½)/DENSE, φ_i = π (1 + √5)(i + ½). */
+    for (int i = 0; i < DENSE; i++) {
+        const double z = 1 - (i + 0.5) / DENSE, r = sqrt(1 - z * z);
+        const double phi = G_PI * (1 + sqrt(5)) * (i + 0.5);
+        dense[3 * i] = (float)(r * cos(phi));
+        dense[3 * i + 1] = (float)(r * sin(phi));
+        dense[3 * i + 2] = (float)z;
+    }
     g_autofree double *at_dense = smooth_at(smooth, dense, DENSE);
     g_autofree double *at_grid = smooth_at(smooth, grid, (int)ret.samples);
     for (gsize i = 0; i < DENSE; i++)
@@ -258,20 +242,20 @@ static double gain_of(const double *rows, gsize samples, gsize n) {
 }
 
 /* Solves with w = MEASURED first, then halves w until the samples no longer oscillate. */
-float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
-                               gboolean lights, GError **error) {
-    gboolean ok =
-        n >= 1 && n <= 4096 && n_grid >= DIRECTION_GRID_MIN && n_grid <= DIRECTION_GRID_MAX;
-    for (int i = 0; ok && i < n; i++)
-        ok = isfinite(theta_deg[i]) && isfinite(phi_deg[i]) && fabsf(theta_deg[i]) <= 90;
-    struct smooth smooth;
-    if (!ok || !smooth_init(&smooth, theta_deg, phi_deg, n, lights)) {
-        if (ok)
-            smooth_clear(&smooth);
+float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
+                               GError **error) {
+    gboolean ok = list->n >= 1 && list->n <= 4096 && n_grid >= DIRECTION_GRID_MIN &&
+                  n_grid <= DIRECTION_GRID_MAX;
+    for (gsize i = 0; ok && i < list->n; i++)
+        ok = isfinite(list->theta_deg[i]) && isfinite(list->phi_deg[i]) &&
+             fabsf(list->theta_deg[i]) <= 90;
+    struct smooth smooth = {0};
+    if (!ok || !smooth_init(&smooth, list, lights)) {
+        smooth_clear(&smooth);
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d directions cannot be put on a grid of %d: 1 to 4096 are needed, above the "
+                    "%zu directions cannot be put on a grid of %d: 1 to 4096 are needed, above the "
                     "horizon, and a grid of %d to %d",
-                    n, n_grid, DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
+                    list->n, n_grid, DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
         return NULL;
     }
     struct equations everywhere = follow_smooth(&smooth, n_grid);
@@ -292,14 +276,13 @@ float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int
     return ret;
 }
 
-void direction_grid_angles(int n_grid, float **ret_theta_deg, float **ret_phi_deg) {
-    const int samples = n_grid * n_grid;
+struct direction_list direction_grid_samples(int n_grid) {
+    struct direction_list ret = direction_list_new((gsize)n_grid * (gsize)n_grid);
     g_autofree float *grid = grid_directions(n_grid);
-    *ret_theta_deg = g_new(float, samples);
-    *ret_phi_deg = g_new(float, samples);
-    for (int i = 0; i < samples; i++) {
-        const float *d = grid + (gsize)(3 * i);
-        (*ret_theta_deg)[i] = acosf(CLAMP(d[2], -1, 1)) * 180 / (float)G_PI;
-        (*ret_phi_deg)[i] = atan2f(d[1], d[0]) * 180 / (float)G_PI;
+    for (gsize i = 0; i < ret.n; i++) {
+        const float *d = grid + 3 * i;
+        ret.theta_deg[i] = acosf(CLAMP(d[2], -1, 1)) * 180 / (float)G_PI;
+        ret.phi_deg[i] = atan2f(d[1], d[0]) * 180 / (float)G_PI;
     }
+    return ret;
 }

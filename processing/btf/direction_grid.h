@@ -17,7 +17,7 @@
  */
 #pragma once
 
-#include <glib.h>
+#include "btf_layout.h"
 
 #define DIRECTION_GRID_MIN 4
 #define DIRECTION_GRID_MAX 24
@@ -33,8 +33,8 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
 /* The matrix (n_grid² × n) that maps values at the n directions to samples. lights: see above.
  * g_free() it. NULL with an error: the grid size is out of bounds, there are no directions, or
  * some are invalid. */
-float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
-                               gboolean lights, GError **error);
+float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
+                               GError **error);
 
-/* Polar angle and azimuth of each of the n_grid² samples, in degrees; g_free() both. */
-void direction_grid_angles(int n_grid, float **ret_theta_deg, float **ret_phi_deg);
+/* Those of the n_grid² samples; direction_list_clear() it. */
+struct direction_list direction_grid_samples(int n_grid);

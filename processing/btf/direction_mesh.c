@@ -61,21 +61,6 @@ static double direction_mesh_area(const double *a, const double *b, const double
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-static gboolean is_flat(const double *a, const double *b, const double *c) {
-    const double longest = MAX(apart(a, b), MAX(apart(b, c), apart(c, a)));
-    return !(direction_mesh_area(a, b, c) > FLAT * longest * longest);
-}
-
-/* Leaves out `skip` and directions that repeat an earlier one. */
-static void choose_used(DirectionMesh *mesh, int skip) {
-    for (int i = 0; i < mesh->n; i++) {
-        mesh->used[i] = i != skip;
-        for (int k = 0; k < i && mesh->used[i]; k++)
-            mesh->used[i] = !mesh->used[k] || apart(mesh->points + (gsize)(2 * i),
-                                                    mesh->points + (gsize)(2 * k)) > TOGETHER;
-    }
-}
-
 static void direction_mesh_triangulate(DirectionMesh *mesh) {
     g_autofree double *points = g_new(double, 2 * (gsize)mesh->n + 1);
     g_autofree int *index = g_new(int, (gsize)mesh->n + 1);
@@ -92,20 +77,23 @@ static void direction_mesh_triangulate(DirectionMesh *mesh) {
     for (int t = 0; t < n_triangles; t++) {
         const int *c = corners + (gsize)(3 * t);
         const struct triangle triangle = {{index[c[0]], index[c[1]], index[c[2]]}};
-        if (!is_flat(points + (gsize)(2 * c[0]), points + (gsize)(2 * c[1]),
-                     points + (gsize)(2 * c[2])))
+        const double *p[3];
+        for (int k = 0; k < 3; k++)
+            p[k] = points + (gsize)(2 * c[k]);
+        const double longest = MAX(apart(p[0], p[1]), MAX(apart(p[1], p[2]), apart(p[2], p[0])));
+        if (direction_mesh_area(p[0], p[1], p[2]) > FLAT * longest * longest)
             g_array_append_val(mesh->triangles, triangle);
     }
     triangulation_free(triangulation);
 }
 
-/* Extends the set of marked directions by all that share a triangle with a marked one. */
-static void spread(const DirectionMesh *mesh, guint8 *marked) {
-    g_autofree guint8 *before = g_memdup2(marked, (gsize)mesh->n);
+/* Extends a set of directions by all that share a triangle with one of them. */
+static void spread(const DirectionMesh *mesh, guint8 *within) {
+    g_autofree guint8 *before = g_memdup2(within, (gsize)mesh->n);
     for (guint t = 0; t < mesh->triangles->len; t++) {
         const int *c = g_array_index(mesh->triangles, struct triangle, t).corner;
         if (before[c[0]] || before[c[1]] || before[c[2]])
-            marked[c[0]] = marked[c[1]] = marked[c[2]] = 1;
+            within[c[0]] = within[c[1]] = within[c[2]] = 1;
     }
 }
 
@@ -120,18 +108,30 @@ static int direction_mesh_by_distance(const void *a, const void *b) {
 }
 
 /* Gradient at direction `at`: the quadric through its own value that fits the differences d_i to
- * n neighbours best, min Σ w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)², w_i = 1 /
+ * its n neighbours best, min Σ w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)², w_i = 1 /
  * distance. The solution is linear in d; its first two rows are kept. If the neighbours do not
- * determine all five terms, the solution of least norm. */
-static void fit_slope(const DirectionMesh *mesh, int at, const struct near *around, int n,
-                      struct slope *ret) {
-    const double unit = around[n - 1].distance;
+ * determine all five terms, the solution of least norm. Neighbours are those within two triangles,
+ * the nearest AROUND of them. */
+static void direction_mesh_fit_slope(DirectionMesh *mesh, int at) {
+    g_autofree guint8 *within = g_new0(guint8, mesh->n);
+    g_autofree struct near *around = g_new(struct near, mesh->n);
+    const double *own = mesh->points + (gsize)(2 * at);
     double a[AROUND * TERMS], b[AROUND * AROUND] = {0}, singular[TERMS];
-    int rank;
+    int n = 0, rank;
+    within[at] = 1;
+    spread(mesh, within);
+    spread(mesh, within);
+    for (int i = 0; i < mesh->n; i++)
+        if (within[i] && i != at)
+            around[n++] = (struct near){i, apart(mesh->points + (gsize)(2 * i), own)};
+    if (n < TERMS)
+        return;
+    qsort(around, (gsize)n, sizeof *around, direction_mesh_by_distance);
+    n = MIN(n, AROUND);
+    const double unit = around[n - 1].distance;
     for (int i = 0; i < n; i++) {
         const double *p = mesh->points + (gsize)(2 * around[i].index);
-        const double x = (p[0] - mesh->points[2 * at]) / unit;
-        const double y = (p[1] - mesh->points[2 * at + 1]) / unit;
+        const double x = (p[0] - own[0]) / unit, y = (p[1] - own[1]) / unit;
         const double terms[TERMS] = {x, y, x * x, x * y, y * y};
         const double weight = unit / around[i].distance;
         for (int k = 0; k < TERMS; k++)
@@ -140,29 +140,13 @@ static void fit_slope(const DirectionMesh *mesh, int at, const struct near *arou
     }
     if (LAPACKE_dgelsd(LAPACK_ROW_MAJOR, n, TERMS, n, a, TERMS, b, AROUND, singular, RANK, &rank))
         return;
+    struct slope *ret = &mesh->slopes[at];
     ret->n = n;
     for (int i = 0; i < n; i++) {
         ret->index[i] = around[i].index;
         ret->x[i] = (float)(b[i] / unit);
         ret->y[i] = (float)(b[AROUND + i] / unit);
     }
-}
-
-/* The neighbours are those within two triangles of a direction, the nearest AROUND of them. */
-static void find_slope(DirectionMesh *mesh, int at) {
-    g_autofree guint8 *marked = g_new0(guint8, mesh->n);
-    g_autofree struct near *around = g_new(struct near, mesh->n);
-    int n = 0;
-    marked[at] = 1;
-    spread(mesh, marked);
-    spread(mesh, marked);
-    for (int i = 0; i < mesh->n; i++)
-        if (marked[i] && i != at)
-            around[n++] = (struct near){
-                i, apart(mesh->points + (gsize)(2 * i), mesh->points + (gsize)(2 * at))};
-    qsort(around, (gsize)n, sizeof *around, direction_mesh_by_distance);
-    if (n >= TERMS)
-        fit_slope(mesh, at, around, MIN(n, AROUND), &mesh->slopes[at]);
 }
 
 DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights) {
@@ -175,11 +159,17 @@ DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip
                             .slopes = g_new0(struct slope, n)};
     for (int i = 0; i < n; i++)
         direction_mesh_point(directions[i], mesh->points + 2 * (gsize)i);
-    choose_used(mesh, skip);
+    /* Directions that repeat an earlier one are not used. */
+    for (int i = 0; i < n; i++) {
+        mesh->used[i] = i != skip;
+        for (int k = 0; k < i && mesh->used[i]; k++)
+            mesh->used[i] = !mesh->used[k] || apart(mesh->points + (gsize)(2 * i),
+                                                    mesh->points + (gsize)(2 * k)) > TOGETHER;
+    }
     direction_mesh_triangulate(mesh);
     for (int i = 0; i < n; i++)
         if (mesh->used[i])
-            find_slope(mesh, i);
+            direction_mesh_fit_slope(mesh, i);
     return mesh;
 }
 
@@ -259,37 +249,23 @@ static gboolean limit_weights(double weights[3]) {
     return clamped;
 }
 
-static void direction_mesh_nearest(const DirectionMesh *mesh, const double *points,
-                                   const double at[2], struct direction_share *ret) {
-    double best = G_MAXDOUBLE;
-    *ret = (struct direction_share){.weight = {1}, .clamped = TRUE};
-    for (int i = 0; i < mesh->n; i++) {
-        const double distance = apart(points + (gsize)(2 * i), at);
-        if (!mesh->used[i] || distance >= best)
-            continue;
-        best = distance;
-        ret->corner[0] = ret->corner[1] = ret->corner[2] = i;
-    }
-}
-
-/* cos θ at the point asked for over cos θ at the end of the extrapolation: reflectance contains
- * n·l. */
-static double fade(const double *points, const struct direction_share *share, const double at[2]) {
-    double end[2] = {0};
-    for (int k = 0; k < 3; k++)
-        for (int axis = 0; axis < 2; axis++)
-            end[axis] += (double)share->weight[k] * points[2 * share->corner[k] + axis];
-    return CLAMP(direction_mesh_cosine(at) / MAX(direction_mesh_cosine(end), 1e-3), 0, 1);
-}
-
-/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). */
+/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). Without triangles f(x) is that
+ * of the nearest direction. Where lights are extrapolated too far, f(x) is multiplied by cos θ at
+ * the point asked for over cos θ at the end of the extrapolation: reflectance contains n·l. */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret) {
-    double weights[3], end[2] = {0};
+    double weights[3], end[2] = {0}, sum[2] = {0}, best = G_MAXDOUBLE;
     const int triangle = direction_mesh_find(mesh, points, at, guess, weights);
-    if (triangle < 0)
-        direction_mesh_nearest(mesh, points, at, ret);
-    else {
+    if (triangle < 0) {
+        *ret = (struct direction_share){.weight = {1}, .clamped = TRUE};
+        for (int i = 0; i < mesh->n; i++) {
+            const double distance = apart(points + (gsize)(2 * i), at);
+            if (!mesh->used[i] || distance >= best)
+                continue;
+            best = distance;
+            ret->corner[0] = ret->corner[1] = ret->corner[2] = i;
+        }
+    } else {
         const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
         ret->clamped = limit_weights(weights);
         for (int k = 0; k < 3; k++)
@@ -302,9 +278,14 @@ void direction_mesh_share(const DirectionMesh *mesh, const double *points, const
                 ret->along[k][axis] = (float)(0.5 * (end[axis] - points[2 * corner[k] + axis]));
         }
     }
-    const float factor = ret->clamped && mesh->lights ? (float)fade(points, ret, at) : 1;
+    if (!ret->clamped || !mesh->lights)
+        return;
     for (int k = 0; k < 3; k++)
-        ret->weight[k] *= factor;
+        for (int axis = 0; axis < 2; axis++)
+            sum[axis] += (double)ret->weight[k] * points[2 * ret->corner[k] + axis];
+    const double fade = direction_mesh_cosine(at) / MAX(direction_mesh_cosine(sum), 1e-3);
+    for (int k = 0; k < 3; k++)
+        ret->weight[k] *= (float)CLAMP(fade, 0, 1);
 }
 
 void direction_mesh_slopes(const DirectionMesh *mesh, const float *values, int row, float *ret) {

@@ -5,6 +5,7 @@
 #include "energy.h"
 
 #include "base/data_error.h"
+#include "base/vec.h"
 
 #include <math.h>
 
@@ -13,33 +14,23 @@
 #define LEAST_COSINE  0.05 /* lights at a smaller cos θ are not divided by it */
 #define ROWS          256  /* texels read at a time */
 
-struct direction {
-    double x, y, z;
-};
-
-static struct direction energy_direction_of(double theta_deg, double phi_deg) {
-    double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
-    return (struct direction){sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
-}
-
-static double energy_cosine(struct direction a, struct direction b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static struct direction *energy_directions(const float *theta_deg, const float *phi_deg, int n) {
-    struct direction *all = g_new(struct direction, n);
-    for (int i = 0; i < n; i++)
-        all[i] = energy_direction_of((double)theta_deg[i], (double)phi_deg[i]);
+static struct vec3 *energy_directions(const struct direction_list *list) {
+    struct vec3 *all = g_new(struct vec3, list->n);
+    for (gsize i = 0; i < list->n; i++) {
+        const double theta = (double)list->theta_deg[i] * G_PI / 180;
+        const double phi = (double)list->phi_deg[i] * G_PI / 180;
+        all[i] = vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+    }
     return all;
 }
 
 /* Index of the nearest of n directions; −1 if none is within SAME_DEG. */
-static int energy_same(const struct direction *all, int n, struct direction to) {
+static int energy_same(const struct vec3 *all, int n, struct vec3 to) {
     int best = -1;
     double most = cos(SAME_DEG * G_PI / 180);
     for (int i = 0; i < n; i++)
-        if (energy_cosine(all[i], to) >= most) {
-            most = energy_cosine(all[i], to);
+        if (vec3_dot(all[i], to) >= most) {
+            most = vec3_dot(all[i], to);
             best = i;
         }
     return best;
@@ -47,17 +38,17 @@ static int energy_same(const struct direction *all, int n, struct direction to) 
 
 /* w_v: the cosine-weighted share of the hemisphere nearest to view v. A disc of uniform density
  * is the projection of the hemisphere weighted by cos θ; its points count for the nearest view. */
-static double *weigh_views(const struct direction *views, int n) {
+static double *energy_weigh_views(const struct vec3 *views, int n) {
     double *weight = g_new0(double, n), total = 0;
     for (int j = 0; j < SAMPLES_ASIDE; j++)
         for (int i = 0; i < SAMPLES_ASIDE; i++) {
             double x = 2 * (i + 0.5) / SAMPLES_ASIDE - 1, y = 2 * (j + 0.5) / SAMPLES_ASIDE - 1;
             if (x * x + y * y >= 1)
                 continue;
-            struct direction d = {x, y, sqrt(1 - x * x - y * y)};
+            const struct vec3 d = vec3(x, y, sqrt(1 - x * x - y * y));
             int next = 0;
             for (int k = 1; k < n; k++)
-                next = energy_cosine(views[k], d) > energy_cosine(views[next], d) ? k : next;
+                next = vec3_dot(views[k], d) > vec3_dot(views[next], d) ? k : next;
             weight[next]++;
             total++;
         }
@@ -68,8 +59,8 @@ static double *weigh_views(const struct direction *views, int n) {
 
 /* n_views × n_lights: index of the pair (l, v) whose directions are those of (v, l) exchanged; −1
  * if it was not measured. */
-static int *exchanges(const struct btf_matrix *btf, const struct direction *views,
-                      const struct direction *lights) {
+static int *energy_exchanges(const struct btf_matrix *btf, const struct vec3 *views,
+                             const struct vec3 *lights) {
     g_autofree int *view_as_light = g_new(int, btf->layout.views.n);
     g_autofree int *light_as_view = g_new(int, btf->layout.lights.n);
     int *other = g_new(int, btf->layout.views.n * btf->layout.lights.n);
@@ -95,9 +86,11 @@ struct symmetry {
 
 /* values: luminance B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l, b that of the exchanged
  * pair. */
-static void add_symmetry(const int *other, const struct direction *lights, int n_views,
-                         int n_lights, const double *values, struct symmetry *to) {
-    for (int i = 0; i < n_views * n_lights; i++) {
+static void energy_add_symmetry(const struct btf_matrix *btf, const int *other,
+                                const struct vec3 *lights, const double *values,
+                                struct symmetry *to) {
+    const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;
+    for (int i = 0; i < n; i++) {
         int k = other[i];
         if (k <= i)
             continue;
@@ -109,13 +102,14 @@ static void add_symmetry(const int *other, const struct direction *lights, int n
 }
 
 /* √(Σ (a − b)² / Σ ((a + b)/2)²). */
-static double asymmetry_of(const struct symmetry *symmetry) {
+static double energy_asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
 /* E_r(v) = mean over l of B(v, l), E_i(l) = mean over v of B(v, l) (Meseth et al. 2003 §4.1). */
-static void sum_fields(const double *values, int n_views, int n_lights, double *ret_r,
-                       double *ret_i) {
+static void energy_sum_fields(const struct btf_matrix *btf, const double *values, double *ret_r,
+                              double *ret_i) {
+    const int n_views = (int)btf->layout.views.n, n_lights = (int)btf->layout.lights.n;
     for (int v = 0; v < n_views; v++)
         for (int l = 0; l < n_lights; l++) {
             ret_r[v] += values[v * n_lights + l] / n_lights;
@@ -149,9 +143,9 @@ static gboolean energy_read_texels(const struct btf_matrix *btf, struct texels *
 
 /* In one pass over all texels: the mean BRDF, E_r and E_i of the requested texel, and the
  * asymmetry of all texels taken singly. */
-static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
-                           const struct direction *lights, struct energy *energy, double *ret_mean,
-                           GError **error) {
+static gboolean energy_sum_texels(const struct btf_matrix *btf, const int *other,
+                                  const struct vec3 *lights, struct energy *energy,
+                                  double *ret_mean, GError **error) {
     int n_texels = btf_layout_texels(&btf->layout),
         n_values = btf->layout.views.n * btf->layout.lights.n;
     g_autofree float *buffer = g_new(float, 3 * (gsize)ROWS * btf->layout.lights.n);
@@ -165,19 +159,18 @@ static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
             const double *one = values + (gsize)i * (gsize)n_values;
             for (int k = 0; k < n_values; k++)
                 ret_mean[k] += one[k] / n_texels;
-            add_symmetry(other, lights, btf->layout.views.n, btf->layout.lights.n, one, &alone);
+            energy_add_symmetry(btf, other, lights, one, &alone);
             if (first + i == energy->texel)
-                sum_fields(one, btf->layout.views.n, btf->layout.lights.n, energy->texel_e_r,
-                           energy->texel_e_i);
+                energy_sum_fields(btf, one, energy->texel_e_r, energy->texel_e_i);
         }
     }
-    energy->texel_asymmetry = asymmetry_of(&alone);
+    energy->texel_asymmetry = energy_asymmetry_of(&alone);
     return TRUE;
 }
 
 /* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
-static void find_albedos(struct energy *energy, const double *mean, const double *weight,
-                         const struct direction *lights) {
+static void energy_find_albedos(struct energy *energy, const double *mean, const double *weight,
+                                const struct vec3 *lights) {
     for (int l = 0; l < energy->n_lights; l++) {
         double sum = 0;
         for (int v = 0; v < energy->n_views; v++)
@@ -187,7 +180,7 @@ static void find_albedos(struct energy *energy, const double *mean, const double
     }
 }
 
-static struct energy *new_energy(const struct btf_matrix *btf, int texel) {
+static struct energy *energy_new(const struct btf_matrix *btf, int texel) {
     struct energy *energy = g_new0(struct energy, 1);
     energy->n_views = btf->layout.views.n;
     energy->n_lights = btf->layout.lights.n;
@@ -223,23 +216,21 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
     }
     if (texel < 0)
         texel = btf->layout.height / 2 * btf->layout.width + btf->layout.width / 2;
-    g_autofree struct direction *views = energy_directions(
-        btf->layout.views.theta_deg, btf->layout.views.phi_deg, btf->layout.views.n);
-    g_autofree struct direction *lights = energy_directions(
-        btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, btf->layout.lights.n);
-    g_autofree int *other = exchanges(btf, views, lights);
+    g_autofree struct vec3 *views = energy_directions(&btf->layout.views);
+    g_autofree struct vec3 *lights = energy_directions(&btf->layout.lights);
+    g_autofree int *other = energy_exchanges(btf, views, lights);
     g_autofree double *mean = g_new0(double, btf->layout.views.n * btf->layout.lights.n);
-    struct energy *energy = new_energy(btf, texel);
-    if (!sum_texels(btf, other, lights, energy, mean, error)) {
+    struct energy *energy = energy_new(btf, texel);
+    if (!energy_sum_texels(btf, other, lights, energy, mean, error)) {
         energy_free(energy);
         return NULL;
     }
-    g_autofree double *weight = weigh_views(views, btf->layout.views.n);
-    sum_fields(mean, btf->layout.views.n, btf->layout.lights.n, energy->e_r, energy->e_i);
-    find_albedos(energy, mean, weight, lights);
+    g_autofree double *weight = energy_weigh_views(views, btf->layout.views.n);
+    energy_sum_fields(btf, mean, energy->e_r, energy->e_i);
+    energy_find_albedos(energy, mean, weight, lights);
     struct symmetry symmetry = {0};
-    add_symmetry(other, lights, btf->layout.views.n, btf->layout.lights.n, mean, &symmetry);
+    energy_add_symmetry(btf, other, lights, mean, &symmetry);
     energy->pairs = symmetry.pairs;
-    energy->asymmetry = asymmetry_of(&symmetry);
+    energy->asymmetry = energy_asymmetry_of(&symmetry);
     return energy;
 }

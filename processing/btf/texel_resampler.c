@@ -18,15 +18,12 @@
 
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
-static struct vec3 nominal(const float *theta_deg, const float *phi_deg, int i) {
-    return rig_direction((double)theta_deg[i] * DEGREE, (double)phi_deg[i] * DEGREE);
-}
-
-static struct resampler_target *targets(const DirectionMesh *mesh, const float *theta_deg,
-                                        const float *phi_deg, int n) {
-    struct resampler_target *ret = g_new0(struct resampler_target, n);
-    for (int i = 0; i < n; i++) {
-        ret[i].direction = nominal(theta_deg, phi_deg, i);
+static struct resampler_target *texel_resampler_targets(const DirectionMesh *mesh,
+                                                        const struct direction_list *list) {
+    struct resampler_target *ret = g_new0(struct resampler_target, list->n);
+    for (gsize i = 0; i < list->n; i++) {
+        ret[i].direction =
+            rig_direction((double)list->theta_deg[i] * DEGREE, (double)list->phi_deg[i] * DEGREE);
         direction_mesh_point(ret[i].direction, ret[i].point);
         direction_mesh_guess(mesh, ret[i].direction, &ret[i].guess);
     }
@@ -35,9 +32,10 @@ static struct resampler_target *targets(const DirectionMesh *mesh, const float *
 
 /* A mesh over the target directions, and guesses in it for the measured ones: for the round trip.
  */
-static DirectionMesh *back_mesh(const struct resampler_target *to, int n_to,
-                                const struct vec3 *from, int n_from, gboolean lights,
-                                double **ret_points, struct direction_guess **ret_guesses) {
+static DirectionMesh *texel_resampler_back_mesh(const struct resampler_target *to, int n_to,
+                                                const struct vec3 *from, int n_from,
+                                                gboolean lights, double **ret_points,
+                                                struct direction_guess **ret_guesses) {
     g_autofree struct vec3 *directions = g_new0(struct vec3, n_to);
     *ret_points = g_new0(double, 2 * (gsize)n_to);
     *ret_guesses = g_new0(struct direction_guess, n_from);
@@ -77,12 +75,12 @@ void resampler_init(struct resampler *r, const struct near_field *near,
                             .left_step = (n_texels + MOST_LEFT - 1) / MOST_LEFT};
     r->from_views = direction_mesh_new(views, near->views.n, -1, FALSE);
     r->from_lights = direction_mesh_new(lights, near->lights.n, -1, TRUE);
-    r->views = targets(r->from_views, to->views.theta_deg, to->views.phi_deg, to->views.n);
-    r->lights = targets(r->from_lights, to->lights.theta_deg, to->lights.phi_deg, to->lights.n);
-    r->to_views = back_mesh(r->views, to->views.n, views, near->views.n, FALSE, &r->to_view_points,
-                            &r->back_views);
-    r->to_lights = back_mesh(r->lights, to->lights.n, lights, near->lights.n, TRUE,
-                             &r->to_light_points, &r->back_lights);
+    r->views = texel_resampler_targets(r->from_views, &to->views);
+    r->lights = texel_resampler_targets(r->from_lights, &to->lights);
+    r->to_views = texel_resampler_back_mesh(r->views, to->views.n, views, near->views.n, FALSE,
+                                            &r->to_view_points, &r->back_views);
+    r->to_lights = texel_resampler_back_mesh(r->lights, to->lights.n, lights, near->lights.n, TRUE,
+                                             &r->to_light_points, &r->back_lights);
     r->left_views = leave_out(views, near->views.n, FALSE);
     r->left_lights = leave_out(lights, near->lights.n, TRUE);
 }
@@ -164,7 +162,7 @@ struct texel_work {
     struct direction_share *back_light_shares; /* measured lights, in the target ones */
     guint8 *clamped; /* target lights beyond extrapolation, for the first view */
     float *values;   /* n_views × n_lights × lanes; last lane: 1 for a hole, else 0 */
-    guint8 *marks;   /* flags, n_views × n_lights; NULL: all 0 */
+    guint8 *flags;   /* flags, n_views × n_lights; NULL: all 0 */
     float *between;  /* n_views × target lights × lanes */
     float *slopes;   /* gradients, twice the size of the largest array */
 };
@@ -188,18 +186,15 @@ static void texel_resampler_combine(const struct direction_share *share, const f
     }
 }
 
-/* Whether a view has the same lamp positions as the view of the present shares. */
-static gboolean same_lights(const struct texel_work *w, int view) {
-    const struct near_field *near = w->r->near;
-    const gsize n = near->lights.n;
-    return w->lights_of >= 0 && (!near->lamp_mm || memcmp(near->lamp_mm + (gsize)view * n,
-                                                          near->lamp_mm + (gsize)w->lights_of * n,
-                                                          n * sizeof *near->lamp_mm) == 0);
-}
-
+/* Prepares the shares of a view's lights, unless those of the present ones have the same lamp
+ * positions. */
 static void texel_resampler_take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
-    if (same_lights(w, view))
+    const struct vec3 *lamps = r->near->lamp_mm;
+    const gsize n = r->near->lights.n;
+    if (w->lights_of >= 0 &&
+        (!lamps ||
+         memcmp(lamps + (gsize)view * n, lamps + (gsize)w->lights_of * n, n * sizeof *lamps) == 0))
         return;
     w->lights_of = view;
     for (gsize i = 0; i < r->near->lights.n; i++)
@@ -219,43 +214,32 @@ static void take_values(struct texel_work *w, const float *values) {
     const gsize n = w->r->near->views.n * w->r->near->lights.n;
     memcpy(w->values, values, sizeof(float) * n * LANES);
     for (gsize i = 0; i < n; i++) {
-        const int mark = (int)values[i * LANES + COLOURS];
-        if (mark && !w->marks)
-            w->marks = g_new0(guint8, n);
-        if (w->marks)
-            w->marks[i] = (guint8)mark;
-        w->values[i * LANES + COLOURS] = (mark & BTF_MARK_HOLE) != 0;
+        const int flag = (int)values[i * LANES + COLOURS];
+        if (flag && !w->flags)
+            w->flags = g_new0(guint8, n);
+        if (w->flags)
+            w->flags[i] = (guint8)flag;
+        w->values[i * LANES + COLOURS] = (flag & BTF_FLAG_HOLE) != 0;
     }
 }
 
 /* Flags of all corners with a noticeable weight. */
-static guint8 flags_of(const struct direction_share *share, const guint8 *marks, gsize step) {
-    guint8 mark = 0;
+static guint8 flags_of(const struct direction_share *share, const guint8 *flags, gsize step) {
+    guint8 flag = 0;
     for (int k = 0; k < 3; k++)
         if (fabsf(share->weight[k]) >= COUNTS)
-            mark |= marks[(gsize)share->corner[k] * step];
-    return mark & (BTF_MARK_BOUND | BTF_MARK_SHORTER | BTF_MARK_PREDICTED);
-}
-
-static void texel_resampler_finish(const struct resampler *r, const guint8 *marks, float *ret) {
-    const gsize n = (gsize)r->n_views * (gsize)r->n_lights;
-    for (gsize i = 0; i < n; i++) {
-        float *value = ret + i * LANES;
-        const gboolean hole = value[COLOURS] > MOSTLY_HOLES;
-        for (int c = 0; c < COLOURS; c++)
-            value[c] = hole ? 0 : MAX(value[c], 0);
-        value[COLOURS] = hole ? BTF_MARK_HOLE : marks ? marks[i] : 0;
-    }
+            flag |= flags[(gsize)share->corner[k] * step];
+    return flag & (BTF_FLAG_BOUND | BTF_FLAG_SHORTER | BTF_FLAG_PREDICTED);
 }
 
 /* Separable interpolation: first over the lights of each measured view, then over the views. */
 static void forward(struct texel_work *w, float *ret) {
     const struct resampler *r = w->r;
     const gsize n_lights = (gsize)r->n_lights, n_from = r->near->lights.n;
-    g_autofree guint8 *half = NULL, *marks = NULL;
-    if (w->marks) {
+    g_autofree guint8 *half = NULL, *flags = NULL;
+    if (w->flags) {
         half = g_new0(guint8, r->near->views.n * n_lights);
-        marks = g_new0(guint8, (gsize)r->n_views * n_lights);
+        flags = g_new0(guint8, (gsize)r->n_views * n_lights);
     }
     for (gsize view = 0; view < r->near->views.n; view++) {
         const float *values = w->values + (gsize)view * n_from * LANES;
@@ -268,7 +252,7 @@ static void forward(struct texel_work *w, float *ret) {
                 w->clamped[i] = w->light_shares[i].clamped;
             if (half)
                 half[(gsize)view * n_lights + i] =
-                    flags_of(&w->light_shares[i], w->marks + (gsize)view * n_from, 1);
+                    flags_of(&w->light_shares[i], w->flags + (gsize)view * n_from, 1);
         }
     }
     const int row = r->n_lights * LANES;
@@ -277,15 +261,21 @@ static void forward(struct texel_work *w, float *ret) {
         const gsize first = (gsize)view * n_lights;
         texel_resampler_combine(&w->view_shares[view], w->between, w->slopes, row,
                                 ret + first * LANES);
-        for (gsize i = 0; marks && i < n_lights; i++)
-            marks[first + i] = flags_of(&w->view_shares[view], half + i, n_lights);
+        for (gsize i = 0; flags && i < n_lights; i++)
+            flags[first + i] = flags_of(&w->view_shares[view], half + i, n_lights);
     }
-    texel_resampler_finish(r, marks, ret);
+    for (gsize i = 0; i < (gsize)r->n_views * n_lights; i++) {
+        float *value = ret + i * LANES;
+        const gboolean hole = value[COLOURS] > MOSTLY_HOLES;
+        for (int c = 0; c < COLOURS; c++)
+            value[c] = hole ? 0 : MAX(value[c], 0);
+        value[COLOURS] = hole ? BTF_FLAG_HOLE : flags ? flags[i] : 0;
+    }
 }
 
 /* Whether a value was measured: not a hole, and not predicted, which would hide errors. */
 static gboolean was_measured(const struct texel_work *w, gsize i) {
-    return w->values[i * LANES + COLOURS] == 0 && !(w->marks && w->marks[i] & BTF_MARK_PREDICTED);
+    return w->values[i * LANES + COLOURS] == 0 && !(w->flags && w->flags[i] & BTF_FLAG_PREDICTED);
 }
 
 static void add_difference(const float *a, const float *b, double *error, double *norm) {
@@ -418,7 +408,7 @@ static void add_nominal(const struct texel_work *w, const float *made,
         for (int i = 0; i < r->n_lights; i++) {
             const gsize at = (gsize)view * (gsize)r->n_lights + (gsize)i;
             const float *value = made + at * LANES;
-            if (r->own && !((int)value[COLOURS] & BTF_MARK_HOLE) && was_measured(w, at))
+            if (r->own && !((int)value[COLOURS] & BTF_FLAG_HOLE) && was_measured(w, at))
                 add_difference(w->values + at * LANES, value, &sums->to[view].nominal,
                                &sums->to[view].norm);
         }
@@ -457,7 +447,7 @@ static void texel_resampler_end(struct texel_work *w) {
     g_free(w->back_light_shares);
     g_free(w->clamped);
     g_free(w->values);
-    g_free(w->marks);
+    g_free(w->flags);
     g_free(w->between);
     g_free(w->slopes);
 }

@@ -6,7 +6,7 @@
 #include "direction_mesh.h"
 #include "near_field.h"
 
-#define RESAMPLER_LANES 4 /* R, G, B, and the flags (enum btf_mark) */
+#define RESAMPLER_LANES 4 /* R, G, B, and the flags (enum btf_flag) */
 
 /* A target direction. */
 struct resampler_target {

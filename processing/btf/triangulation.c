@@ -83,65 +83,27 @@ static void triangulation_add_point(Triangulation *t, int p) {
     t->hull = g_steal_pointer(&next);
 }
 
-/* Any triangulation of the points, by adding them from left to right. */
-static void sweep(Triangulation *t, const int *order) {
-    g_array_append_vals(t->hull, order, MIN(t->n, 3));
-    if (t->n < 3)
-        return;
-    struct triangle first = {{order[0], order[1], order[2]}};
-    if (triangulation_turn(t, order[0], order[1], order[2]) < 0.0) {
-        first = (struct triangle){{order[0], order[2], order[1]}};
-        g_array_index(t->hull, int, 1) = order[2];
-        g_array_index(t->hull, int, 2) = order[1];
-    }
-    g_array_append_val(t->triangles, first);
-    for (int k = 3; k < t->n; k++)
-        triangulation_add_point(t, order[k]);
-}
-
-static gboolean find_edge(const Triangulation *t, int a, int b, guint *ret_triangle,
-                          int *ret_edge) {
-    for (guint k = 0; k < t->triangles->len; k++) {
-        const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
-        for (int e = 0; e < 3; e++)
-            if (corner[e] == a && corner[(e + 1) % 3] == b) {
-                *ret_triangle = k;
-                *ret_edge = e;
-                return TRUE;
-            }
-    }
-    return FALSE;
-}
-
 /* Flips the edge that two triangles share if it is not locally Delaunay and their union is
  * convex. */
-static gboolean flip(Triangulation *t, guint k, int edge) {
+static gboolean triangulation_flip(Triangulation *t, guint k, int edge) {
     struct triangle *one = &g_array_index(t->triangles, struct triangle, k);
     int a = one->corner[edge], b = one->corner[(edge + 1) % 3], c = one->corner[(edge + 2) % 3];
-    guint mate;
-    int mate_edge;
-    if (!find_edge(t, b, a, &mate, &mate_edge))
-        return FALSE;
-    struct triangle *two = &g_array_index(t->triangles, struct triangle, mate);
-    int d = two->corner[(mate_edge + 2) % 3];
-    if (!in_circle(t, one->corner, d) || triangulation_turn(t, c, a, d) <= 0.0 ||
+    struct triangle *two = NULL;
+    int d = -1; /* its third corner */
+    for (guint i = 0; !two && i < t->triangles->len; i++)
+        for (int e = 0; e < 3; e++) {
+            struct triangle *other = &g_array_index(t->triangles, struct triangle, i);
+            if (other->corner[e] != b || other->corner[(e + 1) % 3] != a)
+                continue;
+            two = other;
+            d = other->corner[(e + 2) % 3];
+        }
+    if (!two || !in_circle(t, one->corner, d) || triangulation_turn(t, c, a, d) <= 0.0 ||
         triangulation_turn(t, c, d, b) <= 0.0)
         return FALSE;
     *one = (struct triangle){{c, a, d}};
     *two = (struct triangle){{c, d, b}};
     return TRUE;
-}
-
-/* Lawson's algorithm (1977): flips until all edges are locally Delaunay. It terminates; the bound
- * on passes guards against rounding. */
-static void make_delaunay(Triangulation *t) {
-    gboolean flipped = TRUE;
-    for (int pass = 0; flipped && pass < 200; pass++) {
-        flipped = FALSE;
-        for (guint k = 0; k < t->triangles->len; k++)
-            for (int edge = 0; edge < 3; edge++)
-                flipped |= flip(t, k, edge);
-    }
 }
 
 Triangulation *triangulation_new(const double *points, int n) {
@@ -159,8 +121,28 @@ Triangulation *triangulation_new(const double *points, int n) {
                 points[2 * k + axis] + g_rand_double_range(random, -JITTER, JITTER);
     }
     g_qsort_with_data(order, n, sizeof(int), compare_x, t);
-    sweep(t, order);
-    make_delaunay(t);
+    /* Any triangulation, by adding points from left to right. */
+    g_array_append_vals(t->hull, order, MIN(n, 3));
+    if (n < 3)
+        return t;
+    struct triangle first = {{order[0], order[1], order[2]}};
+    if (triangulation_turn(t, order[0], order[1], order[2]) < 0.0) {
+        first = (struct triangle){{order[0], order[2], order[1]}};
+        g_array_index(t->hull, int, 1) = order[2];
+        g_array_index(t->hull, int, 2) = order[1];
+    }
+    g_array_append_val(t->triangles, first);
+    for (int k = 3; k < n; k++)
+        triangulation_add_point(t, order[k]);
+    /* Lawson's algorithm (1977): flips until all edges are locally Delaunay. It terminates; the
+     * bound on passes guards against rounding. */
+    gboolean flipped = TRUE;
+    for (int pass = 0; flipped && pass < 200; pass++) {
+        flipped = FALSE;
+        for (guint k = 0; k < t->triangles->len; k++)
+            for (int edge = 0; edge < 3; edge++)
+                flipped |= triangulation_flip(t, k, edge);
+    }
     return t;
 }
 
@@ -186,37 +168,6 @@ static gboolean inside(const Triangulation *t, guint k, const double at[2], doub
     return ret[0] >= 0.0 && ret[1] >= 0.0 && ret[2] >= 0.0;
 }
 
-/* The distance from the nearest point of the edge a … b, squared. */
-static double edge_distance(const double *a, const double *b, const double at[2],
-                            double *ret_share) {
-    double along[2] = {b[0] - a[0], b[1] - a[1]};
-    double length = along[0] * along[0] + along[1] * along[1];
-    double share = (at[0] - a[0]) * along[0] + (at[1] - a[1]) * along[1];
-    *ret_share = length > 0.0 ? CLAMP(share / length, 0.0, 1.0) : 0.0;
-    double x = a[0] + *ret_share * along[0] - at[0], y = a[1] + *ret_share * along[1] - at[1];
-    return x * x + y * y;
-}
-
-static void on_border(const Triangulation *t, const double at[2], int ret_index[3],
-                      double ret_weight[3], double ret_nearest[2]) {
-    const int *hull = (const int *)t->hull->data;
-    double best = G_MAXDOUBLE;
-    for (guint k = 0; k < t->hull->len; k++) {
-        int i = hull[k], j = hull[(k + 1) % t->hull->len];
-        double share, distance = edge_distance(point(t, i), point(t, j), at, &share);
-        if (distance >= best)
-            continue;
-        best = distance;
-        ret_index[0] = ret_index[2] = i;
-        ret_index[1] = j;
-        ret_weight[0] = 1.0 - share;
-        ret_weight[1] = share;
-        ret_weight[2] = 0.0;
-        for (int axis = 0; axis < 2; axis++)
-            ret_nearest[axis] = (1.0 - share) * point(t, i)[axis] + share * point(t, j)[axis];
-    }
-}
-
 void triangulation_weights(Triangulation *t, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]) {
     for (guint k = 0; k < t->triangles->len; k++) {
@@ -230,7 +181,28 @@ void triangulation_weights(Triangulation *t, const double at[2], int ret_index[3
         ret_nearest[1] = at[1];
         return;
     }
-    on_border(t, at, ret_index, ret_weight, ret_nearest);
+    /* The nearest point a + s (b − a) of the border's edges a … b, 0 ≤ s ≤ 1. */
+    const int *hull = (const int *)t->hull->data;
+    double best = G_MAXDOUBLE;
+    for (guint k = 0; k < t->hull->len; k++) {
+        const int i = hull[k], j = hull[(k + 1) % t->hull->len];
+        const double *a = point(t, i), *b = point(t, j);
+        const double along[2] = {b[0] - a[0], b[1] - a[1]};
+        const double length = along[0] * along[0] + along[1] * along[1];
+        const double scaled = (at[0] - a[0]) * along[0] + (at[1] - a[1]) * along[1];
+        const double share = length > 0.0 ? CLAMP(scaled / length, 0.0, 1.0) : 0.0;
+        const double x = a[0] + share * along[0] - at[0], y = a[1] + share * along[1] - at[1];
+        if (x * x + y * y >= best)
+            continue;
+        best = x * x + y * y;
+        ret_index[0] = ret_index[2] = i;
+        ret_index[1] = j;
+        ret_weight[0] = 1.0 - share;
+        ret_weight[1] = share;
+        ret_weight[2] = 0.0;
+        for (int axis = 0; axis < 2; axis++)
+            ret_nearest[axis] = (1.0 - share) * a[axis] + share * b[axis];
+    }
 }
 
 const int *triangulation_corners(const Triangulation *t, int *ret_n) {

@@ -292,7 +292,7 @@ static gboolean near_field_give_view(int view, float *ret_rgb, int *ret_holes, g
                 memcpy(ret_rgb + 3 * (light * n + first + i), value, sizeof(float) * COLOURS);
                 job->marks[light * n + first + i] = mark;
                 job->some[light] |= mark != 0;
-                ret_holes[light] += (mark & BTF_MARK_HOLE) != 0;
+                ret_holes[light] += (mark & BTF_FLAG_HOLE) != 0;
             }
     }
     return TRUE;
@@ -304,9 +304,9 @@ static const guint8 *give_light(int view, int light, struct exr_part *part, gpoi
     const guint8 *marks = job->marks + (gsize)light * (gsize)job->n_texels;
     int bounds = 0, shorter = 0, predicted = 0;
     for (int i = 0; job->some[light] && i < job->n_texels; i++) {
-        bounds += (marks[i] & BTF_MARK_BOUND) != 0;
-        shorter += (marks[i] & BTF_MARK_SHORTER) != 0;
-        predicted += (marks[i] & BTF_MARK_PREDICTED) != 0;
+        bounds += (marks[i] & BTF_FLAG_BOUND) != 0;
+        shorter += (marks[i] & BTF_FLAG_SHORTER) != 0;
+        predicted += (marks[i] & BTF_FLAG_PREDICTED) != 0;
     }
     exr_set_int(part, "mesorig.bounds", bounds);
     exr_set_int(part, "mesorig.shorter", shorter);

@@ -18,9 +18,8 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
     *ret = *lpca;
     ret->name = g_strdup(lpca->name);
     ret->n_grid = n_grid;
-    ret->layout.views.n = ret->layout.lights.n = (gsize)n_grid * (gsize)n_grid;
-    direction_grid_angles(n_grid, &ret->layout.views.theta_deg, &ret->layout.views.phi_deg);
-    direction_grid_angles(n_grid, &ret->layout.lights.theta_deg, &ret->layout.lights.phi_deg);
+    ret->layout.views = direction_grid_samples(n_grid);
+    ret->layout.lights = direction_grid_samples(n_grid);
     ret->clusters = g_memdup2(lpca->clusters, sizeof(int) * texels);
     ret->weights = g_memdup2(lpca->weights, sizeof(float) * texels * (gsize)lpca->n_components);
     ret->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
@@ -50,13 +49,9 @@ static void resample_table(const struct lpca *from, const struct lpca *to, gsize
 struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) {
     g_return_val_if_fail(
         lpca->quantise == LPCA_FLOAT && lpca->n_grid == 0 && lpca->colours == LPCA_RGB, NULL);
-    g_autofree float *views =
-        direction_grid_operator(lpca->layout.views.theta_deg, lpca->layout.views.phi_deg,
-                                lpca->layout.views.n, n_grid, FALSE, error);
+    g_autofree float *views = direction_grid_operator(&lpca->layout.views, n_grid, FALSE, error);
     g_autofree float *lights =
-        views ? direction_grid_operator(lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg,
-                                        lpca->layout.lights.n, n_grid, TRUE, error)
-              : NULL;
+        views ? direction_grid_operator(&lpca->layout.lights, n_grid, TRUE, error) : NULL;
     if (!lights)
         return NULL;
     struct lpca *ret = like(lpca, n_grid);

@@ -57,7 +57,7 @@ static struct exr_part *predict(const struct btf_view *view, struct exr_part **p
     g_autofree double *weights = btf_missing_weights(view, parts, i);
     struct exr_part *part = exr_part_new("light", TEXELS, 1, channels, EXR_FLOAT);
     g_assert_nonnull(weights);
-    btf_missing_marks(weights, parts, N, TEXELS, marks);
+    btf_missing_flags(weights, parts, N, TEXELS, marks);
     btf_missing_fill(weights, parts, N, marks, part);
     for (int k = 0; k < TEXELS; k++)
         part->planes[3][k] = marks[k];
@@ -84,7 +84,7 @@ static void test_between(void) {
             const double truth = value(view, missing, lobe);
             const guint beside = missing % N_PHI ? missing - 1 : missing + 1;
             const double error = fabs(part->planes[0][TEXELS - 1] - truth) / truth;
-            g_assert_cmpfloat(part->planes[3][0], ==, BTF_MARK_PREDICTED);
+            g_assert_cmpfloat(part->planes[3][0], ==, BTF_FLAG_PREDICTED);
             g_assert_cmpfloat(fabsf(part->planes[2][1] - 3 * part->planes[0][1]), <, 1e-4);
             planes = lobe ? planes : fmax(planes, error);
             lobes += lobe ? error / N : 0;
@@ -116,11 +116,11 @@ static void test_few(void) {
     g_assert_true(isfinite(part->planes[0][0]) && part->planes[0][0] > 0);
     exr_part_free(part);
     /* A texel that is a hole around is one here. */
-    parts[N_PHI]->planes[3][2] = BTF_MARK_HOLE;
+    parts[N_PHI]->planes[3][2] = BTF_FLAG_HOLE;
     part = predict(view, parts, 0);
-    g_assert_cmpfloat(part->planes[3][2], ==, BTF_MARK_HOLE);
+    g_assert_cmpfloat(part->planes[3][2], ==, BTF_FLAG_HOLE);
     g_assert_cmpfloat(part->planes[0][2], ==, 0);
-    g_assert_cmpfloat(part->planes[3][1], ==, BTF_MARK_PREDICTED);
+    g_assert_cmpfloat(part->planes[3][1], ==, BTF_FLAG_PREDICTED);
     exr_part_free(part);
     free_parts(parts);
     btf_view_free(view);

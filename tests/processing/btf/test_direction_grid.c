@@ -87,10 +87,11 @@ static double at(const double *samples, int n_grid, const float d[3]) {
 static void test_operator(void) {
     g_autofree float *theta = NULL, *phi = NULL;
     const int n = rings(&theta, &phi);
+    const struct direction_list list = {(gsize)n, theta, phi};
     double before = 1;
     for (int n_grid = 8; n_grid <= 16; n_grid += 4) {
-        g_autofree float *views = direction_grid_operator(theta, phi, n, n_grid, FALSE, NULL);
-        g_autofree float *lights = direction_grid_operator(theta, phi, n, n_grid, TRUE, NULL);
+        g_autofree float *views = direction_grid_operator(&list, n_grid, FALSE, NULL);
+        g_autofree float *lights = direction_grid_operator(&list, n_grid, TRUE, NULL);
         g_autofree double *samples = g_new0(double, n_grid *n_grid);
         g_autofree double *ones = g_new0(double, n_grid *n_grid);
         g_autofree double *faded = g_new0(double, n_grid *n_grid);
@@ -126,16 +127,21 @@ static void test_operator(void) {
 }
 
 static void test_refused(void) {
-    static const float theta[] = {10, 100}, phi[] = {0, 50}, nan[] = {NAN, 0};
-    g_autoptr(GError) error = NULL;
-    g_assert_null(direction_grid_operator(theta, phi, 0, 12, FALSE, &error));
-    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_null(direction_grid_operator(theta, phi, 1, 3, FALSE, NULL));
-    g_assert_null(direction_grid_operator(theta, phi, 1, 1000, FALSE, NULL));
-    g_assert_null(direction_grid_operator(theta, phi, 2, 12, FALSE, NULL));
-    g_assert_null(direction_grid_operator(theta, nan, 1, 12, FALSE, NULL));
-    g_autofree float *one =
-        direction_grid_operator(theta, phi, 1, 8, FALSE, NULL); /* one view is all */
+    float theta[] = {10, 100}, phi[] = {0, 50}, nan[] = {NAN, 0};
+    const struct {
+        struct direction_list list;
+        int n_grid;
+    } cases[] = {
+        {{0, theta, phi}, 12}, {{1, theta, phi}, 3},  {{1, theta, phi}, 1000},
+        {{2, theta, phi}, 12}, {{1, theta, nan}, 12},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        g_autoptr(GError) error = NULL;
+        g_assert_null(direction_grid_operator(&cases[i].list, cases[i].n_grid, FALSE, &error));
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    }
+    const struct direction_list view = {1, theta, phi}; /* one view is all */
+    g_autofree float *one = direction_grid_operator(&view, 8, FALSE, NULL);
     for (int i = 0; i < 64; i++)
         g_assert_cmpfloat_with_epsilon(one[i], 1, 0.05);
 }

@@ -177,13 +177,13 @@ static gboolean spoil_marks(struct exr_part *part, int view, int light) {
     if (view == 14 && light == 20) {
         for (int c = 0; c < 3; c++)
             part->planes[c][5] = 0;
-        mark[5] = BTF_MARK_HOLE;
-        mark[10] = BTF_MARK_BOUND;
+        mark[5] = BTF_FLAG_HOLE;
+        mark[10] = BTF_FLAG_BOUND;
         exr_set_int(part, "mesorig.holes", 1);
         exr_set_int(part, "mesorig.bounds", 1);
     }
     for (int i = 0; view == 40 && light == 3 && i < ALL; i++)
-        mark[i] = BTF_MARK_PREDICTED;
+        mark[i] = BTF_FLAG_PREDICTED;
     if (view == 40 && light == 3)
         exr_set_int(part, "mesorig.predicted", ALL);
     return TRUE;
@@ -211,10 +211,10 @@ static void test_marks(void) {
     const struct exr_part *part = exr_file_part(file, "light_0020");
     const char *directions = NULL;
     double back = -1;
-    g_assert_cmpint(count_marks(part, BTF_MARK_HOLE, &hole), ==, 1);
+    g_assert_cmpint(count_marks(part, BTF_FLAG_HOLE, &hole), ==, 1);
     g_assert_cmpint(hole, ==, 5);
     g_assert_cmpfloat((double)part->planes[0][5], ==, 0);
-    g_assert_cmpint(count_marks(part, BTF_MARK_BOUND, &bound), ==, 1);
+    g_assert_cmpint(count_marks(part, BTF_FLAG_BOUND, &bound), ==, 1);
     g_assert_cmpint(bound, ==, 10);
     g_assert_true(exr_get_int(part, "mesorig.holes", &said, NULL));
     g_assert_cmpint(said, ==, 1);
@@ -229,7 +229,7 @@ static void test_marks(void) {
     exr_file_free(file);
     file = near_field_read_view(made, 40);
     part = exr_file_part(file, "light_0003");
-    g_assert_cmpint(count_marks(part, BTF_MARK_PREDICTED, &bound), ==, ALL);
+    g_assert_cmpint(count_marks(part, BTF_FLAG_PREDICTED, &bound), ==, ALL);
     g_assert_true(exr_get_int(part, "mesorig.predicted", &said, NULL));
     g_assert_cmpint(said, ==, ALL);
     g_assert_cmpint(result.predicted, ==, ALL);

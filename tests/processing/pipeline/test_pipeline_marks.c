@@ -92,9 +92,9 @@ static void test_marks(struct fixture *fixture, gconstpointer unused) {
     g_autofree char *path = fixture_product(fixture, "btf/view_0000.exr");
     struct exr_part *part = exr_read_part(path, "light_0001", &error);
     g_assert_no_error(error);
-    check_mark(part, BTF_MARK_BOUND, "mesorig.bounds", SATURATED);
-    check_mark(part, BTF_MARK_SHORTER, "mesorig.shorter", BRIGHT);
-    check_mark(part, BTF_MARK_HOLE, "mesorig.holes", SIDE / 2 * SIDE + SIDE / 2);
+    check_mark(part, BTF_FLAG_BOUND, "mesorig.bounds", SATURATED);
+    check_mark(part, BTF_FLAG_SHORTER, "mesorig.shorter", BRIGHT);
+    check_mark(part, BTF_FLAG_HOLE, "mesorig.holes", SIDE / 2 * SIDE + SIDE / 2);
     exr_part_free(part);
     part = exr_read_part(path, "light_0000", NULL);
     g_assert_null(exr_part_plane(part, "mark"));
