@@ -1,24 +1,35 @@
 #include "btf_fixture.h"
 
+struct btf_matrix *btf_fixture_of(const char *name, int width, int height,
+                                  struct direction_list views, struct direction_list lights) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    btf->name = g_strdup(name);
+    btf->layout = (struct btf_layout){(gsize)width, (gsize)height, 0.5, 5, views, lights};
+    btf->values = g_new0(float, btf_layout_texels(&btf->layout) * btf_layout_values(&btf->layout));
+    return btf;
+}
+
 struct btf_matrix *btf_fixture_new(const char *name, int width, int height, int n_views,
                                    int n_lights) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf = (struct btf_matrix){.name = g_strdup(name),
-                               .layout.width = width,
-                               .layout.height = height,
-                               .layout.texel_mm = 0.5,
-                               .layout.reference_mm = 5,
-                               .layout.views.n = n_views,
-                               .layout.lights.n = n_lights,
-                               .layout.views.theta_deg = g_new(float, n_views),
-                               .layout.views.phi_deg = g_new(float, n_views),
-                               .layout.lights.theta_deg = g_new(float, n_lights),
-                               .layout.lights.phi_deg = g_new(float, n_lights),
-                               .values = g_new0(float, width *height *n_views *n_lights * 3)};
-    for (int i = 0; i < n_views; i++)
-        btf->layout.views.theta_deg[i] = (float)i, btf->layout.views.phi_deg[i] = 2 * (float)i;
-    for (int i = 0; i < n_lights; i++)
-        btf->layout.lights.theta_deg[i] = 3 * (float)i,
-        btf->layout.lights.phi_deg[i] = 4 * (float)i;
-    return btf;
+    return btf_fixture_of(name, width, height, btf_fixture_line(n_views, 1, 2),
+                          btf_fixture_line(n_lights, 3, 4));
+}
+
+struct direction_list btf_fixture_line(int n, float theta_deg, float phi_deg) {
+    struct direction_list ret = direction_list_new((gsize)n);
+    for (int i = 0; i < n; i++) {
+        ret.theta_deg[i] = theta_deg * (float)i;
+        ret.phi_deg[i] = phi_deg * (float)i;
+    }
+    return ret;
+}
+
+struct direction_list btf_fixture_rings(int rings, float most_deg, float turn_deg) {
+    struct direction_list ret = direction_list_new(1 + 3 * (gsize)rings * ((gsize)rings + 1));
+    for (int ring = 1, n = 1; ring <= rings; ring++)
+        for (int i = 0; i < 6 * ring; i++, n++) {
+            ret.theta_deg[n] = most_deg * (float)ring / (float)rings;
+            ret.phi_deg[n] = 360 * (float)i / (float)(6 * ring) + turn_deg;
+        }
+    return ret;
 }

@@ -1,18 +1,21 @@
 #include "base/data_error.h"
 #include "btf/energy.h"
+#include "lib/btf_fixture.h"
 
 #include <math.h>
 
 #define SIDE 3
 
 /* Views and lights at the same directions: rings of 15° with so many each. */
-static void fill_directions(float *theta_deg, float *phi_deg) {
+static struct direction_list new_directions(void) {
     static const int around[] = {1, 6, 10, 14, 18, 20};
+    struct direction_list ret = direction_list_new(69);
     for (int ring = 0, i = 0; ring < 6; ring++)
         for (int k = 0; k < around[ring]; k++, i++) {
-            theta_deg[i] = 15.0F * (float)ring;
-            phi_deg[i] = 360.0F * (float)k / (float)around[ring];
+            ret.theta_deg[i] = 15.0F * (float)ring;
+            ret.phi_deg[i] = 360.0F * (float)k / (float)around[ring];
         }
+    return ret;
 }
 
 #define N 69
@@ -20,19 +23,8 @@ static void fill_directions(float *theta_deg, float *phi_deg) {
 typedef double (*Reflect)(double theta_l, double theta_v, double between);
 
 static struct btf_matrix *new_btf(Reflect reflect) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf = (struct btf_matrix){.name = g_strdup("analytic"),
-                               .layout.width = SIDE,
-                               .layout.height = SIDE,
-                               .layout.views.n = N,
-                               .layout.lights.n = N,
-                               .layout.views.theta_deg = g_new(float, N),
-                               .layout.views.phi_deg = g_new(float, N),
-                               .layout.lights.theta_deg = g_new(float, N),
-                               .layout.lights.phi_deg = g_new(float, N),
-                               .values = g_new(float, SIDE *SIDE *N *N * 3)};
-    fill_directions(btf->layout.views.theta_deg, btf->layout.views.phi_deg);
-    fill_directions(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg);
+    struct btf_matrix *btf =
+        btf_fixture_of("analytic", SIDE, SIDE, new_directions(), new_directions());
     for (int i = 0; i < SIDE * SIDE * N * N; i++) {
         int v = i / N % N, l = i % N;
         double degree = G_PI / 180;

@@ -6,6 +6,7 @@
 #include "lobes/lobes_codec.h"
 
 #include "exr/exr.h"
+#include "lib/btf_fixture.h"
 #include "scene/picture.h"
 
 #include <glib/gstdio.h>
@@ -55,26 +56,11 @@ static void test_lab(void) {
 }
 
 static struct btf_matrix *new_btf(int width, int height, int n_views, int n_lights) {
-    const gsize n = (gsize)width * (gsize)height * (gsize)n_views * (gsize)n_lights * 3;
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    struct btf_matrix *btf =
+        btf_fixture_of("small", width, height, btf_fixture_line(n_views, 20, 50),
+                       btf_fixture_line(n_lights, 15, 80));
+    const gsize n = btf_layout_texels(&btf->layout) * btf_layout_values(&btf->layout);
     GRand *random = g_rand_new_with_seed(1);
-    *btf = (struct btf_matrix){.name = g_strdup("small"),
-                               .layout.width = width,
-                               .layout.height = height,
-                               .layout.texel_mm = 1,
-                               .layout.views.n = n_views,
-                               .layout.lights.n = n_lights,
-                               .layout.views.theta_deg = g_new0(float, n_views),
-                               .layout.views.phi_deg = g_new0(float, n_views),
-                               .layout.lights.theta_deg = g_new0(float, n_lights),
-                               .layout.lights.phi_deg = g_new0(float, n_lights),
-                               .values = g_new0(float, n)};
-    for (int i = 0; i < n_views; i++)
-        btf->layout.views.theta_deg[i] = 20 * (float)i,
-        btf->layout.views.phi_deg[i] = 50 * (float)i;
-    for (int i = 0; i < n_lights; i++)
-        btf->layout.lights.theta_deg[i] = 15 * (float)i,
-        btf->layout.lights.phi_deg[i] = 80 * (float)i;
     for (gsize i = 0; i < n; i++)
         btf->values[i] = (float)g_rand_double_range(random, 0.1, 0.6);
     g_rand_free(random);
@@ -118,19 +104,9 @@ static void test_sums(void) {
 static struct eigenmaps *exact_maps(const struct btf_matrix *btf) {
     const gsize texels = btf_layout_texels(&btf->layout), lights = btf->layout.lights.n;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
-    *maps = (struct eigenmaps){.name = g_strdup("small"),
-                               .layout.width = btf->layout.width,
-                               .layout.height = btf->layout.height,
-                               .layout.texel_mm = 1,
-                               .layout.views.n = btf->layout.views.n,
-                               .layout.lights.n = btf->layout.lights.n,
-                               .n_terms = btf->layout.views.n};
-    maps->layout.views.theta_deg =
-        g_memdup2(btf->layout.views.theta_deg, sizeof(float) * btf->layout.views.n);
-    maps->layout.views.phi_deg =
-        g_memdup2(btf->layout.views.phi_deg, sizeof(float) * btf->layout.views.n);
-    maps->layout.lights.theta_deg = g_memdup2(btf->layout.lights.theta_deg, sizeof(float) * lights);
-    maps->layout.lights.phi_deg = g_memdup2(btf->layout.lights.phi_deg, sizeof(float) * lights);
+    maps->name = g_strdup("small");
+    maps->layout = btf_layout_copy(&btf->layout);
+    maps->n_terms = (int)btf->layout.views.n;
     maps->weights = g_new0(float, btf->layout.views.n * btf->layout.views.n);
     maps->maps = g_new0(float, texels *lights * btf->layout.views.n * 3);
     for (gsize view = 0; view < btf->layout.views.n; view++) {

@@ -2,6 +2,7 @@
 #include "eigenmaps/eigenmaps.h"
 
 #include "exr/exr.h"
+#include "lib/btf_fixture.h"
 #include "pipeline/pipeline.h"
 
 #include <cblas.h>
@@ -46,22 +47,13 @@ static struct matrix random_matrix(int rows, int columns, int rank, double noise
 static struct eigenmaps *new_maps(int width, int height, int n_lights, int n_views, int n_terms) {
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     *maps = (struct eigenmaps){.name = g_strdup("weave"),
-                               .layout.width = width,
-                               .layout.height = height,
+                               .layout.width = (gsize)width,
+                               .layout.height = (gsize)height,
                                .layout.texel_mm = 0.5,
                                .layout.reference_mm = 5,
-                               .layout.views.n = n_views,
-                               .layout.lights.n = n_lights,
-                               .n_terms = n_terms,
-                               .layout.views.theta_deg = g_new0(float, n_views),
-                               .layout.views.phi_deg = g_new0(float, n_views),
-                               .layout.lights.theta_deg = g_new0(float, n_lights),
-                               .layout.lights.phi_deg = g_new0(float, n_lights)};
-    for (int i = 0; i < n_views; i++)
-        maps->layout.views.theta_deg[i] = (float)i, maps->layout.views.phi_deg[i] = 2 * (float)i;
-    for (int i = 0; i < n_lights; i++)
-        maps->layout.lights.theta_deg[i] = 3 * (float)i,
-        maps->layout.lights.phi_deg[i] = 4 * (float)i;
+                               .layout.views = btf_fixture_line(n_views, 1, 2),
+                               .layout.lights = btf_fixture_line(n_lights, 3, 4),
+                               .n_terms = n_terms};
     return maps;
 }
 

@@ -5,6 +5,7 @@
 #include "hsh/hsh_codec.h"
 
 #include "exr/exr.h"
+#include "lib/btf_fixture.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -14,30 +15,12 @@ static const int all_terms[] = {4, 9, 16};
 
 /* Lights on rings up to 80 degrees, in which 16 terms are well determined; three views. */
 static struct btf_matrix *new_btf(int width, int height, int rings) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf = (struct btf_matrix){.name = g_strdup("coin"),
-                               .layout.width = width,
-                               .layout.height = height,
-                               .layout.texel_mm = 0.5,
-                               .layout.reference_mm = 5,
-                               .layout.views.n = 3,
-                               .layout.lights.n = 1 + 3 * rings * (rings + 1)};
-    btf->layout.views.theta_deg = g_new0(float, btf->layout.views.n);
-    btf->layout.views.phi_deg = g_new0(float, btf->layout.views.n);
-    btf->layout.lights.theta_deg = g_new0(float, btf->layout.lights.n);
-    btf->layout.lights.phi_deg = g_new0(float, btf->layout.lights.n);
-    for (gsize i = 1; i < btf->layout.views.n; i++) {
-        btf->layout.views.theta_deg[i] = 30;
-        btf->layout.views.phi_deg[i] = (float)(90 * i);
+    struct direction_list views = direction_list_new(3);
+    for (gsize i = 1; i < views.n; i++) {
+        views.theta_deg[i] = 30;
+        views.phi_deg[i] = (float)(90 * i);
     }
-    for (int ring = 1, n = 1; ring <= rings; ring++)
-        for (int i = 0; i < 6 * ring; i++, n++) {
-            btf->layout.lights.theta_deg[n] = 80 * (float)ring / (float)rings;
-            btf->layout.lights.phi_deg[n] = 360 * (float)i / (float)(6 * ring) + 11;
-        }
-    btf->values =
-        g_new0(float, (gsize)(width * height * btf->layout.views.n * btf->layout.lights.n) * 3);
-    return btf;
+    return btf_fixture_of("coin", width, height, views, btf_fixture_rings(rings, 80, 11));
 }
 
 /* P_l^m(x) without Condon–Shortley phase, by recursion over l from P_m^m = (2m − 1)!! (1 −
@@ -76,6 +59,11 @@ static void direction(double theta, double phi, float ret[3]) {
     ret[0] = (float)(sin(theta) * cos(phi));
     ret[1] = (float)(sin(theta) * sin(phi));
     ret[2] = (float)cos(theta);
+}
+
+static void light_of(const struct btf_matrix *btf, gsize light, float ret[3]) {
+    direction(btf->layout.lights.theta_deg[light] * G_PI / 180,
+              btf->layout.lights.phi_deg[light] * G_PI / 180, ret);
 }
 
 static void test_basis(void) {
@@ -196,8 +184,7 @@ static void test_own(void) {
         for (gsize i = 0; i < btf_layout_values(&btf->layout); i++) {
             const int view = i / 3 / btf->layout.lights.n, l = i / 3 % btf->layout.lights.n;
             float light[3], rgb[3];
-            direction(btf->layout.lights.theta_deg[l] * G_PI / 180,
-                      btf->layout.lights.phi_deg[l] * G_PI / 180, light);
+            light_of(btf, l, light);
             hsh_evaluate(hsh, view, 12, light, rgb);
             g_assert_cmpfloat_with_epsilon(rgb[i % 3], row[i], 1e-5);
             g_assert_cmpfloat_with_epsilon(
@@ -210,13 +197,11 @@ static void test_own(void) {
 
 /* A matt surface with a highlight, in which every degree is some part. */
 static void fill_glossy(struct btf_matrix *btf) {
-    for (gsize i = 0;
-         i < btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n; i++) {
-        const int light = i % btf->layout.lights.n,
-                  texel = i / (btf->layout.views.n * btf->layout.lights.n);
+    const gsize n_lights = btf->layout.lights.n, pairs = btf->layout.views.n * n_lights;
+    for (gsize i = 0; i < btf_layout_texels(&btf->layout) * pairs; i++) {
         float l[3];
-        direction(btf->layout.lights.theta_deg[light] * G_PI / 180,
-                  btf->layout.lights.phi_deg[light] * G_PI / 180, l);
+        light_of(btf, i % n_lights, l);
+        const int texel = (int)(i / pairs);
         const double shine = pow(fmax(0, 0.3 * l[0] + 0.1 * texel * l[1] + 0.9 * l[2]), 20);
         for (int c = 0; c < 3; c++)
             btf->values[3 * i + c] = (float)((0.2 + 0.1 * c) * l[2] + 0.4 * shine);
@@ -282,8 +267,7 @@ static void test_few(void) {
     hsh = compute(btf, 16);
     float light[3], basis[16];
     double norm = 0;
-    direction(btf->layout.lights.theta_deg[10] * G_PI / 180,
-              btf->layout.lights.phi_deg[10] * G_PI / 180, light);
+    light_of(btf, 10, light);
     hsh_basis(light, 16, basis);
     for (int n = 0; n < 16; n++)
         norm += basis[n] * basis[n];

@@ -3,6 +3,7 @@
 
 #include "btf/btf_checkpoint.h"
 #include "exr/exr.h"
+#include "lib/btf_fixture.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -11,38 +12,9 @@
 #define RINGS 4
 
 /* 1 + 6 + 12 + 18 directions, up to 75 degrees: as dense as the 81 of the papers is coarse. */
-static int count_directions(int rings) {
-    return 1 + 3 * rings * (rings + 1);
-}
-
-static void fill_directions(int rings, float turn_deg, float *theta_deg, float *phi_deg) {
-    int n = 0;
-    theta_deg[n] = phi_deg[n] = 0;
-    n++;
-    for (int ring = 1; ring <= rings; ring++)
-        for (int i = 0; i < 6 * ring; i++, n++) {
-            theta_deg[n] = 75 * (float)ring / (float)rings;
-            phi_deg[n] = 360 * (float)i / (float)(6 * ring) + turn_deg;
-        }
-}
-
 static struct btf_matrix *new_btf(int width, int height, int view_rings, int light_rings) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf = (struct btf_matrix){.name = g_strdup("weave"),
-                               .layout.width = width,
-                               .layout.height = height,
-                               .layout.texel_mm = 0.5,
-                               .layout.reference_mm = 5,
-                               .layout.views.n = count_directions(view_rings),
-                               .layout.lights.n = count_directions(light_rings)};
-    btf->layout.views.theta_deg = g_new0(float, btf->layout.views.n);
-    btf->layout.views.phi_deg = g_new0(float, btf->layout.views.n);
-    btf->layout.lights.theta_deg = g_new0(float, btf->layout.lights.n);
-    btf->layout.lights.phi_deg = g_new0(float, btf->layout.lights.n);
-    fill_directions(view_rings, 0, btf->layout.views.theta_deg, btf->layout.views.phi_deg);
-    fill_directions(light_rings, 7, btf->layout.lights.theta_deg, btf->layout.lights.phi_deg);
-    btf->values = g_new0(float, (gsize)(width * height * btf_layout_values(&btf->layout)));
-    return btf;
+    return btf_fixture_of("weave", width, height, btf_fixture_rings(view_rings, 75, 0),
+                          btf_fixture_rings(light_rings, 75, 7));
 }
 
 static void unit(double theta_deg, double phi_deg, double ret[3]) {
@@ -93,7 +65,7 @@ static struct frame frame_of(const double *p) {
 }
 
 /* p: slopes, angle, U, V, diffuse, specular. */
-static double truth_ward(const double *v, const double *l, const double *p) {
+static double truth_facet(gboolean ward, const double *v, const double *l, const double *p) {
     const struct frame f = frame_of(p);
     double h[3] = {v[0] + l[0], v[1] + l[1], v[2] + l[2]};
     const double size = sqrt(dot(h, h)), nl = dot(f.n, l), nv = MAX(dot(f.n, v), 0.1);
@@ -101,25 +73,23 @@ static double truth_ward(const double *v, const double *l, const double *p) {
         return 0;
     for (int i = 0; i < 3; i++)
         h[i] /= size;
-    const double x = dot(h, f.t) / p[3], y = dot(h, f.b) / p[4];
-    return p[5] * nl + p[6] * sqrt(nl / nv) / (4 * p[3] * p[4]) *
-                           exp(-2 * (x * x + y * y) / (1 + MAX(dot(h, f.n), 0)));
-}
-
-static double truth_ashikhmin(const double *v, const double *l, const double *p) {
-    const struct frame f = frame_of(p);
-    double h[3] = {v[0] + l[0], v[1] + l[1], v[2] + l[2]};
-    const double size = sqrt(dot(h, h)), nl = dot(f.n, l), nv = MAX(dot(f.n, v), 0.1);
-    if (nl <= 0)
-        return 0;
-    for (int i = 0; i < 3; i++)
-        h[i] /= size;
-    const double x = dot(h, f.t), y = dot(h, f.b), z = dot(h, f.n);
+    const double x = dot(h, f.t), y = dot(h, f.b), z = dot(h, f.n), u = x / p[3], w = y / p[4];
+    if (ward)
+        return p[5] * nl + p[6] * sqrt(nl / nv) / (4 * p[3] * p[4]) *
+                               exp(-2 * (u * u + w * w) / (1 + MAX(z, 0)));
     if (z <= 0)
         return p[5] * nl;
     const double d = z >= 1 - 1e-12 ? 1 : pow(z, (p[3] * x * x + p[4] * y * y) / (1 - z * z));
     return p[5] * nl +
            p[6] * sqrt((p[3] + 1) * (p[4] + 1)) / 8 * d * nl / (dot(h, l) * MAX(nl, nv));
+}
+
+static double truth_ward(const double *v, const double *l, const double *p) {
+    return truth_facet(TRUE, v, l, p);
+}
+
+static double truth_ashikhmin(const double *v, const double *l, const double *p) {
+    return truth_facet(FALSE, v, l, p);
 }
 
 static double between(GRand *random, double low, double high) {
