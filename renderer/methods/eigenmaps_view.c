@@ -21,57 +21,43 @@ struct EigenmapsView {
 };
 
 static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error) {
-    GLint layers = 0, size = 0;
+    const struct btf_layout *layout = &maps->layout;
+    const gsize n_views = layout->views.n, needed = (gsize)maps->n_terms * (layout->lights.n + 2);
+    GLint layers = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    if (maps->layout.views.n < 1 || maps->layout.lights.n < 1 || maps->n_terms < 1 ||
-        maps->layout.width < 1 || maps->layout.height < 1) {
+    if (n_views < 1 || layout->lights.n < 1 || maps->n_terms < 1 || btf_layout_texels(layout) < 1) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
         return FALSE;
     }
-    gint64 needed = (gint64)maps->n_terms * ((gint64)maps->layout.lights.n + 2);
-    if (needed > layers) {
+    if (needed > (gsize)layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d terms of %zu lights need %" G_GINT64_FORMAT
-                    " layers, %s has %d; compress the material with %d terms or fewer",
-                    maps->n_terms, maps->layout.lights.n, needed, gpu_renderer(), layers,
-                    (int)MAX(1, layers / ((gint64)maps->layout.lights.n + 2)));
+                    "%d terms of %zu lights need %zu layers, %s has %d; compress the material with "
+                    "%zu terms or fewer",
+                    maps->n_terms, layout->lights.n, needed, gpu_renderer(), layers,
+                    MAX(1, (gsize)layers / (layout->lights.n + 2)));
         return FALSE;
     }
-    if (maps->layout.width > (gsize)size || maps->layout.height > (gsize)size) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-            "%zu × %zu texels: %s takes %d each way; process the material with fewer texels",
-            maps->layout.width, maps->layout.height, gpu_renderer(), size);
+    if (!method_check_size(layout, error))
         return FALSE;
-    }
-    return TRUE;
-}
-
-static gboolean check_weights(const struct eigenmaps *maps, GError **error) {
-    for (gsize k = 0; k < (gsize)maps->n_terms * maps->layout.views.n; k++)
+    for (gsize k = 0; k < (gsize)maps->n_terms * n_views; k++)
         if (!isfinite(maps->weights[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "the weight of term %d for view %d is not a finite number",
-                        (int)(k / maps->layout.views.n), (int)(k % maps->layout.views.n));
+                        "the weight of term %zu for view %zu is not a finite number", k / n_views,
+                        k % n_views);
             return FALSE;
         }
     return TRUE;
 }
 
-static const float *map_of(const struct eigenmaps *maps, int term, int light) {
-    gsize texels = btf_layout_texels(&maps->layout);
-    return maps->maps + 3 * texels * ((gsize)term * maps->layout.lights.n + light);
-}
-
-static gboolean add_map(const struct eigenmaps *maps, int term, int light, float share, float *sum,
-                        GError **error) {
-    const float *map = map_of(maps, term, light);
-    for (gsize k = 0; k < 3 * btf_layout_texels(&maps->layout); k++) {
+static gboolean add_map(const struct eigenmaps *maps, int term, gsize light, float share,
+                        float *sum, GError **error) {
+    const gsize n = 3 * btf_layout_texels(&maps->layout);
+    const float *map = maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
+    for (gsize k = 0; k < n; k++) {
         if (!isfinite(map[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "term %d, light %d, texel (%d, %d) is not a finite number", term, light,
-                        (int)(k / 3 % maps->layout.width), (int)(k / 3 / maps->layout.width));
+                        "term %d, light %zu, texel (%zu, %zu) is not a finite number", term, light,
+                        k / 3 % maps->layout.width, k / 3 / maps->layout.width);
             return FALSE;
         }
         sum[k] += share * map[k];
@@ -95,28 +81,26 @@ static void eigenmaps_view_refine(const float *from, int n, gsize step, float *t
             }
 }
 
-static void put_refined(const struct eigenmaps *maps, int layer, const float *texels) {
-    gsize w = maps->layout.width, h = maps->layout.height;
-    g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
-    for (gsize j = 0; j < h; j++)
-        eigenmaps_view_refine(texels + 3 * w * j, w, 3, wide + 6 * w * j, 3);
-    for (gsize i = 0; i < 2 * w; i++)
-        eigenmaps_view_refine(wide + 3 * i, h, 6 * w, fine + 3 * i, 6 * w);
-    for (gsize k = 0; k < 4 * 3 * w * h; k++)
-        fine[k] = CLAMP(fine[k], -HALF_MAX, HALF_MAX);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2 * w, 2 * h, 1, GL_RGB, GL_FLOAT, fine);
-}
-
 /* A mip level twice as fine as the material makes bilinear filtering about as sharp as bicubic
  * filtering, without more fetches. */
 static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
                                      int layer, float *texels) {
-    for (gsize k = 0; k < 3 * btf_layout_texels(&maps->layout); k++)
+    const gsize w = maps->layout.width, h = maps->layout.height;
+    for (gsize k = 0; k < 3 * w * h; k++)
         texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, maps->layout.width,
-                    maps->layout.height, 1, GL_RGB, GL_FLOAT, texels);
-    if (view->refined)
-        put_refined(maps, layer, texels);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, (int)w, (int)h, 1,
+                    GL_RGB, GL_FLOAT, texels);
+    if (!view->refined)
+        return;
+    g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
+    for (gsize j = 0; j < h; j++)
+        eigenmaps_view_refine(texels + 3 * w * j, (int)w, 3, wide + 6 * w * j, 3);
+    for (gsize i = 0; i < 2 * w; i++)
+        eigenmaps_view_refine(wide + 3 * i, (int)h, 6 * w, fine + 3 * i, 6 * w);
+    for (gsize k = 0; k < 4 * 3 * w * h; k++)
+        fine[k] = CLAMP(fine[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, (int)(2 * w), (int)(2 * h), 1, GL_RGB,
+                    GL_FLOAT, fine);
 }
 
 /* Storage for both levels, if the finer one fits into FINE_BYTES and the card. */
@@ -188,15 +172,14 @@ static float weight_at(const struct eigenmaps *maps, const Directions *views, in
                        const struct direction_weights *at) {
     const float *w = maps->weights + (gsize)term * maps->layout.views.n;
     double sum = 0.0;
-    for (int k = 0; k < 4; k++) {
-        int n;
-        const int *members = directions_pole(views, &n);
+    int n;
+    const int *members = directions_pole(views, &n);
+    for (int k = 0; k < 4; k++)
         if ((gsize)at->index[k] < maps->layout.views.n)
             sum += at->weight[k] * w[at->index[k]];
         else
             for (int m = 0; m < n; m++)
                 sum += at->weight[k] * w[members[m]] / n;
-    }
     return sum;
 }
 
@@ -224,20 +207,14 @@ static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Dire
 }
 
 EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
-    if (!eigenmaps_view_check(maps, error) || !check_weights(maps, error))
+    if (!eigenmaps_view_check(maps, error))
         return NULL;
-    g_autoptr(Directions) views = directions_new(
-        maps->layout.views.theta_deg, maps->layout.views.phi_deg, maps->layout.views.n, error);
-    if (views == NULL) {
-        g_prefix_error(error, "views: ");
+    g_autoptr(Directions) views = method_directions(&maps->layout.views, "views", FALSE, error);
+    if (!views)
         return NULL;
-    }
-    g_autoptr(Directions) lights = directions_new(
-        maps->layout.lights.theta_deg, maps->layout.lights.phi_deg, maps->layout.lights.n, error);
-    if (lights == NULL) {
-        g_prefix_error(error, "lights: ");
+    g_autoptr(Directions) lights = method_directions(&maps->layout.lights, "lights", FALSE, error);
+    if (!lights)
         return NULL;
-    }
     g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
     g_autofree float *pole = g_new0(float, maps->layout.lights.n);
     g_autofree float *ambient = g_new0(float, maps->layout.lights.n);
@@ -292,10 +269,6 @@ static gpointer eigenmaps_view_open_file(const char *path, GError **error) {
     return view;
 }
 
-static void eigenmaps_view_free_view(gpointer material) {
-    eigenmaps_view_free(material);
-}
-
 static const char *const shader_names[] = {"directions.glsl", "eigenmaps.glsl", NULL};
 
 const struct method method_eigenmaps = {
@@ -305,7 +278,7 @@ const struct method method_eigenmaps = {
     .made_by = "mesorig process",
     .shaders = shader_names,
     .open = eigenmaps_view_open_file,
-    .free = eigenmaps_view_free_view,
+    .free = (GDestroyNotify)eigenmaps_view_free,
     .bytes = eigenmaps_view_bytes,
     .bind = eigenmaps_view_bind_all,
 };

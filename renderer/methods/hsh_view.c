@@ -69,10 +69,6 @@ static gpointer hsh_view_open(const char *path, GError **error) {
     return view;
 }
 
-static void hsh_view_free_material(gpointer material) {
-    hsh_view_free(material);
-}
-
 static gint64 hsh_view_bytes(gconstpointer material) {
     const HshView *view = material;
     return slices_bytes(&view->slices);
@@ -100,7 +96,7 @@ const struct method method_hsh = {
     .made_by = "mesorig compress --method hsh",
     .shaders = hsh_view_shaders,
     .open = hsh_view_open,
-    .free = hsh_view_free_material,
+    .free = (GDestroyNotify)hsh_view_free,
     .constants = hsh_view_constants,
     .bytes = hsh_view_bytes,
     .bind = hsh_view_bind,

@@ -141,10 +141,6 @@ static gpointer lobes_view_open(enum lobes_model model, const char *path, GError
     return view;
 }
 
-static void lobes_view_free_view(gpointer material) {
-    lobes_view_free(material);
-}
-
 #define SHARED "directions.glsl", "levels.glsl", "lobes.glsl"
 static const char *const fields[] = {SHARED, "fields.glsl", NULL};
 static const char *const ptm[] = {SHARED, "ptm.glsl", NULL};
@@ -167,7 +163,7 @@ OPEN(ashikhmin, LOBES_ASHIKHMIN)
     {                                                                                              \
         .name = #model, .title = (text), .product = #model ".exr",                                 \
         .made_by = "mesorig compress --method " #model, .shaders = (model), .open = open_##model,  \
-        .free = lobes_view_free_view, .constants = lobes_view_constants,                           \
+        .free = (GDestroyNotify)lobes_view_free, .constants = lobes_view_constants,                \
         .bytes = lobes_view_bytes, .bind = lobes_view_bind,                                        \
     }
 

@@ -262,10 +262,6 @@ static gpointer lpca_grid_open_file(const char *path, GError **error) {
     return lpca_open_levels(path, lpca_grid_open_levels, error);
 }
 
-static void free_grid(gpointer material) {
-    lpca_grid_free(material);
-}
-
 static const char *const shader_names[] = {"directions.glsl", "levels.glsl", "lpca_texel.glsl",
                                            "lpca_grid.glsl", NULL};
 
@@ -276,7 +272,7 @@ const struct method method_lpca_grid = {
     .made_by = "mesorig compress",
     .shaders = shader_names,
     .open = lpca_grid_open_file,
-    .free = free_grid,
+    .free = (GDestroyNotify)lpca_grid_free,
     .constants = lpca_grid_constants,
     .bytes = lpca_grid_bytes,
     .bind = lpca_grid_bind_all,

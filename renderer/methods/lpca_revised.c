@@ -249,10 +249,6 @@ static gpointer lpca_revised_open_file(const char *path, GError **error) {
     return lpca_open_levels(path, lpca_revised_open_levels, error);
 }
 
-static void free_revised(gpointer material) {
-    lpca_revised_free(material);
-}
-
 static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl",
                                            NULL};
 
@@ -263,7 +259,7 @@ const struct method method_lpca_revised = {
     .made_by = "mesorig compress",
     .shaders = shader_names,
     .open = lpca_revised_open_file,
-    .free = free_revised,
+    .free = (GDestroyNotify)lpca_revised_free,
     .constants = lpca_revised_constants,
     .bytes = lpca_revised_bytes,
     .bind = lpca_revised_bind_all,

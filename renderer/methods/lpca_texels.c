@@ -20,64 +20,45 @@ static gboolean lpca_texels_all_finite(const float *values, gsize n, const char 
     return TRUE;
 }
 
-static gboolean check_one(const struct lpca *lpca, GError **error) {
-    const gsize texels = btf_layout_texels(&lpca->layout);
-    const gsize brdf = 3 * lpca->layout.views.n * lpca->layout.lights.n;
-    if (lpca->layout.views.n < 1 || lpca->layout.lights.n < 1 || texels < 1 ||
-        lpca->n_clusters < 1) {
+static gboolean lpca_texels_check(const struct lpca *lpca, GError **error) {
+    const struct btf_layout *layout = &lpca->layout;
+    const gsize texels = btf_layout_texels(layout), brdf = btf_layout_values(layout);
+    if (brdf < 1 || texels < 1 || lpca->n_clusters < 1) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
         return FALSE;
     }
     for (gsize k = 0; k < texels; k++)
         if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "texel %" G_GSIZE_FORMAT
-                        " is in cluster %d, but there are only %d clusters",
-                        k, lpca->clusters[k], lpca->n_clusters);
+                        "texel %zu is in cluster %d, but there are only %d clusters", k,
+                        lpca->clusters[k], lpca->n_clusters);
             return FALSE;
         }
-    GLint size = 0;
-    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    if (lpca->layout.width > (gsize)size || lpca->layout.height > (gsize)size) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-            "%zu × %zu texels: %s takes %d each way; process the material with fewer texels",
-            lpca->layout.width, lpca->layout.height, gpu_renderer(), size);
-        return FALSE;
-    }
-    return lpca_texels_all_finite(lpca->weights, texels * lpca->n_components, "weight", error) &&
+    return method_check_size(layout, error) &&
+           lpca_texels_all_finite(lpca->weights, texels * lpca->n_components, "weight", error) &&
            lpca_texels_all_finite(lpca->brdfs, brdf * (lpca->n_components + 1) * lpca->n_clusters,
                                   "eigen-BRDF value", error);
 }
 
-static gboolean lpca_texels_same_directions(const struct lpca *a, const struct lpca *b) {
-    const gsize views = sizeof(float) * a->layout.views.n,
-                lights = sizeof(float) * a->layout.lights.n;
-    return a->layout.views.n == b->layout.views.n && a->layout.lights.n == b->layout.lights.n &&
-           a->n_grid == b->n_grid &&
-           memcmp(a->layout.views.theta_deg, b->layout.views.theta_deg, views) == 0 &&
-           memcmp(a->layout.views.phi_deg, b->layout.views.phi_deg, views) == 0 &&
-           memcmp(a->layout.lights.theta_deg, b->layout.lights.theta_deg, lights) == 0 &&
-           memcmp(a->layout.lights.phi_deg, b->layout.lights.phi_deg, lights) == 0;
-}
-
 static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GError **error) {
     for (int k = 0; k < n; k++) {
-        if (!check_one(levels[k], error)) {
+        if (!lpca_texels_check(levels[k], error)) {
             if (k > 0)
                 g_prefix_error(error, "mip level %d: ", k);
             return FALSE;
         }
-        if (k > 0 && (levels[k]->layout.width != MAX(1, levels[0]->layout.width >> k) ||
-                      levels[k]->layout.height != MAX(1, levels[0]->layout.height >> k) ||
-                      levels[k]->colours != levels[0]->colours ||
-                      !lpca_texels_same_directions(levels[0], levels[k]))) {
+        const struct btf_layout *first = &levels[0]->layout, *layout = &levels[k]->layout;
+        if (k > 0 &&
+            (layout->width != MAX(1, first->width >> k) ||
+             layout->height != MAX(1, first->height >> k) ||
+             levels[k]->colours != levels[0]->colours || levels[k]->n_grid != levels[0]->n_grid ||
+             !direction_list_equal(&layout->views, &first->views) ||
+             !direction_list_equal(&layout->lights, &first->lights))) {
             g_set_error(
                 error, GPU_ERROR, GPU_ERROR_FAILED,
                 "mip level %d has %zu × %zu texels and %zu × %zu directions, which does not "
                 "fit level 0; compress the material anew",
-                k, levels[k]->layout.width, levels[k]->layout.height, levels[k]->layout.views.n,
-                levels[k]->layout.lights.n);
+                k, layout->width, layout->height, layout->views.n, layout->lights.n);
             return FALSE;
         }
     }
@@ -292,25 +273,12 @@ void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values) 
                     GL_FLOAT, values);
 }
 
-static Directions *directions_of(const char *what, gboolean triangulated, const float *theta_deg,
-                                 const float *phi_deg, int n, GError **error) {
-    Directions *directions = triangulated
-                                 ? directions_new_triangulated(theta_deg, phi_deg, n, error)
-                                 : directions_new(theta_deg, phi_deg, n, error);
-    if (directions == NULL)
-        g_prefix_error(error, "%s: ", what);
-    return directions;
-}
-
 gboolean lpca_directions_init(struct lpca_directions *directions, const struct lpca *lpca,
                               gboolean triangulated, GError **error) {
     *directions = (struct lpca_directions){0};
-    directions->views = directions_of("views", triangulated, lpca->layout.views.theta_deg,
-                                      lpca->layout.views.phi_deg, lpca->layout.views.n, error);
+    directions->views = method_directions(&lpca->layout.views, "views", triangulated, error);
     if (directions->views)
-        directions->lights =
-            directions_of("lights", triangulated, lpca->layout.lights.theta_deg,
-                          lpca->layout.lights.phi_deg, lpca->layout.lights.n, error);
+        directions->lights = method_directions(&lpca->layout.lights, "lights", triangulated, error);
     if (!directions->lights) {
         lpca_directions_clear(directions);
         return FALSE;

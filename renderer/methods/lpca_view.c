@@ -171,10 +171,6 @@ static gpointer lpca_view_open_file(const char *path, GError **error) {
     return lpca_open_levels(path, lpca_view_open_levels, error);
 }
 
-static void lpca_view_free_view(gpointer material) {
-    lpca_view_free(material);
-}
-
 static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca.glsl", NULL};
 
 const struct method method_lpca = {
@@ -184,7 +180,7 @@ const struct method method_lpca = {
     .made_by = "mesorig compress",
     .shaders = shader_names,
     .open = lpca_view_open_file,
-    .free = lpca_view_free_view,
+    .free = (GDestroyNotify)lpca_view_free,
     .constants = lpca_view_constants,
     .bytes = lpca_view_bytes,
     .bind = lpca_view_bind_all,

@@ -1,6 +1,7 @@
 #include "method.h"
 
 #include "eigenmaps_view.h"
+#include "gl/directions.h"
 #include "gl/gpu.h"
 #include "hsh_view.h"
 #include "lobes_view.h"
@@ -9,6 +10,8 @@
 #include "lpca_view.h"
 #include "microfacet.h"
 #include "session/session.h"
+
+#include <epoxy/gl.h>
 
 #include <string.h>
 
@@ -60,4 +63,24 @@ gpointer method_open(const struct method *method, const char *path, GError **err
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "there is no %s; “%s” makes it from a session",
                 path, method->made_by);
     return NULL;
+}
+
+Directions *method_directions(const struct direction_list *list, const char *what,
+                              gboolean triangulated, GError **error) {
+    Directions *ret = (triangulated ? directions_new_triangulated : directions_new)(
+        list->theta_deg, list->phi_deg, (int)list->n, error);
+    if (!ret)
+        g_prefix_error(error, "%s: ", what);
+    return ret;
+}
+
+gboolean method_check_size(const struct btf_layout *layout, GError **error) {
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (layout->width <= (gsize)size && layout->height <= (gsize)size)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%zu × %zu texels: %s takes %d each way; process the material with fewer texels",
+                layout->width, layout->height, gpu_renderer(), size);
+    return FALSE;
 }

@@ -5,7 +5,9 @@
  */
 #pragma once
 
-#include <glib.h>
+#include "btf/btf_layout.h"
+
+typedef struct Directions Directions; /* gl/directions.h */
 
 #define METHOD_UNITS                                                                               \
     8 /* texture units 0 … 7 are a method's, higher ones belong to viewer and relief */
@@ -49,6 +51,12 @@ struct method {
 };
 
 extern const char *const method_rotation_names[METHOD_ROTATIONS]; /* of --rotation */
+
+/* For methods: a table of directions; errors begin with what, "views" or "lights". */
+Directions *method_directions(const struct direction_list *list, const char *what,
+                              gboolean triangulated, GError **error);
+/* For methods: whether a texture has room for the texels. */
+gboolean method_check_size(const struct btf_layout *layout, GError **error);
 
 extern const struct method *const methods[]; /* NULL-ended; the first is the default */
 

@@ -30,27 +30,25 @@ struct material {
     guint normals;
 };
 
-/* Bosses on a lattice, whose sides are as steep as BUMP_SLOPE half way down. */
-static void metal_slopes(double x, double y, double ret[2]) {
-    const double u = x * BUMPS - floor(x * BUMPS) - 0.5, v = y * BUMPS - floor(y * BUMPS) - 0.5;
-    const double r = hypot(u, v) / BUMP_RADIUS;
-    const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
-    ret[0] = r > 0 ? slope * u / (r * BUMP_RADIUS) : 0;
-    ret[1] = r > 0 ? slope * v / (r * BUMP_RADIUS) : 0;
-}
-
 /* Slopes are those of the normal: it leans towards the foot of a boss. */
 static struct vec3 normal_of(double x, double y) {
     const double length = sqrt(x * x + y * y + 1);
     return (struct vec3){x / length, y / length, 1 / length};
 }
 
-static struct vec3 metal_normal(const double x[2]) {
-    double slopes[2];
-    const int i = (int)floor((x[0] - floor(x[0])) * SIZE),
-              j = (int)floor((x[1] - floor(x[1])) * SIZE);
-    metal_slopes((i + 0.5) / SIZE, (j + 0.5) / SIZE, slopes);
-    return normal_of(slopes[0], -slopes[1]); /* rows run down */
+/* Bosses on a lattice, whose sides are as steep as BUMP_SLOPE half way down; the same all over a
+ * texel of the normal map. */
+static struct vec3 metal_normal(const double at[2]) {
+    const int i = (int)floor((at[0] - floor(at[0])) * SIZE);
+    const int j = (int)floor((at[1] - floor(at[1])) * SIZE);
+    const double x = (i + 0.5) / SIZE, y = (j + 0.5) / SIZE;
+    const double u = x * BUMPS - floor(x * BUMPS) - 0.5, v = y * BUMPS - floor(y * BUMPS) - 0.5;
+    const double r = hypot(u, v) / BUMP_RADIUS;
+    const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
+    if (!(r > 0))
+        return normal_of(0, -0.0);
+    /* rows run down */
+    return normal_of(slope * u / (r * BUMP_RADIUS), -(slope * v / (r * BUMP_RADIUS)));
 }
 
 void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model model,
@@ -106,14 +104,6 @@ static gboolean microfacet_view_upload(struct material *material, const struct n
     return gpu_check("the normal map", error);
 }
 
-/* path: of a normal map, or NULL: bosses. */
-static gboolean put_normals(struct material *material, const char *path, GError **error) {
-    struct normal_map *map = path != NULL ? normal_map_read(path, error) : bosses();
-    const gboolean good = map != NULL && microfacet_view_upload(material, map, error);
-    normal_map_free(map);
-    return good;
-}
-
 static void free_material(gpointer data) {
     struct material *material = data;
     if (material == NULL)
@@ -127,27 +117,24 @@ static gpointer open_surface(enum microfacet_surface surface, enum microfacet_mo
     struct material *material = g_new0(struct material, 1);
     material->surface = surface;
     material->facets = surfaces[surface][model];
-    if (surface != MICROFACET_METAL || put_normals(material, path, error))
+    if (surface != MICROFACET_METAL)
         return material;
-    free_material(material);
-    return NULL;
+    struct normal_map *map = path != NULL ? normal_map_read(path, error) : bosses();
+    const gboolean good = map != NULL && microfacet_view_upload(material, map, error);
+    normal_map_free(map);
+    if (!good)
+        g_clear_pointer(&material, free_material);
+    return material;
 }
 
-static gpointer open_metal_ward(const char *path, GError **error) {
-    return open_surface(MICROFACET_METAL, MICROFACET_WARD, path, error);
-}
-
-static gpointer open_metal_ashikhmin(const char *path, GError **error) {
-    return open_surface(MICROFACET_METAL, MICROFACET_ASHIKHMIN, path, error);
-}
-
-static gpointer open_fabric_ward(const char *path, GError **error) {
-    return open_surface(MICROFACET_FABRIC, MICROFACET_WARD, path, error);
-}
-
-static gpointer open_fabric_ashikhmin(const char *path, GError **error) {
-    return open_surface(MICROFACET_FABRIC, MICROFACET_ASHIKHMIN, path, error);
-}
+#define OPEN(ident, surface, model)                                                                \
+    static gpointer open_##ident(const char *path, GError **error) {                               \
+        return open_surface(surface, model, path, error);                                          \
+    }
+OPEN(metal_ward, MICROFACET_METAL, MICROFACET_WARD)
+OPEN(metal_ashikhmin, MICROFACET_METAL, MICROFACET_ASHIKHMIN)
+OPEN(fabric_ward, MICROFACET_FABRIC, MICROFACET_WARD)
+OPEN(fabric_ashikhmin, MICROFACET_FABRIC, MICROFACET_ASHIKHMIN)
 
 static char *microfacet_view_constants(gconstpointer data, const struct method_style *style) {
     return g_strdup_printf("#define ROTATION %d\n", (int)style->rotation);

@@ -94,15 +94,6 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
     return TRUE;
 }
 
-static gboolean normal_map_read_file(struct png_reading *reading) {
-    png_structp png =
-        png_create_read_struct(PNG_LIBPNG_VER_STRING, reading, on_error, normal_map_on_warning);
-    png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
-    const gboolean good = info != NULL && normal_map_decode(png, info, reading);
-    png_destroy_read_struct(&png, &info, NULL);
-    return good;
-}
-
 static struct normal_map *map_of_rows(const struct png_reading *reading, const char *path,
                                       GError **error) {
     struct normal_map *map = map_new(reading->width, reading->height);
@@ -132,7 +123,12 @@ static struct normal_map *read_png(const char *path, GError **error) {
         return NULL;
     }
     reading.file = fdopen(fd, "rb");
-    if (normal_map_read_file(&reading))
+    png_structp png =
+        png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, on_error, normal_map_on_warning);
+    png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
+    const gboolean good = info != NULL && normal_map_decode(png, info, &reading);
+    png_destroy_read_struct(&png, &info, NULL);
+    if (good)
         map = map_of_rows(&reading, path, error);
     else if (reading.why != NULL)
         input_file_propagate(g_steal_pointer(&reading.why), NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_IO,

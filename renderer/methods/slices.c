@@ -1,6 +1,7 @@
 #include "slices.h"
 
 #include "gl/gpu.h"
+#include "method.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -76,12 +77,9 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     const int width = (int)layout->width, height = (int)layout->height;
     const int n_views = (int)layout->views.n;
     g_autofree char *what = g_strdup_printf("the texture of the %s", slices->what);
-    g_autoptr(Directions) views =
-        directions_new(layout->views.theta_deg, layout->views.phi_deg, n_views, error);
-    if (!views) {
-        g_prefix_error(error, "views: ");
+    g_autoptr(Directions) views = method_directions(&layout->views, "views", FALSE, error);
+    if (!views)
         return FALSE;
-    }
     slices->views = direction_table_new(views, FALSE);
     /* Which views the pole is the mean of. */
     int n_members;

@@ -18,33 +18,23 @@ void eigenmaps_free(struct eigenmaps *maps) {
     g_free(maps);
 }
 
-static gsize plane_size(const struct eigenmaps *maps) {
-    return btf_layout_texels(&maps->layout);
+static char *eigenmaps_map_name(int term, gsize light) {
+    return g_strdup_printf("E%03d_light_%04zu", term, light);
 }
 
-static gsize column_size(const struct eigenmaps *maps) {
-    return plane_size(maps) * COLOURS * maps->layout.lights.n;
-}
-
-static struct exr_part *map_part(const struct eigenmaps *maps, int term, int light) {
-    static const char *const channels[] = {"B", "G", "R", NULL};
-    g_autofree char *name = g_strdup_printf("E%03d_light_%04d", term, light);
-    struct exr_part *part =
-        exr_part_new(name, maps->layout.width, maps->layout.height, channels, EXR_HALF);
-    gsize n = plane_size(maps);
-    const float *rgb = maps->maps + n * COLOURS * (gsize)(term * maps->layout.lights.n + light);
-    for (gsize i = 0; i < n; i++)
-        for (int c = 0; c < COLOURS; c++)
-            part->planes[COLOURS - 1 - c][i] = rgb[COLOURS * i + (gsize)c];
-    return part;
+/* height × width × 3 (R, G, B). */
+static float *eigenmaps_map(const struct eigenmaps *maps, int term, gsize light) {
+    const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
+    return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
 }
 
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error) {
-    static const char *const channels[] = {"W", NULL};
+    static const char *const channels[] = {"W", NULL}, *const bgr[] = {"B", "G", "R", NULL};
+    const int width = (int)maps->layout.width, height = (int)maps->layout.height;
+    const gsize texels = btf_layout_texels(&maps->layout), n_views = maps->layout.views.n;
     struct exr_part *weights =
-        exr_part_new("weights", maps->layout.views.n, maps->n_terms, channels, EXR_FLOAT);
-    memcpy(weights->planes[0], maps->weights,
-           maps->layout.views.n * (gsize)maps->n_terms * sizeof(float));
+        exr_part_new("weights", (int)n_views, maps->n_terms, channels, EXR_FLOAT);
+    memcpy(weights->planes[0], maps->weights, n_views * (gsize)maps->n_terms * sizeof(float));
     exr_set_string(weights, "mesorig.kind", "eigenmaps");
     btf_layout_write_sizes(&maps->layout, weights);
     exr_set_string(weights, "mesorig.name", maps->name ? maps->name : "");
@@ -52,16 +42,22 @@ gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError 
     exr_file_add(file, weights);
     btf_layout_write_directions(&maps->layout, file);
     for (int term = 0; term < maps->n_terms; term++)
-        for (gsize light = 0; light < maps->layout.lights.n; light++)
-            exr_file_add(file, map_part(maps, term, light));
+        for (gsize light = 0; light < maps->layout.lights.n; light++) {
+            g_autofree char *name = eigenmaps_map_name(term, light);
+            const float *rgb = eigenmaps_map(maps, term, light);
+            struct exr_part *part = exr_part_new(name, width, height, bgr, EXR_HALF);
+            for (gsize i = 0; i < texels * COLOURS; i++)
+                part->planes[COLOURS - 1 - i % COLOURS][i / COLOURS] = rgb[i];
+            exr_file_add(file, part);
+        }
     gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
     exr_file_free(file);
     return ok;
 }
 
 static gboolean eigenmaps_format_error(const char *path, GError **error, const char *what) {
-    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: these are not whole eigen-maps: %s", path,
-                what);
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: these are not whole eigen-maps: %s; compress or process again", path, what);
     return FALSE;
 }
 
@@ -87,16 +83,16 @@ static gboolean eigenmaps_read_head(struct eigenmaps *maps, const struct exr_fil
     return TRUE;
 }
 
-static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, int term, int light,
-                         const char *path, GError **error) {
+static gboolean eigenmaps_read_map(struct eigenmaps *maps, const struct exr_file *file, int term,
+                                   gsize light, const char *path, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
-    g_autofree char *name = g_strdup_printf("E%03d_light_%04d", term, light);
+    g_autofree char *name = eigenmaps_map_name(term, light);
     const struct exr_part *part = exr_file_part(file, name);
+    const gsize n = btf_layout_texels(&maps->layout);
+    float *rgb = eigenmaps_map(maps, term, light);
     if (!part || (gsize)part->width != maps->layout.width ||
         (gsize)part->height != maps->layout.height)
         return eigenmaps_format_error(path, error, name);
-    gsize n = plane_size(maps);
-    float *rgb = maps->maps + n * COLOURS * (gsize)(term * maps->layout.lights.n + light);
     for (int c = 0; c < COLOURS; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
         if (!plane || !exr_all_finite(plane, n))
@@ -110,16 +106,17 @@ static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, in
 static gboolean eigenmaps_read_maps(struct eigenmaps *maps, const struct exr_file *file,
                                     const char *path, GError **error) {
     const struct exr_part *first = exr_file_part(file, "E000_light_0000");
-    if (!first || (gsize)maps->n_terms * maps->layout.lights.n > file->parts->len)
+    const gsize n_maps = (gsize)maps->n_terms * maps->layout.lights.n;
+    if (!first || n_maps > file->parts->len)
         return eigenmaps_format_error(path, error, "maps are missing");
     maps->layout.width = (gsize)first->width;
     maps->layout.height = (gsize)first->height;
-    maps->maps = g_try_new(float, column_size(maps) * (gsize)maps->n_terms);
+    maps->maps = g_try_new(float, n_maps *btf_layout_texels(&maps->layout) * COLOURS);
     if (!maps->maps)
         return eigenmaps_format_error(path, error, "they are larger than memory");
     for (int term = 0; term < maps->n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++)
-            if (!read_map(maps, file, term, light, path, error))
+            if (!eigenmaps_read_map(maps, file, term, light, path, error))
                 return FALSE;
     return TRUE;
 }

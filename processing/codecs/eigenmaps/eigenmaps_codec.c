@@ -89,10 +89,6 @@ static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has
     return FALSE;
 }
 
-static void eigenmaps_codec_free(gpointer model) {
-    eigenmaps_free(model);
-}
-
 static gboolean eigenmaps_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                        const struct codec_job *job, struct codec_result *ret,
                                        GError **error) {
@@ -108,7 +104,7 @@ static gboolean eigenmaps_codec_encode(const struct codec *codec G_GNUC_UNUSED,
         eigenmaps_of_matrix(job->btf, terms, &options, job->work, &ret->error, error);
     if (!maps)
         return FALSE;
-    ret->levels = g_ptr_array_new_with_free_func(eigenmaps_codec_free);
+    ret->levels = g_ptr_array_new_with_free_func((GDestroyNotify)eigenmaps_free);
     g_ptr_array_add(ret->levels, maps);
     ret->components = maps->n_terms;
     ret->exact_error = ret->error;
@@ -204,7 +200,7 @@ const struct codec eigenmaps_codec = {
     .write = eigenmaps_codec_write,
     .read = eigenmaps_codec_read,
     .describe_file = eigenmaps_codec_describe_file,
-    .free = eigenmaps_codec_free,
+    .free = (GDestroyNotify)eigenmaps_free,
     .layout = G_STRUCT_OFFSET(struct eigenmaps, layout),
     .bytes = eigenmaps_codec_bytes,
     .reconstruct = eigenmaps_codec_reconstruct,

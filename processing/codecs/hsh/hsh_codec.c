@@ -20,10 +20,6 @@ static const struct option hsh_codec_table[] = {
     {NULL},
 };
 
-static void hsh_codec_free(gpointer model) {
-    hsh_free(model);
-}
-
 static gboolean hsh_codec_encode(const struct codec *codec, const struct codec_job *job,
                                  struct codec_result *ret, GError **error) {
     const struct hsh_codec_options *asked = job->options;
@@ -32,7 +28,7 @@ static gboolean hsh_codec_encode(const struct codec *codec, const struct codec_j
     struct hsh *hsh = hsh_compute(job->btf, &options, error);
     if (!hsh)
         return FALSE;
-    ret->levels = g_ptr_array_new_with_free_func(hsh_codec_free);
+    ret->levels = g_ptr_array_new_with_free_func((GDestroyNotify)hsh_free);
     g_ptr_array_add(ret->levels, hsh);
     ret->components = hsh->n_terms;
     ret->error = hsh->error;
@@ -103,7 +99,7 @@ const struct codec hsh_codec = {
     .write = hsh_codec_write,
     .read = hsh_codec_read,
     .describe_file = hsh_codec_describe_file,
-    .free = hsh_codec_free,
+    .free = (GDestroyNotify)hsh_free,
     .layout = G_STRUCT_OFFSET(struct hsh, layout),
     .bytes = hsh_codec_bytes,
     .reconstruct = hsh_codec_reconstruct,

@@ -29,10 +29,6 @@ static const struct option lobes_codec_table[] = {
     {NULL},
 };
 
-static void lobes_codec_free(gpointer model) {
-    lobes_free(model);
-}
-
 static gboolean lobes_codec_check_error(const struct lobes *lobes, double target, GError **error) {
     if (target <= 0 || lobes->error <= target)
         return TRUE;
@@ -57,7 +53,7 @@ static gboolean lobes_codec_encode(const struct codec *codec, const struct codec
         n = (levels[0] = lobes_compute(job->btf, &options, error)) != NULL;
     if (n == 0)
         return FALSE;
-    ret->levels = g_ptr_array_new_with_free_func(lobes_codec_free);
+    ret->levels = g_ptr_array_new_with_free_func((GDestroyNotify)lobes_free);
     for (int level = 0; level < n; level++)
         g_ptr_array_add(ret->levels, levels[level]);
     ret->components = levels[0]->n_lobes;
@@ -146,7 +142,7 @@ static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_ma
         .write = lobes_codec_write,                                                                \
         .read = lobes_codec_read,                                                                  \
         .describe_file = lobes_codec_describe_file,                                                \
-        .free = lobes_codec_free,                                                                  \
+        .free = (GDestroyNotify)lobes_free,                                                        \
         .layout = G_STRUCT_OFFSET(struct lobes, layout),                                           \
         .bytes = lobes_codec_bytes,                                                                \
         .reconstruct = lobes_codec_reconstruct,                                                    \
