@@ -23,31 +23,26 @@ static double btf_missing_cosine(const struct btf_light *light) {
     return fmax(cos(btf_missing_radians(light->theta_deg)), LEAST_COS);
 }
 
-static struct disc_point btf_missing_disc_point(const struct btf_view *view, guint i,
-                                                const struct btf_light *centre) {
-    const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
-    const double a = sin(btf_missing_radians(light->theta_deg)),
-                 b = sin(btf_missing_radians(centre->theta_deg));
-    struct disc_point ret = {.light = i};
-    ret.x = a * cos(btf_missing_radians(light->phi_deg)) -
-            b * cos(btf_missing_radians(centre->phi_deg));
-    ret.y = a * sin(btf_missing_radians(light->phi_deg)) -
-            b * sin(btf_missing_radians(centre->phi_deg));
-    ret.d = hypot(ret.x, ret.y);
-    return ret;
-}
-
 static int btf_missing_by_distance(gconstpointer a, gconstpointer b) {
     const struct disc_point *p = a, *q = b;
     return p->d < q->d ? -1 : p->d > q->d ? 1 : (p->light > q->light) - (p->light < q->light);
 }
 
 /* The captured lights in order of their distance from light i. */
-static GArray *points_around(const struct btf_view *view, struct exr_part *const *taken, guint i) {
+static GArray *btf_missing_around(const struct btf_view *view, struct exr_part *const *taken,
+                                  guint i) {
     const struct btf_light *centre = &g_array_index(view->lights, struct btf_light, i);
+    const double b = sin(btf_missing_radians(centre->theta_deg));
+    const double phi_b = btf_missing_radians(centre->phi_deg);
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct disc_point));
     for (guint k = 0; k < view->lights->len; k++) {
-        const struct disc_point point = btf_missing_disc_point(view, k, centre);
+        const struct btf_light *light = &g_array_index(view->lights, struct btf_light, k);
+        const double a = sin(btf_missing_radians(light->theta_deg));
+        const double phi_a = btf_missing_radians(light->phi_deg);
+        struct disc_point point = {.light = k};
+        point.x = a * cos(phi_a) - b * cos(phi_b);
+        point.y = a * sin(phi_a) - b * sin(phi_b);
+        point.d = hypot(point.x, point.y);
         if (taken[k])
             g_array_append_val(points, point);
     }
@@ -55,26 +50,18 @@ static GArray *points_around(const struct btf_view *view, struct exr_part *const
     return points;
 }
 
-/* The first row of the inverse of the symmetric matrix [a b c; b d e; c e f]. */
-static void first_row(double a, double b, double c, double d, double e, double f, double row[3]) {
-    const double p = d * f - e * e, q = c * e - b * f, r = b * e - c * d;
-    const double determinant = a * p + b * q + c * r;
-    row[0] = p / determinant;
-    row[1] = q / determinant;
-    row[2] = r / determinant;
-}
-
 /* Weighted least squares of the plane p + q x + r y through the values f_k / cos θ_k at (x_k,
  * y_k), with weights w_k = (1 − d_k / reach)². Its value at the missing light, the origin, is
  *   p = Σ_k w_k (m₀ + m₁ x_k + m₂ y_k) f_k / cos θ_k,
- * m being the first row of the inverse normal matrix Σ w (1, x, y)ᵀ(1, x, y). */
+ * m being the first row of the inverse of the normal matrix Σ w (1, x, y)ᵀ(1, x, y) =
+ * [s0 s1 s2; s1 d e; s2 e f]. */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i) {
-    g_autoptr(GArray) points = points_around(view, taken, i);
+    g_autoptr(GArray) points = btf_missing_around(view, taken, i);
     if (points->len == 0)
         return NULL;
     const struct disc_point *p = (const struct disc_point *)(void *)points->data;
     const double reach = fmax(REACH * p[MIN(points->len, NEAREST) - 1].d, 1e-6);
-    double s[6] = {0}, row[3];
+    double s[6] = {0};
     for (guint k = 0; k < points->len && p[k].d < reach; k++) {
         const double w = (1 - p[k].d / reach) * (1 - p[k].d / reach);
         s[0] += w;
@@ -85,7 +72,10 @@ double *btf_missing_weights(const struct btf_view *view, struct exr_part *const 
         s[5] += w * p[k].y * p[k].y;
     }
     const double level = FLATNESS * s[0] * reach * reach;
-    first_row(s[0], s[1], s[2], s[3] + level, s[4], s[5] + level, row);
+    const double d = s[3] + level, e = s[4], f = s[5] + level;
+    const double m[3] = {d * f - e * e, s[2] * e - s[1] * f, s[1] * e - s[2] * d};
+    const double determinant = s[0] * m[0] + s[1] * m[1] + s[2] * m[2];
+    const double row[3] = {m[0] / determinant, m[1] / determinant, m[2] / determinant};
     double *weights = g_new0(double, view->lights->len);
     const double own = btf_missing_cosine(&g_array_index(view->lights, struct btf_light, i));
     for (guint k = 0; k < points->len && p[k].d < reach; k++) {

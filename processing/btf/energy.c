@@ -117,67 +117,42 @@ static void energy_sum_fields(const struct btf_matrix *btf, const double *values
         }
 }
 
-struct texels { /* a block, in luminance: n × n_views × n_lights */
-    double *values;
-    int first, n;
-};
-
-static gboolean energy_read_texels(const struct btf_matrix *btf, struct texels *texels,
-                                   float *buffer, GError **error) {
-    gsize all = btf->layout.views.n * btf->layout.lights.n;
-    for (gsize v = 0; v < btf->layout.views.n; v++) {
-        gsize stride = 0;
-        const float *rows =
-            btf_matrix_rows(btf, v, texels->first, texels->n, buffer, &stride, error);
-        if (!rows)
-            return FALSE;
-        for (int i = 0; i < texels->n; i++)
-            for (gsize l = 0; l < btf->layout.lights.n; l++) {
-                const float *rgb = rows + (gsize)i * stride + 3 * (gsize)l;
-                texels->values[(gsize)i * all + (gsize)v * btf->layout.lights.n + (gsize)l] =
-                    0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
-            }
-    }
-    return TRUE;
-}
-
 /* In one pass over all texels: the mean BRDF, E_r and E_i of the requested texel, and the
- * asymmetry of all texels taken singly. */
+ * asymmetry of all texels taken singly. values: luminance, ROWS × n_views × n_lights. */
 static gboolean energy_sum_texels(const struct btf_matrix *btf, const int *other,
                                   const struct vec3 *lights, struct energy *energy,
                                   double *ret_mean, GError **error) {
-    int n_texels = btf_layout_texels(&btf->layout),
-        n_values = btf->layout.views.n * btf->layout.lights.n;
-    g_autofree float *buffer = g_new(float, 3 * (gsize)ROWS * btf->layout.lights.n);
-    g_autofree double *values = g_new0(double, (gsize)ROWS *(gsize)n_values);
+    const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
+    const int n_texels = (int)btf_layout_texels(&btf->layout);
+    g_autofree float *buffer = g_new(float, 3 * ROWS * n_lights);
+    g_autofree double *values = g_new0(double, ROWS *n);
     struct symmetry alone = {0};
     for (int first = 0; first < n_texels; first += ROWS) {
-        struct texels texels = {values, first, MIN(ROWS, n_texels - first)};
-        if (!energy_read_texels(btf, &texels, buffer, error))
-            return FALSE;
-        for (int i = 0; i < texels.n; i++) {
-            const double *one = values + (gsize)i * (gsize)n_values;
-            for (int k = 0; k < n_values; k++)
+        const int rows = MIN(ROWS, n_texels - first);
+        for (gsize view = 0; view < btf->layout.views.n; view++) {
+            gsize stride = 0;
+            const float *from =
+                btf_matrix_rows(btf, (int)view, first, rows, buffer, &stride, error);
+            if (!from)
+                return FALSE;
+            for (gsize i = 0; i < (gsize)rows * n_lights; i++) {
+                const gsize row = i / n_lights, light = i % n_lights;
+                const float *rgb = from + row * stride + 3 * light;
+                values[row * n + view * n_lights + light] =
+                    0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
+            }
+        }
+        for (int row = 0; row < rows; row++) {
+            const double *one = values + (gsize)row * n;
+            for (gsize k = 0; k < n; k++)
                 ret_mean[k] += one[k] / n_texels;
             energy_add_symmetry(btf, other, lights, one, &alone);
-            if (first + i == energy->texel)
+            if (first + row == energy->texel)
                 energy_sum_fields(btf, one, energy->texel_e_r, energy->texel_e_i);
         }
     }
     energy->texel_asymmetry = energy_asymmetry_of(&alone);
     return TRUE;
-}
-
-/* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
-static void energy_find_albedos(struct energy *energy, const double *mean, const double *weight,
-                                const struct vec3 *lights) {
-    for (int l = 0; l < energy->n_lights; l++) {
-        double sum = 0;
-        for (int v = 0; v < energy->n_views; v++)
-            sum += weight[v] * mean[v * energy->n_lights + l];
-        energy->albedo[l] = lights[l].z > LEAST_COSINE ? sum / lights[l].z : 0;
-        energy->largest_albedo = MAX(energy->largest_albedo, energy->albedo[l]);
-    }
 }
 
 static struct energy *energy_new(const struct btf_matrix *btf, int texel) {
@@ -227,7 +202,14 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
     }
     g_autofree double *weight = energy_weigh_views(views, btf->layout.views.n);
     energy_sum_fields(btf, mean, energy->e_r, energy->e_i);
-    energy_find_albedos(energy, mean, weight, lights);
+    /* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
+    for (int l = 0; l < energy->n_lights; l++) {
+        double sum = 0;
+        for (int v = 0; v < energy->n_views; v++)
+            sum += weight[v] * mean[v * energy->n_lights + l];
+        energy->albedo[l] = lights[l].z > LEAST_COSINE ? sum / lights[l].z : 0;
+        energy->largest_albedo = MAX(energy->largest_albedo, energy->albedo[l]);
+    }
     struct symmetry symmetry = {0};
     energy_add_symmetry(btf, other, lights, mean, &symmetry);
     energy->pairs = symmetry.pairs;

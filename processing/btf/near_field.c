@@ -76,20 +76,7 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
     return TRUE;
 }
 
-/* Allocates for all views, once the first gives the number of lights and whether positions are
- * there. */
-static void near_field_begin(struct near_field *to, const struct btf_matrix *btf,
-                             const struct exr_file *first) {
-    const gsize n_lights = btf->layout.lights.n, n_views = btf->layout.views.n;
-    to->lights.n = btf->layout.lights.n;
-    to->lights.theta_deg = g_memdup2(btf->layout.lights.theta_deg, sizeof(float) * n_lights);
-    to->lights.phi_deg = g_memdup2(btf->layout.lights.phi_deg, sizeof(float) * n_lights);
-    if (!near_field_has(g_ptr_array_index(first->parts, 0), "view.centre_mm"))
-        return;
-    to->camera_mm = g_new0(struct vec3, n_views);
-    to->lamp_mm = g_new0(struct vec3, n_views * n_lights);
-}
-
+/* The first view gives the lights, and whether positions are there. */
 static gboolean near_field_do_read_views(struct near_field *to, struct btf_matrix *btf,
                                          const GPtrArray *paths, GError **error) {
     gboolean ok = TRUE;
@@ -97,8 +84,13 @@ static gboolean near_field_do_read_views(struct near_field *to, struct btf_matri
         const char *path = g_ptr_array_index(paths, (guint)view);
         struct exr_file *file = exr_read_headers(path, error);
         ok = file && (view > 0 || btf_take_lights(btf, file, path, error));
-        if (ok && view == 0)
-            near_field_begin(to, btf, file);
+        if (ok && view == 0) {
+            to->lights = direction_list_copy(&btf->layout.lights);
+            if (near_field_has(g_ptr_array_index(file->parts, 0), "view.centre_mm")) {
+                to->camera_mm = g_new0(struct vec3, to->views.n);
+                to->lamp_mm = g_new0(struct vec3, to->views.n * to->lights.n);
+            }
+        }
         ok = ok && take_view(to, file, view, path, error);
         exr_file_free(file);
     }
@@ -112,9 +104,7 @@ struct near_field *near_field_read(const char *path, GError **error) {
         return NULL;
     g_autoptr(Session) session = session_open(btf->directory, SESSION_READ, error);
     struct near_field *ret = g_new0(struct near_field, 1);
-    ret->views.n = btf->layout.views.n;
-    ret->views.theta_deg = g_new0(float, btf->layout.views.n);
-    ret->views.phi_deg = g_new0(float, btf->layout.views.n);
+    ret->views = direction_list_new(btf->layout.views.n);
     if (!session || !session_grid(session, &ret->grid, error) ||
         !near_field_do_read_views(ret, btf, paths, error))
         g_clear_pointer(&ret, near_field_free);

@@ -27,30 +27,26 @@ const struct codec *codecs_find(const char *name) {
     return NULL;
 }
 
-static char *codecs_kind_of(const char *path, GError **error) {
+/* By mesorig.kind of its first part that has one. */
+static Material *codecs_open(const char *path, const char *label, GError **error) {
+    if (!session_check_product(path, error))
+        return NULL;
     struct exr_file *file = exr_read_headers(path, error);
+    if (!file)
+        return NULL;
     const char *kind = NULL;
-    for (guint i = 0; file && !kind && i < file->parts->len; i++)
+    for (guint i = 0; !kind && i < file->parts->len; i++)
         exr_get_string(file->parts->pdata[i], "mesorig.kind", &kind, NULL);
-    char *ret = g_strdup(kind);
-    if (file && !kind)
+    const struct codec *codec = codecs_find(kind);
+    if (!kind)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                     "%s: it does not say what it is: there is no attribute mesorig.kind", path);
-    exr_file_free(file);
-    return ret;
-}
-
-static Material *codecs_open(const char *path, const char *label, GError **error) {
-    g_autofree char *kind = session_check_product(path, error) ? codecs_kind_of(path, error) : NULL;
-    const struct codec *codec = codecs_find(kind);
-    if (codec) {
-        gpointer model = codec->read(path, error);
-        return model ? material_new(label, codec, model) : NULL;
-    }
-    if (kind)
+    else if (!codec)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                     "%s: a file of kind “%s” is no material that can be compared", path, kind);
-    return NULL;
+    exr_file_free(file);
+    gpointer model = codec ? codec->read(path, error) : NULL;
+    return model ? material_new(label, codec, model) : NULL;
 }
 
 Material *material_open(const char *path, const struct work *work, GError **error) {

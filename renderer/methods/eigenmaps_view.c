@@ -49,22 +49,6 @@ static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **erro
     return TRUE;
 }
 
-static gboolean add_map(const struct eigenmaps *maps, int term, gsize light, float share,
-                        float *sum, GError **error) {
-    const gsize n = 3 * btf_layout_texels(&maps->layout);
-    const float *map = maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
-    for (gsize k = 0; k < n; k++) {
-        if (!isfinite(map[k])) {
-            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "term %d, light %zu, texel (%zu, %zu) is not a finite number", term, light,
-                        k / 3 % maps->layout.width, k / 3 / maps->layout.width);
-            return FALSE;
-        }
-        sum[k] += share * map[k];
-    }
-    return TRUE;
-}
-
 /* Doubles the samples along one axis of a repeating texture by Catmull–Rom interpolation at the
  * offsets ±¼. */
 static void eigenmaps_view_refine(const float *from, int n, gsize step, float *to, gsize to_step) {
@@ -121,12 +105,22 @@ static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
 
 /* One layer that is a mix of lights. */
 static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
-                          int layer, const float *shares, float *texels, GError **error) {
-    memset(texels, 0, 3 * sizeof(float) * btf_layout_texels(&maps->layout));
-    for (gsize light = 0; light < maps->layout.lights.n; light++)
-        if (shares[light] != 0.0f && !add_map(maps, term, light, shares[light], texels, error))
-            return FALSE;
-    eigenmaps_view_put_layer(view, maps, layer, texels);
+                          gsize layer, const float *shares, float *texels, GError **error) {
+    const gsize n = 3 * btf_layout_texels(&maps->layout), width = maps->layout.width;
+    memset(texels, 0, sizeof(float) * n);
+    for (gsize light = 0; light < maps->layout.lights.n; light++) {
+        const float *map = maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
+        for (gsize k = 0; shares[light] != 0.0f && k < n; k++) {
+            if (!isfinite(map[k])) {
+                g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                            "term %d, light %zu, texel (%zu, %zu) is not a finite number", term,
+                            light, k / 3 % width, k / 3 / width);
+                return FALSE;
+            }
+            texels[k] += shares[light] * map[k];
+        }
+    }
+    eigenmaps_view_put_layer(view, maps, (int)layer, texels);
     return TRUE;
 }
 

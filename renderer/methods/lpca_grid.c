@@ -73,15 +73,6 @@ static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, g
     return cells;
 }
 
-static GArray *sky_shares(const float *sky, int n) {
-    GArray *shares = g_array_new(FALSE, FALSE, sizeof(struct share));
-    for (int k = 0; k < n; k++) {
-        const struct share share = {k, sky[k]};
-        g_array_append_val(shares, share);
-    }
-    return shares;
-}
-
 static void mix(const float *values, gsize step, const GArray *shares, float ret[3]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (guint k = 0; k < shares->len; k++) {
@@ -172,7 +163,12 @@ static gboolean lpca_grid_upload(LpcaGrid *grid, const struct lpca *lpca,
     g_autofree float *values = g_new(float, 3 * n_samples);
     g_autofree guint32 *words = g_new(guint32, WORDS * n_pages * n_samples);
     const struct resampling r = {lpca, views, lights, half};
-    g_ptr_array_add(lights, sky_shares(directions->sky, lpca->layout.lights.n));
+    GArray *sky = g_array_new(FALSE, FALSE, sizeof(struct share));
+    for (int k = 0; k < (int)lpca->layout.lights.n; k++) {
+        const struct share share = {k, directions->sky[k]};
+        g_array_append_val(sky, share);
+    }
+    g_ptr_array_add(lights, sky);
     glGenBuffers(1, &grid->buffer);
     glBindBuffer(GL_TEXTURE_BUFFER, grid->buffer);
     glBufferData(GL_TEXTURE_BUFFER, (GLsizeiptr)(n_samples * lpca->n_clusters * n_pages * TEXEL),

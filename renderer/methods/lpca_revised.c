@@ -54,27 +54,25 @@ static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error)
     return g_steal_pointer(&floats);
 }
 
-/* The weight of a grid sample in an even sky, by the trapezoidal rule: equal areas of the map are
- * equal solid angles. */
-static float sky_share(int n, int light) {
-    const int i = light % n, j = light / n;
-    const double share = 2.0 / ((n - 1) * (n - 1));
-    return (float)(share * (i == 0 || i == n - 1 ? 0.5 : 1) * (j == 0 || j == n - 1 ? 0.5 : 1));
-}
-
 /* The samples of a table in the order of a texture: (s_v, t_v) and then (s_l, t_l), the sky last.
- */
+ * The weight of a sample in an even sky is by the trapezoidal rule: equal areas of the map are
+ * equal solid angles. */
 static void fill_block(int n, const float *values, float *ret) {
     const int samples = n * n;
+    const double area = 2.0 / ((n - 1) * (n - 1));
     float *sky = ret + 3 * (gsize)samples * samples;
     memset(sky, 0, sizeof(float) * 3 * samples);
-    for (int light = 0; light < samples; light++)
+    for (int light = 0; light < samples; light++) {
+        const int i = light % n, j = light / n;
+        const float share =
+            (float)(area * (i == 0 || i == n - 1 ? 0.5 : 1) * (j == 0 || j == n - 1 ? 0.5 : 1));
         for (int view = 0; view < samples; view++)
             for (int c = 0; c < 3; c++) {
                 const float value = values[3 * ((gsize)view * samples + light) + c];
                 ret[3 * ((gsize)light * samples + view) + c] = value;
-                sky[3 * view + c] += sky_share(n, light) * value;
+                sky[3 * view + c] += share * value;
             }
+    }
 }
 
 static guint volume(int format, int width, int height, int depth) {

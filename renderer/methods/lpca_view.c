@@ -19,27 +19,23 @@ struct LpcaView {
     struct direction_textures views, lights;
 };
 
-/* Adds one component of one view to a row: the lights as measured, the sky. */
-static void add_lights(const struct lpca *lpca, const float *values, const float *sky,
-                       int component, float *row) {
-    const int n = lpca->layout.lights.n, step = 3 * (lpca->n_components + 1);
-    float *to = row + 3 * component;
-    for (int l = 0; l < n; l++)
-        for (int c = 0; c < 3; c++) {
-            to[(gsize)step * l + c] = values[3 * l + c];
-            to[(gsize)step * n + c] += sky[l] * values[3 * l + c];
-        }
-}
-
-static void fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack, int cluster,
-                         const float *sky, float *ret) {
-    const gsize row = 3 * (gsize)stack->n_columns,
-                size = 3 * lpca->layout.views.n * lpca->layout.lights.n;
-    const float *values = lpca->brdfs + size * (lpca->n_components + 1) * cluster;
+/* A row a view, which has of each component the lights as measured, and the sky. */
+static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack,
+                                   int cluster, const float *sky, float *ret) {
+    const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;
+    const gsize step = 3 * (gsize)(lpca->n_components + 1);
+    const float *values = lpca->brdfs + btf_layout_values(&lpca->layout) *
+                                            (gsize)(lpca->n_components + 1) * (gsize)cluster;
     memset(ret, 0, sizeof(float) * row * stack->n_rows);
     for (int i = 0; i <= lpca->n_components; i++)
-        for (gsize v = 0; v < lpca->layout.views.n; v++, values += 3 * lpca->layout.lights.n)
-            add_lights(lpca, values, sky, i, ret + row * v);
+        for (gsize v = 0; v < lpca->layout.views.n; v++) {
+            float *to = ret + row * v + 3 * i;
+            for (gsize l = 0; l < n_lights; l++, values += 3)
+                for (int c = 0; c < 3; c++) {
+                    to[step * l + c] = values[c];
+                    to[step * n_lights + c] += sky[l] * values[c];
+                }
+        }
 }
 
 static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
@@ -50,7 +46,7 @@ static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const floa
     if (!view->brdfs)
         return FALSE;
     for (int k = 0; k < lpca->n_clusters; k++) {
-        fill_cluster(lpca, stack, k, sky, block);
+        lpca_view_fill_cluster(lpca, stack, k, sky, block);
         lpca_stack_put(stack, k, block);
     }
     return gpu_check("the eigen-BRDFs' texture", error);

@@ -11,24 +11,24 @@
 #define BLOCKS  64
 #define SAME    0.01F /* degrees */
 
-/* Of one view, one light or everything: squares of the difference and of A, |ΔY|, ΔE, how many. */
-struct sums {
-    double rest, all, luminance, delta_e, n;
+/* Sums over values of one view, one light or everything. */
+struct compare_totals {
+    double residual, all; /* Σ (a − b)², Σ a² over R, G, B */
+    double luminance, delta_e, n;
 };
 
-/* A texel of which a material gives values that are infinite or no numbers. */
-struct damage {
-    const Material *of; /* NULL: there is none */
+struct compare_block {
+    struct compare_totals *totals; /* n_views, then n_lights */
+    double largest;                /* |a − b| */
+    const Material *damaged; /* NULL, or what gives infinite values or no numbers, first at texel */
     int texel;
 };
 
-struct run {
+struct compare_run {
     const Material *a, *b;
-    const struct material_info *info;
+    const struct btf_layout *layout;
     int n_blocks;
-    struct sums *sums;     /* n_views, then n_lights, a block */
-    double *largest;       /* one a block */
-    struct damage *damage; /* one a block: the first */
+    struct compare_block *blocks;
 };
 
 void comparison_free(struct comparison *comparison) {
@@ -96,159 +96,134 @@ double compare_delta_e(const double lab1[3], const double lab2[3]) {
     return sqrt(MAX(dl * dl + dc * dc + dhs * dhs - sin_deg(2 * turn) * rc * dc * dhs, 0));
 }
 
-static void compare_add_value(struct sums *to, const float *a, const float *b, double *largest) {
-    double lab_a[3], lab_b[3];
-    for (int c = 0; c < COLOURS; c++) {
-        const double rest = (double)a[c] - b[c];
-        to->rest += rest * rest;
-        to->all += (double)a[c] * a[c];
-        *largest = MAX(*largest, fabs(rest));
-    }
-    to->luminance += fabsf(rgb_luminance(a) - rgb_luminance(b));
-    compare_lab(a, lab_a);
-    compare_lab(b, lab_b);
-    to->delta_e += compare_delta_e(lab_a, lab_b);
-    to->n++;
-}
-
-static void compare_add_sums(struct sums *to, const struct sums *from) {
-    to->rest += from->rest;
+static void compare_add(struct compare_totals *to, const struct compare_totals *from) {
+    to->residual += from->residual;
     to->all += from->all;
     to->luminance += from->luminance;
     to->delta_e += from->delta_e;
     to->n += from->n;
 }
 
-static gboolean compare_reconstruct(const struct run *run, const Material *of, int texel,
-                                    float *ret, struct damage *ret_damage) {
-    const gsize n = run->info->layout->views.n * run->info->layout->lights.n * COLOURS;
-    material_reconstruct(of, texel, ret);
-    if (exr_all_finite(ret, n))
-        return TRUE;
-    *ret_damage = (struct damage){of, texel};
-    return FALSE;
-}
-
-static gboolean check_damage(const struct run *run, GError **error) {
-    const int width = run->info->layout->width;
-    for (int block = 0; block < run->n_blocks; block++) {
-        const struct damage *damage = &run->damage[block];
-        if (!damage->of)
-            continue;
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: its values at texel (%d, %d) are not finite: its numbers make no sense "
-                    "together; make or compress it again",
-                    material_info(damage->of)->label, damage->texel % width, damage->texel / width);
-        return FALSE;
-    }
-    return TRUE;
-}
-
-static void compare_do_block(int block, gpointer data) {
-    const struct run *run = data;
-    const int views = run->info->layout->views.n, lights = run->info->layout->lights.n;
-    const gint64 texels = (gint64)run->info->layout->width * run->info->layout->height;
-    const int end = (int)(texels * (block + 1) / run->n_blocks);
-    struct sums *sums = run->sums + (gsize)block * (gsize)(views + lights);
-    g_autofree float *a = g_new0(float, views *lights *COLOURS);
-    g_autofree float *b = g_new0(float, views *lights *COLOURS);
-    for (int texel = (int)(texels * block / run->n_blocks); texel < end; texel++) {
-        if (!compare_reconstruct(run, run->a, texel, a, &run->damage[block]) ||
-            !compare_reconstruct(run, run->b, texel, b, &run->damage[block]))
+static void compare_do_block(int number, gpointer data) {
+    const struct compare_run *run = data;
+    struct compare_block *block = &run->blocks[number];
+    const gsize views = run->layout->views.n, lights = run->layout->lights.n;
+    const gsize n = views * lights * COLOURS;
+    const gint64 texels = (gint64)btf_layout_texels(run->layout);
+    const int end = (int)(texels * (number + 1) / run->n_blocks);
+    g_autofree float *both = g_new0(float, 2 * n);
+    block->totals = g_new0(struct compare_totals, views + lights);
+    for (int texel = (int)(texels * number / run->n_blocks); texel < end; texel++) {
+        const Material *const materials[] = {run->a, run->b};
+        for (gsize k = 0; k < 2; k++) {
+            material_reconstruct(materials[k], texel, both + k * n);
+            if (exr_all_finite(both + k * n, n))
+                continue;
+            block->damaged = materials[k];
+            block->texel = texel;
             return;
-        for (gsize i = 0; i < (gsize)views * (gsize)lights; i++) {
-            struct sums value = {0};
-            compare_add_value(&value, a + i * COLOURS, b + i * COLOURS, &run->largest[block]);
-            compare_add_sums(&sums[i / (gsize)lights], &value);
-            compare_add_sums(&sums[(gsize)views + i % (gsize)lights], &value);
+        }
+        for (gsize i = 0; i < views * lights; i++) {
+            const float *a = both + i * COLOURS, *b = a + n;
+            struct compare_totals value = {0};
+            double lab_a[3], lab_b[3];
+            for (int c = 0; c < COLOURS; c++) {
+                const double residual = (double)a[c] - b[c];
+                value.residual += residual * residual;
+                value.all += (double)a[c] * a[c];
+                block->largest = MAX(block->largest, fabs(residual));
+            }
+            value.luminance = fabsf(rgb_luminance(a) - rgb_luminance(b));
+            compare_lab(a, lab_a);
+            compare_lab(b, lab_b);
+            value.delta_e = compare_delta_e(lab_a, lab_b);
+            value.n = 1;
+            compare_add(&block->totals[i / lights], &value);
+            compare_add(&block->totals[views + i % lights], &value);
         }
     }
 }
 
-static struct compare_sums compare_finish(const struct sums *sums) {
-    const double ratio = sums->all > 0 ? sums->rest / sums->all : sums->rest > 0 ? INFINITY : 0;
-    return (struct compare_sums){sqrt(ratio), sums->luminance / sums->n, sums->delta_e / sums->n};
+static struct compare_sums compare_finish(const struct compare_totals *totals) {
+    const double ratio = totals->all > 0        ? totals->residual / totals->all
+                         : totals->residual > 0 ? INFINITY
+                                                : 0;
+    return (struct compare_sums){sqrt(ratio), totals->luminance / totals->n,
+                                 totals->delta_e / totals->n};
 }
 
-static struct comparison *compare_summarise(const struct run *run) {
-    const int views = run->info->layout->views.n, lights = run->info->layout->lights.n,
-              n = views + lights;
+/* NULL with an error if a block met damage. */
+static struct comparison *compare_summarise(const struct compare_run *run, GError **error) {
+    const gsize views = run->layout->views.n, lights = run->layout->lights.n;
+    const int width = (int)run->layout->width;
+    struct compare_totals all = {0};
+    for (int k = 0; k < run->n_blocks; k++) {
+        const struct compare_block *block = &run->blocks[k];
+        if (!block->damaged)
+            continue;
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: its values at texel (%d, %d) are not finite: its numbers make no sense "
+                    "together; make or compress it again",
+                    material_info(block->damaged)->label, block->texel % width,
+                    block->texel / width);
+        return NULL;
+    }
     struct comparison *ret = g_new0(struct comparison, 1);
-    struct sums all = {0};
-    ret->n_views = views;
-    ret->n_lights = lights;
+    ret->n_views = (int)views;
+    ret->n_lights = (int)lights;
     ret->views = g_new0(struct compare_sums, views);
     ret->lights = g_new0(struct compare_sums, lights);
-    for (int i = 0; i < n; i++) {
-        struct sums one = {0};
-        for (int block = 0; block < run->n_blocks; block++)
-            compare_add_sums(&one, &run->sums[block * n + i]);
+    for (gsize i = 0; i < views + lights; i++) {
+        struct compare_totals one = {0};
+        for (int k = 0; k < run->n_blocks; k++)
+            compare_add(&one, &run->blocks[k].totals[i]);
         if (i < views)
-            compare_add_sums(&all, &one);
+            compare_add(&all, &one);
         *(i < views ? &ret->views[i] : &ret->lights[i - views]) = compare_finish(&one);
     }
     ret->all = compare_finish(&all);
-    for (int block = 0; block < run->n_blocks; block++)
-        ret->largest = MAX(ret->largest, run->largest[block]);
+    for (int k = 0; k < run->n_blocks; k++)
+        ret->largest = MAX(ret->largest, run->blocks[k].largest);
     return ret;
 }
 
-static gboolean compare_same_directions(const float *theta_a, const float *phi_a,
-                                        const float *theta_b, const float *phi_b, int n) {
-    for (int i = 0; i < n; i++) {
+static gboolean compare_same_directions(const struct direction_list *of_a,
+                                        const struct direction_list *of_b) {
+    gboolean same = of_a->n == of_b->n;
+    for (gsize i = 0; same && i < of_a->n; i++) {
         float a[3], b[3];
-        direction_from_deg(theta_a[i], phi_a[i], a);
-        direction_from_deg(theta_b[i], phi_b[i], b);
+        direction_from_deg(of_a->theta_deg[i], of_a->phi_deg[i], a);
+        direction_from_deg(of_b->theta_deg[i], of_b->phi_deg[i], b);
         const float away = hypotf(hypotf(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
-        if (!(away < SAME * (float)G_PI / 180))
-            return FALSE;
+        same = away < SAME * (float)G_PI / 180;
     }
-    return TRUE;
-}
-
-static gboolean compare_check(const struct material_info *a, const struct material_info *b,
-                              GError **error) {
-    const char *what = NULL;
-    if (a->layout->width != b->layout->width || a->layout->height != b->layout->height)
-        what = "they have different texels";
-    else if (a->layout->views.n != b->layout->views.n ||
-             !compare_same_directions(a->layout->views.theta_deg, a->layout->views.phi_deg,
-                                      b->layout->views.theta_deg, b->layout->views.phi_deg,
-                                      a->layout->views.n))
-        what = "they have different views";
-    else if (a->layout->lights.n != b->layout->lights.n ||
-             !compare_same_directions(a->layout->lights.theta_deg, a->layout->lights.phi_deg,
-                                      b->layout->lights.theta_deg, b->layout->lights.phi_deg,
-                                      a->layout->lights.n))
-        what = "they have different lights";
-    if (what)
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) cannot be "
-            "compared: %s",
-            a->label, a->layout->width, a->layout->height, a->layout->views.n, a->layout->lights.n,
-            b->label, b->layout->width, b->layout->height, b->layout->views.n, b->layout->lights.n,
-            what);
-    return what == NULL;
+    return same;
 }
 
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error) {
-    struct run run = {a, b, material_info(a)};
-    struct comparison *ret = NULL;
-    if (!compare_check(run.info, material_info(b), error))
+    const struct btf_layout *of_a = material_info(a)->layout, *of_b = material_info(b)->layout;
+    const char *what = of_a->width != of_b->width || of_a->height != of_b->height ? "texels"
+                       : !compare_same_directions(&of_a->views, &of_b->views)     ? "views"
+                       : !compare_same_directions(&of_a->lights, &of_b->lights)   ? "lights"
+                                                                                  : NULL;
+    if (what) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) "
+                    "cannot be compared: they have different %s",
+                    material_info(a)->label, of_a->width, of_a->height, of_a->views.n,
+                    of_a->lights.n, material_info(b)->label, of_b->width, of_b->height,
+                    of_b->views.n, of_b->lights.n, what);
         return NULL;
-    run.n_blocks = MIN(BLOCKS, run.info->layout->width * run.info->layout->height);
-    run.sums = g_new0(struct sums,
-                      run.n_blocks * (run.info->layout->views.n + run.info->layout->lights.n));
-    run.largest = g_new0(double, run.n_blocks);
-    run.damage = g_new0(struct damage, run.n_blocks);
-    if (work_parallel(work, "compare", run.n_blocks, compare_do_block, &run, error) &&
-        check_damage(&run, error))
-        ret = compare_summarise(&run);
-    g_free(run.sums);
-    g_free(run.largest);
-    g_free(run.damage);
+    }
+    const int n_blocks = (int)MIN(BLOCKS, btf_layout_texels(of_a));
+    g_autofree struct compare_block *blocks = g_new0(struct compare_block, n_blocks);
+    struct compare_run run = {a, b, of_a, n_blocks, blocks};
+    struct comparison *ret = NULL;
+    if (work_parallel(work, "compare", n_blocks, compare_do_block, &run, error))
+        ret = compare_summarise(&run, error);
+    for (int k = 0; k < n_blocks; k++)
+        g_free(blocks[k].totals);
     return ret;
 }
 

@@ -13,24 +13,23 @@ struct gram {
     double *matrix;     /* n_views², row by row */
 };
 
-static void multiply_block(const struct gram *gram, int first, int n) {
-    g_autofree double *wide = g_new(double, (gsize)n *CHUNK);
+/* Adds Aᵀ of the n columns in memory, from column first on, times themselves; or, where view is not
+ * −1, times that column, which lies behind the block. */
+static void multiply(const struct gram *gram, int first, int n, int view) {
+    const int all = view < 0 ? n : n + 1;
+    g_autofree double *wide = g_new(double, (gsize)all *CHUNK);
+    double *last = wide + (gsize)n * CHUNK;
+    double *to = gram->matrix + (gsize)first * gram->n_views;
     for (gsize from = 0; from < gram->rows; from += CHUNK) {
-        gsize rows = eigenmaps_widen(gram->columns, gram->rows, n, from, wide);
-        cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, n, (int)rows, 1, wide, CHUNK, 1,
-                    gram->matrix + (gsize)first * gram->n_views + first, gram->n_views);
-    }
-}
-
-static void multiply_column(const struct gram *gram, int first, int n, int view) {
-    g_autofree double *wide = g_new(double, (gsize)(n + 1) * CHUNK);
-    const float *other = gram->columns + gram->rows * (gsize)gram->block;
-    for (gsize from = 0; from < gram->rows; from += CHUNK) {
-        gsize rows = eigenmaps_widen(gram->columns, gram->rows, n, from, wide);
-        eigenmaps_widen(other, gram->rows, 1, from, wide + (gsize)n * CHUNK);
-        cblas_dgemv(CblasRowMajor, CblasNoTrans, n, (int)rows, 1, wide, CHUNK,
-                    wide + (gsize)n * CHUNK, 1, 1,
-                    gram->matrix + (gsize)first * gram->n_views + view, gram->n_views);
+        const int rows = (int)eigenmaps_widen(gram->columns, gram->rows, n, from, wide);
+        if (view < 0) {
+            cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, n, rows, 1, wide, CHUNK, 1,
+                        to + first, gram->n_views);
+            continue;
+        }
+        eigenmaps_widen(gram->columns + gram->rows * (gsize)gram->block, gram->rows, 1, from, last);
+        cblas_dgemv(CblasRowMajor, CblasNoTrans, n, rows, 1, wide, CHUNK, last, 1, 1, to + view,
+                    gram->n_views);
     }
 }
 
@@ -43,11 +42,11 @@ static gboolean gram_matrix(struct gram *gram, GError **error) {
             if (!eigenmaps_get_column(gram->job, first + i, gram->columns + gram->rows * (gsize)i,
                                       error))
                 return FALSE;
-        multiply_block(gram, first, n);
+        multiply(gram, first, n, -1);
         for (int view = first + n; view < gram->n_views; view++) {
             if (!eigenmaps_get_column(gram->job, view, other, error))
                 return FALSE;
-            multiply_column(gram, first, n, view);
+            multiply(gram, first, n, view);
         }
     }
     return TRUE;

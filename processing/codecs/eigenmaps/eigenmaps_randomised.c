@@ -13,7 +13,7 @@
 #define SPARE    8 /* directions found beside those that are wanted, at most */
 #define SEED     0x6d65736f72696721u
 
-struct randomised {
+struct eigenmaps_randomised {
     const struct eigenmaps_job *job;
     gsize rows;
     int n_views;
@@ -28,9 +28,9 @@ struct randomised {
     int found;          /* columns of z */
     float *z;           /* found × rows: A times the first directions */
     float *factors;     /* found × slots */
-    int held;           /* columns in slots */
+    int loaded;         /* columns in slots */
     double *gram;       /* SEGMENTS × found²; then its eigenvectors in columns */
-    double *turned;     /* found: squares of what they hold, descending */
+    double *squares_of; /* found: squares of what they hold, descending */
 };
 
 /* Steele, Lea and Flood 2014: a good mixture of the bits of a counter. */
@@ -56,20 +56,21 @@ static void add_signed(const float *from, int n, guint64 signs, double *to, doub
     }
 }
 
-/* Rows of one chunk of SKETCH go to as many buckets, each chunk's turned by a random number. */
+/* S A of one column: row i of a chunk of SKETCH rows, with a random sign, goes to bucket (i +
+ * offset) mod SKETCH, the offset of each chunk being random. */
 static void sketch_segment(int segment, gpointer data) {
-    struct randomised *r = data;
+    struct eigenmaps_randomised *r = data;
     double *buckets = r->buckets + (gsize)segment * SKETCH, squares[LANES] = {0};
     memset(buckets, 0, sizeof(double) * SKETCH);
     for (gsize from = (gsize)segment * SKETCH; from < r->rows; from += (gsize)SEGMENTS * SKETCH) {
         const gsize end = MIN(from + SKETCH, r->rows);
-        const gsize turn = eigenmaps_randomised_draw(2 * from + 1) % SKETCH;
+        const gsize offset = eigenmaps_randomised_draw(2 * from + 1) % SKETCH;
         for (gsize i = from; i < end; i += WORD) {
             const int n = (int)MIN(WORD, end - i);
-            const gsize place = (i - from + turn) % SKETCH;
-            const int before = (int)MIN((gsize)n, SKETCH - place);
+            const gsize bucket = (i - from + offset) % SKETCH;
+            const int before = (int)MIN((gsize)n, SKETCH - bucket);
             const guint64 signs = eigenmaps_randomised_draw(2 * i);
-            add_signed(r->columns + i, before, signs, buckets + place, squares);
+            add_signed(r->columns + i, before, signs, buckets + bucket, squares);
             if (before < n)
                 add_signed(r->columns + i + before, n - before, signs >> before, buckets, squares);
         }
@@ -79,8 +80,8 @@ static void sketch_segment(int segment, gpointer data) {
         r->squares[segment] += squares[lane];
 }
 
-/* Pass one. */
-static gboolean make_sketch(struct randomised *r, GError **error) {
+/* Pass one: (S A)ᵀ, n_views × SKETCH, and ‖A‖². */
+static gboolean eigenmaps_randomised_make_sketch(struct eigenmaps_randomised *r, GError **error) {
     r->buckets = g_new(double, SEGMENTS *SKETCH);
     r->sketch = g_new(float, (gsize)r->n_views *SKETCH);
     for (int view = 0; view < r->n_views; view++) {
@@ -101,8 +102,9 @@ static gboolean make_sketch(struct randomised *r, GError **error) {
     return TRUE;
 }
 
-/* The right singular vectors of the sketch. */
-static gboolean find_directions(struct randomised *r, GError **error) {
+/* The right singular vectors of the sketch: eigenvectors of (S A)ᵀ S A. */
+static gboolean eigenmaps_randomised_find_directions(struct eigenmaps_randomised *r,
+                                                     GError **error) {
     const int n = r->n_views;
     g_autofree double *wide = g_new(double, (gsize)n *CHUNK), *ascending = g_new(double, n);
     g_autofree double *gram = g_new0(double, (gsize)n *n);
@@ -124,24 +126,25 @@ static gboolean find_directions(struct randomised *r, GError **error) {
 }
 
 /* Rows from … to before end of a segment. */
-static void segment_rows(const struct randomised *r, int segment, gsize *ret_from, gsize *ret_end) {
+static void segment_rows(const struct eigenmaps_randomised *r, int segment, gsize *ret_from,
+                         gsize *ret_end) {
     const gsize chunks = (r->rows + CHUNK - 1) / CHUNK;
     *ret_from = MIN(r->rows, chunks * (gsize)segment / SEGMENTS * CHUNK);
     *ret_end = MIN(r->rows, chunks * (gsize)(segment + 1) / SEGMENTS * CHUNK);
 }
 
 static void project_segment(int segment, gpointer data) {
-    struct randomised *r = data;
+    struct eigenmaps_randomised *r = data;
     gsize from, end;
     segment_rows(r, segment, &from, &end);
     for (; from < end; from += CHUNK)
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, r->found,
-                    (int)MIN(CHUNK, end - from), r->held, 1, r->factors, r->slots,
+                    (int)MIN(CHUNK, end - from), r->loaded, 1, r->factors, r->slots,
                     r->columns + from, (int)r->rows, 1, r->z + from, (int)r->rows);
 }
 
 /* Pass two: as many columns at a time as there is room for. */
-static gboolean eigenmaps_randomised_project(struct randomised *r, GError **error) {
+static gboolean eigenmaps_randomised_project(struct eigenmaps_randomised *r, GError **error) {
     g_free(r->z);
     g_free(r->factors);
     r->factors = g_new(float, (gsize)r->found *(gsize)r->slots);
@@ -149,9 +152,9 @@ static gboolean eigenmaps_randomised_project(struct randomised *r, GError **erro
     if (!r->z)
         return FALSE;
     memset(r->z, 0, sizeof(float) * r->rows * (gsize)r->found);
-    for (int view = 0; view < r->n_views; view += r->held) {
-        r->held = MIN(r->slots, r->n_views - view);
-        for (int i = 0; i < r->held; i++) {
+    for (int view = 0; view < r->n_views; view += r->loaded) {
+        r->loaded = MIN(r->slots, r->n_views - view);
+        for (int i = 0; i < r->loaded; i++) {
             if (!eigenmaps_get_column(r->job, view + i, r->columns + r->rows * (gsize)i, error))
                 return FALSE;
             for (int j = 0; j < r->found; j++)
@@ -164,7 +167,7 @@ static gboolean eigenmaps_randomised_project(struct randomised *r, GError **erro
 }
 
 static void gram_segment(int segment, gpointer data) {
-    struct randomised *r = data;
+    struct eigenmaps_randomised *r = data;
     g_autofree double *wide = g_new(double, (gsize)r->found *CHUNK);
     double *to = r->gram + (gsize)segment * (gsize)r->found * (gsize)r->found;
     gsize from, end;
@@ -177,14 +180,14 @@ static void gram_segment(int segment, gpointer data) {
 }
 
 /* What is best within the directions found: eigenvectors of ZᵀZ, in columns. */
-static gboolean eigenmaps_randomised_solve(struct randomised *r, GError **error) {
+static gboolean eigenmaps_randomised_solve(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->found;
     const gsize square = (gsize)n * (gsize)n;
     g_autofree double *ascending = g_new(double, n);
     g_free(r->gram);
-    g_free(r->turned);
+    g_free(r->squares_of);
     r->gram = g_new0(double, SEGMENTS *square);
-    r->turned = g_new(double, n);
+    r->squares_of = g_new(double, n);
     work_for_each(0, SEGMENTS, gram_segment, r);
     for (gsize segment = 1; segment < SEGMENTS; segment++)
         for (gsize i = 0; i < square; i++)
@@ -192,54 +195,48 @@ static gboolean eigenmaps_randomised_solve(struct randomised *r, GError **error)
     if (!eigenmaps_eigenvectors(r->gram, n, ascending, error))
         return FALSE;
     for (int i = 0; i < n; i++)
-        r->turned[i] = MAX(ascending[n - 1 - i], 0);
+        r->squares_of[i] = MAX(ascending[n - 1 - i], 0);
     return TRUE;
 }
 
-/* Z becomes the maps in place: their rows are those of Z turned. */
-static void turn_segment(int segment, gpointer data) {
-    struct randomised *r = data;
+/* Z becomes the maps in place: E = F Z, F being the factors, terms × found. */
+static void rotate_segment(int segment, gpointer data) {
+    struct eigenmaps_randomised *r = data;
     const int terms = r->job->maps->n_terms;
-    g_autofree float *turned = g_new(float, (gsize)terms *CHUNK);
+    g_autofree float *rotated = g_new(float, (gsize)terms *CHUNK);
     gsize from, end;
     segment_rows(r, segment, &from, &end);
     for (; from < end; from += CHUNK) {
         const gsize n = MIN(CHUNK, end - from);
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, terms, (int)n, r->found, 1,
-                    r->factors, r->found, r->z + from, (int)r->rows, 0, turned, CHUNK);
+                    r->factors, r->found, r->z + from, (int)r->rows, 0, rotated, CHUNK);
         for (int i = 0; i < terms; i++)
-            memcpy(r->z + (gsize)i * r->rows + from, turned + (gsize)i * CHUNK, sizeof(float) * n);
+            memcpy(r->z + (gsize)i * r->rows + from, rotated + (gsize)i * CHUNK, sizeof(float) * n);
     }
 }
 
-static void eigenmaps_randomised_take(struct randomised *r) {
+static void eigenmaps_randomised_take(struct eigenmaps_randomised *r) {
     struct eigenmaps *maps = r->job->maps;
     const int n = r->found, terms = maps->n_terms;
-    g_autofree double *turn = g_new0(double, (gsize)terms *n), *signs = g_new0(double, terms);
+    g_autofree double *rotation = g_new0(double, (gsize)terms *n), *signs = g_new0(double, terms);
     g_autofree double *weights = g_new(double, (gsize)terms * r->n_views);
     for (int i = 0; i < terms; i++)
         for (int j = 0; j < n; j++)
-            turn[i * n + j] = r->gram[j * n + (n - 1 - i)];
-    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, terms, r->n_views, n, 1, turn, n,
+            rotation[i * n + j] = r->gram[j * n + (n - 1 - i)];
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, terms, r->n_views, n, 1, rotation, n,
                 r->directions, r->n_views, 0, weights, r->n_views);
     eigenmaps_take_weights(maps, weights, signs);
     g_free(r->factors);
     r->factors = g_new(float, (gsize)terms *n);
     for (int i = 0; i < terms * n; i++)
-        r->factors[i] = (float)(signs[i / n] * turn[i]);
-    work_for_each(0, SEGMENTS, turn_segment, r);
+        r->factors[i] = (float)(signs[i / n] * rotation[i]);
+    work_for_each(0, SEGMENTS, rotate_segment, r);
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
-}
-
-/* How many directions to project onto, if this many are wanted. */
-static int directions_for(const struct randomised *r, int wanted) {
-    const int spare = (int)MIN(SPARE, r->job->fit / 2);
-    return MIN(r->n_views, wanted + spare);
 }
 
 /* The sketch's values are near enough to begin with; then those of A within what was found count.
  */
-static gboolean eigenmaps_randomised_search(struct randomised *r, double *ret_error,
+static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, double *ret_error,
                                             GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const double target = r->job->options->target;
@@ -249,14 +246,14 @@ static gboolean eigenmaps_randomised_search(struct randomised *r, double *ret_er
         rest += r->values[i];
     int wanted = eigenmaps_fewest(r->values, most, rest, target, &ignored);
     for (;; wanted = MIN(most, wanted + MAX(2, wanted / 4))) {
-        r->found = directions_for(r, wanted);
+        r->found = MIN(r->n_views, wanted + (int)MIN(SPARE, r->job->fit / 2));
         if (!eigenmaps_randomised_project(r, error) || !eigenmaps_randomised_solve(r, error))
             return FALSE;
         rest = r->all;
         const int terms = MIN(most, r->found);
         for (int i = 0; i < terms; i++)
-            rest -= r->turned[i];
-        maps->n_terms = eigenmaps_fewest(r->turned, terms, MAX(rest, 0), target, ret_error);
+            rest -= r->squares_of[i];
+        maps->n_terms = eigenmaps_fewest(r->squares_of, terms, MAX(rest, 0), target, ret_error);
         if (target <= 0 || *ret_error <= target)
             break;
         maps->n_terms = most;
@@ -268,11 +265,12 @@ static gboolean eigenmaps_randomised_search(struct randomised *r, double *ret_er
 }
 
 gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error) {
-    struct randomised r = {job, job->rows, job->maps->layout.views.n};
+    struct eigenmaps_randomised r = {job, job->rows, job->maps->layout.views.n};
     const gsize spare = MIN(SPARE, job->fit / 2);
     r.slots = (int)CLAMP(job->fit - spare, 1, (gsize)r.n_views);
     r.columns = eigenmaps_new_columns(job, r.slots, error);
-    const gboolean ok = r.columns && make_sketch(&r, error) && find_directions(&r, error) &&
+    const gboolean ok = r.columns && eigenmaps_randomised_make_sketch(&r, error) &&
+                        eigenmaps_randomised_find_directions(&r, error) &&
                         eigenmaps_randomised_search(&r, ret_error, error);
     g_free(r.columns);
     g_free(r.buckets);
@@ -282,6 +280,6 @@ gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error
     g_free(r.z);
     g_free(r.factors);
     g_free(r.gram);
-    g_free(r.turned);
+    g_free(r.squares_of);
     return ok;
 }

@@ -7,7 +7,7 @@
 
 #define LEAST_SPACING 0.02F /* radians: lights closer than that are one */
 #define NARROW        0.05F /* of the brightest value: the least a found lobe begins with */
-#define TURNS         2     /* of the tangent that are tried: along x and along y */
+#define TANGENTS      2     /* directions of the tangent that are tried: along x and along y */
 
 struct lobes_start {
     const struct lobes_fit *fit;
@@ -35,7 +35,8 @@ static float spacing(const struct lobes_fit *fit) {
     return sum / (float)fit->n_lights;
 }
 
-/* What is left of a light's value when the mean of its surroundings is taken off. */
+/* n_lights²: 1 − K, the residual of a light's value above the mean of its surroundings, K_ij =
+ * exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), α_ij being the angle between lights. */
 static float *high_pass(const struct lobes_fit *fit, float width) {
     const int n = fit->n_lights;
     float *matrix = g_new(float, n *n);
@@ -81,7 +82,7 @@ void lobes_start_free(struct lobes_start *start) {
 }
 
 int lobes_start_variants(const struct lobes_fit *fit) {
-    return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? 2 : TURNS;
+    return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? 2 : TANGENTS;
 }
 
 /* The mean over views of each light's value; what is missing is filled with the mean of the rest.
@@ -107,16 +108,14 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* The exponent of a lobe that falls to a half at this angle. */
-static float exponent_of(float width) {
-    return CLAMP(-logf(2) / logf(cosf(MIN(width, 1.5F))), 1.5F, LOBES_MAX_EXPONENT / 2);
-}
-
 /* Principal directions beside the diffuse one: where most is left above the surroundings. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;
     g_autofree float *left = g_new(float, count);
+    /* The exponent of a lobe that falls to a half at the lights' distance. */
+    const float exponent =
+        CLAMP(-logf(2) / logf(cosf(MIN(start->spacing, 1.5F))), 1.5F, LOBES_MAX_EXPONENT / 2);
     float brightest = 0;
     cblas_sgemv(CblasRowMajor, CblasNoTrans, count, count, 1, start->high_pass, count, lights, 1, 0,
                 left, 1);
@@ -131,7 +130,7 @@ static void find_lobes(const struct lobes_start *start, const float *lights, int
         for (int k = 0; i >= skip && k < 3; k++)
             ret[4 * (i - skip) + k] = peak * direction[k];
         if (i >= skip)
-            ret[4 * (i - skip) + 3] = logf(exponent_of(start->spacing));
+            ret[4 * (i - skip) + 3] = logf(exponent);
         for (int j = 0; j < count; j++)
             if (angle(direction, start->fit->lights + 3 * j) < 1.5F * start->spacing)
                 left[j] = -G_MAXFLOAT;
@@ -149,31 +148,6 @@ static void find_diffuse(const struct lobes_start *start, const float *lights, f
     }
 }
 
-/* A second variant begins with broader lobes at the next directions. */
-static void start_fields(const struct lobes_start *start, int variant, const float *lights,
-                         float mean, float *ret) {
-    const int k = start->fit->n_lobes;
-    find_diffuse(start, lights, mean, ret);
-    ret[3] = variant ? logf(2) : 0;
-    if (k > 1)
-        find_lobes(start, lights, variant, k - 1, ret + 4);
-    for (int i = 1; variant && i < k; i++)
-        ret[4 * i + 3] = logf(2);
-}
-
-/* Mirror, back to the light, and broad: what lobes of real materials look like. */
-static void start_lafortune(const struct lobes_start *start, int variant, float mean, float *ret) {
-    static const float shapes[3][4] = {{-1, -1, 1, 8}, {1, 1, 1, 3}, {-0.5F, -0.5F, 1, 2}};
-    const int k = start->fit->n_lobes;
-    for (int i = 0; i < k; i++) {
-        const float *shape = shapes[(i + variant) % 3];
-        for (int j = 0; j < 3; j++)
-            ret[4 * i + j] = 0.5F * mean * shape[j];
-        ret[4 * i + 3] = logf(shape[3]);
-    }
-    ret[4 * k] = mean;
-}
-
 static void start_facet(const struct lobes_start *start, int variant, const float *lights,
                         float mean, float *ret) {
     const gboolean ward = start->fit->model == LOBES_WARD;
@@ -182,7 +156,7 @@ static void start_facet(const struct lobes_start *start, int variant, const floa
     const float size = cblas_snrm2(3, normal, 1), up = MAX(normal[2], 0.3F * size + 1e-6F);
     ret[0] = -normal[0] / up;
     ret[1] = -normal[1] / up;
-    ret[2] = (float)G_PI / TURNS * (float)variant;
+    ret[2] = (float)G_PI / TANGENTS * (float)variant;
     ret[3] = logf(ward ? 0.25F : 30);
     ret[4] = logf(ward ? 0.5F : 8);
     ret[5] = 0.7F * size;
@@ -191,19 +165,34 @@ static void start_facet(const struct lobes_start *start, int variant, const floa
 
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters) {
+    /* Mirror, back to the light, and broad: what lobes of real materials look like. */
+    static const float shapes[3][4] = {{-1, -1, 1, 8}, {1, 1, 1, 3}, {-0.5F, -0.5F, 1, 2}};
     const struct lobes_fit *fit = start->fit;
-    const int parameters = lobes_fit_parameters(fit);
+    const int parameters = lobes_fit_parameters(fit), k = fit->n_lobes;
     g_autofree float *lights = g_new(float, fit->n_lights);
     memset(ret_parameters, 0, sizeof(float) * (gsize)(n * parameters));
     for (int i = 0; i < n; i++) {
         const float *row = rows + (gsize)i * (gsize)(fit->n_views * fit->n_lights);
         float *to = ret_parameters + (gsize)i * (gsize)parameters;
         const float mean = mean_lights(fit, row, lights);
-        if (fit->model == LOBES_FIELDS)
-            start_fields(start, variant, lights, mean, to);
-        else if (fit->model == LOBES_LAFORTUNE)
-            start_lafortune(start, variant, mean, to);
-        else
+        if (fit->model == LOBES_FIELDS) {
+            find_diffuse(start, lights, mean, to);
+            to[3] = variant ? logf(2) : 0;
+            if (k > 1)
+                find_lobes(start, lights, variant, k - 1, to + 4);
+            /* A second variant begins with broader lobes at the next directions. */
+            for (int lobe = 1; variant && lobe < k; lobe++)
+                to[4 * lobe + 3] = logf(2);
+        } else if (fit->model == LOBES_LAFORTUNE) {
+            for (int lobe = 0; lobe < k; lobe++) {
+                const float *shape = shapes[(lobe + variant) % 3];
+                for (int j = 0; j < 3; j++)
+                    to[4 * lobe + j] = 0.5F * mean * shape[j];
+                to[4 * lobe + 3] = logf(shape[3]);
+            }
+            to[4 * k] = mean;
+        } else {
             start_facet(start, variant, lights, mean, to);
+        }
     }
 }
