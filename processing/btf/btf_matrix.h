@@ -17,12 +17,12 @@ struct btf_scratch;
 struct btf_matrix {
     char *name;
     struct btf_layout layout;
-    float *values;                          /* height · width rows; NULL if they are in scratch */
-    gint64 holes;                           /* values that no valid pixel of a frame measured */
-    gint64 bounds;                          /* lower bounds, from saturated pixels */
-    gint64 shorter;                         /* values from shorter exposures only */
-    gint64 predicted;                       /* values predicted for missing lights */
-    char *directory;                        /* of the session */
+    float *values;    /* height · width rows; NULL if they are in scratch */
+    gint64 holes;     /* values that no valid pixel of a frame measured */
+    gint64 bounds;    /* lower bounds, from saturated pixels */
+    gint64 shorter;   /* values from shorter exposures only */
+    gint64 predicted; /* values predicted for missing lights */
+    char *directory;  /* of the session */
     struct btf_scratch *scratch;
 };
 

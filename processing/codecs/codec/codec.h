@@ -18,7 +18,7 @@ struct material_info {
     char *label;      /* to tell it from others: the file's or the session's name, or a method's */
     const char *kind; /* "btf", or the name of its codec */
     const struct btf_layout *layout;
-    gint64 bytes;                                 /* as a renderer holds it; the BTF in halves */
+    gint64 bytes; /* as a renderer holds it; the BTF in halves */
 };
 
 /* What encode() is given. */
@@ -81,8 +81,8 @@ struct codec {
     /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
     char *(*describe_file)(const struct exr_file *file);
 
-    void (*free)(gpointer model); /* NULL is ignored */
-    gsize layout;                 /* offset of a model's struct btf_layout */
+    void (*free)(gpointer model);         /* NULL is ignored */
+    gsize layout;                         /* offset of a model's struct btf_layout */
     gint64 (*bytes)(gconstpointer model); /* as a renderer holds it */
     /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);

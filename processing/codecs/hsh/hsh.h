@@ -1,8 +1,8 @@
 /*
  * Hemispherical harmonics (HSH) of a BTF, as Relight and RTIViewer use them for RTI sets: for each
  * measured view, texel and colour, a sum of n = 4, 9 or 16 basis functions of the light,
- *   f(l) = Σ_{i=0..n−1} c_i H_i(l)                                    (Gautron et al. 2004 eq. 5,
- * 6) Values hold n·l (pipeline.h): nothing multiplies them by it again. f may be negative between
+ *   f(l) = Σ_{i=0..n−1} c_i H_i(l)                          (Gautron et al. 2004 eq. 5, 6)
+ * Values hold n·l (pipeline.h): nothing multiplies them by it again. f may be negative between
  * the measured lights.
  *
  * The basis is that of Gautron et al. 2004: associated Legendre polynomials P_l^m without
@@ -42,8 +42,8 @@
 struct hsh {
     char *name;
     struct btf_layout layout;
-    int n_terms;                            /* 4, 9 or 16 */
-    float *values;                          /* n_views × height × width × n_terms × 3 (R G B) */
+    int n_terms;   /* 4, 9 or 16 */
+    float *values; /* n_views × height × width × n_terms × 3 (R G B) */
     /* Of the BTF it was made of, as hsh_error() finds them: relative RMS of R G B, and the mean of
      * |Y − Ŷ| (Y of rgb_luminance()). exact_error: the first one before values became halves. */
     double error, luminance_error, exact_error;

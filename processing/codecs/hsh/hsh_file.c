@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "codec/texel_model.h"
+#include "exr/exr.h"
 
 #define COLOURS 3
 

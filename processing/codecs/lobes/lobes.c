@@ -9,10 +9,10 @@
 #include "btf/btf_checkpoint.h"
 #include "codec/texel_model.h"
 
-#define COLOURS    3
+#define COLOURS       3
 #define POLYNOMIAL    6  /* coefficients of ptm */
 #define FACET         14 /* values of ward and ashikhmin */
-#define BLOCK      16 /* texels fitted by a thread at a time */
+#define BLOCK         16 /* texels fitted by a thread at a time */
 #define DEFAULT_LOBES 2
 
 const struct lobes_traits lobes_traits[LOBES_MODELS] = {

@@ -5,16 +5,21 @@
  * to be multiplied by it again.
  *
  * Models of each view on its own ("reflectance fields"), to be interpolated between views:
- *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i                       Meseth et al.
- * 2003 eq. 1 ptm        Y_v(l) = C0 lx² + C1 ly² + C2 lx ly + C3 lx + C4 ly + C5   (Malzbender et
- * al. 2001) Models of all views at once: lafortune  Y(v, l) = lz · (D + Σ_{i=1..k} ⟨(X_i, Y_i, Z_i)
- * · (vx lx, vy ly, vz lz)⟩^N_i) (Lafortune et al. 1997) ward, ashikhmin  RGB(v, l) = ⟨n·l⟩ ·
- * diffuse + specular · s(v, l), with normal n and tangent t a texel, b = n × t, and h the half
- * vector, hx = h·t, hy = h·b, hn = h·n; 0 where n·l ≤ 0: ward s = √(n·l / max(n·v, 0.1)) / (4 U V)
- * · exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn)) (Ward 1992; the exponent of Kang & Cho 2011 eq. 3 with
- * its squares) ashikhmin  s = √((U+1)(V+1)) / 8 · hn^((U hx² + V hy²)/(1 − hn²)) · n·l / (h·l ·
- * max(n·l, n·v, 0.1)) (Ashikhmin & Shirley 2000, Fresnel's factor left out) Both are π f_r n·l,
- * since values are relative to a white diffuser.
+ *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i           (Meseth et al. 2003 eq. 1)
+ *   ptm        Y_v(l) = C0 lx² + C1 ly² + C2 lx ly + C3 lx + C4 ly + C5
+ *                                                                     (Malzbender et al. 2001)
+ * Models of all views at once:
+ *   lafortune  Y(v, l) = lz · (D + Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · (vx lx, vy ly, vz lz)⟩^N_i)
+ *                                                                     (Lafortune et al. 1997)
+ *   ward, ashikhmin  RGB(v, l) = ⟨n·l⟩ · diffuse + specular · s(v, l)
+ * with normal n and tangent t a texel, b = n × t, and h the half vector, hx = h·t, hy = h·b,
+ * hn = h·n; 0 where n·l ≤ 0:
+ *   ward       s = √(n·l / max(n·v, 0.1)) / (4 U V) · exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn))
+ *              (Ward 1992; the exponent of Kang & Cho 2011 eq. 3 with its squares)
+ *   ashikhmin  s = √((U+1)(V+1)) / 8 · hn^((U hx² + V hy²)/(1 − hn²))
+ *                  · n·l / (h·l · max(n·l, n·v, 0.1))
+ *              (Ashikhmin & Shirley 2000, Fresnel's factor left out)
+ * Both are π f_r n·l, since values are relative to a white diffuser.
  *
  * No half float overflows: exponents lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT, and a lobe's
  * peak |(X, Y, Z)|^N is at most four times the brightest value it was fitted to and LOBES_MAX_PEAK.

@@ -67,10 +67,10 @@ struct lpca {
     int n_clusters, n_components;
     int n_grid; /* 0; or views and lights are the n_grid² samples of resample.h, not measured ones
                  */
-    int *clusters;                          /* height × width: k(x) */
-    float *weights;                         /* height × width × n_components */
-    float *brdfs;  /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
-    float *scales; /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
+    int *clusters;  /* height × width: k(x) */
+    float *weights; /* height × width × n_components */
+    float *brdfs;   /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
+    float *scales;  /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
     float *light_scales;  /* n_clusters × (n_components + 1) × n_lights; NULL: all are 1 */
     float *weight_scales; /* n_clusters × n_components: likewise of weights */
     enum lpca_quantise quantise;

@@ -3,6 +3,7 @@
 #include "lpca_codec/lpca_resample.h"
 
 #include "exr/exr.h"
+#include "lib/btf_fixture.h"
 #include "lpca/lpca_choose.h"
 #include "lpca/lpca_levels.h"
 
@@ -45,14 +46,13 @@ static void test_map(void) {
     g_assert_cmpfloat_with_epsilon(t, 0, 1e-6);
 }
 
-static int rings(float **ret_theta_deg, float **ret_phi_deg) {
-    *ret_theta_deg = g_new0(float, 60);
-    *ret_phi_deg = g_new0(float, 60);
+static struct direction_list rings(void) {
+    struct direction_list ret = direction_list_new(60);
     for (int i = 0; i < 60; i++) {
-        (*ret_theta_deg)[i] = 15 + 15 * (float)(i / 12);
-        (*ret_phi_deg)[i] = 30 * (float)(i % 12);
+        ret.theta_deg[i] = 15 + 15 * (float)(i / 12);
+        ret.phi_deg[i] = 30 * (float)(i % 12);
     }
-    return 60;
+    return ret;
 }
 
 /* A smooth lobe, in double precision. */
@@ -85,9 +85,9 @@ static double at(const double *samples, int n_grid, const float d[3]) {
 /* A smooth function is kept, at and between what was measured, the better the finer the grid; a
  * constant is one everywhere; lights fade to 0 at the horizon. */
 static void test_operator(void) {
-    g_autofree float *theta = NULL, *phi = NULL;
-    const int n = rings(&theta, &phi);
-    const struct direction_list list = {(gsize)n, theta, phi};
+    struct direction_list list = rings();
+    const float *theta = list.theta_deg, *phi = list.phi_deg;
+    const int n = (int)list.n;
     double before = 1;
     for (int n_grid = 8; n_grid <= 16; n_grid += 4) {
         g_autofree float *views = direction_grid_operator(&list, n_grid, FALSE, NULL);
@@ -124,6 +124,7 @@ static void test_operator(void) {
         g_assert_cmpfloat(worst_measured, <, before);
         before = worst_measured;
     }
+    direction_list_clear(&list);
 }
 
 static void test_refused(void) {
@@ -148,13 +149,7 @@ static void test_refused(void) {
 
 /* Lambertian bumps: a normal a texel. */
 static struct btf_matrix *new_btf(int size) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf =
-        (struct btf_matrix){.name = g_strdup("bumps"), .layout.width = size, .layout.height = size};
-    btf->layout.texel_mm = 1;
-    btf->layout.views.n = rings(&btf->layout.views.theta_deg, &btf->layout.views.phi_deg);
-    btf->layout.lights.n = rings(&btf->layout.lights.theta_deg, &btf->layout.lights.phi_deg);
-    btf->values = g_new0(float, (gsize)(size * size * 60 * 60 * 3));
+    struct btf_matrix *btf = btf_fixture_of("bumps", size, size, rings(), rings());
     for (int i = 0; i < size * size * 60 * 60; i++) {
         const int texel = i / 3600, light = i % 60;
         const double a = 0.4 * sin(texel % size), b = 0.4 * cos(2.0 * texel / size);
