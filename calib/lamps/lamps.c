@@ -5,7 +5,6 @@
 #include "lamps.h"
 
 #include "geometry/drive.h"
-#include "geometry/fit.h"
 
 #include <math.h>
 #include <string.h>
@@ -178,23 +177,6 @@ static void lamps_find_shift(const struct problem *problem, const struct lamp_si
     ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
 }
 
-static double *new_shift(const struct problem *problem) {
-    double *shift = g_new0(double, 4 * (gsize)problem->n);
-    for (int i = 0; i < problem->n; i++) {
-        double *a = shift + 4 * (gsize)i;
-        if (problem->target->kind == LAMP_BALLS)
-            a[0] = a[3] = 1;
-        else
-            lamps_find_shift(problem, &problem->sights[i], a);
-    }
-    return shift;
-}
-
-static int lamps_compare(gconstpointer a, gconstpointer b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Range of the arc angles: 2π minus the largest gap between neighbours. */
 static double spread_rad(const struct lamp_sight *sights, int n) {
     if (n < 1)
@@ -202,7 +184,7 @@ static double spread_rad(const struct lamp_sight *sights, int n) {
     g_autofree double *turns = g_new(double, n);
     for (int i = 0; i < n; i++)
         turns[i] = sights[i].arc_rad - 2 * G_PI * floor(sights[i].arc_rad / (2 * G_PI));
-    qsort(turns, (gsize)n, sizeof *turns, lamps_compare);
+    qsort(turns, (gsize)n, sizeof *turns, fit_compare);
     double gap = turns[0] + 2 * G_PI - turns[n - 1];
     for (int i = 1; i < n; i++)
         gap = MAX(gap, turns[i] - turns[i - 1]);
@@ -217,16 +199,20 @@ static gboolean few(const char *what, const char *name, int n, GError **error) {
     return FALSE;
 }
 
-/* Collects the distinct angles of the drives. A post itself is independent of the arc. */
-static void find_angles(struct problem *problem) {
+/* Collects the distinct angles of the drives, and what a camera's offset does to each sight. A post
+ * itself is independent of the arc. */
+static void lamps_find_angles(struct problem *problem) {
     drive_init(&problem->turntable, problem->n);
     drive_init(&problem->arc, problem->n);
-    problem->turn = g_new(int, problem->n);
-    problem->swing = g_new(int, problem->n);
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
+        double *shift = problem->shift + 4 * (gsize)i;
         problem->turn[i] = drive_angle(&problem->turntable, s->turntable_rad);
         problem->swing[i] = s->lamp < 0 ? -1 : drive_angle(&problem->arc, s->arc_rad);
+        if (problem->target->kind == LAMP_BALLS)
+            shift[0] = shift[3] = 1;
+        else
+            lamps_find_shift(problem, s, shift);
     }
 }
 
@@ -248,21 +234,6 @@ static int *lamps_new_depends(const struct problem *problem) {
         of[ON_SWING] = s->lamp >= 0 ? problem->arc.at + problem->swing[i] : -1;
     }
     return depends;
-}
-
-static double *lamps_new_sigmas(const struct problem *problem) {
-    double *sigma = g_new0(double, problem->n_parameters);
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
-        for (int k = 0; problem->camera_at[i] >= 0 && k < 2; k++)
-            sigma[problem->camera_at[i] + k] = LAMPS_CAMERA_PX;
-    for (int i = 0; i < LAMP_MAX_MARKS; i++)
-        if (problem->size_at[i] >= 0)
-            sigma[problem->size_at[i]] = problem->target->tolerance_mm;
-    for (int i = 0; i < problem->turntable.n; i++)
-        sigma[problem->turntable.at + i] = problem->turntable.sigma_rad;
-    for (int i = 0; i < problem->arc.n; i++)
-        sigma[problem->arc.at + i] = problem->arc.sigma_rad;
-    return sigma;
 }
 
 /* Assigns the columns of the parameters. */
@@ -305,7 +276,9 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     return TRUE;
 }
 
-static void lamps_do_start(const struct problem *problem, double *x) {
+/* Initial parameters x, and the standard deviations of their priors, which drive_fit() completes.
+ */
+static void lamps_start(const struct problem *problem, double *x, double *sigma) {
     const struct rig_arc *arc = &problem->rig->arc;
     if (problem->fit_arc) {
         x[0] = arc->tilt_rad[0], x[1] = arc->tilt_rad[1];
@@ -322,6 +295,12 @@ static void lamps_do_start(const struct problem *problem, double *x) {
             x[problem->mark_at[i]] = problem->target->marks[i].x_mm;
             x[problem->mark_at[i] + 1] = problem->target->marks[i].y_mm;
         }
+    for (int i = 0; i < LAMP_MAX_MARKS; i++)
+        if (problem->size_at[i] >= 0)
+            sigma[problem->size_at[i]] = problem->target->tolerance_mm;
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
+        for (int k = 0; problem->camera_at[i] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[i] + k] = LAMPS_CAMERA_PX;
 }
 
 static double covariance_at(const struct problem *problem, const struct fit_result *fit, int i,
@@ -469,70 +448,45 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
-/* Alternates between the fit and the estimate of the drives' standard deviations from it. */
-static gboolean lamps_adjust(struct problem *problem, double *x, struct fit_result *ret) {
-    const int n = problem->n_parameters;
-    g_autofree int *depends = lamps_new_depends(problem);
-    g_autofree double *none = g_new0(double, n);
-    for (int round = 0;; round++) {
-        g_autofree double *sigma = lamps_new_sigmas(problem);
-        const struct fit fit = {.n_parameters = n,
-                                .n_observations = problem->n,
-                                .dimension = 2,
-                                .residuals = lamps_residuals,
-                                .data = problem,
-                                .reject = REJECT,
-                                .depends = depends,
-                                .n_depends = ON,
-                                .known = none,
-                                .known_sigma = sigma};
-        if (!fit_solve(&fit, x, ret))
-            return FALSE;
-        if (round == DRIVE_ROUNDS)
-            return TRUE;
-        drive_learn(&problem->turntable, x, ret->covariance, n);
-        drive_learn(&problem->arc, x, ret->covariance, n);
-        fit_result_clear(ret);
-    }
-}
-
-static void lamps_problem_clear(struct problem *problem) {
-    drive_clear(&problem->turntable);
-    drive_clear(&problem->arc);
-    g_free(problem->turn);
-    g_free(problem->swing);
-    g_free(problem->shift);
-}
-
-static gboolean lamps_fit_all(struct problem *problem, struct lamps_result *ret, GError **error) {
-    struct fit_result fitted;
-    if (!lamps_lay_out(problem, error))
-        return FALSE;
-    g_autofree double *x = g_new0(double, problem->n_parameters);
-    lamps_do_start(problem, x);
-    problem->shift = new_shift(problem);
-    if (!lamps_adjust(problem, x, &fitted)) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                    "%d sights are too few for %d unknowns; take more pictures", problem->n,
-                    problem->n_parameters);
-        return FALSE;
-    }
-    lamps_take(problem, x, &fitted, ret);
-    gboolean ok = check_result(problem, &fitted, ret, error);
-    fit_result_clear(&fitted);
-    if (!ok)
-        lamps_result_clear(ret);
-    return ok;
-}
-
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error) {
     struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
+    struct drive *const drives[] = {&problem.turntable, &problem.arc};
+    struct fit_result fitted;
+    g_autofree double *shift = problem.shift = g_new0(double, 4 * (gsize)n);
+    g_autofree int *turn = problem.turn = g_new(int, n), *swing = problem.swing = g_new(int, n);
     memset(ret, 0, sizeof *ret);
-    find_angles(&problem);
-    const gboolean ok = lamps_fit_all(&problem, ret, error);
-    lamps_problem_clear(&problem);
+    lamps_find_angles(&problem);
+    gboolean ok = lamps_lay_out(&problem, error);
+    if (ok) {
+        g_autofree int *depends = lamps_new_depends(&problem);
+        g_autofree double *x = g_new0(double, problem.n_parameters);
+        g_autofree double *sigma = g_new0(double, problem.n_parameters);
+        const struct fit fit = {.n_parameters = problem.n_parameters,
+                                .n_observations = n,
+                                .dimension = 2,
+                                .residuals = lamps_residuals,
+                                .data = &problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON};
+        lamps_start(&problem, x, sigma);
+        ok = drive_fit(&fit, sigma, drives, G_N_ELEMENTS(drives), x, &fitted);
+        if (ok) {
+            lamps_take(&problem, x, &fitted, ret);
+            ok = check_result(&problem, &fitted, ret, error);
+            fit_result_clear(&fitted);
+        } else {
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                        "%d sights are too few for %d unknowns; take more pictures", n,
+                        problem.n_parameters);
+        }
+    }
+    if (!ok)
+        lamps_result_clear(ret);
+    drive_clear(&problem.turntable);
+    drive_clear(&problem.arc);
     return ok;
 }
 

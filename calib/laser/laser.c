@@ -6,7 +6,6 @@
 #include "laser.h"
 
 #include "geometry/drive.h"
-#include "geometry/fit.h"
 
 #include <math.h>
 #include <string.h>
@@ -33,7 +32,6 @@ struct problem {
     const struct rig *rig;
     const struct laser_point *points;
     int n;
-    struct laser_arc known;
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
@@ -41,18 +39,13 @@ struct problem {
     int n_parameters;
 };
 
-/* Direction of the light at sweep angle 0, perpendicular to the axis: normal × axis. */
-static struct vec3 beam_of(const struct rig_laser *laser) {
-    return vec3_cross(laser->normal, laser->axis);
-}
-
 /* Applies the corrections: p' = p + a·n + b·beam, axis' = unit(axis + c·beam + d·n), and the
  * normal, made perpendicular to axis', rotated about it by the zero. */
 static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
     const struct rig_laser *from = &problem->rig->lasers[i];
     const double *p = x + problem->at[i];
     struct rig_laser laser = *from;
-    struct vec3 beam = beam_of(from);
+    struct vec3 beam = vec3_cross(from->normal, from->axis);
     laser.position_mm = vec3_add(from->position_mm, vec3_add(vec3_scale(from->normal, p[ACROSS]),
                                                              vec3_scale(beam, p[BEAM])));
     laser.axis =
@@ -195,18 +188,6 @@ static int *laser_new_depends(const struct problem *problem) {
     return depends;
 }
 
-static double *laser_new_sigmas(const struct problem *problem) {
-    double *sigma = g_new0(double, problem->n_parameters);
-    for (int k = 0; k < ARC; k++)
-        sigma[k] = k < 2 ? problem->known.tilt_rad : problem->known.centre_mm;
-    for (int c = 0; c < problem->rig->n_cameras; c++)
-        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
-            sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
-    for (int i = 0; i < problem->swing.n; i++)
-        sigma[problem->swing.at + i] = problem->swing.sigma_rad;
-    return sigma;
-}
-
 /* Residuals of one step's points, summed over each of the two heights. */
 struct tally {
     double sum[2];
@@ -254,41 +235,6 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
     }
 }
 
-static void collect_steps(const struct problem *problem, const struct fit_result *fit,
-                          struct laser_result *ret) {
-    ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
-    for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
-        if (problem->at[laser] < 0)
-            continue;
-        struct levels l = levels_of(problem, laser);
-        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
-        for (int i = 0; i < problem->n; i++) {
-            double arc = problem->points[i].arc_rad;
-            gboolean known = problem->points[i].laser != laser;
-            for (guint k = 0; k < arcs->len && !known; k++)
-                known = g_array_index(arcs, double, k) == arc;
-            if (!known)
-                g_array_append_val(arcs, arc);
-        }
-        for (guint k = 0; k < arcs->len; k++)
-            add_steps(problem, fit, ret, laser, g_array_index(arcs, double, k), &l);
-    }
-}
-
-static void take_laser(const struct problem *problem, const struct fit *fit,
-                       const struct fit_result *fitted, const double *x, int i,
-                       struct laser_result *ret) {
-    int at = problem->at[i];
-    ret->seen[i] = TRUE;
-    ret->rig.lasers[i] = laser_of(problem, x, i);
-    ret->source_error_mm[i] =
-        hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
-    ret->axis_error_rad[i] =
-        hypot(fit_error(fit, fitted, at + AXIS_BEAM), fit_error(fit, fitted, at + AXIS_ACROSS));
-    ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
-    ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
-}
-
 static void laser_take(const struct problem *problem, const struct fit *fit,
                        struct fit_result *fitted, const double *x, struct laser_result *ret) {
     double sum[RIG_MAX_LASERS] = {0}, all = 0;
@@ -299,8 +245,17 @@ static void laser_take(const struct problem *problem, const struct fit *fit,
         ret->centre_error_mm[k] = fit_error(fit, fitted, 2 + k);
     }
     for (int i = 0; i < problem->rig->n_lasers; i++)
-        if (problem->at[i] >= 0)
-            take_laser(problem, fit, fitted, x, i, ret);
+        if (problem->at[i] >= 0) {
+            int at = problem->at[i];
+            ret->seen[i] = TRUE;
+            ret->rig.lasers[i] = laser_of(problem, x, i);
+            ret->source_error_mm[i] =
+                hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
+            ret->axis_error_rad[i] = hypot(fit_error(fit, fitted, at + AXIS_BEAM),
+                                           fit_error(fit, fitted, at + AXIS_ACROSS));
+            ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
+            ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
+        }
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *p = &problem->points[i];
         double d = fitted->residuals[i] * p->sigma_mm;
@@ -316,12 +271,28 @@ static void laser_take(const struct problem *problem, const struct fit *fit,
     ret->sigma = fitted->sigma;
     ret->n_used = fitted->n_used;
     ret->degrees_of_freedom = fitted->degrees_of_freedom;
-    collect_steps(problem, fitted, ret);
+    ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
+    for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
+        if (problem->at[laser] < 0)
+            continue;
+        struct levels l = levels_of(problem, laser);
+        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
+        for (int i = 0; i < problem->n; i++) {
+            double arc = problem->points[i].arc_rad;
+            gboolean known = problem->points[i].laser != laser;
+            for (guint k = 0; k < arcs->len && !known; k++)
+                known = g_array_index(arcs, double, k) == arc;
+            if (!known)
+                g_array_append_val(arcs, arc);
+        }
+        for (guint k = 0; k < arcs->len; k++)
+            add_steps(problem, fitted, ret, laser, g_array_index(arcs, double, k), &l);
+    }
     ret->rejected = g_steal_pointer(&fitted->rejected);
 }
 
-static gboolean check_determined(const struct problem *problem, const struct fit_result *fitted,
-                                 GError **error) {
+static gboolean laser_check_determined(const struct problem *problem,
+                                       const struct fit_result *fitted, GError **error) {
     if (fitted->undetermined < 0)
         return TRUE;
     const char *name = "arc";
@@ -337,7 +308,8 @@ static gboolean check_determined(const struct problem *problem, const struct fit
 /* A sweep whose direction is reversed, or whose range differs much from the commanded one, is an
  * error in the rig file or the table; calibration must not hide it, nor could the file be read
  * back. */
-static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
+static gboolean laser_check_stretch(const struct problem *problem, const double *x,
+                                    GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];
         if (problem->at[i] < 0)
@@ -364,54 +336,48 @@ static gboolean check_stretch(const struct problem *problem, const double *x, GE
     return TRUE;
 }
 
-/* Alternates between the fit and the estimate of the arc drive's standard deviation from it. */
-static gboolean laser_adjust(struct problem *problem, struct laser_result *ret, GError **error) {
-    const int n = problem->n_parameters;
-    struct fit_result fitted;
-    g_autofree double *x = g_new0(double, n), *none = g_new0(double, n);
-    g_autofree int *depends = laser_new_depends(problem);
-    for (int round = 0;; round++) {
-        g_autofree double *sigma = laser_new_sigmas(problem);
-        const struct fit fit = {.n_parameters = n,
-                                .n_observations = problem->n,
-                                .dimension = 1,
-                                .residuals = laser_residuals,
-                                .data = problem,
-                                .reject = REJECT,
-                                .depends = depends,
-                                .n_depends = ON,
-                                .known = none,
-                                .known_sigma = sigma};
-        if (!fit_solve(&fit, x, &fitted)) {
-            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                        "the sweeps' points are too few or not finite");
-            return FALSE;
-        }
-        const gboolean last = round == DRIVE_ROUNDS,
-                       ok = check_determined(problem, &fitted, error) &&
-                            (!last || check_stretch(problem, x, error));
-        drive_learn(&problem->swing, x, fitted.covariance, n);
-        if (ok && last)
-            laser_take(problem, &fit, &fitted, x, ret);
-        fit_result_clear(&fitted);
-        if (!ok || last)
-            return ok;
-    }
-}
-
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error) {
-    struct problem problem = {.rig = rig, .points = points, .n = n, .known = *arc};
+    struct problem problem = {.rig = rig, .points = points, .n = n};
+    struct drive *const drive = &problem.swing;
+    g_autofree int *swing_of = problem.swing_of = g_new(int, n + 1);
     memset(ret, 0, sizeof *ret);
-    drive_init(&problem.swing, n);
-    problem.swing_of = g_new(int, n + 1);
+    drive_init(drive, n);
     for (int i = 0; i < n; i++)
-        problem.swing_of[i] = drive_angle(&problem.swing, points[i].arc_rad);
-    const gboolean ok =
-        laser_lay_out(&problem, sweep_names, error) && laser_adjust(&problem, ret, error);
-    drive_clear(&problem.swing);
-    g_free(problem.swing_of);
+        swing_of[i] = drive_angle(drive, points[i].arc_rad);
+    gboolean ok = laser_lay_out(&problem, sweep_names, error);
+    if (ok) {
+        struct fit_result fitted;
+        g_autofree int *depends = laser_new_depends(&problem);
+        g_autofree double *x = g_new0(double, problem.n_parameters);
+        g_autofree double *sigma = g_new0(double, problem.n_parameters);
+        const struct fit fit = {.n_parameters = problem.n_parameters,
+                                .n_observations = n,
+                                .dimension = 1,
+                                .residuals = laser_residuals,
+                                .data = &problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON};
+        for (int k = 0; k < ARC; k++)
+            sigma[k] = k < 2 ? arc->tilt_rad : arc->centre_mm;
+        for (int c = 0; c < rig->n_cameras; c++)
+            for (int k = 0; problem.camera_at[c] >= 0 && k < 2; k++)
+                sigma[problem.camera_at[c] + k] = LASER_CAMERA_PX;
+        ok = drive_fit(&fit, sigma, &drive, 1, x, &fitted);
+        if (ok) {
+            ok = laser_check_determined(&problem, &fitted, error) &&
+                 laser_check_stretch(&problem, x, error);
+            if (ok)
+                laser_take(&problem, &fit, &fitted, x, ret);
+            fit_result_clear(&fitted);
+        } else {
+            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                        "the sweeps' points are too few or not finite");
+        }
+    }
+    drive_clear(drive);
     return ok;
 }
 
