@@ -29,11 +29,6 @@ static gboolean png_size(const guint8 *bytes, gsize length, struct size *ret) {
     return TRUE;
 }
 
-/* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
-static gboolean is_frame(guint8 marker) {
-    return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-}
-
 /* Skips segments up to the first start of frame. */
 static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 4 || bytes[0] != 0xff || bytes[1] != 0xd8)
@@ -44,7 +39,9 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
             continue;
         }
         const guint8 marker = bytes[at + 1];
-        if (is_frame(marker)) {
+        /* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
+        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
+            marker != 0xcc) {
             *ret =
                 (struct size){number(bytes + at + 7, 2, TRUE), number(bytes + at + 5, 2, TRUE), 0};
             return TRUE;
