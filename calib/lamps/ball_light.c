@@ -14,21 +14,13 @@
 #define KNOWN     0.5 /* largest relative error of a known position */
 
 /* n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up. */
-static gboolean ball_light_normal_at(const struct ball_outline *ball, double x_px, double y_px,
-                                     struct vec3 *ret) {
+gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
+                              struct vec3 *ret) {
     double x = (x_px - ball->x_px) / ball->radius_px, y = (ball->y_px - y_px) / ball->radius_px;
     double rest = 1 - x * x - y * y;
     if (!(rest > 0))
         return FALSE;
-    *ret = vec3(x, y, sqrt(rest));
-    return TRUE;
-}
-
-gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
-                              struct vec3 *ret) {
-    struct vec3 n;
-    if (!ball_light_normal_at(ball, x_px, y_px, &n))
-        return FALSE;
+    struct vec3 n = vec3(x, y, sqrt(rest));
     *ret = vec3_sub(vec3_scale(n, 2 * n.z), vec3(0, 0, 1));
     return TRUE;
 }

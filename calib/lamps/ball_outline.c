@@ -2,6 +2,8 @@
  * circles, and Gauss-Newton fits the one that most rays agree with. */
 #include "ball_outline.h"
 
+#include "geometry/fit.h"
+
 #include <math.h>
 #include <stdlib.h>
 
@@ -38,11 +40,6 @@ static double ball_outline_value_at(const struct picture *picture, double x, dou
     const double s = x - i, t = y - j;
     return (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
            t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
-}
-
-static int ball_outline_compare(gconstpointer a, gconstpointer b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
 }
 
 /* Absolute smoothed derivative of the picture along a ray; 0 outside of the picture. */
@@ -88,7 +85,7 @@ static void ball_outline_find_edges(const struct picture *picture, const struct 
         const double angle = 2 * G_PI * ray / RAYS;
         g_autofree double *changes = changes_on_ray(picture, given, angle, n);
         g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
-        qsort(sorted, (gsize)n, sizeof *sorted, ball_outline_compare);
+        qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
         const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
         double at;
         for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {

@@ -163,13 +163,6 @@ static double aspect(const struct window *w, const struct spot *spot) {
     return sqrt((mean + apart) / (mean - apart));
 }
 
-static void highlights_describe(const struct window *w, struct spot *spot) {
-    for (int k = 0; k < spot->pixels; k++)
-        spot->energy += pow((double)(w->values[w->members[spot->first + k]] - w->level), 2);
-    spot->aspect = aspect(w, spot);
-    highlights_weigh(w, spot, EDGE, &spot->light);
-}
-
 /* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
  * is dropped. */
 static GArray *find_spots(struct window *w) {
@@ -183,7 +176,10 @@ static GArray *find_spots(struct window *w) {
         grow(w, peak, &spot);
         if (spot.halo)
             continue;
-        highlights_describe(w, &spot);
+        for (int k = 0; k < spot.pixels; k++)
+            spot.energy += pow((double)(w->values[w->members[spot.first + k]] - w->level), 2);
+        spot.aspect = aspect(w, &spot);
+        highlights_weigh(w, &spot, EDGE, &spot.light);
         g_array_append_val(spots, spot);
     }
     return spots;
@@ -204,23 +200,6 @@ static int flat_pixels(const struct window *w, const struct spot *spot) {
                 count += w->values[i] >= (float)FLAT * most[phase];
         }
     return count;
-}
-
-/* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are not
- * round. */
-static double spread_px(const struct window *w, const struct spot *spot) {
-    static const double shares[] = {0.35, 0.5, 0.7, 0.9};
-    double sum = 0;
-    for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
-        struct highlight of;
-        highlights_weigh(w, spot, shares[i], &of);
-        sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
-    }
-    return sqrt(sum / G_N_ELEMENTS(shares));
-}
-
-static gboolean is_lamp_shaped(const struct spot *spot) {
-    return spot->pixels >= SPECK && spot->aspect < STREAK;
 }
 
 /* NULL, or the reason to refuse the best spot. */
@@ -249,7 +228,7 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
     const struct spot *best = NULL, *other = NULL;
     for (guint i = 0; i < spots->len; i++) {
         const struct spot *spot = &g_array_index(spots, struct spot, i);
-        if (!is_lamp_shaped(spot))
+        if (spot->pixels < SPECK || spot->aspect >= STREAK)
             continue;
         if (!best || spot->energy > best->energy) {
             other = best;
@@ -276,7 +255,16 @@ char *highlight_find(const struct picture *picture, double x_px, double y_px, do
         *ret = spot->light;
         ret->x_px += window.left;
         ret->y_px += window.top;
-        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, spread_px(&window, spot));
+        /* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are
+         * not round. */
+        static const double shares[] = {0.35, 0.5, 0.7, 0.9};
+        double sum = 0;
+        for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
+            struct highlight of;
+            highlights_weigh(&window, spot, shares[i], &of);
+            sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
+        }
+        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, sqrt(sum / G_N_ELEMENTS(shares)));
         ret->energy = spot->energy;
         ret->saturated = saturated;
     }

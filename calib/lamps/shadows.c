@@ -2,6 +2,8 @@
  * and a value relative to the lit plate, value = I / (E cos θ · pattern · level). */
 #include "shadows_private.h"
 
+#include "geometry/fit.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -68,12 +70,6 @@ void shadow_view_free(ShadowView *view) {
     g_free(view);
 }
 
-static gboolean on_plate(const ShadowView *view, gsize pixel) {
-    const float *xy = view->map->xy_mm + 2 * pixel;
-    struct vec3 p = rig_turn(vec3((double)xy[0], (double)xy[1], 0), -view->turntable_rad);
-    return fabs(p.x) < view->target.plate_mm[0] / 2 && fabs(p.y) < view->target.plate_mm[1] / 2;
-}
-
 static int shadows_compare(gconstpointer a, gconstpointer b) {
     float x = *(const float *)a, y = *(const float *)b;
     return x < y ? -1 : x > y;
@@ -100,11 +96,12 @@ static float *shadows_shade(const ShadowView *view, const struct picture *pictur
     const struct rig *rig = view->rig;
     struct vec3 at = rig_lamp_position_mm(&rig->arc, &rig->lamps[lamp], arc_rad);
     for (gsize i = 0; i < n; i++) {
-        values[i] = NAN;
-        if (!on_plate(view, i))
-            continue;
         const float *xy = view->map->xy_mm + 2 * i;
         struct vec3 p = vec3((double)xy[0], (double)xy[1], view->target.plane_mm);
+        struct vec3 q = rig_turn(p, -view->turntable_rad);
+        values[i] = NAN;
+        if (!(fabs(q.x) < view->target.plate_mm[0] / 2 && fabs(q.y) < view->target.plate_mm[1] / 2))
+            continue; /* not on the plate */
         struct vec3 path = vec3_sub(at, p);
         double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * path.z /
                        vec3_length(path);
@@ -285,19 +282,6 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     g_array_append_val(sights, sight);
 }
 
-/* Collects everything that may overlap the shadow or the post. */
-static void add_others(struct window *w, gboolean body, struct vec3 lamp_mm, struct vec3 eye_mm) {
-    w->n_others = 0;
-    for (int i = 0; i < w->target->n; i++) {
-        struct streak *next = &w->others[w->n_others];
-        if (!body || i != w->mark)
-            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, eye_mm, next);
-        next = &w->others[w->n_others];
-        if (body || i != w->mark)
-            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, lamp_mm, next);
-    }
-}
-
 /* Measures a post's shadow, or the post itself (body): the shadow that a light at the camera
  * would cast. */
 static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm,
@@ -309,30 +293,19 @@ static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 la
                        &w->streak) ||
         vec3_length(vec3_sub(w->streak.to, w->streak.from)) < w->target->radius_mm)
         return; /* the shadow is under the post's own foot */
-    add_others(w, body, lamp_mm, eye_mm);
+    /* Collects everything that may overlap the shadow or the post. */
+    w->n_others = 0;
+    for (int i = 0; i < w->target->n; i++) {
+        struct streak *next = &w->others[w->n_others];
+        if (!body || i != w->mark)
+            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, eye_mm, next);
+        next = &w->others[w->n_others];
+        if (body || i != w->mark)
+            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, lamp_mm, next);
+    }
     double r = w->streak.to_mm;
     if (fill_window(w, w->near ? 2.5 * r : 3.5 * r, w->near ? 0.15 * r : 0.5 * r))
         fit_end(w, sights, rejected);
-}
-
-static void measure_shot(const ShadowView *view, const struct shot *shot, const struct rig *rig,
-                         const struct lamp_target *target, gboolean near, gboolean bodies,
-                         GArray *sights, GPtrArray *rejected) {
-    struct vec3 lamp = rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
-    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[view->camera]);
-    g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
-    struct window w = {
-        .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};
-    for (w.mark = 0; w.mark < target->n; w.mark++) {
-        shadows_measure_mark(&w, FALSE, lamp, eye, sights, rejected);
-        if (bodies)
-            shadows_measure_mark(&w, TRUE, lamp, eye, sights, NULL);
-    }
-}
-
-static int shadows_by_size(gconstpointer a, gconstpointer b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
 }
 
 /* The residuals of a few pixels estimate a sight's error poorly: half of its variance is replaced
@@ -346,7 +319,7 @@ static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
     }
     if (sorted->len == 0)
         return;
-    g_array_sort(sorted, shadows_by_size);
+    g_array_sort(sorted, fit_compare);
     const double usual = g_array_index(sorted, double, sorted->len / 2);
     for (guint i = first; i < sights->len; i++) {
         struct lamp_sight *s = &g_array_index(sights, struct lamp_sight, i);
@@ -358,16 +331,24 @@ static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected) {
     shadow_find_pattern(view);
+    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[view->camera]);
     gboolean seen = FALSE;
     const guint first = sights->len;
     for (guint i = 0; i < view->shots->len; i++) {
         const struct shot *shot = &g_array_index(view->shots, struct shot, i);
         /* Under low lamps a post's side is bright and the plate dark. A body's edge lies on the
          * same pixels in every picture, so one measurement has all the information. */
-        struct vec3 lamp = vec3_unit(rig->lamps[shot->lamp].position_mm);
-        gboolean body = lamp.z > BODY_LAMP && !seen;
+        gboolean body = vec3_unit(rig->lamps[shot->lamp].position_mm).z > BODY_LAMP && !seen;
         seen |= body;
-        measure_shot(view, shot, rig, target, near, body, sights, rejected);
+        struct vec3 lamp = rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
+        g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
+        struct window w = {
+            .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};
+        for (w.mark = 0; w.mark < target->n; w.mark++) {
+            shadows_measure_mark(&w, FALSE, lamp, eye, sights, rejected);
+            if (body)
+                shadows_measure_mark(&w, TRUE, lamp, eye, sights, NULL);
+        }
     }
     share_sigmas(sights, first, FALSE);
     share_sigmas(sights, first, TRUE);
