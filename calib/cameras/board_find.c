@@ -21,9 +21,8 @@ static GArray *board_find_refuse(GError **error, const char *format, ...) G_GNUC
 static GArray *board_find_refuse(GError **error, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    g_propagate_error(error, g_error_new_valist(BOARD_ERROR, BOARD_ERROR_SPEC, format, arguments));
     va_end(arguments);
-    g_set_error_literal(error, BOARD_ERROR, BOARD_ERROR_SPEC, why);
     return NULL;
 }
 
@@ -209,13 +208,6 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
     return FALSE;
 }
 
-static double board_find_value_at(const struct picture *picture, double x, double y) {
-    const int i = (int)lround(x), j = (int)lround(y);
-    if (i < 0 || j < 0 || i >= picture->width || j >= picture->height)
-        return NAN;
-    return (double)picture->values[(gsize)j * (gsize)picture->width + (gsize)i];
-}
-
 /* Whether a chessboard's corners were found in the reverse order: its top left square would be
  * white. */
 static gboolean is_reversed(const struct picture *picture, const struct board *board,
@@ -228,7 +220,11 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
             double px[2];
             if (!by_homography(xy, px, (gpointer)h))
                 continue;
-            const double value = board_find_value_at(picture, px[0], px[1]);
+            const int x = (int)lround(px[0]), y = (int)lround(px[1]);
+            if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
+                continue;
+            const double value =
+                (double)picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
             if (isfinite(value))
                 sum += (column + row) % 2 ? value : -value;
         }
@@ -272,22 +268,6 @@ static gboolean is_seen_from_below(const double h[9]) {
     return (r[0] - m[0]) * (u[1] - m[1]) - (r[1] - m[1]) * (u[0] - m[0]) > 0;
 }
 
-/* Fits the homography to all corners found: more accurate than that of the markers. */
-static void board_find_improve(const struct board *board, const GArray *corners, double h[9]) {
-    const guint n = corners->len;
-    g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
-    g_autofree guint8 *good = g_new0(guint8, n + 1);
-    double better[9];
-    for (guint i = 0; i < n; i++) {
-        const struct corner *corner = &g_array_index(corners, struct corner, i);
-        board_corner_mm(board, corner->id, from + 2 * i);
-        to[2 * i] = corner->x_px;
-        to[2 * i + 1] = corner->y_px;
-    }
-    if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
-        memcpy(h, better, sizeof better);
-}
-
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error) {
     static const double nowhere[2] = {0, 0};
@@ -302,7 +282,19 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
     guess_all(board, by_homography, NULL, h, nowhere, guesses);
     g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
     if (fine) {
-        board_find_improve(board, corners, h);
+        /* Fits the homography to all corners found: more accurate than that of the markers. */
+        const guint n = corners->len;
+        g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
+        g_autofree guint8 *good = g_new0(guint8, n + 1);
+        double better[9];
+        for (guint i = 0; i < n; i++) {
+            const struct corner *corner = &g_array_index(corners, struct corner, i);
+            board_corner_mm(board, corner->id, from + 2 * i);
+            to[2 * i] = corner->x_px;
+            to[2 * i + 1] = corner->y_px;
+        }
+        if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
+            memcpy(h, better, sizeof better);
         guess_all(board, by_homography, NULL, h, nowhere, guesses);
         g_array_unref(corners);
         corners = corner_fit_all(picture, board, guesses);
@@ -365,31 +357,25 @@ static double correlate(const struct picture *picture, const struct points *poin
     return n > points->n / 5.0 && n > 100 && spread > 0 ? (ab - a * b / n) / sqrt(spread) : -1;
 }
 
-/* Exhaustive search for the shift with the largest correlation. */
-static double best_shift(const struct picture *picture, const struct points *points, int reach,
-                         double ret_shift[2]) {
-    double best = -1;
-    ret_shift[0] = ret_shift[1] = 0;
-    for (int dy = -reach; dy <= reach; dy++)
-        for (int dx = -reach; dx <= reach; dx++) {
-            const double fit = correlate(picture, points, dx, dy);
-            if (fit <= best)
-                continue;
-            best = fit;
-            ret_shift[0] = dx;
-            ret_shift[1] = dy;
-        }
-    return best;
-}
-
 GArray *board_find_near(const struct picture *picture, const struct board *board,
                         BoardProject project, BoardProject straight, gpointer data, double reach_px,
                         double *ret_fit) {
     struct points points;
-    double shift[2];
+    double shift[2] = {0, 0};
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
     gather_points(board, project, data, &points);
-    *ret_fit = best_shift(picture, &points, (int)ceil(reach_px), shift);
+    /* Exhaustive search for the shift with the largest correlation. */
+    const int reach = (int)ceil(reach_px);
+    *ret_fit = -1;
+    for (int dy = -reach; dy <= reach; dy++)
+        for (int dx = -reach; dx <= reach; dx++) {
+            const double fit = correlate(picture, &points, dx, dy);
+            if (fit <= *ret_fit)
+                continue;
+            *ret_fit = fit;
+            shift[0] = dx;
+            shift[1] = dy;
+        }
     g_free(points.x);
     g_free(points.y);
     g_free(points.value);

@@ -20,9 +20,8 @@ G_DEFINE_QUARK(cameras_error, cameras_error)
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    g_propagate_error(error, g_error_new_valist(CAMERAS_ERROR, (int)code, format, arguments));
     va_end(arguments);
-    g_set_error_literal(error, CAMERAS_ERROR, (int)code, why);
     return FALSE;
 }
 
@@ -96,21 +95,9 @@ static void cameras_work_clear(struct cameras_work *work) {
     g_free(work->bundle.lays);
 }
 
-static void set_why(struct seen *seen, const char *why) {
+void cameras_set_why(struct seen *seen, const char *why) {
     g_free(seen->why);
     seen->why = g_strdup_printf("%s: %s", seen->name, why);
-}
-
-/* A picture of another size is from another camera, or was scaled: an error, not an outlier. */
-static gboolean cameras_check_size(const struct cameras_work *work, const struct picture *picture,
-                                   int camera, GError **error) {
-    const struct rig_camera *c = &work->nominal.cameras[camera];
-    return (picture->width == c->width && picture->height == c->height) ||
-           cameras_refuse(
-               error, CAMERAS_ERROR_PICTURES,
-               "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
-               "and not scaled, all from one camera",
-               picture->name, picture->width, picture->height, c->name, c->width, c->height);
 }
 
 /* Finds the board in picture i without prior knowledge. */
@@ -118,13 +105,21 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     struct seen *seen = &work->seen[i];
     g_autoptr(GError) why = NULL;
     g_autoptr(Picture) picture = work->task->read(i, work->task->data, error);
-    if (!picture || !cameras_check_size(work, picture, seen->camera, error))
+    const struct rig_camera *c = &work->nominal.cameras[seen->camera];
+    if (!picture)
         return FALSE;
+    /* A picture of another size is from another camera, or was scaled: an error, not an outlier. */
+    if (picture->width != c->width || picture->height != c->height)
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
+            "and not scaled, all from one camera",
+            picture->name, picture->width, picture->height, c->name, c->width, c->height);
     seen->name = g_strdup(picture->name);
     seen->checksum = g_strdup(picture->checksum);
     seen->corners = board_find(picture, &work->task->board, work->free_boards, &why);
     if (!seen->corners)
-        set_why(seen, why->message);
+        cameras_set_why(seen, why->message);
     return TRUE;
 }
 
@@ -161,8 +156,9 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
         return TRUE;
     }
     if (!seen->why)
-        set_why(seen, corners ? "too few corners of the board are clear enough"
-                              : "what is seen does not look like the board where it should be");
+        cameras_set_why(seen, corners
+                                  ? "too few corners of the board are clear enough"
+                                  : "what is seen does not look like the board where it should be");
     g_clear_pointer(&corners, g_array_unref);
     g_clear_pointer(&seen->corners, g_array_unref);
     return TRUE;
@@ -266,7 +262,12 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-static void collect_residuals(const struct cameras_work *work, struct cameras_result *to) {
+/* Residuals, angle errors of the stops, and tilts of the lays. */
+static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
+    struct cameras_result *to = g_new0(struct cameras_result, 1);
+    to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
+    to->stops = g_array_new(FALSE, FALSE, sizeof(struct cameras_stop));
+    to->lays = g_array_new(FALSE, FALSE, sizeof(struct cameras_lay));
     const struct bundle *b = &work->bundle;
     double sum = 0, d[2] = {0, 0};
     int n = 0;
@@ -286,15 +287,6 @@ static void collect_residuals(const struct cameras_work *work, struct cameras_re
         n++;
     }
     to->rms_px = n ? sqrt(sum / n) : 0;
-}
-
-/* Residuals, angle errors of the stops, and tilts of the lays. */
-static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
-    struct cameras_result *to = g_new0(struct cameras_result, 1);
-    to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
-    to->stops = g_array_new(FALSE, FALSE, sizeof(struct cameras_stop));
-    to->lays = g_array_new(FALSE, FALSE, sizeof(struct cameras_lay));
-    collect_residuals(work, to);
     for (int i = 0; i < work->bundle.n_stops; i++) {
         const struct bundle_stop *stop = &work->bundle.stops[i];
         const struct cameras_stop s = {stop->lay, stop->commanded_rad * 180 / G_PI,
@@ -342,15 +334,6 @@ static void summarise_camera(const struct cameras_work *work, int camera,
     to->residual_rms_px = to->points ? sqrt(sum / to->points) : 0;
 }
 
-static char *checksum(const struct cameras_work *work, int *ret_used) {
-    g_autoptr(GPtrArray) sums = g_ptr_array_new();
-    for (int i = 0; i < work->task->n_pictures; i++)
-        if (work->seen[i].corners)
-            g_ptr_array_add(sums, work->seen[i].checksum);
-    *ret_used = (int)sums->len;
-    return calibration_checksum((const char *const *)sums->pdata, (int)sums->len);
-}
-
 static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     struct calibration *calibration = work->calibration;
     struct cameras_result *result = cameras_new_result(work);
@@ -359,11 +342,14 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     g_autofree char *method =
         g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
                         work->free_boards ? "photographs" : "lays on the turntable");
-    int used;
+    g_autoptr(GPtrArray) sums = g_ptr_array_new();
     for (int i = 0; i < work->task->n_pictures; i++)
-        if (!work->seen[i].corners)
+        if (work->seen[i].corners)
+            g_ptr_array_add(sums, work->seen[i].checksum);
+        else
             g_ptr_array_add(rejected, g_strdup(work->seen[i].why));
-    g_autofree char *sum = checksum(work, &used);
+    const int used = (int)sums->len;
+    g_autofree char *sum = calibration_checksum((const char *const *)sums->pdata, used);
     struct calibration_part *part =
         calibration_set_part(calibration, CALIBRATION_CAMERAS, method, used, sum, rejected);
     part->residual_rms = result->rms_px;
@@ -384,23 +370,19 @@ static gboolean cameras_do_refine(struct cameras_work *work, GError **error) {
     return cameras_refine(work, error) && cameras_check_majority(work, error);
 }
 
-static gboolean cameras_do_calibrate(struct cameras_work *work, GError **error) {
-    if (!find_boards(work, error))
-        return FALSE;
-    cameras_start(work);
-    return cameras_check_motion(work, error) && cameras_start_lays(work, error) &&
-           cameras_solve(work, 3, error) && cameras_check_start(work, error) &&
-           search_everywhere(work, error) && cameras_check_pictures(work, error) &&
-           cameras_do_refine(work, error) && cameras_check_pictures(work, error) &&
-           cameras_check_result(work, error);
-}
-
 struct cameras_result *cameras_calibrate(struct calibration *calibration,
                                          const struct cameras_task *task, GError **error) {
     struct cameras_work work;
     struct cameras_result *result = NULL;
     cameras_work_init(&work, calibration, task, FALSE);
-    if (cameras_do_calibrate(&work, error))
+    gboolean ok = find_boards(&work, error);
+    cameras_start(&work);
+    ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
+         cameras_solve(&work, 3, error) && cameras_check_start(&work, error) &&
+         search_everywhere(&work, error) && cameras_check_pictures(&work, error) &&
+         cameras_do_refine(&work, error) && cameras_check_pictures(&work, error) &&
+         cameras_check_result(&work, error);
+    if (ok)
         result = cameras_store_result(&work);
     cameras_work_clear(&work);
     return result;

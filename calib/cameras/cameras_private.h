@@ -30,6 +30,8 @@ struct cameras_work {
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
+/* Sets the reason why a picture is not used, after its name. */
+void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);

@@ -124,13 +124,13 @@ static void drop_pictures(struct cameras_work *work) {
         struct seen *seen = &work->seen[i];
         if (!seen->corners || rejected[i] <= MOST_REJECTED * all[i])
             continue;
-        g_free(seen->why);
-        seen->why = g_strdup_printf(
-            "%s: %d of its %d corners are not where all other pictures say they must be; %s",
-            seen->name, rejected[i], all[i],
+        g_autofree char *why = g_strdup_printf(
+            "%d of its %d corners are not where all other pictures say they must be; %s",
+            rejected[i], all[i],
             work->free_boards ? "was it taken with another zoom or focus, cropped or scaled, or is "
                                 "it blurred by motion?"
                               : "did something move?");
+        cameras_set_why(seen, why);
         set_aside(work, i);
     }
 }
@@ -200,41 +200,29 @@ static void retry_pictures(struct cameras_work *work) {
     }
 }
 
-/* Fixes the height of lays that are flat: they define z = 0. */
-static void fix_heights(struct cameras_work *work) {
+/* The first round uses Huber's loss; later rounds use plain least squares with outliers rejected.
+ */
+gboolean cameras_refine(struct cameras_work *work, GError **error) {
+    /* Fixes the height of lays that are flat: they define z = 0. */
     for (int l = 0; l < work->bundle.n_lays; l++) {
         struct bundle_lay *lay = &work->bundle.lays[l];
         lay->fixed_height = !work->free_boards && cameras_tilt_rad(lay) < RAD(2);
         if (lay->fixed_height)
             lay->place[2] = work->task->board.thickness_mm;
     }
-}
-
-/* Twice, since Huber's threshold depends on the estimated noise. */
-static gboolean solve_robustly(struct cameras_work *work, GError **error) {
-    work->bundle.robust = ROBUST;
-    for (int i = 0; i < 2; i++) {
-        if (!bundle_solve(&work->bundle, error))
-            return FALSE;
-        estimate_noise(work);
-    }
-    return TRUE;
-}
-
-static gboolean solve_again(struct cameras_work *work, GError **error) {
-    work->bundle.robust = 0;
-    retry_pictures(work);
-    return bundle_solve(&work->bundle, error);
-}
-
-/* The first round uses Huber's loss; later rounds use plain least squares with outliers rejected.
- */
-gboolean cameras_refine(struct cameras_work *work, GError **error) {
-    fix_heights(work);
     cameras_set_observations(work);
     for (int round = 0; round < CAMERAS_ROUNDS; round++) {
-        if (!(round == 0 ? solve_robustly : solve_again)(work, error))
+        work->bundle.robust = round == 0 ? ROBUST : 0;
+        if (round > 0)
+            retry_pictures(work);
+        if (!bundle_solve(&work->bundle, error))
             return FALSE;
+        if (round == 0) { /* twice, since Huber's threshold depends on the estimated noise */
+            estimate_noise(work);
+            if (!bundle_solve(&work->bundle, error))
+                return FALSE;
+            estimate_noise(work);
+        }
         cameras_refine_weigh(work);
         weigh_pictures(work);
         drop_pictures(work);

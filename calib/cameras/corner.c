@@ -28,12 +28,6 @@ struct pixels {
     double sign; /* +1: white where both distances have the same sign */
 };
 
-/* Sign of the corner: +1 if its upper right and lower left squares are white. */
-static double polarity(const struct board *board, int id) {
-    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
-    return (column + row) % 2 ? -1 : 1;
-}
-
 static gboolean corner_invert(const double m[2][2], double ret[2][2]) {
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     if (!(fabs(det) > 1e-6))
@@ -242,7 +236,9 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
                               const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
     double p[N], h[N * N], total;
-    pixels.sign = polarity(board, id);
+    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
+    /* +1 if the corner's upper right and lower left squares are white */
+    pixels.sign = (column + row) % 2 ? -1 : 1;
     if (!corner_gather(picture, board, guess, &pixels))
         return FALSE;
     corner_start(guess, &pixels, p);
