@@ -50,11 +50,6 @@ struct measuring {
     double moment[2]; /* first moment of the surround: mean of share of white × direction */
 };
 
-static int marks_colour_at(const char *cfa, int x, int y) {
-    char name = strcmp(cfa, "mono") == 0 ? 'g' : cfa[2 * (y & 1) + (x & 1)];
-    return name == 'r' ? 0 : name == 'g' ? 1 : 2;
-}
-
 static struct node node_at(const struct measuring *m, int x, int y) {
     const struct mark_scene *s = m->scene;
     const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
@@ -108,7 +103,7 @@ static gboolean marks_look_at(const struct measuring *m, int x, int y, struct pi
     double x_mm = w[0] * a->x_mm + w[1] * a[1].x_mm + w[2] * b->x_mm + w[3] * b[1].x_mm;
     double y_mm = w[0] * a->y_mm + w[1] * a[1].y_mm + w[2] * b->y_mm + w[3] * b[1].y_mm;
     double white = w[0] * a->white + w[1] * a[1].white + w[2] * b->white + w[3] * b[1].white;
-    ret->colour = marks_colour_at(m->cfa, x, y);
+    ret->colour = radiometry_colour_at(m->cfa, x, y);
     double from_mm = hypot(x_mm - m->middle.x, y_mm - m->middle.y);
     ret->from = from_mm / m->mark->radius_mm;
     ret->along[0] = from_mm > 0 ? (x_mm - m->middle.x) / from_mm : 0;
@@ -351,16 +346,6 @@ static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
     return isfinite(seen->error_px) && seen->output > LEAST_OUTPUT && seen->output < MOST_OUTPUT;
 }
 
-static gboolean marks_measure_mark(struct measuring *m, struct mark_seen *seen) {
-    if (!expected_centroid(m, &seen->expected_x_px, &seen->expected_y_px) ||
-        !marks_set_bounds(m, RING + FARTHEST))
-        return FALSE;
-    set_nodes(m);
-    gboolean found = marks_follow(m, seen);
-    g_free(m->nodes);
-    return found;
-}
-
 int marks_measure(const struct mark_scene *scene, const char *cfa, const float *mosaic,
                   GArray *seen) {
     int n = 0;
@@ -374,10 +359,15 @@ int marks_measure(const struct mark_scene *scene, const char *cfa, const float *
             .camera = scene->camera, .mark = i, .turntable_rad = scene->turntable_rad};
         m.eye = rig_camera_centre_mm(m.camera);
         m.middle = rig_turn(m.mark->centre_mm, scene->turntable_rad);
-        if (!marks_measure_mark(&m, &found))
+        if (!expected_centroid(&m, &found.expected_x_px, &found.expected_y_px) ||
+            !marks_set_bounds(&m, RING + FARTHEST))
             continue;
-        g_array_append_val(seen, found);
-        n++;
+        set_nodes(&m);
+        if (marks_follow(&m, &found)) {
+            g_array_append_val(seen, found);
+            n++;
+        }
+        g_free(m.nodes);
     }
     return n;
 }

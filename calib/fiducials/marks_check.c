@@ -113,17 +113,6 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
     return TRUE;
 }
 
-static void subtract(struct checking *check, const struct cause *cause,
-                     const struct explained *by) {
-    for (int i = 0; i < check->n; i++)
-        for (int u = 0; u < cause->n; u++) {
-            double slope[2];
-            slope_of(check, i, cause, u, slope);
-            check->off_x[i] -= slope[0] * by->angle[u];
-            check->off_y[i] -= slope[1] * by->angle[u];
-        }
-}
-
 /* Length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
 static double marks_check_length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
@@ -178,18 +167,15 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
         if (by.n == 0)
             return;
         taken[by.camera + 1] = TRUE;
-        subtract(check, &by, &best);
+        for (int i = 0; i < check->n; i++)
+            for (int u = 0; u < by.n; u++) {
+                double slope[2];
+                slope_of(check, i, &by, u, slope);
+                check->off_x[i] -= slope[0] * best.angle[u];
+                check->off_y[i] -= slope[1] * best.angle[u];
+            }
         marks_check_note(&by, &best, ret);
     }
-}
-
-/* The pixel grid causes an error that is common to all pictures of a pose: they count as one. */
-static int marks_check_same_pose(const struct mark_seen *seen, int n, int i) {
-    int same = 0;
-    for (int k = 0; k < n; k++)
-        same += seen[k].camera == seen[i].camera && seen[k].mark == seen[i].mark &&
-                seen[k].turntable_rad == seen[i].turntable_rad;
-    return same;
 }
 
 void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
@@ -204,9 +190,14 @@ void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, dou
     for (int i = 0; i < n; i++) {
         check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
         check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
-        check.weight[i] = 1 /
-                          (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) /
-                          marks_check_same_pose(seen, n, i);
+        /* The pixel grid causes an error that is common to all pictures of a pose: they count as
+         * one. */
+        int same = 0;
+        for (int k = 0; k < n; k++)
+            same += seen[k].camera == seen[i].camera && seen[k].mark == seen[i].mark &&
+                    seen[k].turntable_rad == seen[i].turntable_rad;
+        check.weight[i] =
+            1 / (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) / same;
         ret->rms_px += (check.off_x[i] * check.off_x[i] + check.off_y[i] * check.off_y[i]) / n;
         ret->cameras[seen[i].camera].n_seen++;
     }

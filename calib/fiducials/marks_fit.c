@@ -31,15 +31,6 @@ static gboolean marks_fit_project(const struct position *position, const struct 
                        y);
 }
 
-/* The pixel grid causes an error that is common to all pictures of a pose: they count as one. */
-static int marks_fit_same_pose(const struct position *position, const struct mark_seen *seen) {
-    int n = 0;
-    for (int i = 0; i < position->n; i++)
-        n += position->seen[i]->camera == seen->camera &&
-             position->seen[i]->turntable_rad == seen->turntable_rad;
-    return n;
-}
-
 static void marks_fit_add_seen(struct position *position, const struct mark_seen *seen) {
     double x, y, x0, y0, slope[2][3];
     if (!marks_fit_project(position, seen, position->now, &x, &y) ||
@@ -57,8 +48,13 @@ static void marks_fit_add_seen(struct position *position, const struct mark_seen
     }
     double off[2] = {seen->x_px - seen->expected_x_px - (x - x0),
                      seen->y_px - seen->expected_y_px - (y - y0)};
-    double weight = 1 / (seen->error_px * seen->error_px + SYSTEMATIC_PX * SYSTEMATIC_PX) /
-                    marks_fit_same_pose(position, seen);
+    /* The pixel grid causes an error that is common to all pictures of a pose: they count as one.
+     */
+    int n = 0;
+    for (int i = 0; i < position->n; i++)
+        n += position->seen[i]->camera == seen->camera &&
+             position->seen[i]->turntable_rad == seen->turntable_rad;
+    double weight = 1 / (seen->error_px * seen->error_px + SYSTEMATIC_PX * SYSTEMATIC_PX) / n;
     for (int k = 0; k < 2; k++) {
         for (int a = 0; a < 3; a++) {
             position->right[a] += weight * slope[k][a] * off[k];
@@ -68,30 +64,25 @@ static void marks_fit_add_seen(struct position *position, const struct mark_seen
     }
 }
 
-/* One step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
-static gboolean fit_step(struct position *position) {
-    const double prior = 1 / (PRIOR_MM * PRIOR_MM);
-    struct vec3 off = vec3_sub(position->start, position->now);
-    memset(position->matrix, 0, sizeof position->matrix);
-    memset(position->right, 0, sizeof position->right);
-    for (int i = 0; i < position->n; i++)
-        marks_fit_add_seen(position, position->seen[i]);
-    for (int a = 0; a < 3; a++) {
-        position->matrix[4 * a] += prior;
-        position->right[a] += prior * (a == 0 ? off.x : a == 1 ? off.y : off.z);
-    }
-    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, position->matrix, 3) != 0)
-        return FALSE;
-    LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', 3, 1, position->matrix, 3, position->right, 1);
-    position->now =
-        vec3_add(position->now, vec3(position->right[0], position->right[1], position->right[2]));
-    return TRUE;
-}
-
 static gboolean fit_place(struct position *position, struct mark_fit *ret) {
-    for (int i = 0; i < STEPS; i++)
-        if (!fit_step(position))
+    for (int i = 0; i < STEPS; i++) {
+        /* One step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
+        const double prior = 1 / (PRIOR_MM * PRIOR_MM);
+        struct vec3 off = vec3_sub(position->start, position->now);
+        memset(position->matrix, 0, sizeof position->matrix);
+        memset(position->right, 0, sizeof position->right);
+        for (int k = 0; k < position->n; k++)
+            marks_fit_add_seen(position, position->seen[k]);
+        for (int a = 0; a < 3; a++) {
+            position->matrix[4 * a] += prior;
+            position->right[a] += prior * (a == 0 ? off.x : a == 1 ? off.y : off.z);
+        }
+        if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, position->matrix, 3) != 0)
             return FALSE;
+        LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', 3, 1, position->matrix, 3, position->right, 1);
+        position->now = vec3_add(position->now,
+                                 vec3(position->right[0], position->right[1], position->right[2]));
+    }
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', 3, position->matrix, 3);
     ret->centre_mm = position->now;
     for (int a = 0; a < 3; a++)
@@ -102,10 +93,6 @@ static gboolean fit_place(struct position *position, struct mark_fit *ret) {
 struct white {
     double sum, weight;
 };
-
-static double white_of(const struct white *white) {
-    return white->sum / white->weight;
-}
 
 /* White and its standard error: √(noise + spread between the cameras), since each camera's flat
  * field has an error of its own at the fiducial's position. */
@@ -126,12 +113,12 @@ static gboolean fit_white(const struct position *position, struct mark_fit *ret)
     }
     if (n < FEW_SEEN)
         return FALSE;
-    ret->white = white_of(&all);
+    ret->white = all.sum / all.weight;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
         double share = of[c].weight / all.weight;
         if (!(share > 0))
             continue;
-        double off = white_of(&of[c]) - ret->white;
+        double off = of[c].sum / of[c].weight - ret->white;
         spread += share * share / of[c].weight;
         apart += share * off * off;
         cameras++;

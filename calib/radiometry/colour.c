@@ -14,15 +14,12 @@
 
 G_DEFINE_QUARK(colour_error, colour_error)
 
-/* f(t) of CIE L*a*b* (CIE 15). */
-static double lab_curve(double t) {
-    return t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
-}
-
 static void to_lab(const double xyz[3], const double white[3], double ret[3]) {
-    double f[3];
-    for (int i = 0; i < 3; i++)
-        f[i] = lab_curve(xyz[i] / white[i]);
+    double f[3]; /* f(t) of CIE L*a*b* (CIE 15) */
+    for (int i = 0; i < 3; i++) {
+        double t = xyz[i] / white[i];
+        f[i] = t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
+    }
     ret[0] = 116 * f[1] - 16;
     ret[1] = 500 * (f[0] - f[1]);
     ret[2] = 200 * (f[1] - f[2]);
@@ -130,8 +127,7 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     if (!(white[0] > 0 && white[1] > 0 && white[2] > 0) || !(found.residual < MOST_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
                     "the patches differ from their values by %.1f ΔE on average: is it this chart, "
-                    "and does "
-                    "it lie as the file says?",
+                    "and does it lie as the file says?",
                     found.residual);
         return FALSE;
     }

@@ -122,16 +122,6 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     row->weight = cell->signal * cell->signal / (cell->error * cell->error);
 }
 
-static void add_row(struct problem *p, const struct row *row) {
-    for (int i = 0; i < row->n; i++) {
-        p->right[row->at[i]] += row->weight * row->value[i] * row->off;
-        for (int j = 0; j < row->n; j++)
-            if (row->at[j] <= row->at[i])
-                p->matrix[(gsize)row->at[i] * (gsize)p->n + (gsize)row->at[j]] +=
-                    row->weight * row->value[i] * row->value[j];
-    }
-}
-
 /* Gauge constraint: the sum of some parameters is 0. */
 static void add_gauge(struct problem *p, const int *at, int n) {
     double sum = 0;
@@ -213,7 +203,13 @@ static void radiometry_fit_build(struct problem *p) {
         if (p->bad[i])
             continue;
         cell_row(p, &p->cells[i], &row);
-        add_row(p, &row);
+        for (int a = 0; a < row.n; a++) {
+            p->right[row.at[a]] += row.weight * row.value[a] * row.off;
+            for (int b = 0; b < row.n; b++)
+                if (row.at[b] <= row.at[a])
+                    p->matrix[(gsize)row.at[a] * (gsize)p->n + (gsize)row.at[b]] +=
+                        row.weight * row.value[a] * row.value[b];
+        }
         p->chi2 += row.weight * row.off * row.off;
         p->sum2 += row.off * row.off;
         p->n_used++;
@@ -249,20 +245,6 @@ static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
     }
     radiometry_fit_build(p);
     return TRUE;
-}
-
-/* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
- * freedom). */
-static int drop_outliers(struct problem *p) {
-    double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
-    struct row row;
-    int n = 0;
-    for (int i = 0; i < p->n_cells; i++) {
-        cell_row(p, &p->cells[i], &row);
-        p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
-        n += p->bad[i];
-    }
-    return n;
 }
 
 /* Every lamp must be used at arc angles that differ enough to separate its fall-off from the
@@ -444,7 +426,15 @@ static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GErr
     if (!check_cells(p, error) || !radiometry_fit_check_shots(p, error) ||
         !radiometry_fit_solve(p, error))
         return FALSE;
-    ret->rejected = drop_outliers(p);
+    /* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
+     * freedom). */
+    double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
+    struct row row;
+    for (int i = 0; i < p->n_cells; i++) {
+        cell_row(p, &p->cells[i], &row);
+        p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
+        ret->rejected += p->bad[i];
+    }
     return radiometry_fit_solve(p, error) && check_fit(p, ret->rejected, error) &&
            radiometry_fit_finish(p, ret, error);
 }
@@ -456,16 +446,11 @@ gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
     struct problem p = {
         .rig = &found, .shots = shots, .cells = cells, .n_shots = n_shots, .n_cells = n_cells};
     p.n = radiometry_fit_shot_at(&p, n_shots);
-    p.bad = g_new0(gboolean, n_cells);
-    p.x = g_new0(double, p.n);
-    p.right = g_new0(double, p.n);
-    p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
+    g_autofree gboolean *bad = p.bad = g_new0(gboolean, n_cells);
+    g_autofree double *x = p.x = g_new0(double, p.n), *right = p.right = g_new0(double, p.n);
+    g_autofree double *matrix = p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
     memset(ret, 0, sizeof *ret);
     gboolean ok = radiometry_fit_run(&p, ret, error);
-    g_free(p.bad);
-    g_free(p.x);
-    g_free(p.right);
-    g_free(p.matrix);
     if (ok)
         *rig = found;
     else
