@@ -8,11 +8,10 @@
 
 #define MAX_BYTES (16 << 20)
 
-static const char *const part_names[CALIBRATION_PARTS] = {"cameras", "lights", "laser",
-                                                          "radiometry"};
-
 const char *calibration_part_name(enum calibration_kind kind) {
-    return part_names[kind];
+    static const char *const names[] = {"cameras", "lights", "laser", "radiometry"};
+
+    return names[kind];
 }
 
 static void clear_part(struct calibration_part *part) {

@@ -78,32 +78,24 @@ static cairo_status_t draw_all(const struct board *board, const char *path,
     return status;
 }
 
-static gboolean board_draw_check(const struct board *board, const char *path,
-                                 const struct board_drawing *drawing, GError **error) {
+gboolean board_draw(const struct board *board, const char *path,
+                    const struct board_drawing *drawing, GError **error) {
     const double longest_mm =
         MAX(board->columns, board->rows) * board->square_mm + 2 * drawing->margin_mm;
+    const gboolean png = g_str_has_suffix(path, ".png");
+    cairo_status_t status;
 
-    if (!g_str_has_suffix(path, ".svg") && !g_str_has_suffix(path, ".pdf") &&
-        !g_str_has_suffix(path, ".png"))
+    if (!png && !g_str_has_suffix(path, ".svg") && !g_str_has_suffix(path, ".pdf"))
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
                     "%s: the name must end in .svg, .pdf or .png", path);
-    else if (g_str_has_suffix(path, ".png") && !(longest_mm * drawing->pixels_a_mm <= MAX_PIXELS))
+    else if (png && !(longest_mm * drawing->pixels_a_mm <= MAX_PIXELS))
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
                     "%s: %g pixels per millimetre make a picture larger than %d pixels", path,
                     drawing->pixels_a_mm, MAX_PIXELS);
+    else if ((status = draw_all(board, path, drawing)) != CAIRO_STATUS_SUCCESS)
+        g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO, "%s: cannot be written: %s", path,
+                    cairo_status_to_string(status));
     else
         return TRUE;
-    return FALSE;
-}
-
-gboolean board_draw(const struct board *board, const char *path,
-                    const struct board_drawing *drawing, GError **error) {
-    if (!board_draw_check(board, path, drawing, error))
-        return FALSE;
-    const cairo_status_t status = draw_all(board, path, drawing);
-    if (status == CAIRO_STATUS_SUCCESS)
-        return TRUE;
-    g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO, "%s: cannot be written: %s", path,
-                cairo_status_to_string(status));
     return FALSE;
 }

@@ -39,15 +39,11 @@ static double full_scale(const struct fit *fit) {
     return (double)((1 << fit->sensor->bits) - 1);
 }
 
-static int photon_transfer_columns(const struct fit *fit) {
-    return fit->sensor->width / fit->side;
-}
-
 /* EMVA 1288 (release 4.0) eq. 17: half the variance of the difference, its mean taken off. */
 static struct tile photon_transfer_measure_tile(const struct fit *fit,
                                                 const struct transfer_pair *pair, int index) {
-    int x0 = index % photon_transfer_columns(fit) * fit->side,
-        y0 = index / photon_transfer_columns(fit) * fit->side;
+    int columns = fit->sensor->width / fit->side;
+    int x0 = index % columns * fit->side, y0 = index / columns * fit->side;
     double sum = 0, difference = 0, squares = 0, top = 0;
     for (int y = y0; y < y0 + fit->side; y++)
         for (int x = x0; x < x0 + fit->side; x++) {
@@ -119,7 +115,7 @@ static gboolean photon_transfer_measure(struct fit *fit, const struct transfer_p
     return TRUE;
 }
 
-/* Weighted least squares of a line y = a + b·x; FALSE if all x are equal. */
+/* Sums for the weighted least squares of a line y = a + b·x. */
 struct line {
     double w, wx, wy, wxx, wxy;
 };
@@ -134,7 +130,7 @@ static void line_add(struct line *line, double x, double y, double weight) {
 
 static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, double *ret_error_a,
                          double *ret_error_b) {
-    double det = line->w * line->wxx - line->wx * line->wx;
+    double det = line->w * line->wxx - line->wx * line->wx; /* 0 if all x are equal */
     if (!(det > 1e-9 * line->w * line->wxx))
         return FALSE;
     *ret_a = (line->wxx * line->wy - line->wx * line->wxy) / det;
@@ -252,7 +248,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
 
 /* One tile over the exposures, for y = a·t·(1 − c·a·t / range) with its own a. */
 struct ramp {
-    double *t, *y, *weight;
+    double *t, *y, *weight; /* one block, which t owns */
     int n;
     double a;
 };
@@ -266,8 +262,8 @@ struct ramps {
 /* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the longest
  * one. */
 static void add_ramp(const struct fit *fit, int tile, struct ramps *ramps) {
-    struct ramp ramp = {g_new(double, fit->n_lit), g_new(double, fit->n_lit),
-                        g_new(double, fit->n_lit), 0, 0};
+    double *block = g_new(double, 3 * fit->n_lit);
+    struct ramp ramp = {block, block + fit->n_lit, block + 2 * fit->n_lit, 0, 0};
     double top = 0;
     for (int i = 0; i < fit->n_lit; i++) {
         const struct tile *lit = &fit->lit[i].tile[tile];
@@ -357,11 +353,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
     fit->to->curvature = ramps.curvature;
     fit->to->curvature_error = n > 1 ? ramps.error * sqrt(MAX(chi2 / (n - 1), 1)) : 0;
     fit->to->linearity = largest_deviation(fit, &ramps);
-    for (int r = 0; r < ramps.n; r++) {
+    for (int r = 0; r < ramps.n; r++)
         g_free(ramps.ramp[r].t);
-        g_free(ramps.ramp[r].y);
-        g_free(ramps.ramp[r].weight);
-    }
     g_free(ramps.ramp);
     if (n > 1 && ramps.error > 0 && isfinite(ramps.curvature))
         return TRUE;
@@ -369,13 +362,6 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
                 "no part of the picture is lit and not saturated at three exposures or more: use "
                 "shorter ones");
     return FALSE;
-}
-
-static gboolean photon_transfer_fit_all(struct fit *fit, const struct transfer_pair *dark,
-                                        const struct transfer_pair *lit, GError **error) {
-    return photon_transfer_measure(fit, dark, fit->n_dark, "dark", fit->dark, error) &&
-           photon_transfer_measure(fit, lit, fit->n_lit, "lit", fit->lit, error) &&
-           fit_dark(fit, error) && fit_curve(fit, error) && fit_linearity(fit, error);
 }
 
 static void free_tiles(struct tiles *tiles, int n) {
@@ -401,7 +387,9 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
     fit.dark = g_new0(struct tiles, n_dark);
     fit.lit = g_new0(struct tiles, n_lit);
     fit.to = &found;
-    gboolean ok = photon_transfer_fit_all(&fit, dark, lit, error);
+    gboolean ok = photon_transfer_measure(&fit, dark, n_dark, "dark", fit.dark, error) &&
+                  photon_transfer_measure(&fit, lit, n_lit, "lit", fit.lit, error) &&
+                  fit_dark(&fit, error) && fit_curve(&fit, error) && fit_linearity(&fit, error);
     free_tiles(fit.dark, n_dark);
     free_tiles(fit.lit, n_lit);
     if (ok)
