@@ -119,25 +119,18 @@ static const struct group {
     gsize count, offset, size;
     const struct field *fields;
 } groups[] = {
-    {"camera errors", offsetof(struct rig, n_cameras), offsetof(struct calibration, cameras),
-     sizeof(struct calibration_camera), camera_fields},
-    {"arc errors", NONE, offsetof(struct calibration, arc), sizeof(struct calibration_arc),
-     arc_fields},
-    {"lamp errors", offsetof(struct rig, n_lamps), offsetof(struct calibration, lamps),
-     sizeof(struct calibration_lamp), lamp_fields},
-    {"laser errors", offsetof(struct rig, n_lasers), offsetof(struct calibration, lasers),
-     sizeof(struct calibration_laser), laser_fields},
-    {"camera radiometry", offsetof(struct rig, n_cameras),
-     offsetof(struct calibration, camera_radiometry), sizeof(struct radiometry_camera),
-     radiometry_fields},
-    {"lamp radiometry", offsetof(struct rig, n_lamps),
-     offsetof(struct calibration, lamp_radiometry), sizeof(struct radiometry_lamp), light_fields},
-    {"camera noise", offsetof(struct rig, n_cameras), offsetof(struct calibration, noise),
-     sizeof(struct calibration_noise), noise_fields},
-    {"mark errors", offsetof(struct rig, n_marks), offsetof(struct calibration, marks),
-     sizeof(struct calibration_mark), mark_fields},
-    {"colour", NONE, offsetof(struct calibration, colour), sizeof(struct colour_matrix),
-     colour_fields},
+#define N(member)     offsetof(struct rig, n_##member)
+#define ARRAY(member) offsetof(struct calibration, member), sizeof(*((Calibration *)0)->member)
+#define ONE(member)   offsetof(struct calibration, member), sizeof(((Calibration *)0)->member)
+    {"camera errors", N(cameras), ARRAY(cameras), camera_fields},
+    {"arc errors", NONE, ONE(arc), arc_fields},
+    {"lamp errors", N(lamps), ARRAY(lamps), lamp_fields},
+    {"laser errors", N(lasers), ARRAY(lasers), laser_fields},
+    {"camera radiometry", N(cameras), ARRAY(camera_radiometry), radiometry_fields},
+    {"lamp radiometry", N(lamps), ARRAY(lamp_radiometry), light_fields},
+    {"camera noise", N(cameras), ARRAY(noise), noise_fields},
+    {"mark errors", N(marks), ARRAY(marks), mark_fields},
+    {"colour", NONE, ONE(colour), colour_fields},
 };
 
 /* Number of elements of a group, from the counts of the rig. */

@@ -163,11 +163,3 @@ void board_values(const struct board *board, const double *xy_mm, int n, float *
     for (int i = 0; i < n; i++)
         ret[i] = (float)board_value_at(board, bits, size, xy_mm[2 * i], xy_mm[2 * i + 1]);
 }
-
-double board_value(const struct board *board, double x_mm, double y_mm) {
-    const double xy_mm[2] = {x_mm, y_mm};
-    float value;
-
-    board_values(board, xy_mm, 1, &value);
-    return (double)value;
-}

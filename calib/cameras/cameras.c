@@ -165,9 +165,10 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
 }
 
 /* One pass over the pictures, distributed over threads. */
+typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 struct each {
     struct cameras_work *work;
-    gboolean (*run)(struct cameras_work *work, int i, double reach_px, GError **error);
+    CamerasPass run;
     const double *reach_px; /* of each picture; negative: skip it; NULL: all */
     GAsyncQueue *done;      /* queue of GError *, or of the work itself for success */
 };
@@ -181,38 +182,33 @@ static void cameras_run_picture(gpointer item, gpointer data) {
 }
 
 /* Runs a pass; returns the first error. Pictures that have not begun by then are skipped. */
-static gboolean for_each(struct each *each, GError **error) {
-    const int n = each->work->task->n_pictures;
+static gboolean for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
+                         GError **error) {
+    g_autoptr(GAsyncQueue) done = g_async_queue_new();
+    struct each each = {work, run, reach_px, done};
     GThreadPool *pool =
-        g_thread_pool_new(cameras_run_picture, each, (int)g_get_num_processors(), FALSE, NULL);
+        g_thread_pool_new(cameras_run_picture, &each, (int)g_get_num_processors(), FALSE, NULL);
     GError *first = NULL;
     int left = 0;
-    each->done = g_async_queue_new();
-    for (int i = 0; i < n; i++)
-        if (!each->reach_px || each->reach_px[i] >= 0) {
+    for (int i = 0; i < work->task->n_pictures; i++)
+        if (!reach_px || reach_px[i] >= 0) {
             g_thread_pool_push(pool, GINT_TO_POINTER(i + 1), NULL);
             left++;
         }
     for (; left > 0 && !first; left--) {
-        gpointer end = g_async_queue_pop(each->done);
-        if (end != (gpointer)each->work)
+        gpointer end = g_async_queue_pop(done);
+        if (end != (gpointer)work)
             first = end;
         else
-            cameras_progress(each->work, &first);
+            cameras_progress(work, &first);
     }
     g_thread_pool_free(pool, first != NULL, TRUE);
-    for (gpointer rest; (rest = g_async_queue_try_pop(each->done));)
-        if (rest != (gpointer)each->work)
+    for (gpointer rest; (rest = g_async_queue_try_pop(done));)
+        if (rest != (gpointer)work)
             g_error_free(rest);
-    g_async_queue_unref(each->done);
     if (first)
         g_propagate_error(error, first);
     return first == NULL;
-}
-
-static gboolean find_boards(struct cameras_work *work, GError **error) {
-    struct each each = {work, find_board, NULL, NULL};
-    return for_each(&each, error);
 }
 
 int cameras_pictures_of(const struct cameras_work *work, int camera) {
@@ -232,12 +228,11 @@ static void fix_unknown(struct cameras_work *work) {
     }
 }
 
-/* One bundle adjustment with the corners found so far. robust: Huber's threshold in standard
- * deviations. */
-static gboolean cameras_solve(struct cameras_work *work, double robust, GError **error) {
+/* One bundle adjustment with the corners found so far. */
+static gboolean cameras_solve(struct cameras_work *work, GError **error) {
     fix_unknown(work);
     cameras_set_observations(work);
-    work->bundle.robust = robust;
+    work->bundle.robust = 3;
     return bundle_solve(&work->bundle, error);
 }
 
@@ -249,14 +244,13 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
         unknown[c] = cameras_pictures_of(work, c) < LEAST_PICTURES;
     g_autofree double *reach_px = g_new(double, work->task->n_pictures);
     for (int pass = 0; pass < 2; pass++) {
-        struct each each = {work, search_near, reach_px, NULL};
         for (int i = 0; i < work->task->n_pictures; i++) {
             const int camera = work->seen[i].camera;
             const gboolean far = pass == 0 && unknown[camera];
             const gboolean wanted = pass == 1 || far || !work->seen[i].corners;
             reach_px[i] = far ? FAR * work->nominal.cameras[camera].width : wanted ? NEAR_PX : -1;
         }
-        if (!for_each(&each, error) || !cameras_solve(work, 3, error))
+        if (!for_each(work, search_near, reach_px, error) || !cameras_solve(work, error))
             return FALSE;
     }
     return TRUE;
@@ -365,22 +359,30 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     return result;
 }
 
-static gboolean cameras_do_refine(struct cameras_work *work, GError **error) {
-    fix_unknown(work);
-    return cameras_refine(work, error) && cameras_check_majority(work, error);
-}
-
-struct cameras_result *cameras_calibrate(struct calibration *calibration,
-                                         const struct cameras_task *task, GError **error) {
+/* free_boards: a lens alone; the camera frame is the rig frame, every photograph is a lay of its
+ * own. */
+static struct cameras_result *cameras_run(struct calibration *calibration,
+                                          const struct cameras_task *task, gboolean free_boards,
+                                          GError **error) {
     struct cameras_work work;
     struct cameras_result *result = NULL;
-    cameras_work_init(&work, calibration, task, FALSE);
-    gboolean ok = find_boards(&work, error);
-    cameras_start(&work);
-    ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
-         cameras_solve(&work, 3, error) && cameras_check_start(&work, error) &&
-         search_everywhere(&work, error) && cameras_check_pictures(&work, error) &&
-         cameras_do_refine(&work, error) && cameras_check_pictures(&work, error) &&
+    cameras_work_init(&work, calibration, task, free_boards);
+    gboolean ok = for_each(&work, find_board, NULL, error);
+    if (free_boards) {
+        struct rig_camera *camera = &work.nominal.cameras[0];
+        camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+        camera->translation_mm = vec3(0, 0, 0);
+        ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error);
+    } else {
+        cameras_start(&work);
+        ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
+             cameras_solve(&work, error) && cameras_check_start(&work, error) &&
+             search_everywhere(&work, error) && cameras_check_pictures(&work, error);
+    }
+    if (ok)
+        fix_unknown(&work);
+    ok = ok && cameras_refine(&work, error) && cameras_check_majority(&work, error) &&
+         (free_boards || cameras_check_pictures(&work, error)) &&
          cameras_check_result(&work, error);
     if (ok)
         result = cameras_store_result(&work);
@@ -388,19 +390,12 @@ struct cameras_result *cameras_calibrate(struct calibration *calibration,
     return result;
 }
 
-/* A lens alone: the camera frame is the rig frame, every photograph is a lay of its own. */
+struct cameras_result *cameras_calibrate(struct calibration *calibration,
+                                         const struct cameras_task *task, GError **error) {
+    return cameras_run(calibration, task, FALSE, error);
+}
+
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error) {
-    struct cameras_work work;
-    struct cameras_result *result = NULL;
-    cameras_work_init(&work, calibration, task, TRUE);
-    struct rig_camera *camera = &work.nominal.cameras[0];
-    camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-    camera->translation_mm = vec3(0, 0, 0);
-    if (find_boards(&work, error) && cameras_start_lens(&work, error) &&
-        cameras_start_lays(&work, error) && cameras_do_refine(&work, error) &&
-        cameras_check_result(&work, error))
-        result = cameras_store_result(&work);
-    cameras_work_clear(&work);
-    return result;
+    return cameras_run(calibration, task, TRUE, error);
 }

@@ -59,12 +59,11 @@ static double straightened(const double by[3], double x, double y) {
     return by[0] * x * x + by[1] * x * y + by[2] * y * y;
 }
 
-/* Collects the clear pixels around the guess. FALSE: too few of them lie in the picture. */
+/* Collects the clear pixels around the guess. back: board's x, y by the picture's. FALSE: too few
+ * of them lie in the picture. */
 static gboolean corner_gather(const struct picture *picture, const struct board *board,
-                              const struct corner_guess *guess, struct pixels *to) {
-    double back[2][2];
-    if (!corner_invert(guess->px_a_mm, back))
-        return FALSE;
+                              const struct corner_guess *guess, const double back[2][2],
+                              struct pixels *to) {
     const double guard_mm[2] = {GUARD_PX * hypot(back[0][0], back[0][1]),
                                 GUARD_PX * hypot(back[1][0], back[1][1])};
     const int middle_x = (int)lround(guess->x_px), middle_y = (int)lround(guess->y_px);
@@ -96,23 +95,6 @@ static double normal_angle(double x, double y, double towards_x, double towards_
     const double nx = -y, ny = x;
     const double sign = nx * towards_x + ny * towards_y < 0 ? -1 : 1;
     return atan2(sign * ny, sign * nx);
-}
-
-/* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
-static void corner_start(const struct corner_guess *guess, const struct pixels *pixels,
-                         double p[N]) {
-    const double(*m)[2] = guess->px_a_mm;
-    double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
-    for (int i = 0; i < pixels->n; i++) {
-        low = MIN(low, pixels->value[i]);
-        high = MAX(high, pixels->value[i]);
-    }
-    memset(p, 0, sizeof(double) * N);
-    p[TURN_1] = normal_angle(m[0][1], m[1][1], m[0][0], m[1][0]);
-    p[TURN_2] = normal_angle(m[0][0], m[1][0], m[0][1], m[1][1]);
-    p[LEVEL] = (low + high) / 2;
-    p[CONTRAST] = (high - low) / 2;
-    p[BLUR] = 0.7;
 }
 
 /* Terms common to all pixels: cosine and sine of both normals, 1 / √2σ, signed contrast. */
@@ -220,28 +202,30 @@ static gboolean corner_covariance(const double h[N * N], double variance, double
     return ret[0][0] > 0 && ret[1][1] > 0 && ret[0][0] * ret[1][1] - ret[0][1] * ret[1][0] > 0;
 }
 
-/* Distance from the guess, in squares of the board. */
-static double squares_moved(const struct board *board, const struct corner_guess *guess,
-                            const double p[N]) {
-    double back[2][2];
-    if (!corner_invert(guess->px_a_mm, back))
-        return G_MAXDOUBLE;
-    return MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
-               fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y])) /
-           board->square_mm;
-}
-
 /* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
 static gboolean corner_do_fit(const struct picture *picture, const struct board *board, int id,
                               const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
-    double p[N], h[N * N], total;
+    double p[N], h[N * N], back[2][2], total;
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
     /* +1 if the corner's upper right and lower left squares are white */
     pixels.sign = (column + row) % 2 ? -1 : 1;
-    if (!corner_gather(picture, board, guess, &pixels))
+    if (!corner_invert(guess->px_a_mm, back) ||
+        !corner_gather(picture, board, guess, back, &pixels))
         return FALSE;
-    corner_start(guess, &pixels, p);
+    /* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
+    const double(*m)[2] = guess->px_a_mm;
+    double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
+    for (int i = 0; i < pixels.n; i++) {
+        low = MIN(low, pixels.value[i]);
+        high = MAX(high, pixels.value[i]);
+    }
+    memset(p, 0, sizeof(double) * N);
+    p[TURN_1] = normal_angle(m[0][1], m[1][1], m[0][0], m[1][0]);
+    p[TURN_2] = normal_angle(m[0][0], m[1][0], m[0][1], m[1][1]);
+    p[LEVEL] = (low + high) / 2;
+    p[CONTRAST] = (high - low) / 2;
+    p[BLUR] = 0.7;
     if (!(p[CONTRAST] > 0) || !minimise(&pixels, p, h, &total))
         return FALSE;
     const double variance = MAX(total / (pixels.n - N), 1e-12 * p[CONTRAST] * p[CONTRAST]);
@@ -251,8 +235,10 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
         .y_px = guess->y_px + p[AT_Y] - straightened(guess->straighten[1], p[AT_X], p[AT_Y]),
         .blur_px = p[BLUR],
         .contrast = p[CONTRAST]};
+    const double moved_mm = MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
+                                fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y]));
     return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < MOST_BLUR_PX &&
-           squares_moved(board, guess, p) < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
+           moved_mm / board->square_mm < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
            fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
            ret->covariance_px2[0][0] + ret->covariance_px2[1][1] < MOST_ERROR_PX * MOST_ERROR_PX;
 }

@@ -50,19 +50,9 @@ struct measuring {
     double moment[2]; /* first moment of the surround: mean of share of white × direction */
 };
 
-static struct node node_at(const struct measuring *m, int x, int y) {
+static void set_nodes(struct measuring *m) {
     const struct mark_scene *s = m->scene;
     const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
-    struct vec3 ray = rig_pixel_ray(m->camera, x, y);
-    struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
-    struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
-    double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) / G_PI *
-                   MAX(path.z / vec3_length(path), 0) *
-                   rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
-    return (struct node){p.x, p.y, white};
-}
-
-static void set_nodes(struct measuring *m) {
     m->node_x0 = m->x0;
     m->node_y0 = m->y0;
     m->step = CLAMP((int)hypot(m->camera->width, m->camera->height) / STEPS, 1, 8);
@@ -70,11 +60,17 @@ static void set_nodes(struct measuring *m) {
     m->node_rows = (m->y1 - m->y0) / m->step + 2;
     m->nodes = g_new(struct node, (gsize)m->node_columns * (gsize)m->node_rows);
     for (int j = 0; j < m->node_rows; j++)
-        for (int i = 0; i < m->node_columns; i++)
-            m->nodes[j * m->node_columns + i] =
-                node_at(m, m->node_x0 + i * m->step, m->node_y0 + j * m->step);
+        for (int i = 0; i < m->node_columns; i++) {
+            int x = m->node_x0 + i * m->step, y = m->node_y0 + j * m->step;
+            struct vec3 ray = rig_pixel_ray(m->camera, x, y);
+            struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
+            struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
+            double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) /
+                           G_PI * MAX(path.z / vec3_length(path), 0) *
+                           rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
+            m->nodes[j * m->node_columns + i] = (struct node){p.x, p.y, white};
+        }
     for (int k = 0; k < 3; k++) {
-        const struct mark_scene *s = m->scene;
         m->colour[k] = m->mark->reflectance[k];
         if (s->radiometry && s->radiometry->known)
             m->colour[k] *= s->radiometry->colour[k];
@@ -294,23 +290,6 @@ static double centroid_variance(const struct measuring *m, const double noise[2]
     return variance / (area * area);
 }
 
-/* The lamp's output: mean over all colours; shot noise is nearly the same in all pixels, so that
- * all colours share one variance. */
-static void set_output(const struct mean whole[3], struct mark_seen *seen) {
-    double n = 0, freedom = 0, variance = 0, sum = 0;
-    for (int k = 0; k < 3; k++) {
-        n += whole[k].n;
-        sum += whole[k].sum;
-        freedom += MAX(whole[k].n - 1, 0);
-        variance += variance_of(&whole[k]) * MAX(whole[k].n - 1, 0);
-    }
-    seen->output = n > 0 ? sum / n : 1;
-    seen->output_error =
-        n >= FEW_WHOLE && variance < UNEVEN * UNEVEN * freedom * seen->output * seen->output
-            ? sqrt(variance / freedom / n)
-            : (double)INFINITY;
-}
-
 /* Moves the estimated centre by a displacement in pixels. */
 static gboolean shift(struct measuring *m, double off_x, double off_y) {
     double x, y, z = m->middle.z;
@@ -342,7 +321,20 @@ static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
     measure_moment(m);
     seen->error_px =
         sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px) + pull_variance(m));
-    set_output(whole, seen);
+    /* The lamp's output: mean over all colours; shot noise is nearly the same in all pixels, so
+     * that all colours share one variance. */
+    double n = 0, freedom = 0, variance = 0, sum = 0;
+    for (int k = 0; k < 3; k++) {
+        n += whole[k].n;
+        sum += whole[k].sum;
+        freedom += MAX(whole[k].n - 1, 0);
+        variance += variance_of(&whole[k]) * MAX(whole[k].n - 1, 0);
+    }
+    seen->output = n > 0 ? sum / n : 1;
+    seen->output_error =
+        n >= FEW_WHOLE && variance < UNEVEN * UNEVEN * freedom * seen->output * seen->output
+            ? sqrt(variance / freedom / n)
+            : (double)INFINITY;
     return isfinite(seen->error_px) && seen->output > LEAST_OUTPUT && seen->output < MOST_OUTPUT;
 }
 

@@ -125,41 +125,24 @@ static double marks_check_length_of(const struct explained *by, double *ret_erro
     return sqrt(squares);
 }
 
-/* Whether a hypothesis is significant. */
-static gboolean counts(const struct explained *by, double least_deg) {
-    double error;
-    double length = marks_check_length_of(by, &error);
-    return by->gain > CERTAIN * CERTAIN && length > CERTAIN * error &&
-           length * 180 / G_PI >= least_deg;
-}
-
-static void marks_check_note(const struct cause *cause, const struct explained *by,
-                             struct marks_check *ret) {
-    double error;
-    double length = marks_check_length_of(by, &error);
-    if (cause->camera < 0) {
-        ret->slipped = TRUE;
-        ret->slip_deg += by->angle[0] * 180 / G_PI;
-        ret->slip_error_deg = error * 180 / G_PI;
-        return;
-    }
-    ret->cameras[cause->camera].moved = TRUE;
-    ret->cameras[cause->camera].turn_deg = length * 180 / G_PI;
-    ret->cameras[cause->camera].turn_error_deg = error * 180 / G_PI;
-}
-
 /* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable
  * slipped all cameras show it, and none of them needs to have moved. */
 static void find_causes(struct checking *check, double least_deg, struct marks_check *ret) {
     gboolean taken[MOST_TURNS] = {FALSE};
+    double error;
     for (int round = 0; round < check->rig->n_cameras + 1; round++) {
         struct explained best = {.gain = 0};
         struct cause by = {-1, 0};
         for (int camera = -1; camera < check->rig->n_cameras; camera++) {
             struct cause cause = {camera, camera < 0 ? 1 : 3};
             struct explained found;
-            if (!taken[camera + 1] && explain(check, &cause, &found) && counts(&found, least_deg) &&
-                found.gain > best.gain) {
+            if (taken[camera + 1] || !explain(check, &cause, &found))
+                continue;
+            const double length = marks_check_length_of(&found, &error);
+            const gboolean significant = found.gain > CERTAIN * CERTAIN &&
+                                         length > CERTAIN * error &&
+                                         length * 180 / G_PI >= least_deg;
+            if (significant && found.gain > best.gain) {
                 best = found;
                 by = cause;
             }
@@ -174,7 +157,16 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
                 check->off_x[i] -= slope[0] * best.angle[u];
                 check->off_y[i] -= slope[1] * best.angle[u];
             }
-        marks_check_note(&by, &best, ret);
+        const double length = marks_check_length_of(&best, &error);
+        if (by.camera < 0) {
+            ret->slipped = TRUE;
+            ret->slip_deg += best.angle[0] * 180 / G_PI;
+            ret->slip_error_deg = error * 180 / G_PI;
+        } else {
+            ret->cameras[by.camera].moved = TRUE;
+            ret->cameras[by.camera].turn_deg = length * 180 / G_PI;
+            ret->cameras[by.camera].turn_error_deg = error * 180 / G_PI;
+        }
     }
 }
 

@@ -13,9 +13,11 @@
 #define NEAREST   3.0 /* radii: a light is at least this far from the balls */
 #define KNOWN     0.5 /* largest relative error of a known position */
 
-/* n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up. */
-gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
-                              struct vec3 *ret) {
+/* Unit direction of the light whose highlight is at a point of the ball; FALSE: the point is
+ * outside of the ball. n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up.
+ */
+static gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
+                                     struct vec3 *ret) {
     double x = (x_px - ball->x_px) / ball->radius_px, y = (ball->y_px - y_px) / ball->radius_px;
     double rest = 1 - x * x - y * y;
     if (!(rest > 0))

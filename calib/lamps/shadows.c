@@ -191,20 +191,16 @@ static gboolean set_slope(struct window *w, int column, int row) {
     return isfinite(w->pixel_mm);
 }
 
-/* Whether a pixel lies beyond the centre of a post's top. The top is evenly bright; the side is
- * not. */
-static gboolean is_beyond(const struct window *w, const struct pixel *p) {
-    double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
-    return (p->x - w->streak.to.x) * ax + (p->y - w->streak.to.y) * ay > 0;
-}
-
 /* Takes a pixel unless it overlaps anything but plate and shadow. */
 static void take_pixel(struct window *w, gsize i, double reach_mm, double margin_mm) {
     const float *xy = w->view->map->xy_mm + 2 * i;
     struct pixel p = {(double)xy[0], (double)xy[1],
                       w->body ? (double)w->shot->values[i] : shadow_value(w->view, w->shot, i)};
     double away = hypot(p.x - w->streak.to.x, p.y - w->streak.to.y);
-    if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !is_beyond(w, &p)))
+    double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
+    double beyond = (p.x - w->streak.to.x) * ax + (p.y - w->streak.to.y) * ay;
+    /* Beyond its centre a post's top is evenly bright; its side is not. */
+    if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !(beyond > 0)))
         return;
     gboolean near_end = away < w->streak.to_mm + w->pixel_mm;
     w->near_end += near_end;

@@ -116,29 +116,26 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     return ret->width > 0 && ret->height > 0;
 }
 
-/* Values of 32 bits need twice the memory while they are decoded. */
-static gboolean check_wide(const char *path, const struct size *size, gsize length,
-                           GError **error) {
+/* The size is checked before decoding, so that a small file cannot claim all memory. */
+gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
+    struct size size = {0};
+    struct tiff tiff;
+    if (!png_size(bytes, length, &size) && !jpeg_size(bytes, length, &size) &&
+        !(tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size))) {
+        g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                    "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+        return FALSE;
+    }
+    if (!input_file_check_pixels(path, size.width, size.height, length, error))
+        return FALSE;
+    /* Values of 32 bits need twice the memory while they are decoded. */
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * length) / 2;
-    if (size->bits <= 16 || size->height <= most / size->width)
+    if (size.bits <= 16 || size.height <= most / size.width)
         return TRUE;
     g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
                 "%s: with %" G_GUINT64_FORMAT " bits a value, a file of %" G_GSIZE_FORMAT
                 " bytes may have at most %" G_GUINT64_FORMAT " pixels, not %" G_GUINT64_FORMAT
                 " × %" G_GUINT64_FORMAT "; save it with 16 bits",
-                path, size->bits, length, most, size->width, size->height);
-    return FALSE;
-}
-
-/* The size is checked before decoding, so that a small file cannot claim all memory. */
-gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
-    struct size size = {0};
-    struct tiff tiff;
-    if (png_size(bytes, length, &size) || jpeg_size(bytes, length, &size) ||
-        (tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size)))
-        return input_file_check_pixels(path, size.width, size.height, length, error) &&
-               check_wide(path, &size, length, error);
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+                path, size.bits, length, most, size.width, size.height);
     return FALSE;
 }

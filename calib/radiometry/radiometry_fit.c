@@ -180,19 +180,6 @@ static void add_prior(struct problem *p, int at, double sd) {
     p->right[at] -= p->x[at] / (sd * sd);
 }
 
-static void add_priors(struct problem *p) {
-    for (int c = 0; c < p->rig->n_cameras; c++)
-        for (int i = 0; i < RADIOMETRY_FLAT; i++)
-            add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
-    for (int s = 0; s < p->n_shots; s++)
-        add_prior(p, radiometry_fit_shot_at(p, s), DRIFT_SD);
-    for (int l = 0; l < p->rig->n_lamps; l++) {
-        add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
-        add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
-        add_prior(p, lamp_at(p, l) + 5, AIM_SD_RAD);
-    }
-}
-
 static void radiometry_fit_build(struct problem *p) {
     struct row row;
     memset(p->matrix, 0, (gsize)p->n * (gsize)p->n * sizeof(double));
@@ -219,7 +206,16 @@ static void radiometry_fit_build(struct problem *p) {
         tie_colours(p, camera_at(p, c));
     for (int l = 0; l < p->rig->n_lamps; l++)
         tie_colours(p, lamp_at(p, l));
-    add_priors(p);
+    for (int c = 0; c < p->rig->n_cameras; c++)
+        for (int i = 0; i < RADIOMETRY_FLAT; i++)
+            add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
+    for (int s = 0; s < p->n_shots; s++)
+        add_prior(p, radiometry_fit_shot_at(p, s), DRIFT_SD);
+    for (int l = 0; l < p->rig->n_lamps; l++) {
+        add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
+        add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
+        add_prior(p, lamp_at(p, l) + 5, AIM_SD_RAD);
+    }
     for (int i = 0; i < p->n; i++) /* undetermined parameters stay as they are */
         if (*diagonal(p, i) == 0)
             *diagonal(p, i) = 1;

@@ -30,6 +30,13 @@ static struct picture *draw(const struct board *board, const char *name) {
     return picture;
 }
 
+static double board_value(const struct board *board, double x_mm, double y_mm) {
+    float value;
+
+    board_values(board, (const double[]){x_mm, y_mm}, 1, &value);
+    return (double)value;
+}
+
 static void test_spec(void) {
     static const char *const bad[] = {"",
                                       "8",
