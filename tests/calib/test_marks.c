@@ -82,10 +82,6 @@ static const struct mark_seen *at(const GArray *seen, guint i) {
     return &g_array_index(seen, struct mark_seen, i);
 }
 
-static double drift_at(int lamp) {
-    return 1 + 0.03 * sin(2 * G_PI * (10.0 * lamp + 1 + FIXTURE_US * 0.5e-6) / 100);
-}
-
 /* Where they are, to a small part of a pixel, and what they show of each lamp's output. */
 static void found(void) {
     double sum = 0, normalised = 0, output = 0;
@@ -98,7 +94,8 @@ static void found(void) {
             const struct mark_seen *s = at(seen, i);
             double dx = s->x_px - s->expected_x_px, dy = s->y_px - s->expected_y_px;
             int lamp = (int)lrint((s->turntable_rad * 180 / G_PI - 17) / 30);
-            double off = s->output / drift_at(lamp) - 1;
+            double drift = 0.03 * sin(2 * G_PI * (10.0 * lamp + 1 + FIXTURE_US * 0.5e-6) / 100);
+            double off = s->output / (1 + drift) - 1;
             sum += (dx * dx + dy * dy) / 2;
             normalised += (dx * dx + dy * dy) / (2 * s->error_px * s->error_px);
             n++;

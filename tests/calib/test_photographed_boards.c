@@ -138,18 +138,9 @@ static double sample(const struct board *board, const struct rig_camera *camera,
         &camera->rotation, vec3((x - camera->cx_px) / FOCAL_PX, (y - camera->cy_px) / FOCAL_PX, 1));
     const struct vec3 from = rig_camera_centre_mm(camera);
     const double t = -from.z / ray.z;
-    const double value = board_value(board, from.x + t * ray.x, from.y + t * ray.y);
-    return value < 0 ? 1 : value;
-}
-
-/* By quarters of a turn. */
-static void roll(struct rig_camera *camera, int quarters) {
-    for (; quarters > 0; quarters--)
-        for (int k = 0; k < 3; k++) {
-            const double right = camera->rotation.m[0][k];
-            camera->rotation.m[0][k] = camera->rotation.m[1][k];
-            camera->rotation.m[1][k] = -right;
-        }
+    float value;
+    board_values(board, (const double[]){from.x + t * ray.x, from.y + t * ray.y}, 1, &value);
+    return value < 0 ? 1 : (double)value;
 }
 
 static struct picture *draw(int i, gpointer data, GError **error) {
@@ -162,7 +153,13 @@ static struct picture *draw(int i, gpointer data, GError **error) {
     camera.cy_px = (HEIGHT - 1) / 2.0;
     rig_camera_look_at(&camera, vec3_scale(rig_direction(0.3 + 0.05 * i, 2.5 * i), 420),
                        vec3(0, 0, 0));
-    roll(&camera, i);
+    /* By quarters of a turn. */
+    for (; i > 0; i--)
+        for (int k = 0; k < 3; k++) {
+            const double right = camera.rotation.m[0][k];
+            camera.rotation.m[0][k] = camera.rotation.m[1][k];
+            camera.rotation.m[1][k] = -right;
+        }
     for (int y = 0; y < HEIGHT; y++)
         for (int x = 0; x < WIDTH; x++) {
             const double dx = RIPPLE_PX * sin((x + 2 * y) / 7.0 + phase);

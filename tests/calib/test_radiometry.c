@@ -101,20 +101,6 @@ static void check_camera(const struct rig *rig, const struct tile_fit *fit, int 
     g_assert_cmpfloat(sqrt(sum / n), <, 2e-3);
 }
 
-static void check_lamp(const struct rig *rig, const struct tile_fit *fit, int l,
-                       struct normalised *lamp) {
-    const struct fixture_lamp *truth = &fixture_lamps[l];
-    double common = 0;
-    for (int k = 0; k < 3; k++)
-        common += true_log_gain(-1, k) / 3;
-    add(lamp, log(rig->lamps[l].intensity), log(truth->intensity * true_output(l)) + common,
-        fit->lamps[l].intensity_error);
-    add(lamp, rig->lamps[l].exponent, truth->exponent, fit->lamps[l].exponent_error);
-    for (int k = 0; k < 3; k++)
-        add(lamp, fit->lamps[l].colour[k], exp(true_log_gain(-1, k) - common),
-            fit->lamps[l].colour_error[k]);
-}
-
 static void tile(void) {
     struct normalised response = {0}, colour = {0}, lamp = {0}, output = {0};
     for (int seed = 1; seed <= SEEDS; seed++) {
@@ -135,7 +121,16 @@ static void tile(void) {
         g_assert_cmpfloat(fit.quality, <, 1.25);
         for (int i = 0; i < 3; i++) {
             check_camera(&rig, &fit, i, &response, &colour);
-            check_lamp(&rig, &fit, i, &lamp);
+            const struct fixture_lamp *truth = &fixture_lamps[i];
+            double common = 0;
+            for (int k = 0; k < 3; k++)
+                common += true_log_gain(-1, k) / 3;
+            add(&lamp, log(rig.lamps[i].intensity), log(truth->intensity * true_output(i)) + common,
+                fit.lamps[i].intensity_error);
+            add(&lamp, rig.lamps[i].exponent, truth->exponent, fit.lamps[i].exponent_error);
+            for (int k = 0; k < 3; k++)
+                add(&lamp, fit.lamps[i].colour[k], exp(true_log_gain(-1, k) - common),
+                    fit.lamps[i].colour_error[k]);
         }
         for (int s = 0; s < N_SHOTS; s++)
             add(&output, fit.output[s], true_drift(s) / true_output(s % 3), fit.output_error[s]);

@@ -6,22 +6,6 @@ static double boards_theta_deg(const struct fixture_rig *o, int camera) {
                                                         camera / (o->n_cameras - 1);
 }
 
-/* A lens that is like real ones: focal length and middle off by a little, some distortion. */
-static void boards_lens(const struct fixture_rig *o, int camera, GString *to) {
-    GRand *rand = g_rand_new_with_seed((guint32)(o->seed * 100 + camera));
-    const double scale = 1 + g_rand_double_range(rand, -0.01, 0.01);
-    const double x = g_rand_double_range(rand, -0.015, 0.015) * o->width;
-    const double y = g_rand_double_range(rand, -0.015, 0.015) * o->width;
-    const double k1 = g_rand_double_range(rand, -0.3, 0.1), k2 = g_rand_double_range(rand, 0, 0.2);
-    const double p1 = g_rand_double_range(rand, -0.002, 0.002);
-    const double p2 = g_rand_double_range(rand, -0.002, 0.002);
-    g_string_append_printf(to,
-                           "focal_scale = %.6f\ncentre_px = %.4f;%.4f\nk1 = %.5f\nk2 = %.5f\n"
-                           "p1 = %.6f\np2 = %.6f\n",
-                           scale, x, y, k1, k2, p1, p2);
-    g_rand_free(rand);
-}
-
 static char *boards_world_text(const struct fixture *f, const struct fixture_lay *lay) {
     const struct fixture_rig *o = &f->options;
     GString *text = g_string_new(NULL);
@@ -44,7 +28,21 @@ static char *boards_world_text(const struct fixture *f, const struct fixture_lay
                                "vignetting = 0.06\nread_noise_e = 4\nblur_px = %g\n",
                                c, boards_theta_deg(o, c), o->distance_mm, o->width, o->height,
                                o->focal_px, o->blur_px);
-        boards_lens(o, c, text);
+        /* A lens that is like real ones: focal length and middle off by a little, some distortion.
+         */
+        GRand *rand = g_rand_new_with_seed((guint32)(o->seed * 100 + c));
+        const double scale = 1 + g_rand_double_range(rand, -0.01, 0.01);
+        const double x = g_rand_double_range(rand, -0.015, 0.015) * o->width;
+        const double y = g_rand_double_range(rand, -0.015, 0.015) * o->width;
+        const double k1 = g_rand_double_range(rand, -0.3, 0.1),
+                     k2 = g_rand_double_range(rand, 0, 0.2);
+        const double p1 = g_rand_double_range(rand, -0.002, 0.002);
+        const double p2 = g_rand_double_range(rand, -0.002, 0.002);
+        g_string_append_printf(text,
+                               "focal_scale = %.6f\ncentre_px = %.4f;%.4f\nk1 = %.5f\nk2 = %.5f\n"
+                               "p1 = %.6f\np2 = %.6f\n",
+                               scale, x, y, k1, k2, p1, p2);
+        g_rand_free(rand);
     }
     g_string_append(text, "\n[lamp lamp0]\ntheta_deg = 20\ndistance_mm = 500\nintensity = 40\n"
                           "exponent = 2\n");
@@ -97,21 +95,6 @@ static struct picture *boards_take(World *world, int camera, double true_deg, gu
     return picture;
 }
 
-static void boards_write(const struct fixture *f, const char *name, const char *text) {
-    g_autofree char *path = g_build_filename(f->folder, name, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-}
-
-/* Cells of a marker are whole pixels of the print. */
-static void boards_print(const struct fixture *f) {
-    g_autofree char *path = g_build_filename(f->folder, "board.png", NULL);
-    const double cell = f->board.marker_mm > 0 ? f->board.marker_mm / 6 : f->board.square_mm;
-    const struct board_drawing drawing = {0, 1 / cell};
-    g_autoptr(GError) error = NULL;
-    board_draw(&f->board, path, &drawing, &error);
-    g_assert_no_error(error);
-}
-
 void boards_open(struct fixture *f, const struct fixture_rig *options,
                  const struct fixture_lay *lays, int n_lays) {
     g_autoptr(GError) error = NULL;
@@ -119,12 +102,16 @@ void boards_open(struct fixture *f, const struct fixture_rig *options,
     g_assert_true(board_parse(&f->board, options->board, &error));
     f->folder = g_dir_make_tmp("mesorig-boards-XXXXXX", NULL);
     boards_nominal(f);
-    boards_print(f);
+    g_autofree char *print = g_build_filename(f->folder, "board.png", NULL);
+    const double cell = f->board.marker_mm > 0 ? f->board.marker_mm / 6 : f->board.square_mm;
+    const struct board_drawing drawing = {0, 1 / cell}; /* cells of a marker are whole pixels */
+    board_draw(&f->board, print, &drawing, &error);
+    g_assert_no_error(error);
     for (int l = 0; l < n_lays; l++) {
         g_autofree char *name = g_strdup_printf("world%d.conf", l);
         g_autofree char *path = g_build_filename(f->folder, name, NULL);
         g_autofree char *text = boards_world_text(f, &lays[l]);
-        boards_write(f, name, text);
+        g_assert_true(g_file_set_contents(path, text, -1, NULL));
         f->worlds[l] = world_get(path, &error);
         g_assert_no_error(error);
     }
