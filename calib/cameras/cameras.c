@@ -10,10 +10,9 @@
 #define RAD(deg)        ((deg) * (G_PI / 180))
 #define ANGLE_SIGMA_DEG 0.1 /* standard deviation of the turntable from its commanded angle */
 #define NEAR_PX         3   /* search radius once the geometry is known */
-#define FAR                                                                                        \
-    0.2 /* search radius over the picture's width, for a camera known from the rig file only */
-#define LEAST_CORNERS  6 /* in a usable picture */
-#define LEAST_PICTURES 3 /* of a camera, to refine it */
+#define FAR             0.2 /* the same over the picture's width, before it is known */
+#define LEAST_CORNERS   6   /* in a usable picture */
+#define LEAST_PICTURES  3   /* of a camera, to refine it */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 

@@ -22,10 +22,9 @@
  * is as uneven as the ring: (WINDOW³ − 1) · 2/3. */
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST 1.0 /* in radii: largest distance from the expected position */
-#define LEAST_OUTPUT                                                                               \
-    0.2 /* bounds of a lamp's relative output; outside, the fiducial is in shadow or it is         \
-           something else */
-#define MOST_OUTPUT 5
+/* Bounds of a lamp's relative output; outside, the fiducial is in shadow or something else. */
+#define LEAST_OUTPUT 0.2
+#define MOST_OUTPUT  5
 
 /* Grid of nodes every few pixels: the point where the pixel's ray meets the plane of the
  * fiducial's face, and the expected value of white there. Values in between are interpolated,

@@ -9,11 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SOFT_ROUNDS 5 /* rounds with soft (Cauchy-like) weights, then */
-#define HARD_ROUNDS 3 /* rounds with outliers rejected */
-#define SOFT        2.5
-#define SINGULAR                                                                                   \
-    1e-12 /* relative pivot of the scaled normal equations below which they are singular */
+#define SOFT_ROUNDS  5 /* rounds with soft (Cauchy-like) weights, then */
+#define HARD_ROUNDS  3 /* rounds with outliers rejected */
+#define SOFT         2.5
+#define SINGULAR     1e-12 /* relative pivot of the scaled normal equations, at least */
 #define CONVERGED    1e-10
 #define STEPS        60
 #define DIFFERENCE   1.5e-8 /* √ε of a double: step of forward differences */
@@ -224,7 +223,7 @@ static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
          * trace of H⁻¹ JᵀJ. */
         double sum = 0;
         for (int j = 0; j < work->n; j++) {
-            const double sigma = work->fit->known_sigma ? work->fit->known_sigma[j] : 0;
+            const double sigma = fit->known_sigma ? fit->known_sigma[j] : 0;
             const double left = sigma > 0 ? ret->covariance[j * work->n + j] / (sigma * sigma) : 0;
             sum += ret->covariance[j * work->n + j] > 0 ? 1 - MIN(left, 1) : 0;
         }

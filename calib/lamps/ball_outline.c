@@ -7,18 +7,17 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define RAYS     180
-#define NEAREST  0.75 /* range of the search, in radii of the given circle */
-#define FARTHEST 1.3
-#define STEP_PX  0.5
-#define REACH    4     /* steps on both sides that an edge compares */
-#define ABOVE    6.0   /* least edge, in units of the ray's median difference */
-#define LEAST    0.002 /* least edge, in the square root of light */
-#define TRIALS   400
-#define SEEN     0.4 /* share of the rays that must agree */
-#define EDGES    3   /* candidate edges per ray, strongest first: the ball itself has edges, too */
-#define NEIGHBOURS                                                                                 \
-    3.0 /* factor of the standard error, since errors of neighbouring edges are correlated */
+#define RAYS        180
+#define NEAREST     0.75 /* range of the search, in radii of the given circle */
+#define FARTHEST    1.3
+#define STEP_PX     0.5
+#define REACH       4     /* steps on both sides that an edge compares */
+#define ABOVE       6.0   /* least edge, in units of the ray's median difference */
+#define LEAST       0.002 /* least edge, in the square root of light */
+#define TRIALS      400
+#define SEEN        0.4 /* share of the rays that must agree */
+#define EDGES       3 /* candidate edges per ray, strongest first: the ball itself has edges, too */
+#define NEIGHBOURS  3.0  /* factor of the standard error: neighbouring edges are correlated */
 #define AGREE       0.01 /* of the radius: distance within which an edge agrees */
 #define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
 #define ROUNDS      5    /* of fitting with outlier rejection */

@@ -14,13 +14,10 @@
 #define CLIPPED_PX  0.1   /* the same for a saturated spot, whose border alone determines it */
 #define SPECK       4     /* smaller spots are dust or hot pixels */
 #define STREAK      4.0   /* aspect from which a spot is a hair or a scratch */
-#define COMPARABLE                                                                                 \
-    0.3 /* share of the chosen spot's energy from which another makes the choice ambiguous */
-#define MOST_SPOTS 256 /* examined, brightest first */
-#define SLANT                                                                                      \
-    0.3 /* least cosine of the normal: below, a highlight is too near to the ball's rim            \
-         */
-#define SPOT_SHARE 0.2 /* largest area of a spot, in areas of the ball's picture */
+#define COMPARABLE  0.3   /* share of the best spot's energy from which another may be the lamp */
+#define MOST_SPOTS  256   /* examined, brightest first */
+#define SLANT       0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
+#define SPOT_SHARE  0.2 /* largest area of a spot, in areas of the ball's picture */
 
 #define NOWHERE 0 /* label of pixels without a spot */
 

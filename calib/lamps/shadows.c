@@ -233,35 +233,27 @@ static gboolean fill_window(struct window *w, double reach_mm, double margin_mm)
     return TRUE;
 }
 
-static void shadows_reject(const struct window *w, GPtrArray *rejected, const char *why) {
-    if (rejected)
-        g_ptr_array_add(rejected,
-                        g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));
-}
-
 /* Fits the shape and appends a sight, or the reason for rejecting it. */
 static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
-    if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS) {
-        shadows_reject(
-            w, rejected,
-            "hides the end of its shadow from the camera, or another shadow overlaps it");
+    const char *why = NULL;
+    if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS)
+        why = "hides the end of its shadow from the camera, or another shadow overlaps it";
+    else if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) ||
+             !shadow_fit_shape(w, 0, &f))
+        why = "has no shadow where it should end";
+    else if (f.p[2] - f.p[3] < LEAST_TELL * f.p[2] ||
+             hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y) >
+                 (near ? 1.0 : 2.5) * w->streak.to_mm)
+        why = "has no clear shadow where it should end";
+    else if (f.rms > (near ? 1 : 2) * MOST_ODD * f.p[2])
+        why = "throws a shadow that is not that of a round post";
+    if (why && rejected)
+        g_ptr_array_add(rejected,
+                        g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));
+    if (why)
         return;
-    }
-    if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) || !shadow_fit_shape(w, 0, &f)) {
-        shadows_reject(w, rejected, "has no shadow where it should end");
-        return;
-    }
-    double moved = hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y);
-    if (f.p[2] - f.p[3] < LEAST_TELL * f.p[2] || moved > (near ? 1.0 : 2.5) * w->streak.to_mm) {
-        shadows_reject(w, rejected, "has no clear shadow where it should end");
-        return;
-    }
-    if (f.rms > (near ? 1 : 2) * MOST_ODD * f.p[2]) {
-        shadows_reject(w, rejected, "throws a shadow that is not that of a round post");
-        return;
-    }
     struct vec3 at = rig_turn(vec3(f.p[0], f.p[1], 0), -w->view->turntable_rad);
     double floor_mm = FLOOR_PX * w->long_mm;
     struct lamp_sight sight = {

@@ -134,22 +134,23 @@ static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_
         problem->at[i] = l.n ? problem->n_parameters : -1;
         problem->n_parameters += l.n ? PER_LASER : 0;
         any |= l.n > 0;
-        if (l.n > 0 && l.high_mm - l.low_mm < LEAST_HEIGHTS) {
+        if (l.n == 0)
+            continue;
+        if (l.high_mm - l.low_mm < LEAST_HEIGHTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
                         "%s: laser %s is seen on planes of one height only, %.3f mm, which does "
                         "not determine the angle of its sheet; sweep a second plane, at least %g "
                         "mm higher or lower",
                         sweep_names[l.sweep], name, l.low_mm, LEAST_HEIGHTS);
-            return FALSE;
-        }
-        if (l.n > 0 && MIN(l.n_low, l.n_high) < LEAST_POINTS) {
+        else if (MIN(l.n_low, l.n_high) < LEAST_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                         "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are "
                         "needed on each plane: is it bright enough, and the plane in view?",
                         sweep_names[l.sweep], name, l.n_low, l.low_mm, l.n_high, l.high_mm,
                         LEAST_POINTS);
-            return FALSE;
-        }
+        else
+            continue;
+        return FALSE;
     }
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
     for (int i = 0; i < problem->n; i++)

@@ -99,16 +99,14 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const guint8 *entry = tiff->bytes + at + n_bytes;
     for (guint64 i = 0; i < n && (gsize)(tiff->bytes + tiff->length - entry) >= each; i++) {
         const guint64 tag = number(entry, 2, tiff->big_endian), value = tiff_value(tiff, entry);
-        if (tag == TIFF_WIDTH)
-            ret->width = MAX(ret->width, value);
-        else if (tag == TIFF_HEIGHT)
-            ret->height = MAX(ret->height, value);
-        else if (tag == TIFF_BITS)
-            ret->bits = MAX(ret->bits, value);
-        else if (tag == TIFF_TILE_WIDTH)
-            tile.width = MAX(tile.width, value);
-        else if (tag == TIFF_TILE_HEIGHT)
-            tile.height = MAX(tile.height, value);
+        guint64 *const to = tag == TIFF_WIDTH         ? &ret->width
+                            : tag == TIFF_HEIGHT      ? &ret->height
+                            : tag == TIFF_BITS        ? &ret->bits
+                            : tag == TIFF_TILE_WIDTH  ? &tile.width
+                            : tag == TIFF_TILE_HEIGHT ? &tile.height
+                                                      : NULL;
+        if (to)
+            *to = MAX(*to, value);
         entry += each;
     }
     ret->width = MAX(ret->width, tile.width);

@@ -36,34 +36,18 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
     return false;
 }
 
-struct name_of_dictionary {
-    const char *name;
-    cv::aruco::PREDEFINED_DICTIONARY_NAME value;
-};
-const name_of_dictionary dictionaries[] = {
-    {"4x4_50", cv::aruco::DICT_4X4_50},
-    {"4x4_100", cv::aruco::DICT_4X4_100},
-    {"4x4_250", cv::aruco::DICT_4X4_250},
-    {"4x4_1000", cv::aruco::DICT_4X4_1000},
-    {"5x5_50", cv::aruco::DICT_5X5_50},
-    {"5x5_100", cv::aruco::DICT_5X5_100},
-    {"5x5_250", cv::aruco::DICT_5X5_250},
-    {"5x5_1000", cv::aruco::DICT_5X5_1000},
-    {"6x6_50", cv::aruco::DICT_6X6_50},
-    {"6x6_100", cv::aruco::DICT_6X6_100},
-    {"6x6_250", cv::aruco::DICT_6X6_250},
-    {"6x6_1000", cv::aruco::DICT_6X6_1000},
-    {"7x7_50", cv::aruco::DICT_7X7_50},
-    {"7x7_100", cv::aruco::DICT_7X7_100},
-    {"7x7_250", cv::aruco::DICT_7X7_250},
-    {"7x7_1000", cv::aruco::DICT_7X7_1000},
-    {"aruco_original", cv::aruco::DICT_ARUCO_ORIGINAL},
-};
+/* In the order of OpenCV's PREDEFINED_DICTIONARY_NAME. */
+const char *const dictionaries[] = {"4x4_50",   "4x4_100",       "4x4_250",  "4x4_1000", "5x5_50",
+                                    "5x5_100",  "5x5_250",       "5x5_1000", "6x6_50",   "6x6_100",
+                                    "6x6_250",  "6x6_1000",      "7x7_50",   "7x7_100",  "7x7_250",
+                                    "7x7_1000", "aruco_original"};
+static_assert(cv::aruco::DICT_5X5_50 == 4 && cv::aruco::DICT_6X6_50 == 8 &&
+              cv::aruco::DICT_7X7_50 == 12 && cv::aruco::DICT_ARUCO_ORIGINAL == 16);
 
 cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
-    for (const auto &d : dictionaries)
-        if (std::strcmp(d.name, name) == 0)
-            return cv::aruco::getPredefinedDictionary(d.value);
+    for (gsize i = 0; i < G_N_ELEMENTS(dictionaries); i++)
+        if (std::strcmp(dictionaries[i], name) == 0)
+            return cv::aruco::getPredefinedDictionary((int)i);
     return {};
 }
 

@@ -9,8 +9,7 @@
 #define FEW_PATCHES 6
 #define MOST_OFF    10.0 /* ΔE*ab, RMS */
 #define DARK        0.01 /* Y below which all patches have the same weight */
-#define LEAST_PIVOT                                                                                \
-    1e-6 /* least pivot over the trace: below, the patches do not span all colours */
+#define LEAST_PIVOT 1e-6 /* over the trace: below, the patches do not span all colours */
 
 G_DEFINE_QUARK(colour_error, colour_error)
 

@@ -66,32 +66,30 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
                            const char *what, GError **error) {
     gsize n = (gsize)fit->sensor->width * (gsize)fit->sensor->height, same = 0;
     double first = 0, second = 0;
+    gboolean finite = TRUE;
     for (gsize i = 0; i < n; i++) {
-        if (!isfinite(pair->first[i]) || !isfinite(pair->second[i])) {
-            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                        "the %s pair at %g µs has a pixel that is not a number", what,
-                        pair->exposure_us);
-            return FALSE;
-        }
+        finite &= isfinite(pair->first[i]) && isfinite(pair->second[i]);
         same += pair->first[i] == pair->second[i];
         first += pair->first[i];
         second += pair->second[i];
     }
-    if (same == n && first > 0) {
+    if (!finite)
+        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                    "the %s pair at %g µs has a pixel that is not a number", what,
+                    pair->exposure_us);
+    else if (same == n && first > 0)
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
                     "the %s pair at %g µs is one picture twice: its noise cannot be measured", what,
                     pair->exposure_us);
-        return FALSE;
-    }
-    if (fabs(first - second) > ALIKE * 0.5 * (first + second)) {
+    else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
         g_set_error(
             error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
             "the pictures of the %s pair at %g µs differ by %.1f %%: let the lamps warm up, "
             "and keep other light out",
             what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
-        return FALSE;
-    }
-    return TRUE;
+    else
+        return TRUE;
+    return FALSE;
 }
 
 static gboolean photon_transfer_measure(struct fit *fit, const struct transfer_pair *pairs, int n,

@@ -6,12 +6,11 @@
 #include <lapacke.h>
 #include <string.h>
 
-#define STEPS       5
-#define GAUGE       1e8 /* weight of gauge constraints */
-#define EXPONENT_SD 1.0 /* priors of a lamp: */
-#define AIM_SD_RAD  0.035
-#define DRIFT_SD                                                                                   \
-    0.05 /* prior of the drift between shots; pictures of one shot determine it much better */
+#define STEPS           5
+#define GAUGE           1e8 /* weight of gauge constraints */
+#define EXPONENT_SD     1.0 /* priors of a lamp: */
+#define AIM_SD_RAD      0.035
+#define DRIFT_SD        0.05 /* of the drift between shots, which pictures determine much better */
 #define MOST_GAIN_ERROR 0.01
 #define OUTLIER         5.0 /* standard deviations */
 #define MOST_OUTLIERS   0.05
@@ -93,14 +92,14 @@ static double lamp_row(const struct problem *p, const struct tile_cell *cell, st
     const double *x = p->x + lamp_at(p, shot->lamp);
     struct vec3 direction = vec3_unit(vec3_sub(
         rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), lamp->position_mm));
-    struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e1, e2;
+    struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e[2];
     double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
-    radiometry_fit_across(lamp, &e1, &e2);
+    radiometry_fit_across(lamp, &e[0], &e[1]);
     radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4,
-                       exponent * (vec3_dot(direction, e1) - cosine * vec3_dot(aim, e1)) / cosine);
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 5,
-                       exponent * (vec3_dot(direction, e2) - cosine * vec3_dot(aim, e2)) / cosine);
+    for (int k = 0; k < 2; k++)
+        radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4 + k,
+                           exponent * (vec3_dot(direction, e[k]) - cosine * vec3_dot(aim, e[k])) /
+                               cosine);
     return exponent * log(cosine) - lamp->exponent * log(MAX(vec3_dot(direction, lamp->aim), 1e-3));
 }
 
@@ -371,20 +370,21 @@ static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct 
     for (int c = 0; c < rig->n_cameras; c++) {
         /* Slopes matter most at the picture's edge, where |x| is about 1. */
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
-        if (fit->cameras[c].known && fit->cameras[c].response_error > MOST_GAIN_ERROR) {
+        if (!fit->cameras[c].known)
+            continue;
+        if (fit->cameras[c].response_error > MOST_GAIN_ERROR)
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
                         "camera %s and others never see the tile in the same shot, so that lamps "
                         "that drift cannot be told from cameras that differ: plan views of all "
                         "cameras that share turntable angles",
                         rig->cameras[c].name);
-            return FALSE;
-        }
-        if (!fit->cameras[c].known || worst < MOST_FLAT_ERROR)
+        else if (!(worst < MOST_FLAT_ERROR))
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                        "the flat field of camera %s is known to %.0f %% only: take the tile at "
+                        "more arc and turntable angles, or use a larger one",
+                        rig->cameras[c].name, 100 * worst);
+        else
             continue;
-        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                    "the flat field of camera %s is known to %.0f %% only: take the tile at more "
-                    "arc and turntable angles, or use a larger one",
-                    rig->cameras[c].name, 100 * worst);
         return FALSE;
     }
     return TRUE;
