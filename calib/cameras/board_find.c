@@ -136,16 +136,6 @@ static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpoint
     return TRUE;
 }
 
-/* Corners of a marker in the board frame, in the detector's order: clockwise from the top left. */
-static void marker_corners(const struct board *board, int column, int row, double ret[8]) {
-    const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
-    const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
-    const double half = board->marker_mm / 2;
-    const double corners[8] = {x - half, y + half, x + half, y + half,
-                               x + half, y - half, x - half, y - half};
-    memcpy(ret, corners, sizeof corners);
-}
-
 /* Tolerance by the mean length of the markers' first edges. */
 static double tolerance_px(const GArray *markers) {
     double sum = 0;
@@ -176,11 +166,14 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
         return FALSE;
     for (guint i = 0; i < found->len; i++) {
         const struct vision_marker *marker = &g_array_index(found, struct vision_marker, i);
-        double corners[8];
         int column, row;
         if (!board_marker_square(board, marker->id, &column, &row))
             continue;
-        marker_corners(board, column, row, corners);
+        const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
+        const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
+        const double half = board->marker_mm / 2;
+        const double corners[8] = {x - half, y + half, x + half, y + half, /* in vision.h's order */
+                                   x + half, y - half, x - half, y - half};
         g_array_append_vals(from, corners, 8);
         g_array_append_vals(to, marker->corners_px, 8);
     }

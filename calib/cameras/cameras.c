@@ -42,16 +42,6 @@ gboolean cameras_progress(struct cameras_work *work, GError **error) {
     return FALSE;
 }
 
-static int find_stop(struct cameras_work *work, int lay, double turntable_deg) {
-    for (int i = 0; i < work->bundle.n_stops; i++)
-        if (work->bundle.stops[i].lay == lay &&
-            work->bundle.stops[i].commanded_rad == RAD(turntable_deg))
-            return i;
-    work->bundle.stops[work->bundle.n_stops] = (struct bundle_stop){
-        lay, RAD(turntable_deg), RAD(turntable_deg), work->free_boards ? 0 : RAD(ANGLE_SIGMA_DEG)};
-    return work->bundle.n_stops++;
-}
-
 static void cameras_work_init(struct cameras_work *work, struct calibration *calibration,
                               const struct cameras_task *task, gboolean free_boards) {
     const int n = task->n_pictures;
@@ -71,27 +61,20 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
     work->bundle.lays = g_new0(struct bundle_lay, work->bundle.n_lays + 1);
     work->bundle.fix_azimuth = !free_boards;
     for (int i = 0; i < n; i++) {
-        work->seen[i].camera = task->pictures[i].camera;
-        work->seen[i].lay = task->pictures[i].lay;
-        work->seen[i].stop =
-            find_stop(work, task->pictures[i].lay, task->pictures[i].turntable_deg);
+        const struct cameras_picture *picture = &task->pictures[i];
+        const double angle_rad = RAD(picture->turntable_deg);
+        struct bundle_stop *stops = work->bundle.stops;
+        int stop = 0;
+        while (stop < work->bundle.n_stops &&
+               (stops[stop].lay != picture->lay || stops[stop].commanded_rad != angle_rad))
+            stop++;
+        if (stop == work->bundle.n_stops)
+            stops[work->bundle.n_stops++] = (struct bundle_stop){
+                picture->lay, angle_rad, angle_rad, free_boards ? 0 : RAD(ANGLE_SIGMA_DEG)};
+        work->seen[i].camera = picture->camera;
+        work->seen[i].lay = picture->lay;
+        work->seen[i].stop = stop;
     }
-}
-
-static void cameras_work_clear(struct cameras_work *work) {
-    for (int i = 0; i < work->task->n_pictures; i++) {
-        g_free(work->seen[i].name);
-        g_free(work->seen[i].checksum);
-        g_free(work->seen[i].why);
-        g_clear_pointer(&work->seen[i].corners, g_array_unref);
-        g_clear_pointer(&work->seen[i].set_aside, g_array_unref);
-    }
-    g_free(work->seen);
-    g_array_unref(work->observations);
-    g_array_unref(work->observed_in);
-    g_free(work->bundle.cameras);
-    g_free(work->bundle.stops);
-    g_free(work->bundle.lays);
 }
 
 void cameras_set_why(struct seen *seen, const char *why) {
@@ -309,24 +292,6 @@ void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
 
-/* Counts a camera's points and the RMS of their residuals. */
-static void summarise_camera(const struct cameras_work *work, int camera,
-                             struct calibration_camera *to) {
-    const struct bundle *b = &work->bundle;
-    double sum = 0;
-    to->points = 0;
-    for (int i = 0; i < b->n_observations; i++) {
-        const struct bundle_observation *o = &b->observations[i];
-        double d[2] = {0, 0};
-        if (o->rejected || o->camera != camera)
-            continue;
-        cameras_residual(b, o, d);
-        sum += d[0] * d[0] + d[1] * d[1];
-        to->points++;
-    }
-    to->residual_rms_px = to->points ? sqrt(sum / to->points) : 0;
-}
-
 static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     struct calibration *calibration = work->calibration;
     struct cameras_result *result = cameras_new_result(work);
@@ -352,7 +317,20 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         struct calibration_camera *to = &calibration->cameras[c];
         cameras_take_camera(&calibration->rig.cameras[c], from);
         memcpy(to->covariance, from->covariance, sizeof to->covariance);
-        summarise_camera(work, c, to);
+        /* Counts a camera's points and the RMS of their residuals. */
+        const struct bundle *b = &work->bundle;
+        double squares = 0;
+        to->points = 0;
+        for (int i = 0; i < b->n_observations; i++) {
+            const struct bundle_observation *o = &b->observations[i];
+            double d[2] = {0, 0};
+            if (o->rejected || o->camera != c)
+                continue;
+            cameras_residual(b, o, d);
+            squares += d[0] * d[0] + d[1] * d[1];
+            to->points++;
+        }
+        to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
         to->known = TRUE;
     }
     return result;
@@ -385,7 +363,19 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
          cameras_check_result(&work, error);
     if (ok)
         result = cameras_store_result(&work);
-    cameras_work_clear(&work);
+    for (int i = 0; i < work.task->n_pictures; i++) {
+        g_free(work.seen[i].name);
+        g_free(work.seen[i].checksum);
+        g_free(work.seen[i].why);
+        g_clear_pointer(&work.seen[i].corners, g_array_unref);
+        g_clear_pointer(&work.seen[i].set_aside, g_array_unref);
+    }
+    g_free(work.seen);
+    g_array_unref(work.observations);
+    g_array_unref(work.observed_in);
+    g_free(work.bundle.cameras);
+    g_free(work.bundle.stops);
+    g_free(work.bundle.lays);
     return result;
 }
 

@@ -34,23 +34,6 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-/* The camera rotated about one of its own axes, with its centre fixed: points rotate the other
- * way in its frame. */
-static struct rig_camera rotated_camera(const struct rig_camera *camera, int axis, double angle) {
-    struct rig_camera to = *camera;
-    struct vec3 eye = rig_camera_centre_mm(camera);
-    for (int column = 0; column < 3; column++) {
-        struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
-                             camera->rotation.m[2][column]);
-        v = rotated(v, axis, -angle);
-        to.rotation.m[0][column] = v.x;
-        to.rotation.m[1][column] = v.y;
-        to.rotation.m[2][column] = v.z;
-    }
-    to.translation_mm = vec3_scale(mat3_mul_vec(&to.rotation, eye), -1);
-    return to;
-}
-
 /* Derivative of a fiducial's picture x, y by an unknown of a hypothesis (central differences). */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
@@ -63,10 +46,22 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
     for (int side = 0; side < 2; side++) {
         double angle = side ? STEP_RAD : -STEP_RAD, turn = seen->turntable_rad;
         struct rig_camera now = *camera;
-        if (cause->camera >= 0)
-            now = rotated_camera(camera, unknown, angle);
-        else
+        if (cause->camera >= 0) {
+            /* The camera rotated about one of its own axes, with its centre fixed: points rotate
+             * the other way in its frame. */
+            struct vec3 eye = rig_camera_centre_mm(camera);
+            for (int column = 0; column < 3; column++) {
+                struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
+                                     camera->rotation.m[2][column]);
+                v = rotated(v, unknown, -angle);
+                now.rotation.m[0][column] = v.x;
+                now.rotation.m[1][column] = v.y;
+                now.rotation.m[2][column] = v.z;
+            }
+            now.translation_mm = vec3_scale(mat3_mul_vec(&now.rotation, eye), -1);
+        } else {
             turn += angle;
+        }
         struct vec3 p = rig_turn(check->rig->marks[seen->mark].centre_mm, turn);
         if (!rig_project(&now, p, &x[side], &y[side]))
             return;

@@ -123,25 +123,6 @@ static gboolean is_rotation(const struct mat3 *m) {
            vec3_length(vec3_sub(vec3_cross(row[0], row[1]), row[2])) < 4 * UNIT_TOLERANCE;
 }
 
-/* Rotations must rotate, directions must be unit vectors. */
-static gboolean rig_text_check_shapes(const struct rig *rig, const char *path, GError **error) {
-    for (int i = 0; i < rig->n_cameras; i++)
-        if (!is_rotation(&rig->cameras[i].rotation))
-            return fields_refuse(path, rig->cameras[i].name, "rotation", error,
-                                 "is not a rotation");
-    for (int i = 0; i < rig->n_lamps; i++)
-        if (!is_unit(rig->lamps[i].aim))
-            return fields_refuse(path, rig->lamps[i].name, "aim", error, "is not a unit vector");
-    for (int i = 0; i < rig->n_lasers; i++) {
-        const struct rig_laser *laser = &rig->lasers[i];
-        if (!is_unit(laser->axis) || !is_unit(laser->normal) ||
-            fabs(vec3_dot(laser->axis, laser->normal)) > UNIT_TOLERANCE)
-            return fields_refuse(path, laser->name, "axis and normal", error,
-                                 "are not perpendicular unit vectors");
-    }
-    return TRUE;
-}
-
 /* Refuses sections of devices beyond the counts: one of the two was edited. Other sections are
  * ignored. */
 static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const struct rig *rig,
@@ -181,7 +162,22 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
                 !fields_read(file, path, group, devices[k].fields, name, device, error))
                 return FALSE;
         }
-    return rig_text_check_shapes(rig, path, error);
+    /* Rotations must rotate, directions must be unit vectors. */
+    for (int i = 0; i < rig->n_cameras; i++)
+        if (!is_rotation(&rig->cameras[i].rotation))
+            return fields_refuse(path, rig->cameras[i].name, "rotation", error,
+                                 "is not a rotation");
+    for (int i = 0; i < rig->n_lamps; i++)
+        if (!is_unit(rig->lamps[i].aim))
+            return fields_refuse(path, rig->lamps[i].name, "aim", error, "is not a unit vector");
+    for (int i = 0; i < rig->n_lasers; i++) {
+        const struct rig_laser *laser = &rig->lasers[i];
+        if (!is_unit(laser->axis) || !is_unit(laser->normal) ||
+            fabs(vec3_dot(laser->axis, laser->normal)) > UNIT_TOLERANCE)
+            return fields_refuse(path, laser->name, "axis and normal", error,
+                                 "are not perpendicular unit vectors");
+    }
+    return TRUE;
 }
 
 /* Number (from 1) of the first line that is neither empty, a comment, a [group] nor key=value; 0:

@@ -155,23 +155,6 @@ static void vote(const struct ball_ray *rays, int n, const struct model *model, 
     best->tied = tied;
 }
 
-/* Tries the mean direction and the intersection of every pair of rays. */
-static struct vote vote_of_pairs(const struct ball_ray *rays, int n) {
-    struct vote best = {.count = 0};
-    for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++) {
-            const guint32 pair = 1U << i | 1U << j;
-            const double sigma = MAX(rays[i].sigma_rad, rays[j].sigma_rad);
-            struct model model = {.direction = mean_direction(rays, n, pair)};
-            struct mat3 normal;
-            vote(rays, n, &model, sigma, &best);
-            model.placed = meet(rays, n, pair, &normal, &model.place);
-            if (model.placed)
-                vote(rays, n, &model, sigma, &best);
-        }
-    return best;
-}
-
 /* Standard error of a position, per axis: √(Nᵢ⁻¹ S Nᵢ⁻ᵀ) with the normal matrix N and S = Σ σ² (I
  * − d dᵀ) / 2, σ: error of a ray at the position. */
 static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
@@ -232,10 +215,20 @@ static void estimate(const struct ball_ray *rays, int n, guint32 set, struct bal
 }
 
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret) {
-    struct vote best = {.set = 1, .count = 1};
+    struct vote best = {.set = n == 1, .count = n == 1};
     memset(ret, 0, sizeof *ret);
-    if (n > 1)
-        best = vote_of_pairs(rays, n);
+    /* The mean direction and the intersection of every pair of rays. */
+    for (int i = 0; i < n; i++)
+        for (int j = i + 1; j < n; j++) {
+            const guint32 pair = 1U << i | 1U << j;
+            const double sigma = MAX(rays[i].sigma_rad, rays[j].sigma_rad);
+            struct model model = {.direction = mean_direction(rays, n, pair)};
+            struct mat3 normal;
+            vote(rays, n, &model, sigma, &best);
+            model.placed = meet(rays, n, pair, &normal, &model.place);
+            if (model.placed)
+                vote(rays, n, &model, sigma, &best);
+        }
     if (2 * best.count > n && (best.count == n || !best.tied)) {
         estimate(rays, n, best.set, ret);
         return TRUE;

@@ -76,26 +76,6 @@ static double take_edge(double *changes, int n, double least) {
     return STEP_PX * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0));
 }
 
-static void ball_outline_find_edges(const struct picture *picture, const struct ball_outline *given,
-                                    struct edges *ret) {
-    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
-    ret->n = 0;
-    for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
-        const double angle = 2 * G_PI * ray / RAYS;
-        g_autofree double *changes = changes_on_ray(picture, given, angle, n);
-        g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
-        qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
-        const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
-        double at;
-        for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {
-            const double radius = NEAREST * given->radius_px + at;
-            ret->x[ret->n] = given->x_px + radius * cos(angle);
-            ret->y[ret->n] = given->y_px + radius * sin(angle);
-            ret->ray[ret->n++] = ray;
-        }
-    }
-}
-
 /* Circle through three edges; FALSE: they are nearly collinear. */
 static gboolean through_three(const struct edges *e, const int k[3], struct ball_outline *ret) {
     const double ax = e->x[k[1]] - e->x[k[0]], ay = e->y[k[1]] - e->y[k[0]];
@@ -190,7 +170,22 @@ gboolean ball_outline_find(const struct picture *picture, const struct ball_outl
     double sigma_px = 0;
     if (given->radius_px < SMALLEST_PX)
         return FALSE;
-    ball_outline_find_edges(picture, given, edges);
+    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
+    edges->n = 0;
+    for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
+        const double angle = 2 * G_PI * ray / RAYS;
+        g_autofree double *changes = changes_on_ray(picture, given, angle, n);
+        g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
+        qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
+        const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
+        double at;
+        for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {
+            const double radius = NEAREST * given->radius_px + at;
+            edges->x[edges->n] = given->x_px + radius * cos(angle);
+            edges->y[edges->n] = given->y_px + radius * sin(angle);
+            edges->ray[edges->n++] = ray;
+        }
+    }
     if (most_agreed(edges, given, reach_px, within_px, &circle) == 0)
         return FALSE;
     for (int round = 0; round < ROUNDS; round++)

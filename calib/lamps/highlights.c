@@ -182,23 +182,6 @@ static GArray *find_spots(struct window *w) {
     return spots;
 }
 
-/* Number of pixels of the spot that equal the maximum of their colour filter phase; each phase
- * may saturate at its own value. */
-static int flat_pixels(const struct window *w, const struct spot *spot) {
-    float most[4] = {0};
-    int count = 0;
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < spot->pixels; k++) {
-            const int i = w->members[spot->first + k];
-            int phase = 2 * (i / w->width & 1) + (i % w->width & 1);
-            if (pass == 0)
-                most[phase] = fmaxf(most[phase], w->values[i]);
-            else
-                count += w->values[i] >= (float)FLAT * most[phase];
-        }
-    return count;
-}
-
 /* NULL, or the reason to refuse the best spot. */
 static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
                             const struct spot *other, double most_px) {
@@ -248,7 +231,20 @@ char *highlight_find(const struct picture *picture, double x_px, double y_px, do
     char *why;
     const struct spot *spot = highlights_choose(&window, spots, most_px, &why);
     if (spot) {
-        const gboolean saturated = flat_pixels(&window, spot) >= FLAT_PIXELS;
+        /* Number of pixels of the spot that equal the maximum of their colour filter phase; each
+         * phase may saturate at its own value. */
+        float most[4] = {0};
+        int count = 0;
+        for (int pass = 0; pass < 2; pass++)
+            for (int k = 0; k < spot->pixels; k++) {
+                const int i = window.members[spot->first + k];
+                int phase = 2 * (i / window.width & 1) + (i % window.width & 1);
+                if (pass == 0)
+                    most[phase] = fmaxf(most[phase], window.values[i]);
+                else
+                    count += window.values[i] >= (float)FLAT * most[phase];
+            }
+        const gboolean saturated = count >= FLAT_PIXELS;
         *ret = spot->light;
         ret->x_px += window.left;
         ret->y_px += window.top;

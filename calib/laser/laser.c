@@ -69,18 +69,6 @@ static struct rig_arc laser_arc_of(const struct problem *problem, const double *
     return arc;
 }
 
-/* Signed distance of a point from its sheet. arc_rad: the true angle; d: the camera's offset in
- * px. */
-static double distance_mm(const struct rig_arc *arc, double arc_rad, const struct rig_laser *laser,
-                          const struct laser_point *point, const double d[2]) {
-    struct rig_plane sheet = rig_laser_sheet(arc, laser, arc_rad, point->sweep_rad);
-    const float *a = point->shift;
-    struct vec3 p = point->point_mm;
-    p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
-    p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
-    return vec3_dot(sheet.normal, p) - sheet.offset_mm;
-}
-
 static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
     struct rig_arc arc = laser_arc_of(problem, x);
@@ -91,9 +79,14 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
         const double arc_rad = point->arc_rad + x[problem->swing.at + problem->swing_of[i]];
-        ret[i] = distance_mm(&arc, arc_rad, &lasers[point->laser], point,
-                             x + problem->camera_at[point->camera]) /
-                 point->sigma_mm;
+        const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
+        const float *a = point->shift;
+        struct rig_plane sheet =
+            rig_laser_sheet(&arc, &lasers[point->laser], arc_rad, point->sweep_rad);
+        struct vec3 p = point->point_mm;
+        p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
+        p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
+        ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
 
@@ -393,19 +386,6 @@ static gboolean laser_plane_point(const struct rig_camera *camera, const struct 
     return hypot(ret->x, ret->y) <= sweep->radius_mm;
 }
 
-/* Derivative of the point by the camera's offset: differences to the neighbouring pixels. */
-static void laser_find_shift(const struct rig_camera *camera, const struct laser_sweep *sweep,
-                             int x, int y, struct laser_point *point) {
-    struct vec3 right, down;
-    if (!laser_plane_point(camera, sweep, x + 1, y, &right) ||
-        !laser_plane_point(camera, sweep, x, y + 1, &down))
-        return; /* at the border of the plane: assume no offset */
-    point->shift[0] = (float)(right.x - point->point_mm.x);
-    point->shift[1] = (float)(down.x - point->point_mm.x);
-    point->shift[2] = (float)(right.y - point->point_mm.y);
-    point->shift[3] = (float)(down.y - point->point_mm.y);
-}
-
 int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
     const struct rig_camera *camera = &rig->cameras[sweep->camera];
     gsize n = (gsize)camera->width * (gsize)camera->height, seen = 0, taken = 0;
@@ -431,7 +411,16 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
         int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
         if (!laser_plane_point(camera, sweep, x, y, &point.point_mm))
             continue;
-        laser_find_shift(camera, sweep, x, y, &point);
+        /* Derivative of the point by the camera's offset: differences to the neighbouring pixels.
+         * At the border of the plane there is no neighbour: no offset is assumed. */
+        struct vec3 right, down;
+        if (laser_plane_point(camera, sweep, x + 1, y, &right) &&
+            laser_plane_point(camera, sweep, x, y + 1, &down)) {
+            point.shift[0] = (float)(right.x - point.point_mm.x);
+            point.shift[1] = (float)(down.x - point.point_mm.x);
+            point.shift[2] = (float)(right.y - point.point_mm.y);
+            point.shift[3] = (float)(down.y - point.point_mm.y);
+        }
         g_array_append_val(points, point);
         taken++;
     }

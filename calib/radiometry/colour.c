@@ -43,23 +43,6 @@ static double colour_weight_of(const struct colour_patch *patch) {
     return pow(MAX(patch->xyz[1], DARK), -4.0 / 3);
 }
 
-static gboolean check_patches(const struct colour_patch *patches, int n, GError **error) {
-    for (int i = 0; i < n; i++)
-        for (int k = 0; k < 3; k++)
-            if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
-                g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                            "patch %d has a value that is not a number", i + 1);
-                return FALSE;
-            }
-    if (n >= FEW_PATCHES)
-        return TRUE;
-    g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                "%d patches are too few for nine unknowns and their errors; it takes %d of "
-                "different colours",
-                n, FEW_PATCHES);
-    return FALSE;
-}
-
 /* Inverse of Σ w·rgb·rgbᵀ; FALSE if the patches do not span all colours. */
 static gboolean colour_invert(const struct colour_patch *patches, int n, double ret[9]) {
     memset(ret, 0, 9 * sizeof *ret);
@@ -106,8 +89,20 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     static const double grey[3] = {1, 1, 1};
     struct colour_matrix found = {.known = TRUE, .patches = n};
     double inverse[9], white[3], sum = 0;
-    if (!check_patches(patches, n, error))
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++)
+            if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
+                g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
+                            "patch %d has a value that is not a number", i + 1);
+                return FALSE;
+            }
+    if (n < FEW_PATCHES) {
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+                    "%d patches are too few for nine unknowns and their errors; it takes %d of "
+                    "different colours",
+                    n, FEW_PATCHES);
         return FALSE;
+    }
     if (!colour_invert(patches, n, inverse)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
                     "the patches are all of one kind: red, green and blue ones are needed");

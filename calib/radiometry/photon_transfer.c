@@ -190,18 +190,6 @@ static GArray *transfer_points(const struct fit *fit) {
     return points;
 }
 
-/* χ² per degree of freedom of the transfer curve; the variance of a sample variance is 2σ⁴ / (n −
- * 1). */
-static double line_quality(const GArray *points, double floor, double slope) {
-    double sum = 0;
-    for (guint i = 0; i < points->len; i++) {
-        const struct tile *p = &g_array_index(points, struct tile, i);
-        double model = MAX(floor + slope * p->mean, ROUNDING), off = p->variance - model;
-        sum += off * off * (p->n - 1) / (2 * model * model);
-    }
-    return points->len > 2 ? sum / (points->len - 2) : 0;
-}
-
 /* EMVA 1288 eq. 19: σ² = σ₀² + K · signal. The weights come from the fitted line: those of the
  * measured variances would favour points that came out too low. */
 static gboolean fit_curve(struct fit *fit, GError **error) {
@@ -232,7 +220,15 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     }
     struct transfer *to = fit->to;
     double read = MAX(floor - ROUNDING, 0);
-    to->quality = line_quality(points, floor, slope);
+    /* χ² per degree of freedom of the transfer curve; the variance of a sample variance is 2σ⁴ / (n
+     * − 1). */
+    double sum = 0;
+    for (guint i = 0; i < points->len; i++) {
+        const struct tile *p = &g_array_index(points, struct tile, i);
+        double model = MAX(floor + slope * p->mean, ROUNDING), off = p->variance - model;
+        sum += off * off * (p->n - 1) / (2 * model * model);
+    }
+    to->quality = points->len > 2 ? sum / (points->len - 2) : 0;
     double worse = sqrt(MAX(to->quality, 1));
     to->gain_dn_e = slope;
     to->gain_error_dn_e = slope_error * worse;
@@ -256,27 +252,6 @@ struct ramps {
     int n;
     double range, curvature, error;
 };
-
-/* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the longest
- * one. */
-static void add_ramp(const struct fit *fit, int tile, struct ramps *ramps) {
-    double *block = g_new(double, 3 * fit->n_lit);
-    struct ramp ramp = {block, block + fit->n_lit, block + 2 * fit->n_lit, 0, 0};
-    double top = 0;
-    for (int i = 0; i < fit->n_lit; i++) {
-        const struct tile *lit = &fit->lit[i].tile[tile];
-        double t = fit->lit[i].exposure_s, y = lit->mean - dark_level(fit, tile, t);
-        if (lit->n == 0 || !(y > 0))
-            continue;
-        double variance = lit->variance / (2 * lit->n);
-        ramp.t[ramp.n] = t;
-        ramp.y[ramp.n] = y;
-        ramp.weight[ramp.n++] = 1 / MAX(variance, 1e-9);
-        if (t > top)
-            ramp.a = y / (top = t);
-    }
-    ramps->ramp[ramps->n++] = ramp;
-}
 
 /* One Gauss-Newton step for the a of all tiles and the common c, with the former eliminated
  * (Schur complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before
@@ -341,8 +316,26 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
 static gboolean fit_linearity(struct fit *fit, GError **error) {
     struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
     ramps.ramp = g_new(struct ramp, fit->n_tiles);
-    for (int k = 0; k < fit->n_tiles; k++)
-        add_ramp(fit, k, &ramps);
+    for (int k = 0; k < fit->n_tiles; k++) {
+        /* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the
+         * longest one. */
+        double *block = g_new(double, 3 * fit->n_lit);
+        struct ramp ramp = {block, block + fit->n_lit, block + 2 * fit->n_lit, 0, 0};
+        double top = 0;
+        for (int i = 0; i < fit->n_lit; i++) {
+            const struct tile *lit = &fit->lit[i].tile[k];
+            double t = fit->lit[i].exposure_s, y = lit->mean - dark_level(fit, k, t);
+            if (lit->n == 0 || !(y > 0))
+                continue;
+            double variance = lit->variance / (2 * lit->n);
+            ramp.t[ramp.n] = t;
+            ramp.y[ramp.n] = y;
+            ramp.weight[ramp.n++] = 1 / MAX(variance, 1e-9);
+            if (t > top)
+                ramp.a = y / (top = t);
+        }
+        ramps.ramp[ramps.n++] = ramp;
+    }
     double chi2 = 0, n = 0;
     for (int r = 0; r < ramps.n; r++)
         n += ramps.ramp[r].n >= 3 ? ramps.ramp[r].n - 1 : 0;

@@ -84,25 +84,6 @@ static void radiometry_fit_put(struct row *row, int at, double value) {
     row->value[row->n++] = value;
 }
 
-/* ln of the lamp's pattern cosⁿ towards a point minus the nominal one; appends the derivatives by
- * exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
-static double lamp_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
-    const struct tile_shot *shot = &p->shots[cell->shot];
-    const struct rig_lamp *lamp = &p->rig->lamps[shot->lamp];
-    const double *x = p->x + lamp_at(p, shot->lamp);
-    struct vec3 direction = vec3_unit(vec3_sub(
-        rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), lamp->position_mm));
-    struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e[2];
-    double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
-    radiometry_fit_across(lamp, &e[0], &e[1]);
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
-    for (int k = 0; k < 2; k++)
-        radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4 + k,
-                           exponent * (vec3_dot(direction, e[k]) - cosine * vec3_dot(aim, e[k])) /
-                               cosine);
-    return exponent * log(cosine) - lamp->exponent * log(MAX(vec3_dot(direction, lamp->aim), 1e-3));
-}
-
 /* One row of the Jacobian and its residual r = ln(signal / expected) − model; weight = (signal /
  * error)². */
 static void cell_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
@@ -116,7 +97,22 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     double model = 0;
     for (int i = 0; i < row->n; i++)
         model += row->value[i] * p->x[row->at[i]];
-    model += lamp_row(p, cell, row);
+    /* ln of the lamp's pattern cosⁿ towards a point minus the nominal one; appends the derivatives
+     * by exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
+    const struct tile_shot *shot = &p->shots[cell->shot];
+    const struct rig_lamp *l = &p->rig->lamps[shot->lamp];
+    const double *x = p->x + lamp_at(p, shot->lamp);
+    struct vec3 direction = vec3_unit(
+        vec3_sub(rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), l->position_mm));
+    struct vec3 aim = tilted_aim(l, x[4], x[5]), e[2];
+    double exponent = l->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
+    radiometry_fit_across(l, &e[0], &e[1]);
+    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
+    for (int k = 0; k < 2; k++)
+        radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4 + k,
+                           exponent * (vec3_dot(direction, e[k]) - cosine * vec3_dot(aim, e[k])) /
+                               cosine);
+    model += exponent * log(cosine) - l->exponent * log(MAX(vec3_dot(direction, l->aim), 1e-3));
     row->off = log(cell->signal / cell->expected) - model;
     row->weight = cell->signal * cell->signal / (cell->error * cell->error);
 }
@@ -326,23 +322,6 @@ static void radiometry_fit_split_colours(const struct problem *p, int at, double
     *ret_error = sqrt(MAX(variance, 0)) * worse;
 }
 
-/* Writes a camera's response, colours and flat field, with standard errors. */
-static void store_camera(const struct problem *p, int c, double worse, struct tile_fit *ret) {
-    struct radiometry_camera *to = &ret->cameras[c];
-    int at = camera_at(p, c);
-    double mean;
-    for (int i = 0; i < p->n_cells; i++)
-        to->cells += p->cells[i].camera == c && !p->bad[i];
-    to->known = to->cells > 0;
-    radiometry_fit_split_colours(p, at, worse, &mean, &to->response_error, to->colour,
-                                 to->colour_error);
-    p->rig->cameras[c].response *= exp(mean);
-    for (int i = 0; i < RADIOMETRY_FLAT; i++) {
-        to->flat[i] = p->x[at + 3 + i];
-        to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
-    }
-}
-
 /* Writes a lamp's intensity, exponent and aim, with standard errors. */
 static void store_lamp(const struct problem *p, int l, double worse, struct tile_fit *ret) {
     struct radiometry_lamp *to = &ret->lamps[l];
@@ -398,8 +377,22 @@ static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, G
     ret->quality = p->chi2 / ret->degrees;
     ret->residual = sqrt(p->sum2 / p->n_used);
     double worse = sqrt(MAX(ret->quality, 1));
-    for (int c = 0; c < p->rig->n_cameras; c++)
-        store_camera(p, c, worse, ret);
+    for (int c = 0; c < p->rig->n_cameras; c++) {
+        /* Writes a camera's response, colours and flat field, with standard errors. */
+        struct radiometry_camera *to = &ret->cameras[c];
+        int at = camera_at(p, c);
+        double mean;
+        for (int i = 0; i < p->n_cells; i++)
+            to->cells += p->cells[i].camera == c && !p->bad[i];
+        to->known = to->cells > 0;
+        radiometry_fit_split_colours(p, at, worse, &mean, &to->response_error, to->colour,
+                                     to->colour_error);
+        p->rig->cameras[c].response *= exp(mean);
+        for (int i = 0; i < RADIOMETRY_FLAT; i++) {
+            to->flat[i] = p->x[at + 3 + i];
+            to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
+        }
+    }
     for (int l = 0; l < p->rig->n_lamps; l++)
         store_lamp(p, l, worse, ret);
     ret->output = g_new(double, p->n_shots);

@@ -10,26 +10,6 @@
 
 static struct fixture f; /* lay 0 flat, lay 1 leaning; three cameras, the last at 75° */
 
-static void open_fixture(void) {
-    static const struct fixture_lay lays[] = {{0, 0, 3, 1, -2}, {30, 20, 40, 2, 1}};
-    const struct fixture_rig options = {.n_cameras = 3,
-                                        .width = 176,
-                                        .height = 160,
-                                        .focal_px = 714,
-                                        .distance_mm = 320,
-                                        .first_theta_deg = 15,
-                                        .last_theta_deg = 75,
-                                        .seed = 3,
-                                        .supersample = 2,
-                                        .error_mm = 1,
-                                        .error_deg = 0.2,
-                                        .turntable_error_deg = 0.01,
-                                        .blur_px = 0.4,
-                                        .board = "7x7,square=10.5,marker=7.875,thickness=3"};
-    boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
-    boards_capture(&f, N_STOPS);
-}
-
 static struct cameras_task whole_task(void) {
     return (struct cameras_task){f.board, f.pictures, f.n_pictures, boards_read, NULL, &f};
 }
@@ -233,7 +213,23 @@ static void test_lens(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    open_fixture();
+    static const struct fixture_lay lays[] = {{0, 0, 3, 1, -2}, {30, 20, 40, 2, 1}};
+    const struct fixture_rig options = {.n_cameras = 3,
+                                        .width = 176,
+                                        .height = 160,
+                                        .focal_px = 714,
+                                        .distance_mm = 320,
+                                        .first_theta_deg = 15,
+                                        .last_theta_deg = 75,
+                                        .seed = 3,
+                                        .supersample = 2,
+                                        .error_mm = 1,
+                                        .error_deg = 0.2,
+                                        .turntable_error_deg = 0.01,
+                                        .blur_px = 0.4,
+                                        .board = "7x7,square=10.5,marker=7.875,thickness=3"};
+    boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
+    boards_capture(&f, N_STOPS);
     g_test_add_func("/cameras/truth", test_truth);
     for (gsize i = 0; i < G_N_ELEMENTS(refusals); i++)
         g_test_add_data_func(refusals[i].path, &refusals[i], test_refused);
