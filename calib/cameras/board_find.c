@@ -28,12 +28,13 @@ static GArray *board_find_refuse(GError **error, const char *format, ...) {
 
 /* Even part of the projection about `at` along a step h: ½ (f(at + h) + f(at − h)) − f(at), that
  * is ½ hᵀ f″ h to second order. */
-static gboolean even_part(BoardProject project, gpointer data, const double at[2],
-                          const double step[2], double ret[2]) {
+static gboolean even_part(BoardProject project, gboolean straight, gconstpointer data,
+                          const double at[2], const double step[2], double ret[2]) {
     const double there[2] = {at[0] + step[0], at[1] + step[1]};
     const double opposite[2] = {at[0] - step[0], at[1] - step[1]};
     double a[2], b[2], m[2];
-    if (!project(there, a, data) || !project(opposite, b, data) || !project(at, m, data))
+    if (!project(there, straight, a, data) || !project(opposite, straight, b, data) ||
+        !project(at, straight, m, data))
         return FALSE;
     for (int k = 0; k < 2; k++)
         ret[k] = (a[k] + b[k]) / 2 - m[k];
@@ -41,10 +42,12 @@ static gboolean even_part(BoardProject project, gpointer data, const double at[2
 }
 
 /* Derivative of the picture's x, y (rows) by the board's x, y (columns), px/mm. */
-static gboolean slopes(BoardProject project, gpointer data, const double at[2], double ret[2][2]) {
+static gboolean slopes(BoardProject project, gboolean straight, gconstpointer data,
+                       const double at[2], double ret[2][2]) {
     const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
     double px[2], dx[2], dy[2];
-    if (!project(at, px, data) || !project(right, dx, data) || !project(up, dy, data))
+    if (!project(at, straight, px, data) || !project(right, straight, dx, data) ||
+        !project(up, straight, dy, data))
         return FALSE;
     for (int k = 0; k < 2; k++) {
         ret[k][0] = (dx[k] - px[k]) / STEP_MM;
@@ -77,18 +80,17 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
  * distortion, J and S their first derivatives. Perspective is common to both and keeps edges
  * straight; only distortion remains. */
 static void board_find_straighten(const struct board *board, BoardProject project,
-                                  BoardProject straight, gpointer data, const double at[2],
-                                  struct corner_guess *to) {
+                                  gconstpointer data, const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
     double s[2][2], a[3][3], b[2][3];
     const double(*j)[2] = to->px_a_mm;
-    if (!slopes(straight, data, at, s))
+    if (!slopes(project, TRUE, data, at, s))
         return;
     const double det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
     for (int i = 0; i < 3; i++) {
         double bent[2], even[2];
-        if (!even_part(project, data, at, steps[i], bent) ||
-            !even_part(straight, data, at, steps[i], even))
+        if (!even_part(project, FALSE, data, at, steps[i], bent) ||
+            !even_part(project, TRUE, data, at, steps[i], even))
             return;
         const double u = (s[1][1] * even[0] - s[0][1] * even[1]) / det;
         const double v = (s[0][0] * even[1] - s[1][0] * even[0]) / det;
@@ -105,28 +107,29 @@ static void board_find_straighten(const struct board *board, BoardProject projec
         memcpy(to->straighten, found, sizeof found);
 }
 
-/* Predicts position, scale and curvature for all corners; those that project() refuses are left
- * 0. */
-static void guess_all(const struct board *board, BoardProject project, BoardProject straight,
-                      gpointer data, const double shift_px[2], struct corner_guess *guesses) {
+/* Predicts position and scale for all corners, and if shift_px is not NULL that shift and the
+ * edges' curvature; those that project() refuses are left 0. */
+static void guess_all(const struct board *board, BoardProject project, gconstpointer data,
+                      const double shift_px[2], struct corner_guess *guesses) {
     const int n = board_n_corners(board);
     memset(guesses, 0, sizeof *guesses * (gsize)n);
     for (int id = 0; id < n; id++) {
         struct corner_guess *to = &guesses[id];
         double at[2], px[2], slope[2][2];
         board_corner_mm(board, id, at);
-        if (!project(at, px, data) || !slopes(project, data, at, slope))
+        if (!project(at, FALSE, px, data) || !slopes(project, FALSE, data, at, slope))
             continue;
-        to->x_px = px[0] + shift_px[0];
-        to->y_px = px[1] + shift_px[1];
+        to->x_px = px[0] + (shift_px ? shift_px[0] : 0);
+        to->y_px = px[1] + (shift_px ? shift_px[1] : 0);
         memcpy(to->px_a_mm, slope, sizeof slope);
-        if (straight)
-            board_find_straighten(board, project, straight, data, at, to);
+        if (shift_px)
+            board_find_straighten(board, project, data, at, to);
     }
 }
 
 /* x' = H x in homogeneous coordinates, H row by row in data. */
-static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+static gboolean by_homography(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                              gconstpointer data) {
     const double *h = data;
     const double w = h[6] * xy_mm[0] + h[7] * xy_mm[1] + h[8];
     if (!(w > 1e-9))
@@ -211,7 +214,7 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
             const double xy[2] = {(column + 0.5 - board->columns / 2.0) * board->square_mm,
                                   (board->rows / 2.0 - row - 0.5) * board->square_mm};
             double px[2];
-            if (!by_homography(xy, px, (gpointer)h))
+            if (!by_homography(xy, FALSE, px, h))
                 continue;
             const int x = (int)lround(px[0]), y = (int)lround(px[1]);
             if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
@@ -250,29 +253,19 @@ static gboolean plane_of_chessboard(const struct picture *picture, const struct 
     return FALSE;
 }
 
-/* Orientation of the homography at the centre: a flipped picture looks like a board seen from
- * below. The picture's y points down. */
-static gboolean is_seen_from_below(const double h[9]) {
-    const double middle[2] = {0, 0}, right[2] = {1, 0}, up[2] = {0, 1};
-    double m[2], r[2], u[2];
-    if (!by_homography(middle, m, (gpointer)h) || !by_homography(right, r, (gpointer)h) ||
-        !by_homography(up, u, (gpointer)h))
-        return TRUE;
-    return (r[0] - m[0]) * (u[1] - m[1]) - (r[1] - m[1]) * (u[0] - m[0]) > 0;
-}
-
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error) {
-    static const double nowhere[2] = {0, 0};
-    double h[9];
+    static const double middle[2] = {0, 0};
+    double h[9], m[2][2];
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
     if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, h, error))
         return NULL;
-    if (is_seen_from_below(h))
+    /* A flipped picture looks like a board seen from below. The picture's y points down. */
+    if (!slopes(by_homography, FALSE, h, middle, m) || m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
         return board_find_refuse(error,
                                  "the board is mirrored: the picture is flipped, or the board was "
                                  "printed so");
-    guess_all(board, by_homography, NULL, h, nowhere, guesses);
+    guess_all(board, by_homography, h, NULL, guesses);
     g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
     if (fine) {
         /* Fits the homography to all corners found: more accurate than that of the markers. */
@@ -288,7 +281,7 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
         }
         if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
             memcpy(h, better, sizeof better);
-        guess_all(board, by_homography, NULL, h, nowhere, guesses);
+        guess_all(board, by_homography, h, NULL, guesses);
         g_array_unref(corners);
         corners = corner_fit_all(picture, board, guesses);
     }
@@ -302,16 +295,16 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
 
 struct points { /* of the board, as they should appear */
     int n;
-    float *x, *y, *value;
+    float *x, *y, *value; /* one block, which x owns */
 };
 
 /* Projects a grid of points of the board with their printed values. */
-static void gather_points(const struct board *board, BoardProject project, gpointer data,
+static void gather_points(const struct board *board, BoardProject project, gconstpointer data,
                           struct points *to) {
     const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
-    to->x = g_new(float, nx *ny);
-    to->y = g_new(float, nx *ny);
-    to->value = g_new(float, nx *ny);
+    to->x = g_new(float, 3 * nx * ny);
+    to->y = to->x + nx * ny;
+    to->value = to->y + nx * ny;
     g_autofree double *at = g_new(double, 2 * nx * ny);
     to->n = 0;
     for (int j = 0; j < ny; j++)
@@ -319,7 +312,7 @@ static void gather_points(const struct board *board, BoardProject project, gpoin
             const double step = board->square_mm / STEPS_A_SQUARE;
             const double xy[2] = {(i + 0.5 - nx / 2.0) * step, (j + 0.5 - ny / 2.0) * step};
             double px[2];
-            if (!project(xy, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
+            if (!project(xy, FALSE, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
                 continue;
             to->x[to->n] = (float)px[0];
             to->y[to->n] = (float)px[1];
@@ -351,7 +344,7 @@ static double correlate(const struct picture *picture, const struct points *poin
 }
 
 GArray *board_find_near(const struct picture *picture, const struct board *board,
-                        BoardProject project, BoardProject straight, gpointer data, double reach_px,
+                        BoardProject project, gconstpointer data, double reach_px,
                         double *ret_fit) {
     struct points points;
     double shift[2] = {0, 0};
@@ -370,10 +363,8 @@ GArray *board_find_near(const struct picture *picture, const struct board *board
             shift[1] = dy;
         }
     g_free(points.x);
-    g_free(points.y);
-    g_free(points.value);
     if (*ret_fit < LEAST_FIT)
         return NULL;
-    guess_all(board, project, straight, data, shift, guesses);
+    guess_all(board, project, data, shift, guesses);
     return corner_fit_all(picture, board, guesses);
 }

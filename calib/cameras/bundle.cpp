@@ -390,29 +390,18 @@ gboolean bundle_covariance(struct bundle *bundle, GError **error) {
     }
 }
 
-static gboolean project_by(const struct bundle *bundle, const double *lens, int camera, int stop,
-                           const double board_mm[2], double ret_px[2]) {
+gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,
+                        const double board_mm[2], double ret_px[2]) {
     static const double zero[3] = {0, 0, 0};
     const bundle_camera &c = bundle->cameras[camera];
     const bundle_stop &s = bundle->stops[stop];
     const bundle_lay &l = bundle->lays[s.lay];
     const double lay[6] = {0, 0, 0, l.place[0], l.place[1], l.place[2]};
-    double p[3], q[3];
+    double lens[BUNDLE_INTRINSICS] = {0}, p[3], q[3];
+    std::memcpy(lens, c.intrinsics, straight ? 4 * sizeof(double) : sizeof lens);
     place(l.rotation, lay, s.angle_rad, board_mm, p);
     rotate(c.rotation, zero, p, q);
     for (int i = 0; i < 3; i++)
         q[i] += c.shift[i];
     return project(lens, q, ret_px);
-}
-
-gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
-                        double ret_px[2]) {
-    return project_by(bundle, bundle->cameras[camera].intrinsics, camera, stop, board_mm, ret_px);
-}
-
-gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
-                                 const double board_mm[2], double ret_px[2]) {
-    double lens[BUNDLE_INTRINSICS] = {0};
-    std::memcpy(lens, bundle->cameras[camera].intrinsics, 4 * sizeof(double));
-    return project_by(bundle, lens, camera, stop, board_mm, ret_px);
 }

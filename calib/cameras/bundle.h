@@ -71,12 +71,8 @@ gboolean bundle_solve(struct bundle *bundle, GError **error);
 /* Sets the cameras' covariances, for the noise given. */
 gboolean bundle_covariance(struct bundle *bundle, GError **error);
 
-/* Projects a board point; FALSE: behind the camera. */
-gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
-                        double ret_px[2]);
-
-/* The same for a lens without distortion. */
-gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
-                                 const double board_mm[2], double ret_px[2]);
+/* Projects a board point. straight: as if the lens had no distortion. FALSE: behind the camera. */
+gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,
+                        const double board_mm[2], double ret_px[2]);
 
 G_END_DECLS

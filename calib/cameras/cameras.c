@@ -110,15 +110,10 @@ struct look {
     int camera, stop;
 };
 
-static gboolean cameras_project(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+static gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                                gconstpointer data) {
     const struct look *at = data;
-    return bundle_project(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
-}
-
-static gboolean cameras_project_straight(const double xy_mm[2], double ret_xy_px[2],
-                                         gpointer data) {
-    const struct look *at = data;
-    return bundle_project_straight(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
+    return bundle_project(at->bundle, at->camera, at->stop, straight, xy_mm, ret_xy_px);
 }
 
 /* Searches picture i for the corners where the geometry predicts them, including those that the
@@ -130,8 +125,8 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
     double fit;
     if (!picture)
         return FALSE;
-    GArray *corners = board_find_near(picture, &work->task->board, cameras_project,
-                                      cameras_project_straight, &at, reach_px, &fit);
+    GArray *corners =
+        board_find_near(picture, &work->task->board, cameras_project, &at, reach_px, &fit);
     if (corners && corners->len >= LEAST_CORNERS) {
         g_clear_pointer(&seen->corners, g_array_unref);
         seen->corners = corners;

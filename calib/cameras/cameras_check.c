@@ -199,7 +199,8 @@ static double rms_px(const struct cameras_work *work) {
     double sum = 0, n = 0, px[2];
     for (int i = 0; i < work->bundle.n_observations; i++) {
         const struct bundle_observation *o = &work->bundle.observations[i];
-        if (o->rejected || !bundle_project(&work->bundle, o->camera, o->stop, o->board_mm, px))
+        if (o->rejected ||
+            !bundle_project(&work->bundle, o->camera, o->stop, FALSE, o->board_mm, px))
             continue;
         sum += pow(px[0] - o->seen_px[0], 2) + pow(px[1] - o->seen_px[1], 2);
         n++;

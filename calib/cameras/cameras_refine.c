@@ -19,7 +19,7 @@
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]) {
     double px[2] = {0, 0};
-    const gboolean seen = bundle_project(bundle, o->camera, o->stop, o->board_mm, px);
+    const gboolean seen = bundle_project(bundle, o->camera, o->stop, FALSE, o->board_mm, px);
     ret_d[0] = px[0] - o->seen_px[0];
     ret_d[1] = px[1] - o->seen_px[1];
     const double u = o->whiten[0][0] * ret_d[0] + o->whiten[0][1] * ret_d[1];

@@ -89,7 +89,7 @@ static double median_error(const struct cameras_work *work, int lay) {
             const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
             double mm[2], px[2], error = G_MAXDOUBLE;
             board_corner_mm(&work->task->board, corner->id, mm);
-            if (bundle_project(&work->bundle, seen->camera, seen->stop, mm, px))
+            if (bundle_project(&work->bundle, seen->camera, seen->stop, FALSE, mm, px))
                 error = hypot(px[0] - corner->x_px, px[1] - corner->y_px);
             g_array_append_val(errors, error);
         }

@@ -28,17 +28,6 @@ struct pixels {
     double sign; /* +1: white where both distances have the same sign */
 };
 
-static gboolean corner_invert(const double m[2][2], double ret[2][2]) {
-    const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    if (!(fabs(det) > 1e-6))
-        return FALSE;
-    ret[0][0] = m[1][1] / det;
-    ret[0][1] = -m[0][1] / det;
-    ret[1][0] = -m[1][0] / det;
-    ret[1][1] = m[0][0] / det;
-    return TRUE;
-}
-
 /* Whether a pixel shows only the four squares that meet at the corner, and is closer to it than
  * to others: corners that share pixels would share errors. dx, dy: from the corner, mm. */
 static gboolean is_clear(const struct board *board, double sign, double dx, double dy,
@@ -206,15 +195,16 @@ static gboolean corner_covariance(const double h[N * N], double variance, double
 static gboolean corner_do_fit(const struct picture *picture, const struct board *board, int id,
                               const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
-    double p[N], h[N * N], back[2][2], total;
+    double p[N], h[N * N], total;
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
     /* +1 if the corner's upper right and lower left squares are white */
     pixels.sign = (column + row) % 2 ? -1 : 1;
-    if (!corner_invert(guess->px_a_mm, back) ||
-        !corner_gather(picture, board, guess, back, &pixels))
+    const double(*m)[2] = guess->px_a_mm;
+    const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    const double back[2][2] = {{m[1][1] / det, -m[0][1] / det}, {-m[1][0] / det, m[0][0] / det}};
+    if (!(fabs(det) > 1e-6) || !corner_gather(picture, board, guess, back, &pixels))
         return FALSE;
     /* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
-    const double(*m)[2] = guess->px_a_mm;
     double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
     for (int i = 0; i < pixels.n; i++) {
         low = MIN(low, pixels.value[i]);

@@ -333,20 +333,17 @@ static void set_zero(const struct problem *problem, const struct fit_result *fit
         if (problem->lamp_at[i] >= 0) {
             struct rig_lamp *lamp = &ret->rig.lamps[i];
             lamp->position_mm = rig_turn(lamp->position_mm, -turn);
+            /* Rotates the aim with the position (Rodrigues' formula): it keeps its angle to the
+             * origin. */
+            struct vec3 from = vec3_unit(problem->rig->lamps[i].position_mm);
+            struct vec3 to = vec3_unit(lamp->position_mm), axis = vec3_cross(from, to);
+            double s = vec3_length(axis), c = vec3_dot(from, to);
+            struct vec3 k = vec3_scale(axis, 1 / s), v = problem->rig->lamps[i].aim;
+            if (s > 1e-15)
+                lamp->aim =
+                    vec3_unit(vec3_add(vec3_add(vec3_scale(v, c), vec3_scale(vec3_cross(k, v), s)),
+                                       vec3_scale(k, vec3_dot(k, v) * (1 - c))));
         }
-}
-
-/* Rotates the aim with the lamp's position (Rodrigues' formula), so that it keeps its angle to
- * the origin. */
-static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
-    struct vec3 from = vec3_unit(nominal->position_mm), to = vec3_unit(lamp->position_mm);
-    struct vec3 axis = vec3_cross(from, to);
-    double s = vec3_length(axis), c = vec3_dot(from, to);
-    if (!(s > 1e-15))
-        return;
-    struct vec3 k = vec3_scale(axis, 1 / s), v = nominal->aim;
-    lamp->aim = vec3_unit(vec3_add(vec3_add(vec3_scale(v, c), vec3_scale(vec3_cross(k, v), s)),
-                                   vec3_scale(k, vec3_dot(k, v) * (1 - c))));
 }
 
 /* Covariance of a lamp's position with the arc at 0, G C Gᵀ: G has the derivatives of the
@@ -416,9 +413,6 @@ static void lamps_take(const struct problem *problem, const double *x, struct fi
         sum += s->sigma * s->sigma *
                (pow(fit->residuals[2 * i], 2) + pow(fit->residuals[2 * i + 1], 2));
     }
-    for (int i = 0; i < problem->rig->n_lamps; i++)
-        if (ret->seen[i])
-            keep_aim(&problem->rig->lamps[i], &ret->rig.lamps[i]);
     ret->rms = sqrt(sum / MAX(2 * ret->n_used, 1));
     ret->sigma = fit->sigma;
     ret->turntable_rad = problem->turntable.sigma_rad;
