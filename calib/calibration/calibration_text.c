@@ -246,19 +246,6 @@ static gboolean is_covariance(const double *c, int n) {
     return TRUE;
 }
 
-/* Whether a section belongs to rig_to_text(). */
-static gboolean is_rigs(const char *group) {
-    static const char *const prefixes[] = {"camera ", "lamp ", "laser ", "mark "};
-
-    if (strcmp(group, "rig") == 0 || strcmp(group, "end") == 0)
-        return TRUE;
-    for (gsize i = 0; i < G_N_ELEMENTS(prefixes); i++)
-        if (g_str_has_prefix(group, prefixes[i]) &&
-            g_ascii_string_to_unsigned(group + strlen(prefixes[i]), 10, 0, G_MAXINT, NULL, NULL))
-            return TRUE;
-    return FALSE;
-}
-
 /* Numbers separated by semicolons; the last one may have a separator, too. */
 static gboolean are_finite(const char *list) {
     g_auto(GStrv) words = g_strsplit(list, ";", -1);
@@ -276,12 +263,16 @@ static gboolean are_finite(const char *list) {
 
 /* Copies sections that nothing else has read. Lists of numbers for reports (residuals, steps of a
  * sweep, errors of the turntable, drift of lamps) must be finite. */
-static gboolean calibration_text_keep_extra(const struct reader *r, GKeyFile *to, GError **error) {
+static gboolean calibration_text_keep_extra(const struct reader *r, struct calibration *to,
+                                            GError **error) {
     static const char *const lists[] = {"laser steps", "turntable", "lamp drift", NULL};
     g_auto(GStrv) names = g_key_file_get_groups(r->file, NULL);
+    g_autofree char *text = rig_to_text(&to->rig);
+    g_autoptr(GKeyFile) rig = g_key_file_new();
 
+    g_key_file_load_from_data(rig, text, (gsize)-1, G_KEY_FILE_NONE, NULL);
     for (char **name = names; *name; name++) {
-        if (is_rigs(*name) || g_hash_table_contains(r->taken, *name))
+        if (g_key_file_has_group(rig, *name) || g_hash_table_contains(r->taken, *name))
             continue;
         const gboolean numbers =
             g_strv_contains(lists, *name) || g_str_has_prefix(*name, "camera residuals ");
@@ -292,7 +283,7 @@ static gboolean calibration_text_keep_extra(const struct reader *r, GKeyFile *to
                 return fields_refuse(r->path, *name, *key, error,
                                      "is not a list of finite numbers; calibrate again or restore "
                                      "the file");
-            g_key_file_set_value(to, *name, *key, value);
+            g_key_file_set_value(to->extra, *name, *key, value);
         }
     }
     return TRUE;
@@ -319,7 +310,7 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
             *(gboolean *)at = TRUE; /* known */
         }
     }
-    if (!calibration_text_keep_extra(r, to->extra, error))
+    if (!calibration_text_keep_extra(r, to, error))
         return FALSE;
     for (int i = 0; i < to->rig.n_cameras; i++)
         if (!is_covariance(&to->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS))

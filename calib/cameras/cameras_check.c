@@ -134,8 +134,7 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
 }
 
 static double centre_distance(const struct bundle_camera *camera) {
-    return sqrt(camera->shift[0] * camera->shift[0] + camera->shift[1] * camera->shift[1] +
-                camera->shift[2] * camera->shift[2]);
+    return vec3_length(vec3(camera->shift[0], camera->shift[1], camera->shift[2]));
 }
 
 /* If the squares are larger than specified all distances come out too small by the same factor.
@@ -150,8 +149,8 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
         if (work->bundle.cameras[c].fixed_pose)
             continue;
         const double *at = work->bundle.cameras[c].nominal_centre;
-        const double nominal = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
-        const double ratio = centre_distance(&work->bundle.cameras[c]) / nominal;
+        const double ratio =
+            centre_distance(&work->bundle.cameras[c]) / vec3_length(vec3(at[0], at[1], at[2]));
         sum += ratio / n;
         squares += ratio * ratio / n;
     }

@@ -245,6 +245,7 @@ struct ramp {
     double *t, *y, *weight; /* one block, which t owns */
     int n;
     double a;
+    double sum_t, sum_y; /* their ratio is the slope with weights 1/t: variance grows with signal */
 };
 
 struct ramps {
@@ -295,15 +296,10 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
         double off = 0, level = 0, t = fit->lit[i].exposure_s;
         for (int r = 0; r < ramps->n; r++) {
             const struct ramp *ramp = &ramps->ramp[r];
-            double wty = 0, wtt = 0;
-            for (int k = 0; k < ramp->n; k++) {
-                wty += ramp->y[k]; /* weights 1/t: variance grows with the signal */
-                wtt += ramp->t[k];
-            }
             for (int k = 0; ramp->n >= 3 && k < ramp->n; k++)
                 if (ramp->t[k] == t) {
-                    off += ramp->y[k] - wty / wtt * t;
-                    level += wty / wtt * t;
+                    off += ramp->y[k] - ramp->sum_y / ramp->sum_t * t;
+                    level += ramp->sum_y / ramp->sum_t * t;
                 }
         }
         if (level > 0)
@@ -320,7 +316,7 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
         /* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the
          * longest one. */
         double *block = g_new(double, 3 * fit->n_lit);
-        struct ramp ramp = {block, block + fit->n_lit, block + 2 * fit->n_lit, 0, 0};
+        struct ramp ramp = {.t = block, .y = block + fit->n_lit, .weight = block + 2 * fit->n_lit};
         double top = 0;
         for (int i = 0; i < fit->n_lit; i++) {
             const struct tile *lit = &fit->lit[i].tile[k];
@@ -328,6 +324,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
             if (lit->n == 0 || !(y > 0))
                 continue;
             double variance = lit->variance / (2 * lit->n);
+            ramp.sum_t += t;
+            ramp.sum_y += y;
             ramp.t[ramp.n] = t;
             ramp.y[ramp.n] = y;
             ramp.weight[ramp.n++] = 1 / MAX(variance, 1e-9);

@@ -157,6 +157,19 @@ static Viewer *before(const struct environment *environment, struct viewer_setti
     return g_steal_pointer(&viewer);
 }
 
+/* Where the ray through a pixel's middle goes: written anew, as view.h describes the camera. */
+static void direction_of(const struct viewer_settings *s, int i, int j, double ret[3]) {
+    const double a = s->camera_azimuth_deg * G_PI / 180, e = s->camera_elevation_deg * G_PI / 180;
+    const double half = tan(s->camera_fov_deg * G_PI / 360) / SIZE;
+    const double x = (2 * i + 1 - SIZE) * half, y = (SIZE - 2 * j - 1) * half;
+    const double back[3] = {cos(e) * cos(a), cos(e) * sin(a), sin(e)};
+    const double right[3] = {-sin(a), cos(a), 0};
+    const double up[3] = {-sin(e) * cos(a), -sin(e) * sin(a), cos(e)};
+    const double length = sqrt(1 + x * x + y * y);
+    for (int k = 0; k < 3; k++)
+        ret[k] = (x * right[k] + y * up[k] - back[k]) / length;
+}
+
 #define SKY 256 /* pixels wide */
 
 /* Each axis has its colour: red grows along x, green along y, blue along z. */
@@ -194,19 +207,7 @@ static void test_backdrop(struct fixture *f, gconstpointer data) {
             if (seen[4 * i + 3] > 0.5F)
                 continue;
             n++;
-            /* Where the ray through a pixel's middle goes: written anew, as view.h describes the
-             * camera. */
-            const double a = s.camera_azimuth_deg * G_PI / 180,
-                         e = s.camera_elevation_deg * G_PI / 180;
-            const double half = tan(s.camera_fov_deg * G_PI / 360) / SIZE;
-            const double x = (2 * (i % SIZE) + 1 - SIZE) * half,
-                         y = (SIZE - 2 * (i / SIZE) - 1) * half;
-            const double back[3] = {cos(e) * cos(a), cos(e) * sin(a), sin(e)};
-            const double right[3] = {-sin(a), cos(a), 0};
-            const double up[3] = {-sin(e) * cos(a), -sin(e) * sin(a), cos(e)};
-            const double length = sqrt(1 + x * x + y * y);
-            for (int k = 0; k < 3; k++)
-                d[k] = (x * right[k] + y * up[k] - back[k]) / length;
+            direction_of(&s, i % SIZE, i / SIZE, d);
             for (int c = 0; c < 3; c++)
                 g_assert_cmpfloat_with_epsilon((double)seen[4 * i + c],
                                                (0.5 + 0.4 * d[c]) * viewer_exposure(&s), 0.006);
