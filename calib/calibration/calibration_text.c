@@ -95,10 +95,10 @@ static const struct field noise_fields[] = {
     {NULL},
 };
 
-#define MARK(member) offsetof(struct calibration_mark, member)
-static const struct field mark_fields[] = {
-    {"centre_mm", MARK(centre_mm), 3, FALSE, 0, FIELD_LARGE},
-    {"reflectance", MARK(reflectance), 3, FALSE, 0, 10},
+#define FIDUCIAL(member) offsetof(struct calibration_fiducial, member)
+static const struct field fiducial_fields[] = {
+    {"centre_mm", FIDUCIAL(centre_mm), 3, FALSE, 0, FIELD_LARGE},
+    {"reflectance", FIDUCIAL(reflectance), 3, FALSE, 0, 10},
     {NULL},
 };
 
@@ -129,7 +129,7 @@ static const struct group {
     {"camera radiometry", N(cameras), ARRAY(camera_radiometry), radiometry_fields},
     {"lamp radiometry", N(lamps), ARRAY(lamp_radiometry), light_fields},
     {"camera noise", N(cameras), ARRAY(noise), noise_fields},
-    {"mark errors", N(marks), ARRAY(marks), mark_fields},
+    {"mark errors", N(fiducials), ARRAY(fiducials), fiducial_fields},
     {"colour", NONE, ONE(colour), colour_fields},
 };
 

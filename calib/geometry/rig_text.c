@@ -16,7 +16,7 @@ static const struct field rig_fields[] = {
     {"cameras", offsetof(struct rig, n_cameras), 1, TRUE, 0, RIG_MAX_CAMERAS},
     {"lamps", offsetof(struct rig, n_lamps), 1, TRUE, 0, RIG_MAX_LAMPS},
     {"lasers", offsetof(struct rig, n_lasers), 1, TRUE, 0, RIG_MAX_LASERS},
-    {"marks", offsetof(struct rig, n_marks), 1, TRUE, 0, RIG_MAX_MARKS, TRUE},
+    {"marks", offsetof(struct rig, n_fiducials), 1, TRUE, 0, RIG_MAX_FIDUCIALS, TRUE},
     {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, FIELD_LARGE},
     {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, FIELD_LARGE},
     {"arc_zero_rad", offsetof(struct rig, arc.zero_rad), 1, FALSE, -G_PI, G_PI, TRUE},
@@ -64,11 +64,11 @@ static const struct field laser_fields[] = {
     {NULL},
 };
 
-#define MARK(member) offsetof(struct rig_mark, member)
-static const struct field mark_fields[] = {
-    {"centre_mm", MARK(centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
-    {"radius_mm", MARK(radius_mm), 1, FALSE, 1e-3, FIELD_LARGE},
-    {"reflectance", MARK(reflectance), 3, FALSE, 0.01, 2},
+#define FIDUCIAL(member) offsetof(struct rig_fiducial, member)
+static const struct field fiducial_fields[] = {
+    {"centre_mm", FIDUCIAL(centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"radius_mm", FIDUCIAL(radius_mm), 1, FALSE, 1e-3, FIELD_LARGE},
+    {"reflectance", FIDUCIAL(reflectance), 3, FALSE, 0.01, 2},
     {NULL},
 };
 
@@ -82,7 +82,7 @@ static const struct {
     {"camera", offsetof(struct rig, cameras), sizeof(struct rig_camera), camera_fields},
     {"lamp", offsetof(struct rig, lamps), sizeof(struct rig_lamp), lamp_fields},
     {"laser", offsetof(struct rig, lasers), sizeof(struct rig_laser), laser_fields},
-    {"mark", offsetof(struct rig, marks), sizeof(struct rig_mark), mark_fields},
+    {"mark", offsetof(struct rig, fiducials), sizeof(struct rig_fiducial), fiducial_fields},
 };
 #define KINDS G_N_ELEMENTS(devices)
 

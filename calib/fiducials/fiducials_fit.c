@@ -1,4 +1,4 @@
-#include "marks.h"
+#include "fiducials.h"
 
 #include <lapacke.h>
 #include <string.h>
@@ -13,35 +13,36 @@
 /* Position of one fiducial: Gauss-Newton on its reprojection error, with the rig file as prior. */
 struct position {
     const struct rig *rig;
-    const struct mark_seen **seen;
+    const struct fiducial_seen **seen;
     int n;
     struct vec3 start, now;
     double matrix[9], right[3];
 };
 
-static struct vec3 marks_fit_moved(struct vec3 p, int axis, double by) {
+static struct vec3 fiducials_fit_moved(struct vec3 p, int axis, double by) {
     return vec3(p.x + (axis == 0) * by, p.y + (axis == 1) * by, p.z + (axis == 2) * by);
 }
 
-/* Predicts as marks_measure() does; the offset between the disc's centroid and its projected
+/* Predicts as fiducials_measure() does; the offset between the disc's centroid and its projected
  * centre is taken as that of the expected position. */
-static gboolean marks_fit_project(const struct position *position, const struct mark_seen *seen,
-                                  struct vec3 p, double *x, double *y) {
+static gboolean fiducials_fit_project(const struct position *position,
+                                      const struct fiducial_seen *seen, struct vec3 p, double *x,
+                                      double *y) {
     return rig_project(&position->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad), x,
                        y);
 }
 
-static void marks_fit_add_seen(struct position *position, const struct mark_seen *seen) {
+static void fiducials_fit_add_seen(struct position *position, const struct fiducial_seen *seen) {
     double x, y, x0, y0, slope[2][3];
-    if (!marks_fit_project(position, seen, position->now, &x, &y) ||
-        !marks_fit_project(position, seen, position->start, &x0, &y0))
+    if (!fiducials_fit_project(position, seen, position->now, &x, &y) ||
+        !fiducials_fit_project(position, seen, position->start, &x0, &y0))
         return;
     for (int a = 0; a < 3; a++) {
         double high_x, high_y, low_x, low_y;
-        if (!marks_fit_project(position, seen, marks_fit_moved(position->now, a, STEP_MM), &high_x,
-                               &high_y) ||
-            !marks_fit_project(position, seen, marks_fit_moved(position->now, a, -STEP_MM), &low_x,
-                               &low_y))
+        if (!fiducials_fit_project(position, seen, fiducials_fit_moved(position->now, a, STEP_MM),
+                                   &high_x, &high_y) ||
+            !fiducials_fit_project(position, seen, fiducials_fit_moved(position->now, a, -STEP_MM),
+                                   &low_x, &low_y))
             return;
         slope[0][a] = (high_x - low_x) / (2 * STEP_MM);
         slope[1][a] = (high_y - low_y) / (2 * STEP_MM);
@@ -64,7 +65,7 @@ static void marks_fit_add_seen(struct position *position, const struct mark_seen
     }
 }
 
-static gboolean fit_place(struct position *position, struct mark_fit *ret) {
+static gboolean fit_place(struct position *position, struct fiducial_fit *ret) {
     for (int i = 0; i < STEPS; i++) {
         /* One step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
         const double prior = 1 / (PRIOR_MM * PRIOR_MM);
@@ -72,7 +73,7 @@ static gboolean fit_place(struct position *position, struct mark_fit *ret) {
         memset(position->matrix, 0, sizeof position->matrix);
         memset(position->right, 0, sizeof position->right);
         for (int k = 0; k < position->n; k++)
-            marks_fit_add_seen(position, position->seen[k]);
+            fiducials_fit_add_seen(position, position->seen[k]);
         for (int a = 0; a < 3; a++) {
             position->matrix[4 * a] += prior;
             position->right[a] += prior * (a == 0 ? off.x : a == 1 ? off.y : off.z);
@@ -96,12 +97,12 @@ struct white {
 
 /* White and its standard error: √(noise + spread between the cameras), since each camera's flat
  * field has an error of its own at the fiducial's position. */
-static gboolean fit_white(const struct position *position, struct mark_fit *ret) {
+static gboolean fit_white(const struct position *position, struct fiducial_fit *ret) {
     struct white all = {0}, of[RIG_MAX_CAMERAS] = {{0}};
     double spread = 0, apart = 0;
     int n = 0, cameras = 0;
     for (int i = 0; i < position->n; i++) {
-        const struct mark_seen *s = position->seen[i];
+        const struct fiducial_seen *s = position->seen[i];
         if (!isfinite(s->output_error))
             continue;
         double w = 1 / (s->output_error * s->output_error + UNEVEN_WHITE * UNEVEN_WHITE);
@@ -127,14 +128,14 @@ static gboolean fit_white(const struct position *position, struct mark_fit *ret)
     return TRUE;
 }
 
-gboolean marks_fit(const struct rig *rig, const struct mark_seen *seen, int n, int mark,
-                   gboolean place, struct mark_fit *ret) {
-    struct position p = {.rig = rig, .seen = g_new(const struct mark_seen *, n + 1)};
-    p.start = p.now = rig->marks[mark].centre_mm;
+gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, int n, int fiducial,
+                       gboolean place, struct fiducial_fit *ret) {
+    struct position p = {.rig = rig, .seen = g_new(const struct fiducial_seen *, n + 1)};
+    p.start = p.now = rig->fiducials[fiducial].centre_mm;
     memset(ret, 0, sizeof *ret);
     ret->centre_mm = p.start;
     for (int i = 0; i < n; i++)
-        if (seen[i].mark == mark)
+        if (seen[i].fiducial == fiducial)
             p.seen[p.n++] = &seen[i];
     ret->n_seen = p.n;
     gboolean ok = p.n >= FEW_SEEN && fit_white(&p, ret) && (!place || fit_place(&p, ret));

@@ -1,7 +1,7 @@
 /* Greedy search: each hypothesis is fitted to the displacements d_i (weights w_i) by least
  * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d; the one with the largest decrease of χ² = aᵀ Σ w Jᵀ d
  * is accepted and subtracted, until none is significant. */
-#include "marks.h"
+#include "fiducials.h"
 
 #include <lapacke.h>
 #include <string.h>
@@ -19,7 +19,7 @@ struct cause {
 
 struct checking {
     const struct rig *rig;
-    const struct mark_seen *seen;
+    const struct fiducial_seen *seen;
     int n;
     double *slope; /* n × 2 × 3: derivatives in pixels per radian */
     double *off_x, *off_y, *weight;
@@ -37,7 +37,7 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
 /* Derivative of a fiducial's picture x, y by an unknown of a hypothesis (central differences). */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
-    const struct mark_seen *seen = &check->seen[i];
+    const struct fiducial_seen *seen = &check->seen[i];
     const struct rig_camera *camera = &check->rig->cameras[seen->camera];
     double x[2] = {0}, y[2] = {0};
     ret[0] = ret[1] = 0;
@@ -62,7 +62,7 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
         } else {
             turn += angle;
         }
-        struct vec3 p = rig_turn(check->rig->marks[seen->mark].centre_mm, turn);
+        struct vec3 p = rig_turn(check->rig->fiducials[seen->fiducial].centre_mm, turn);
         if (!rig_project(&now, p, &x[side], &y[side]))
             return;
     }
@@ -109,7 +109,7 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
 }
 
 /* Length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
-static double marks_check_length_of(const struct explained *by, double *ret_error) {
+static double fiducials_check_length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
     for (int u = 0; u < 3; u++)
         squares += by->angle[u] * by->angle[u];
@@ -122,7 +122,7 @@ static double marks_check_length_of(const struct explained *by, double *ret_erro
 
 /* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable
  * slipped all cameras show it, and none of them needs to have moved. */
-static void find_causes(struct checking *check, double least_deg, struct marks_check *ret) {
+static void find_causes(struct checking *check, double least_deg, struct fiducials_check *ret) {
     gboolean taken[MOST_TURNS] = {FALSE};
     double error;
     for (int round = 0; round < check->rig->n_cameras + 1; round++) {
@@ -133,7 +133,7 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
             struct explained found;
             if (taken[camera + 1] || !explain(check, &cause, &found))
                 continue;
-            const double length = marks_check_length_of(&found, &error);
+            const double length = fiducials_check_length_of(&found, &error);
             const gboolean significant = found.gain > CERTAIN * CERTAIN &&
                                          length > CERTAIN * error &&
                                          length * 180 / G_PI >= least_deg;
@@ -152,7 +152,7 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
                 check->off_x[i] -= slope[0] * best.angle[u];
                 check->off_y[i] -= slope[1] * best.angle[u];
             }
-        const double length = marks_check_length_of(&best, &error);
+        const double length = fiducials_check_length_of(&best, &error);
         if (by.camera < 0) {
             ret->slipped = TRUE;
             ret->slip_deg += best.angle[0] * 180 / G_PI;
@@ -165,8 +165,8 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
     }
 }
 
-void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
-                 double least_deg, struct marks_check *ret) {
+void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
+                     double systematic_px, double least_deg, struct fiducials_check *ret) {
     struct checking check = {.rig = rig, .seen = seen, .n = n};
     check.slope = g_new0(double, 6 * n + 1);
     check.off_x = g_new0(double, 3 * n + 1);
@@ -181,7 +181,7 @@ void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, dou
          * one. */
         int same = 0;
         for (int k = 0; k < n; k++)
-            same += seen[k].camera == seen[i].camera && seen[k].mark == seen[i].mark &&
+            same += seen[k].camera == seen[i].camera && seen[k].fiducial == seen[i].fiducial &&
                     seen[k].turntable_rad == seen[i].turntable_rad;
         check.weight[i] =
             1 / (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) / same;
@@ -195,7 +195,7 @@ void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, dou
     g_free(check.off_x);
 }
 
-char *marks_describe(const struct rig *rig, const struct marks_check *check) {
+char *fiducials_describe(const struct rig *rig, const struct fiducials_check *check) {
     g_autoptr(GString) text = g_string_new(NULL);
     if (check->slipped)
         g_string_append_printf(text, "the turntable has slipped by %+.3f° ± %.3f°", check->slip_deg,
