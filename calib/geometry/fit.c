@@ -159,6 +159,11 @@ int fit_compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
+int fit_compare_floats(gconstpointer a, gconstpointer b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return x < y ? -1 : x > y;
+}
+
 /* The robust scale is median |r| / 0.6745 in one dimension, / 1.1774 in two (medians of normal
  * deviates). hard: weights are 0 or 1. */
 static void fit_weigh(struct work *work, gboolean hard) {

@@ -3,6 +3,8 @@
  * peak. */
 #include "highlights.h"
 
+#include "geometry/fit.h"
+
 #include <math.h>
 #include <stdlib.h>
 
@@ -41,11 +43,6 @@ struct spot {
     gboolean halo, cut;
 };
 
-static int highlights_compare(gconstpointer a, gconstpointer b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Copies the pixels of a circle; FALSE: it is not wholly in the picture. */
 static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     w->left = (int)ceil(x - r);
@@ -75,11 +72,11 @@ static void background(struct window *w) {
     for (int i = 0; i < all; i++)
         if (w->values[i] > -G_MAXFLOAT)
             sorted[n++] = w->values[i];
-    qsort(sorted, (gsize)n, sizeof *sorted, highlights_compare);
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare_floats);
     w->level = sorted[n / 2];
     for (int i = 0; i < n; i++)
         sorted[i] = fabsf(sorted[i] - w->level);
-    qsort(sorted, (gsize)n, sizeof *sorted, highlights_compare);
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare_floats);
     w->floor = MAX((float)ABOVE_NOISE * 1.4826f * sorted[n / 2], 0.05f * fabsf(w->level));
 }
 

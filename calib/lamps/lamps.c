@@ -107,11 +107,6 @@ static void target_of(const struct problem *problem, const double *x, struct lam
         }
 }
 
-/* Error of the drive's angle at a sight. */
-static double slip(const struct drive *drive, const int *which, int sight, const double *x) {
-    return which[sight] >= 0 ? x[drive->at + which[sight]] : 0;
-}
-
 /* Predicted position of a sight. turntable_rad: the true angle. The end of a shadow is given in
  * the sample frame of the commanded angle. */
 static gboolean lamps_predict(const struct problem *problem, const struct lamp_target *target,
@@ -143,15 +138,14 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
         struct vec3 lamp =
-            s->lamp < 0
-                ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
-                : rig_lamp_position_mm(&arc, &lamps[s->lamp],
-                                       s->arc_rad + slip(&problem->arc, problem->swing, i, x));
+            s->lamp < 0 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
+                        : rig_lamp_position_mm(&arc, &lamps[s->lamp],
+                                               s->arc_rad + x[problem->arc.at + problem->swing[i]]);
         const double *d = x + problem->camera_at[s->camera], *shift = problem->shift + 4 * i;
         double at[2] = {0, 0};
-        gboolean seen = lamps_predict(
-            problem, &target, s, s->turntable_rad + slip(&problem->turntable, problem->turn, i, x),
-            lamp, at);
+        gboolean seen =
+            lamps_predict(problem, &target, s,
+                          s->turntable_rad + x[problem->turntable.at + problem->turn[i]], lamp, at);
         at[0] += shift[0] * d[0] + shift[1] * d[1];
         at[1] += shift[2] * d[0] + shift[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;

@@ -21,9 +21,8 @@ struct plate_map *plate_map_new(const struct rig_camera *camera, const struct la
     struct plate_map *map = g_new(struct plate_map, 1);
     struct vec3 eye = rig_camera_centre_mm(camera);
     double reach = hypot(target->plate_mm[0], target->plate_mm[1]) / 2;
-    *map = (struct plate_map){camera->width, camera->height, NULL};
-    map->xy_mm = g_new(float, 2 * (gsize)camera->width * (gsize)camera->height);
-    float *xy = map->xy_mm;
+    float *xy = g_new(float, 2 * (gsize)camera->width * (gsize)camera->height);
+    *map = (struct plate_map){camera->width, camera->height, xy};
     for (int y = 0; y < camera->height; y++)
         for (int x = 0; x < camera->width; x++, xy += 2) {
             struct vec3 ray = rig_pixel_ray(camera, x, y);
@@ -70,11 +69,6 @@ void shadow_view_free(ShadowView *view) {
     g_free(view);
 }
 
-static int shadows_compare(gconstpointer a, gconstpointer b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Median of every seventh value. */
 static double median_of(const float *values, gsize n) {
     g_autofree float *some = g_new(float, n / 7 + 1);
@@ -84,7 +78,7 @@ static double median_of(const float *values, gsize n) {
             some[count++] = values[i];
     if (count == 0)
         return 0;
-    qsort(some, count, sizeof *some, shadows_compare);
+    qsort(some, count, sizeof *some, fit_compare_floats);
     return (double)some[count / 2];
 }
 
@@ -120,17 +114,16 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
                     picture->height, view->map->width, view->map->height);
         return FALSE;
     }
-    struct shot shot = {index, lamp, arc_rad, NULL, shadows_shade(view, picture, lamp, arc_rad)};
-    double level = median_of(shot.values, n);
+    g_autofree float *values = shadows_shade(view, picture, lamp, arc_rad);
+    double level = median_of(values, n);
     if (!(level > 0)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "%s: the plate is dark, or not in the picture", picture->name);
-        g_free(shot.values);
         return FALSE;
     }
     for (gsize i = 0; i < n; i++)
-        shot.values[i] = (float)((double)shot.values[i] / level);
-    shot.name = g_strdup(picture->name);
+        values[i] = (float)((double)values[i] / level);
+    struct shot shot = {index, lamp, arc_rad, g_strdup(picture->name), g_steal_pointer(&values)};
     g_array_append_val(view->shots, shot);
     return TRUE;
 }

@@ -49,6 +49,13 @@ static void add(struct normalised *to, double found, double truth, double error)
     to->n++;
 }
 
+static void assert_normal(const struct normalised *a, const struct normalised *b,
+                          const struct normalised *c, const struct normalised *d) {
+    double all = (a->sum + b->sum + c->sum + d->sum) / (a->n + b->n + c->n + d->n);
+    g_assert_cmpfloat(all, >, 0.7);
+    g_assert_cmpfloat(all, <, 1.4);
+}
+
 /* What the convention makes of the true factors: cameras have a geometric mean of nominal. */
 static double true_log_gain(int camera, int colour) {
     double own = 0, mean = 0;
@@ -139,10 +146,7 @@ static void tile(void) {
     g_test_message(
         "chi-square a degree of freedom: response %.2f colour %.2f lamp %.2f output %.2f",
         response.sum / response.n, colour.sum / colour.n, lamp.sum / lamp.n, output.sum / output.n);
-    double all = (response.sum + colour.sum + lamp.sum + output.sum) /
-                 (response.n + colour.n + lamp.n + output.n);
-    g_assert_cmpfloat(all, >, 0.7);
-    g_assert_cmpfloat(all, <, 1.4);
+    assert_normal(&response, &colour, &lamp, &output);
 }
 
 struct pairs {
@@ -192,10 +196,7 @@ static void photon_transfer(void) {
     }
     g_test_message("chi-square: gain %.2f read %.2f black %.2f curvature %.2f", gain.sum / gain.n,
                    read.sum / read.n, black.sum / black.n, curvature.sum / curvature.n);
-    double all = (gain.sum + read.sum + black.sum + curvature.sum) /
-                 (gain.n + read.n + black.n + curvature.n);
-    g_assert_cmpfloat(all, >, 0.7);
-    g_assert_cmpfloat(all, <, 1.4);
+    assert_normal(&gain, &read, &black, &curvature);
 }
 
 static void refused(const struct pairs *pairs, int n_dark, int n_lit, enum transfer_error code,
