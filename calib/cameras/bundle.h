@@ -42,7 +42,7 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, point; /* point: id on the board, for the caller */
+    int camera, stop, picture; /* picture: for the caller */
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;

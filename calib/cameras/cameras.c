@@ -52,7 +52,6 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
                                   .steps = (free_boards ? 1 : 2) * n + CAMERAS_ROUNDS};
     work->seen = g_new0(struct seen, n + 1);
     work->observations = g_array_new(FALSE, TRUE, sizeof(struct bundle_observation));
-    work->observed_in = g_array_new(FALSE, FALSE, sizeof(int));
     work->bundle.cameras = g_new0(struct bundle_camera, RIG_MAX_CAMERAS);
     work->bundle.n_cameras = calibration->rig.n_cameras;
     work->bundle.stops = g_new0(struct bundle_stop, n + 1);
@@ -247,12 +246,9 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
         if (o->rejected)
             continue;
         cameras_residual(b, o, d);
-        const struct cameras_residual r = {o->camera,
-                                           g_array_index(work->observed_in, int, i),
-                                           (float)o->seen_px[0],
-                                           (float)o->seen_px[1],
-                                           (float)d[0],
-                                           (float)d[1]};
+        const struct cameras_residual r = {
+            o->camera,   o->picture, (float)o->seen_px[0], (float)o->seen_px[1],
+            (float)d[0], (float)d[1]};
         g_array_append_val(to->residuals, r);
         sum += d[0] * d[0] + d[1] * d[1];
         n++;
@@ -367,7 +363,6 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     }
     g_free(work.seen);
     g_array_unref(work.observations);
-    g_array_unref(work.observed_in);
     g_free(work.bundle.cameras);
     g_free(work.bundle.stops);
     g_free(work.bundle.lays);

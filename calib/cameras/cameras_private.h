@@ -22,7 +22,6 @@ struct cameras_work {
     struct seen *seen;
     struct bundle bundle;
     GArray *observations; /* struct bundle_observation, of bundle */
-    GArray *observed_in;  /* int: picture of each observation */
     gboolean free_boards;
     int steps, step;
 };

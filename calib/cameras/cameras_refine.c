@@ -32,10 +32,6 @@ int cameras_n_parameters(const struct cameras_work *work) {
            (work->free_boards ? 0 : work->bundle.n_stops);
 }
 
-static int picture_of(const struct cameras_work *work, int observation) {
-    return g_array_index(work->observed_in, int, observation);
-}
-
 /* Robust noise of each camera: median |residual| / √(2 ln 2). The corners' covariances contain
  * the pixel noise only; compression, a warped print, and errors of the lens model add to it. */
 static void estimate_noise(struct cameras_work *work) {
@@ -69,7 +65,7 @@ static void cameras_refine_weigh(struct cameras_work *work) {
     double used = 0;
     for (int i = 0; i < b->n_observations; i++) {
         struct bundle_observation *o = &b->observations[i];
-        o->rejected = !work->seen[picture_of(work, i)].corners || is_outlier(b, o, &r);
+        o->rejected = !work->seen[o->picture].corners || is_outlier(b, o, &r);
         if (o->rejected)
             continue;
         sum[o->camera] += r * r;
@@ -94,11 +90,11 @@ static void weigh_pictures(struct cameras_work *work) {
         if (o->rejected)
             continue;
         const double r = cameras_residual(b, o, d) / b->cameras[o->camera].noise;
-        sum[picture_of(work, i)] += r * r;
-        count[picture_of(work, i)] += 2;
+        sum[o->picture] += r * r;
+        count[o->picture] += 2;
     }
     for (int i = 0; i < b->n_observations; i++) {
-        const int picture = picture_of(work, i);
+        const int picture = b->observations[i].picture;
         b->observations[i].noise = sqrt((TYPICAL + sum[picture]) / (TYPICAL + count[picture]));
     }
 }
@@ -107,7 +103,7 @@ static void set_aside(struct cameras_work *work, int picture) {
     struct seen *seen = &work->seen[picture];
     seen->set_aside = g_steal_pointer(&seen->corners);
     for (int i = 0; i < work->bundle.n_observations; i++)
-        if (picture_of(work, i) == picture)
+        if (work->bundle.observations[i].picture == picture)
             work->bundle.observations[i].rejected = TRUE;
 }
 
@@ -117,8 +113,9 @@ static void drop_pictures(struct cameras_work *work) {
     const int n = work->task->n_pictures;
     g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
     for (int i = 0; i < work->bundle.n_observations; i++) {
-        all[picture_of(work, i)]++;
-        rejected[picture_of(work, i)] += work->bundle.observations[i].rejected;
+        const struct bundle_observation *o = &work->bundle.observations[i];
+        all[o->picture]++;
+        rejected[o->picture] += o->rejected;
     }
     for (int i = 0; i < n; i++) {
         struct seen *seen = &work->seen[i];
@@ -147,7 +144,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
         struct bundle_observation o = one.observations[i];
         o.rejected = FALSE;
         o.noise = 1;
-        if (picture_of(work, i) == picture)
+        if (o.picture == picture)
             g_array_append_val(own, o);
     }
     for (int c = 0; c < one.n_cameras; c++)
@@ -170,7 +167,7 @@ static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
     int rejected = 0, all = 0;
     double r;
     for (int i = 0; i < b->n_observations; i++) {
-        if (picture_of(work, i) != picture)
+        if (b->observations[i].picture != picture)
             continue;
         b->observations[i].rejected = is_outlier(b, &b->observations[i], &r);
         rejected += b->observations[i].rejected;

@@ -32,7 +32,6 @@ void cameras_start(struct cameras_work *work) {
  * t_l = Rz(−τ) R_cᵀ (t − t_c), with R, t the board's pose in the camera's frame. */
 static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
                                struct bundle_lay *ret) {
-    static const double one[2] = {1, 1}, none[2] = {0, 0};
     const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
     /* For each corner x, y on the board and x', y' of its viewing ray (z = 1). */
     struct rig_camera own = *camera;
@@ -47,7 +46,7 @@ static gboolean lay_by_picture(const struct cameras_work *work, const struct see
         points[4 * i + 3] = ray.y / ray.z;
     }
     double r[9], t[3];
-    if (!vision_pose(points, (int)seen->corners->len, one, none, r, t))
+    if (!vision_pose(points, (int)seen->corners->len, r, t))
         return FALSE;
     const double angle = work->bundle.stops[seen->stop].commanded_rad;
     struct vec3 columns[3];
@@ -160,7 +159,7 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func(g_free);
     g_autofree int *counts = g_new0(int, n);
     struct rig_camera *camera = &work->nominal.cameras[0];
-    double focal[2], centre[2];
+    double focal[2];
     for (int i = 0; i < n; i++) {
         const struct seen *seen = &work->seen[i];
         if (!seen->corners || seen->corners->len < 8)
@@ -181,7 +180,7 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
                               views->len, n, n > 0 && work->seen[0].why ? ", such as not in " : "",
                               n > 0 && work->seen[0].why ? work->seen[0].why : "");
     if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
-                             camera->width, camera->height, focal, centre, error))
+                             camera->width, camera->height, focal, error))
         return FALSE;
     camera->fx_px = focal[0];
     camera->fy_px = focal[1];
@@ -209,20 +208,18 @@ static void whiten(const struct corner *corner, double ret[2][2]) {
 
 void cameras_set_observations(struct cameras_work *work) {
     g_array_set_size(work->observations, 0);
-    g_array_set_size(work->observed_in, 0);
     for (int i = 0; i < work->task->n_pictures; i++) {
         const struct seen *seen = &work->seen[i];
         for (guint k = 0; seen->corners && k < seen->corners->len; k++) {
             const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
             struct bundle_observation o = {.camera = seen->camera,
                                            .stop = seen->stop,
-                                           .point = corner->id,
+                                           .picture = i,
                                            .noise = 1,
                                            .seen_px = {corner->x_px, corner->y_px}};
             board_corner_mm(&work->task->board, corner->id, o.board_mm);
             whiten(corner, o.whiten);
             g_array_append_val(work->observations, o);
-            g_array_append_val(work->observed_in, i);
         }
     }
     work->bundle.observations = (struct bundle_observation *)(gpointer)work->observations->data;

@@ -295,8 +295,7 @@ gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
 }
 
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
-                             int height, double ret_focal_px[2], double ret_centre_px[2],
-                             GError **error) {
+                             int height, double ret_focal_px[2], GError **error) {
     return guarded(error, "initial camera parameters", [&] {
         std::vector<std::vector<cv::Point3f>> target((gsize)n_views);
         std::vector<std::vector<cv::Point2f>> seen((gsize)n_views);
@@ -313,25 +312,20 @@ gboolean vision_start_camera(const double *const *points, const int *n, int n_vi
                                 cv::CALIB_FIX_K1 | cv::CALIB_FIX_K2 | cv::CALIB_FIX_K3);
         ret_focal_px[0] = camera.at<double>(0, 0);
         ret_focal_px[1] = camera.at<double>(1, 1);
-        ret_centre_px[0] = camera.at<double>(0, 2);
-        ret_centre_px[1] = camera.at<double>(1, 2);
         return std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0;
     });
 }
 
-gboolean vision_pose(const double *points, int n, const double focal_px[2],
-                     const double centre_px[2], double ret_rotation[9], double ret_shift_mm[3]) {
+gboolean vision_pose(const double *points, int n, double ret_rotation[9], double ret_shift_mm[3]) {
     return n >= 4 && guarded(nullptr, "pose", [&] {
                cv::Mat target(n, 1, CV_64FC3), seen(n, 1, CV_64FC2);
                for (int i = 0; i < n; i++) {
                    target.at<cv::Vec3d>(i) = {points[4 * i], points[4 * i + 1], 0};
                    seen.at<cv::Vec2d>(i) = {points[4 * i + 2], points[4 * i + 3]};
                }
-               const cv::Matx33d camera(focal_px[0], 0, centre_px[0], 0, focal_px[1], centre_px[1],
-                                        0, 0, 1);
                std::vector<cv::Mat> turns, shifts;
-               cv::solvePnPGeneric(target, seen, camera, cv::noArray(), turns, shifts, false,
-                                   cv::SOLVEPNP_IPPE);
+               cv::solvePnPGeneric(target, seen, cv::Matx33d::eye(), cv::noArray(), turns, shifts,
+                                   false, cv::SOLVEPNP_IPPE);
                if (turns.empty())
                    return false;
                cv::Mat rotation;
