@@ -57,22 +57,21 @@ gboolean board_parse(struct board *board, const char *spec, GError **error) {
     parsed.columns = (int)columns;
     parsed.rows = (int)rows;
     for (char **word = words + 1; *word; word++) {
-        const char *value = strchr(*word, '=');
-        const gsize length = value ? (gsize)(value++ - *word) : 0;
-        double *mm = length == 6 && g_str_has_prefix(*word, "square")      ? &parsed.square_mm
-                     : length == 6 && g_str_has_prefix(*word, "marker")    ? &parsed.marker_mm
-                     : length == 9 && g_str_has_prefix(*word, "thickness") ? &parsed.thickness_mm
-                                                                           : NULL;
-        char *end;
+        g_auto(GStrv) pair = g_strsplit(*word, "=", 2);
+        const char *key = pair[0] && pair[1] ? pair[0] : "", *value = *key ? pair[1] : NULL;
+        double *mm = g_str_equal(key, "square")      ? &parsed.square_mm
+                     : g_str_equal(key, "marker")    ? &parsed.marker_mm
+                     : g_str_equal(key, "thickness") ? &parsed.thickness_mm
+                                                     : NULL;
         if (mm) {
+            char *end;
             *mm = g_ascii_strtod(value, &end);
             if (end != value && *end == '\0' && *mm >= 0 && *mm <= MAX_MM)
                 continue;
-            g_autofree char *key = g_strndup(*word, length);
             g_autofree char *why = g_strdup_printf("%s is not a number of millimetres", key);
             return refuse(spec, error, why);
         }
-        if (length != 10 || !g_str_has_prefix(*word, "dictionary"))
+        if (!g_str_equal(key, "dictionary"))
             return refuse(spec, error,
                           "has a word that is not square=, marker=, dictionary= or thickness=");
         g_strlcpy(parsed.dictionary, value, sizeof parsed.dictionary);

@@ -25,6 +25,7 @@ const bool quiet = [] {
 }();
 
 constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practically exact */
+constexpr double ASPECT_SIGMA = 0.002;   /* of fx / fy about the prior's */
 
 /* v = R₀ exp([ω]×) p; R₀ row by row. */
 template <typename T> void rotate(const double r0[9], const T *omega, const T p[3], T v[3]) {
@@ -96,9 +97,7 @@ struct LensPrior {
                               ? (lens[i] - camera->prior[i]) / camera->prior_sigma[i]
                               : T(0);
         residual[BUNDLE_INTRINSICS] =
-            camera->aspect_sigma > 0
-                ? (lens[0] / lens[1] - camera->prior[0] / camera->prior[1]) / camera->aspect_sigma
-                : T(0);
+            (lens[0] / lens[1] - camera->prior[0] / camera->prior[1]) / ASPECT_SIGMA;
         return true;
     }
 };

@@ -21,9 +21,8 @@ struct bundle_camera {
     double intrinsics[BUNDLE_INTRINSICS];
     double prior[BUNDLE_INTRINSICS];       /* prior values, */
     double prior_sigma[BUNDLE_INTRINSICS]; /* and their standard deviations; 0: no prior */
-    double aspect_sigma;          /* standard deviation of fx / fy about the prior's; 0: no prior */
-    double rotation[9], shift[3]; /* camera = rotation · rig + shift */
-    double nominal_centre[3];     /* for the gauge of the azimuth */
+    double rotation[9], shift[3];          /* camera = rotation · rig + shift */
+    double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
     double noise;              /* factor by which the sigmas of its observations are too small */
     double covariance[15][15]; /* out: intrinsics, ω, shift; 0 where fixed */

@@ -19,7 +19,6 @@ void cameras_start(struct cameras_work *work) {
                            c->p2},
             /* priors of the lens parameters, see cameras.h */
             .prior_sigma = {0, 0, 0.02 * c->width, 0.02 * c->width, 0.3, 0.3, 0.1, 0.003, 0.003},
-            .aspect_sigma = 0.002,
             .shift = {shift.x, shift.y, shift.z},
             .nominal_centre = {centre.x, centre.y, centre.z},
             .noise = 1};

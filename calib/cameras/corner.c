@@ -135,29 +135,23 @@ static double corner_sum(const struct pixels *pixels, const double p[N], double 
     return total;
 }
 
-/* One damped step: (h + damping · diag h) · step = g. */
-static gboolean corner_step(const double *h, const double *g, double damping, const double p[N],
-                            double ret[N]) {
-    double a[N * N], b[N];
-    memcpy(a, h, sizeof a);
-    memcpy(b, g, sizeof b);
-    for (int i = 0; i < N; i++)
-        a[i * N + i] *= 1 + damping;
-    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 1, a, N, b, N) != 0)
-        return FALSE;
-    for (int i = 0; i < N; i++)
-        ret[i] = p[i] + b[i];
-    ret[BLUR] = MAX(ret[BLUR], LEAST_BLUR_PX);
-    return ret[BLUR] < 2 * MOST_BLUR_PX && ret[CONTRAST] > 0;
-}
-
 /* Levenberg-Marquardt; FALSE if it does not converge. */
 static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * N],
                          double *ret_total) {
     double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
     *ret_total = corner_sum(pixels, p, h, g);
     for (int i = 0; i < STEPS; i++) {
-        const gboolean good = corner_step(h, g, damping, p, next);
+        /* One damped step: (h + damping · diag h) · step = g. */
+        double a[N * N], step[N];
+        memcpy(a, h, sizeof a);
+        memcpy(step, g, sizeof step);
+        for (int k = 0; k < N; k++)
+            a[k * N + k] *= 1 + damping;
+        const gboolean solved = LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 1, a, N, step, N) == 0;
+        for (int k = 0; k < N; k++)
+            next[k] = p[k] + step[k];
+        next[BLUR] = MAX(next[BLUR], LEAST_BLUR_PX);
+        const gboolean good = solved && next[BLUR] < 2 * MOST_BLUR_PX && next[CONTRAST] > 0;
         const double then = good ? corner_sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
         if (!(then < *ret_total)) {
             damping = MAX(damping, 1e-4) * 10;

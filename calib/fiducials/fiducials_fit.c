@@ -19,36 +19,31 @@ struct position {
     double matrix[9], right[3];
 };
 
-static struct vec3 fiducials_fit_moved(struct vec3 p, int axis, double by) {
-    return vec3(p.x + (axis == 0) * by, p.y + (axis == 1) * by, p.z + (axis == 2) * by);
-}
-
 /* Predicts as fiducials_measure() does; the offset between the disc's centroid and its projected
  * centre is taken as that of the expected position. */
 static gboolean fiducials_fit_project(const struct position *position,
-                                      const struct fiducial_seen *seen, struct vec3 p, double *x,
-                                      double *y) {
-    return rig_project(&position->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad), x,
-                       y);
+                                      const struct fiducial_seen *seen, struct vec3 p,
+                                      double ret[2]) {
+    return rig_project(&position->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad),
+                       &ret[0], &ret[1]);
 }
 
 static void fiducials_fit_add_seen(struct position *position, const struct fiducial_seen *seen) {
-    double x, y, x0, y0, slope[2][3];
-    if (!fiducials_fit_project(position, seen, position->now, &x, &y) ||
-        !fiducials_fit_project(position, seen, position->start, &x0, &y0))
+    double now[2], start[2], slope[2][3];
+    if (!fiducials_fit_project(position, seen, position->now, now) ||
+        !fiducials_fit_project(position, seen, position->start, start))
         return;
     for (int a = 0; a < 3; a++) {
-        double high_x, high_y, low_x, low_y;
-        if (!fiducials_fit_project(position, seen, fiducials_fit_moved(position->now, a, STEP_MM),
-                                   &high_x, &high_y) ||
-            !fiducials_fit_project(position, seen, fiducials_fit_moved(position->now, a, -STEP_MM),
-                                   &low_x, &low_y))
+        struct vec3 step = vec3(a == 0 ? STEP_MM : 0, a == 1 ? STEP_MM : 0, a == 2 ? STEP_MM : 0);
+        double high[2], low[2];
+        if (!fiducials_fit_project(position, seen, vec3_add(position->now, step), high) ||
+            !fiducials_fit_project(position, seen, vec3_sub(position->now, step), low))
             return;
-        slope[0][a] = (high_x - low_x) / (2 * STEP_MM);
-        slope[1][a] = (high_y - low_y) / (2 * STEP_MM);
+        for (int k = 0; k < 2; k++)
+            slope[k][a] = (high[k] - low[k]) / (2 * STEP_MM);
     }
-    double off[2] = {seen->x_px - seen->expected_x_px - (x - x0),
-                     seen->y_px - seen->expected_y_px - (y - y0)};
+    double off[2] = {seen->x_px - seen->expected_x_px - (now[0] - start[0]),
+                     seen->y_px - seen->expected_y_px - (now[1] - start[1])};
     /* The pixel grid causes an error that is common to all pictures of a pose: they count as one.
      */
     int n = 0;

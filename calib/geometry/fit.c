@@ -104,20 +104,6 @@ static void fit_normal_equations(const struct work *work, const double *x, doubl
         }
 }
 
-/* One damped step (h + damping · diag h) dx = g; FALSE: h is not positive definite. */
-static gboolean fit_do_step(int n, const double *h, const double *g, double damping,
-                            const double *x, double *ret) {
-    g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
-    g_autofree double *b = g_memdup2(g, sizeof(double) * (gsize)n);
-    for (int j = 0; j < n; j++)
-        a[j * n + j] = h[j * n + j] > 0 ? h[j * n + j] * (1 + damping) : 1;
-    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', n, 1, a, n, b, n) != 0)
-        return FALSE;
-    for (int j = 0; j < n; j++)
-        ret[j] = x[j] + b[j];
-    return TRUE;
-}
-
 /* Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
 static void fit_do_solve(const struct work *work, double *x) {
     const int n = work->n;
@@ -129,8 +115,16 @@ static void fit_do_solve(const struct work *work, double *x) {
         fit_normal_equations(work, x, h, g);
         double then = G_MAXDOUBLE;
         while (damping < MOST_DAMPING) {
-            if (fit_do_step(n, h, g, damping, x, next))
+            /* One damped step (h + damping · diag h) dx = g. */
+            g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
+            g_autofree double *b = g_memdup2(g, sizeof(double) * (gsize)n);
+            for (int j = 0; j < n; j++)
+                a[j * n + j] = h[j * n + j] > 0 ? h[j * n + j] * (1 + damping) : 1;
+            if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', n, 1, a, n, b, n) == 0) {
+                for (int j = 0; j < n; j++)
+                    next[j] = x[j] + b[j];
                 then = fit_evaluate(work, next, work->moved);
+            }
             if (then < now)
                 break;
             damping = MAX(damping, 1e-9) * 10;

@@ -30,17 +30,6 @@ struct edges {
     int n;
 };
 
-/* Bilinear interpolation; NAN outside of the picture. */
-static double ball_outline_value_at(const struct picture *picture, double x, double y) {
-    const int i = (int)floor(x), j = (int)floor(y);
-    if (i < 0 || j < 0 || i + 1 >= picture->width || j + 1 >= picture->height)
-        return NAN;
-    const float *v = picture->values + (gsize)j * (gsize)picture->width + i;
-    const double s = x - i, t = y - j;
-    return (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
-           t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
-}
-
 /* Absolute smoothed derivative of the picture along a ray; 0 outside of the picture. */
 static double *changes_on_ray(const struct picture *picture, const struct ball_outline *given,
                               double angle, int n) {
@@ -48,8 +37,15 @@ static double *changes_on_ray(const struct picture *picture, const struct ball_o
     double *changes = g_new0(double, n);
     for (int i = 0; i < n; i++) {
         const double radius = NEAREST * given->radius_px + i * STEP_PX;
-        values[i] = ball_outline_value_at(picture, given->x_px + radius * cos(angle),
-                                          given->y_px + radius * sin(angle));
+        const double x = given->x_px + radius * cos(angle), y = given->y_px + radius * sin(angle);
+        const int column = (int)floor(x), row = (int)floor(y);
+        values[i] = NAN; /* outside of the picture */
+        if (column < 0 || row < 0 || column + 1 >= picture->width || row + 1 >= picture->height)
+            continue;
+        const float *v = picture->values + (gsize)row * (gsize)picture->width + column;
+        const double s = x - column, t = y - row;
+        values[i] = (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
+                    t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
     }
     for (int i = REACH; i < n - REACH; i++) {
         double sum = 0;
