@@ -185,7 +185,7 @@ static double spread_rad(const struct lamp_sight *sights, int n) {
     return 2 * G_PI - gap;
 }
 
-static gboolean few(const char *what, const char *name, int n, GError **error) {
+static gboolean lamps_refuse_few(const char *what, const char *name, int n, GError **error) {
     g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                 "%s %s: seen %d time(s), which is too few to locate it (%d are needed); take "
                 "more pictures of it",
@@ -251,7 +251,7 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     for (int i = 0; i < RIG_MAX_LAMPS; i++) {
         problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
         if (lamps[i] > 0 && lamps[i] < LEAST_SIGHTS)
-            return few("lamp", problem->rig->lamps[i].name, lamps[i], error);
+            return lamps_refuse_few("lamp", problem->rig->lamps[i].name, lamps[i], error);
         problem->n_parameters += lamps[i] ? 3 : 0;
     }
     for (int i = 0; i < LAMP_MAX_MARKS; i++) {
@@ -423,7 +423,7 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
             continue;
         const char *name = problem->rig->lamps[i].name;
         if (ret->sights[i] < LEAST_SIGHTS)
-            return few("lamp", name, ret->sights[i], error);
+            return lamps_refuse_few("lamp", name, ret->sights[i], error);
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
         if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
             continue;

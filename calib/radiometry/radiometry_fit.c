@@ -284,19 +284,6 @@ static gboolean check_cells(const struct problem *p, GError **error) {
     return FALSE;
 }
 
-/* Refuses a fit with too many outliers or too large residuals. */
-static gboolean check_fit(const struct problem *p, int rejected, GError **error) {
-    double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
-    if (rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
-        return TRUE;
-    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
-                "average, %d of %d cells quite different; is it clean, matt, level, where the "
-                "session says, and does no other light fall on it?",
-                100 * rms, rejected, p->n_cells);
-    return FALSE;
-}
-
 static double radiometry_fit_covariance(const struct problem *p, int i, int j) {
     return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
 }
@@ -424,8 +411,17 @@ static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GErr
         p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
         ret->rejected += p->bad[i];
     }
-    return radiometry_fit_solve(p, error) && check_fit(p, ret->rejected, error) &&
-           radiometry_fit_finish(p, ret, error);
+    if (!radiometry_fit_solve(p, error))
+        return FALSE;
+    double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
+    if (ret->rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
+        return radiometry_fit_finish(p, ret, error);
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
+                "average, %d of %d cells quite different; is it clean, matt, level, where the "
+                "session says, and does no other light fall on it?",
+                100 * rms, ret->rejected, p->n_cells);
+    return FALSE;
 }
 
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
