@@ -8,11 +8,10 @@
 
 #define MAX_BYTES (16 << 20)
 
-static const char *const part_names[CALIBRATION_PARTS] = {"cameras", "lights", "laser",
-                                                          "radiometry"};
-
 const char *calibration_part_name(enum calibration_kind kind) {
-    return part_names[kind];
+    static const char *const names[] = {"cameras", "lights", "laser", "radiometry"};
+
+    return names[kind];
 }
 
 static void clear_part(struct calibration_part *part) {
@@ -99,52 +98,40 @@ struct calibration *calibration_read(const char *path, GError **error) {
     return NULL;
 }
 
-static gboolean differs(const char *path, GError **error, const char *format, ...)
-    G_GNUC_PRINTF(3, 4);
-
-/* Sets the error of a calibration of another rig. */
-static gboolean differs(const char *path, GError **error, const char *format, ...) {
-    va_list arguments;
-
-    va_start(arguments, format);
-    g_autofree char *what = g_strdup_vprintf(format, arguments);
-    va_end(arguments);
-    g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
-                "%s: %s; a calibration fits only the rig it was made of: calibrate this one", path,
-                what);
-    return FALSE;
-}
-
 /* Names and sizes identify devices: their order is that of the rig file. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;
+    g_autofree char *why = NULL;
 
     if (strcmp(rig->id, nominal->id) != 0)
-        return differs(path, error, "is of rig %s, but this is rig %s", rig->id, nominal->id);
-    if (rig->n_cameras != nominal->n_cameras || rig->n_lamps != nominal->n_lamps ||
-        rig->n_lasers != nominal->n_lasers)
-        return differs(
-            path, error,
+        why = g_strdup_printf("is of rig %s, but this is rig %s", rig->id, nominal->id);
+    else if (rig->n_cameras != nominal->n_cameras || rig->n_lamps != nominal->n_lamps ||
+             rig->n_lasers != nominal->n_lasers)
+        why = g_strdup_printf(
             "has %d cameras, %d lamps and %d lasers where the rig file has %d, %d and %d",
             rig->n_cameras, rig->n_lamps, rig->n_lasers, nominal->n_cameras, nominal->n_lamps,
             nominal->n_lasers);
-    for (int i = 0; i < rig->n_cameras; i++) {
+    for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
-            return differs(path, error,
-                           "camera %d is %s with %d × %d pixels, in the rig file %s with %d × %d",
-                           i, a->name, a->width, a->height, b->name, b->width, b->height);
+            why = g_strdup_printf(
+                "camera %d is %s with %d × %d pixels, in the rig file %s with %d × %d", i, a->name,
+                a->width, a->height, b->name, b->width, b->height);
     }
-    for (int i = 0; i < rig->n_lamps; i++)
+    for (int i = 0; i < rig->n_lamps && !why; i++)
         if (strcmp(rig->lamps[i].name, nominal->lamps[i].name) != 0)
-            return differs(path, error, "lamp %d is %s, in the rig file %s", i, rig->lamps[i].name,
-                           nominal->lamps[i].name);
-    for (int i = 0; i < rig->n_lasers; i++)
+            why = g_strdup_printf("lamp %d is %s, in the rig file %s", i, rig->lamps[i].name,
+                                  nominal->lamps[i].name);
+    for (int i = 0; i < rig->n_lasers && !why; i++)
         if (strcmp(rig->lasers[i].name, nominal->lasers[i].name) != 0)
-            return differs(path, error, "laser %d is %s, in the rig file %s", i,
-                           rig->lasers[i].name, nominal->lasers[i].name);
-    return TRUE;
+            why = g_strdup_printf("laser %d is %s, in the rig file %s", i, rig->lasers[i].name,
+                                  nominal->lasers[i].name);
+    if (why)
+        g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
+                    "%s: %s; a calibration fits only the rig it was made of: calibrate this one",
+                    path, why);
+    return !why;
 }
 
 /* Dates are UTC in ISO 8601. */

@@ -88,7 +88,7 @@ struct calibration_noise { /* with rig.cameras */
     struct transfer transfer;
 };
 
-struct calibration_mark { /* with rig.marks; standard errors */
+struct calibration_fiducial { /* with rig.fiducials; standard errors */
     gboolean known;
     double centre_mm[3], reflectance[3];
 };
@@ -103,7 +103,7 @@ struct calibration {
     struct radiometry_camera camera_radiometry[RIG_MAX_CAMERAS];
     struct radiometry_lamp lamp_radiometry[RIG_MAX_LAMPS];
     struct calibration_noise noise[RIG_MAX_CAMERAS];
-    struct calibration_mark marks[RIG_MAX_MARKS];
+    struct calibration_fiducial fiducials[RIG_MAX_FIDUCIALS];
     struct colour_matrix colour;
     GKeyFile *extra; /* sections of other programs */
 };

@@ -95,10 +95,10 @@ static const struct field noise_fields[] = {
     {NULL},
 };
 
-#define MARK(member) offsetof(struct calibration_mark, member)
-static const struct field mark_fields[] = {
-    {"centre_mm", MARK(centre_mm), 3, FALSE, 0, FIELD_LARGE},
-    {"reflectance", MARK(reflectance), 3, FALSE, 0, 10},
+#define FIDUCIAL(member) offsetof(struct calibration_fiducial, member)
+static const struct field fiducial_fields[] = {
+    {"centre_mm", FIDUCIAL(centre_mm), 3, FALSE, 0, FIELD_LARGE},
+    {"reflectance", FIDUCIAL(reflectance), 3, FALSE, 0, 10},
     {NULL},
 };
 
@@ -119,25 +119,18 @@ static const struct group {
     gsize count, offset, size;
     const struct field *fields;
 } groups[] = {
-    {"camera errors", offsetof(struct rig, n_cameras), offsetof(struct calibration, cameras),
-     sizeof(struct calibration_camera), camera_fields},
-    {"arc errors", NONE, offsetof(struct calibration, arc), sizeof(struct calibration_arc),
-     arc_fields},
-    {"lamp errors", offsetof(struct rig, n_lamps), offsetof(struct calibration, lamps),
-     sizeof(struct calibration_lamp), lamp_fields},
-    {"laser errors", offsetof(struct rig, n_lasers), offsetof(struct calibration, lasers),
-     sizeof(struct calibration_laser), laser_fields},
-    {"camera radiometry", offsetof(struct rig, n_cameras),
-     offsetof(struct calibration, camera_radiometry), sizeof(struct radiometry_camera),
-     radiometry_fields},
-    {"lamp radiometry", offsetof(struct rig, n_lamps),
-     offsetof(struct calibration, lamp_radiometry), sizeof(struct radiometry_lamp), light_fields},
-    {"camera noise", offsetof(struct rig, n_cameras), offsetof(struct calibration, noise),
-     sizeof(struct calibration_noise), noise_fields},
-    {"mark errors", offsetof(struct rig, n_marks), offsetof(struct calibration, marks),
-     sizeof(struct calibration_mark), mark_fields},
-    {"colour", NONE, offsetof(struct calibration, colour), sizeof(struct colour_matrix),
-     colour_fields},
+#define N(member)     offsetof(struct rig, n_##member)
+#define ARRAY(member) offsetof(struct calibration, member), sizeof(*((Calibration *)0)->member)
+#define ONE(member)   offsetof(struct calibration, member), sizeof(((Calibration *)0)->member)
+    {"camera errors", N(cameras), ARRAY(cameras), camera_fields},
+    {"arc errors", NONE, ONE(arc), arc_fields},
+    {"lamp errors", N(lamps), ARRAY(lamps), lamp_fields},
+    {"laser errors", N(lasers), ARRAY(lasers), laser_fields},
+    {"camera radiometry", N(cameras), ARRAY(camera_radiometry), radiometry_fields},
+    {"lamp radiometry", N(lamps), ARRAY(lamp_radiometry), light_fields},
+    {"camera noise", N(cameras), ARRAY(noise), noise_fields},
+    {"mark errors", N(fiducials), ARRAY(fiducials), fiducial_fields},
+    {"colour", NONE, ONE(colour), colour_fields},
 };
 
 /* Number of elements of a group, from the counts of the rig. */
@@ -151,36 +144,6 @@ static char *calibration_text_name_of(const struct group *group, int i) {
                                 : g_strdup_printf("%s %d", group->prefix, i);
 }
 
-/* Writes the sections whose element is known. */
-static void write_group(GString *text, const struct calibration *calibration,
-                        const struct group *group) {
-    const int n = calibration_text_count_of(group, &calibration->rig);
-
-    for (int i = 0; i < n; i++) {
-        const char *at = (const char *)calibration + group->offset + (gsize)i * group->size;
-        if (!*(const gboolean *)at)
-            continue;
-        g_autofree char *name = calibration_text_name_of(group, i);
-        g_string_append_printf(text, "\n[%s]\n", name);
-        fields_write(text, group->fields, at);
-    }
-}
-
-/* Strings first, then numbers, then the rejected pictures. */
-static void calibration_text_write_part(GString *text, const struct calibration_part *part,
-                                        const char *name) {
-    g_string_append_printf(text, "\n[part %s]\n", name);
-    for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++) {
-        const char *value = *(char *const *)((const char *)part + part_strings[i].offset);
-        fields_write_string(text, part_strings[i].key, value ? value : "");
-    }
-    fields_write(text, part_fields, part);
-    for (guint i = 0; i < part->rejected->len; i++) {
-        g_autofree char *key = g_strdup_printf("rejected_%u", i);
-        fields_write_string(text, key, part->rejected->pdata[i]);
-    }
-}
-
 /* The parts and groups go between the rig's sections and its end mark. */
 char *calibration_to_text(const struct calibration *calibration) {
     g_autofree char *rig = rig_to_text(&calibration->rig);
@@ -188,12 +151,34 @@ char *calibration_to_text(const struct calibration *calibration) {
 
     g_assert(g_str_has_suffix(rig, end));
     g_string_truncate(text, text->len - strlen(end));
-    for (int i = 0; i < CALIBRATION_PARTS; i++)
-        if (calibration->parts[i].done)
-            calibration_text_write_part(text, &calibration->parts[i],
-                                        calibration_part_name((enum calibration_kind)i));
-    for (gsize i = 0; i < G_N_ELEMENTS(groups); i++)
-        write_group(text, calibration, &groups[i]);
+    for (int k = 0; k < CALIBRATION_PARTS; k++) {
+        const struct calibration_part *part = &calibration->parts[k];
+        if (!part->done)
+            continue;
+        g_string_append_printf(text, "\n[part %s]\n",
+                               calibration_part_name((enum calibration_kind)k));
+        for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++) {
+            const char *value = *(char *const *)((const char *)part + part_strings[i].offset);
+            fields_write_string(text, part_strings[i].key, value ? value : "");
+        }
+        fields_write(text, part_fields, part);
+        for (guint i = 0; i < part->rejected->len; i++) {
+            g_autofree char *key = g_strdup_printf("rejected_%u", i);
+            fields_write_string(text, key, part->rejected->pdata[i]);
+        }
+    }
+    for (gsize k = 0; k < G_N_ELEMENTS(groups); k++) {
+        const int n = calibration_text_count_of(&groups[k], &calibration->rig);
+        for (int i = 0; i < n; i++) {
+            const char *at =
+                (const char *)calibration + groups[k].offset + (gsize)i * groups[k].size;
+            if (!*(const gboolean *)at) /* not known */
+                continue;
+            g_autofree char *name = calibration_text_name_of(&groups[k], i);
+            g_string_append_printf(text, "\n[%s]\n", name);
+            fields_write(text, groups[k].fields, at);
+        }
+    }
     g_autofree char *extra = g_key_file_to_data(calibration->extra, NULL, NULL);
     if (*extra)
         g_string_append_printf(text, "\n%s", extra);
@@ -215,64 +200,38 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
     return TRUE;
 }
 
-/* Keys of a part: its strings and rejected_0, rejected_1 … without gaps; others are errors.
- * Reads rejected_0 … into `to` and returns the allowed keys. */
-static char **rejected_keys(const struct reader *r, const char *group,
-                            struct calibration_part *to) {
-    g_autoptr(GStrvBuilder) keys = g_strv_builder_new();
-
-    for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++)
-        g_strv_builder_add(keys, part_strings[i].key);
-    for (int i = 0;; i++) {
-        g_autofree char *key = g_strdup_printf("rejected_%d", i);
-        char *value = g_key_file_get_string(r->file, group, key, NULL);
-        if (!value)
-            return g_strv_builder_end(keys);
-        g_ptr_array_add(to->rejected, value);
-        g_strv_builder_add(keys, key);
-    }
-}
-
-/* A part without a section was not calibrated. */
-static gboolean read_part(struct reader *r, struct calibration_part *part, const char *name,
-                          GError **error) {
+/* A part without a section was not calibrated. Its keys are strings, numbers, and rejected_0,
+ * rejected_1 … without gaps. */
+static gboolean calibration_text_read_part(struct reader *r, struct calibration_part *part,
+                                           const char *name, GError **error) {
     g_autofree char *group = g_strdup_printf("part %s", name);
+    g_autoptr(GPtrArray) others = g_ptr_array_new_with_free_func(g_free);
 
     if (!calibration_text_has(r, group))
         return TRUE;
-    g_auto(GStrv) others = rejected_keys(r, group, part);
     for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++) {
         char **to = (char **)((char *)part + part_strings[i].offset);
         *to = g_key_file_get_string(r->file, group, part_strings[i].key, NULL);
         if (!*to)
             return fields_refuse(r->path, group, part_strings[i].key, error, "missing");
+        g_ptr_array_add(others, g_strdup(part_strings[i].key));
     }
+    for (int i = 0;; i++) {
+        g_autofree char *key = g_strdup_printf("rejected_%d", i);
+        char *value = g_key_file_get_string(r->file, group, key, NULL);
+        if (!value)
+            break;
+        g_ptr_array_add(part->rejected, value);
+        g_ptr_array_add(others, g_steal_pointer(&key));
+    }
+    g_ptr_array_add(others, NULL);
     g_autoptr(GDateTime) date = g_date_time_new_from_iso8601(part->date, NULL);
     if (!date)
         return fields_refuse(r->path, group, "date", error,
-                             "is not a date such as "
-                             "2026-01-31T12:00:00Z");
+                             "is not a date such as 2026-01-31T12:00:00Z");
     part->done = TRUE;
-    return fields_read(r->file, r->path, group, part_fields, (const char *const *)others, part,
-                       error);
-}
-
-/* Reads the sections of one row of the table and sets `known` where a section exists. */
-static gboolean read_group(struct reader *r, struct calibration *to, const struct group *group,
-                           GError **error) {
-    static const char *const none[] = {NULL};
-    const int n = calibration_text_count_of(group, &to->rig);
-
-    for (int i = 0; i < n; i++) {
-        char *at = (char *)to + group->offset + (gsize)i * group->size;
-        g_autofree char *name = calibration_text_name_of(group, i);
-        if (!calibration_text_has(r, name))
-            continue;
-        if (!fields_read(r->file, r->path, name, group->fields, none, at, error))
-            return FALSE;
-        *(gboolean *)at = TRUE;
-    }
-    return TRUE;
+    return fields_read(r->file, r->path, group, part_fields, (const char *const *)others->pdata,
+                       part, error);
 }
 
 /* Symmetric, with a non-negative diagonal and |c_ij| ≤ √(c_ii c_jj). */
@@ -285,44 +244,6 @@ static gboolean is_covariance(const double *c, int n) {
                 return FALSE;
         }
     return TRUE;
-}
-
-/* Covariances of cameras (15 × 15) and lamps (3 × 3). */
-static gboolean check_covariances(const struct reader *r, const struct calibration *c,
-                                  GError **error) {
-    for (int i = 0; i < c->rig.n_cameras; i++)
-        if (!is_covariance(&c->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS))
-            return fields_refuse(r->path, c->rig.cameras[i].name, "covariance", error,
-                                 "is not a covariance");
-    for (int i = 0; i < c->rig.n_lamps; i++)
-        if (!is_covariance(&c->lamps[i].position_covariance_mm2[0][0], 3))
-            return fields_refuse(r->path, c->rig.lamps[i].name, "position_covariance_mm2", error,
-                                 "is not a covariance");
-    return TRUE;
-}
-
-/* Whether a section belongs to rig_to_text(). */
-static gboolean is_rigs(const char *group) {
-    static const char *const prefixes[] = {"camera ", "lamp ", "laser ", "mark "};
-
-    if (strcmp(group, "rig") == 0 || strcmp(group, "end") == 0)
-        return TRUE;
-    for (gsize i = 0; i < G_N_ELEMENTS(prefixes); i++)
-        if (g_str_has_prefix(group, prefixes[i]) &&
-            g_ascii_string_to_unsigned(group + strlen(prefixes[i]), 10, 0, G_MAXINT, NULL, NULL))
-            return TRUE;
-    return FALSE;
-}
-
-/* Sections with lists of numbers for reports: residuals, steps of a sweep, errors of the
- * turntable, drift of lamps. */
-static gboolean is_numbers(const char *group) {
-    static const char *const lists[] = {"laser steps", "turntable", "lamp drift"};
-
-    for (gsize i = 0; i < G_N_ELEMENTS(lists); i++)
-        if (strcmp(group, lists[i]) == 0)
-            return TRUE;
-    return g_str_has_prefix(group, "camera residuals ");
 }
 
 /* Numbers separated by semicolons; the last one may have a separator, too. */
@@ -340,36 +261,66 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
-/* Copies sections that nothing else has read; their numbers must be finite. */
-static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error) {
+/* Copies sections that nothing else has read. Lists of numbers for reports (residuals, steps of a
+ * sweep, errors of the turntable, drift of lamps) must be finite. */
+static gboolean calibration_text_keep_extra(const struct reader *r, struct calibration *to,
+                                            GError **error) {
+    static const char *const lists[] = {"laser steps", "turntable", "lamp drift", NULL};
     g_auto(GStrv) names = g_key_file_get_groups(r->file, NULL);
+    g_autofree char *text = rig_to_text(&to->rig);
+    g_autoptr(GKeyFile) rig = g_key_file_new();
 
+    g_key_file_load_from_data(rig, text, (gsize)-1, G_KEY_FILE_NONE, NULL);
     for (char **name = names; *name; name++) {
-        if (is_rigs(*name) || g_hash_table_contains(r->taken, *name))
+        if (g_key_file_has_group(rig, *name) || g_hash_table_contains(r->taken, *name))
             continue;
+        const gboolean numbers =
+            g_strv_contains(lists, *name) || g_str_has_prefix(*name, "camera residuals ");
         g_auto(GStrv) keys = g_key_file_get_keys(r->file, *name, NULL, NULL);
         for (char **key = keys; key && *key; key++) {
             g_autofree char *value = g_key_file_get_value(r->file, *name, *key, NULL);
-            if (is_numbers(*name) && !are_finite(value))
+            if (numbers && !are_finite(value))
                 return fields_refuse(r->path, *name, *key, error,
                                      "is not a list of finite numbers; calibrate again or restore "
                                      "the file");
-            g_key_file_set_value(to, *name, *key, value);
+            g_key_file_set_value(to->extra, *name, *key, value);
         }
     }
     return TRUE;
 }
 
-/* Parts, groups, then all other sections. */
+/* Parts, groups, then all other sections; then checks covariances of cameras and lamps. */
 static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
                                           GError **error) {
+    static const char *const none[] = {NULL};
+
     for (int i = 0; i < CALIBRATION_PARTS; i++)
-        if (!read_part(r, &to->parts[i], calibration_part_name((enum calibration_kind)i), error))
+        if (!calibration_text_read_part(r, &to->parts[i],
+                                        calibration_part_name((enum calibration_kind)i), error))
             return FALSE;
-    for (gsize i = 0; i < G_N_ELEMENTS(groups); i++)
-        if (!read_group(r, to, &groups[i], error))
-            return FALSE;
-    return keep_extra(r, to->extra, error) && check_covariances(r, to, error);
+    for (gsize k = 0; k < G_N_ELEMENTS(groups); k++) {
+        const int n = calibration_text_count_of(&groups[k], &to->rig);
+        for (int i = 0; i < n; i++) {
+            char *at = (char *)to + groups[k].offset + (gsize)i * groups[k].size;
+            g_autofree char *name = calibration_text_name_of(&groups[k], i);
+            if (!calibration_text_has(r, name))
+                continue;
+            if (!fields_read(r->file, r->path, name, groups[k].fields, none, at, error))
+                return FALSE;
+            *(gboolean *)at = TRUE; /* known */
+        }
+    }
+    if (!calibration_text_keep_extra(r, to, error))
+        return FALSE;
+    for (int i = 0; i < to->rig.n_cameras; i++)
+        if (!is_covariance(&to->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS))
+            return fields_refuse(r->path, to->rig.cameras[i].name, "covariance", error,
+                                 "is not a covariance");
+    for (int i = 0; i < to->rig.n_lamps; i++)
+        if (!is_covariance(&to->lamps[i].position_covariance_mm2[0][0], 3))
+            return fields_refuse(r->path, to->rig.lamps[i].name, "position_covariance_mm2", error,
+                                 "is not a covariance");
+    return TRUE;
 }
 
 /* rig_from_text() checks format, version and end mark first. */

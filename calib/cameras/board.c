@@ -20,45 +20,6 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
     return FALSE;
 }
 
-static gboolean board_parse_size(const char *text, struct board *board) {
-    guint64 columns, rows;
-    g_auto(GStrv) sides = g_strsplit(text, "x", 3);
-
-    if (g_strv_length(sides) != 2 ||
-        !g_ascii_string_to_unsigned(sides[0], 10, 3, BOARD_MAX_SQUARES, &columns, NULL) ||
-        !g_ascii_string_to_unsigned(sides[1], 10, 3, BOARD_MAX_SQUARES, &rows, NULL))
-        return FALSE;
-    board->columns = (int)columns;
-    board->rows = (int)rows;
-    return TRUE;
-}
-
-static gboolean parse_mm(const char *text, double *ret) {
-    char *end;
-
-    *ret = g_ascii_strtod(text, &end);
-    return end != text && *end == '\0' && *ret >= 0 && *ret <= MAX_MM;
-}
-
-static gboolean board_parse_word(struct board *board, const char *spec, const char *word,
-                                 GError **error) {
-    if (g_str_has_prefix(word, "square="))
-        return parse_mm(word + strlen("square="), &board->square_mm) ||
-               refuse(spec, error, "square is not a number of millimetres");
-    if (g_str_has_prefix(word, "marker="))
-        return parse_mm(word + strlen("marker="), &board->marker_mm) ||
-               refuse(spec, error, "marker is not a number of millimetres");
-    if (g_str_has_prefix(word, "thickness="))
-        return parse_mm(word + strlen("thickness="), &board->thickness_mm) ||
-               refuse(spec, error, "thickness is not a number of millimetres");
-    if (g_str_has_prefix(word, "dictionary=")) {
-        g_strlcpy(board->dictionary, word + strlen("dictionary="), sizeof board->dictionary);
-        return TRUE;
-    }
-    return refuse(spec, error,
-                  "has a word that is not square=, marker=, dictionary= or thickness=");
-}
-
 static gboolean board_check(const struct board *board, const char *spec, GError **error) {
     int markers = 0;
 
@@ -85,13 +46,36 @@ static gboolean board_check(const struct board *board, const char *spec, GError 
 
 gboolean board_parse(struct board *board, const char *spec, GError **error) {
     g_auto(GStrv) words = g_strsplit(spec, ",", 16);
+    g_auto(GStrv) sides = g_strsplit(words[0] ? words[0] : "", "x", 3);
     struct board parsed = {.dictionary = "4x4_50"};
+    guint64 columns, rows;
 
-    if (!words[0] || !board_parse_size(words[0], &parsed))
+    if (g_strv_length(sides) != 2 ||
+        !g_ascii_string_to_unsigned(sides[0], 10, 3, BOARD_MAX_SQUARES, &columns, NULL) ||
+        !g_ascii_string_to_unsigned(sides[1], 10, 3, BOARD_MAX_SQUARES, &rows, NULL))
         return refuse(spec, error, "does not begin with columns x rows, 3 to 40 squares each");
-    for (char **word = words + 1; *word; word++)
-        if (!board_parse_word(&parsed, spec, *word, error))
-            return FALSE;
+    parsed.columns = (int)columns;
+    parsed.rows = (int)rows;
+    for (char **word = words + 1; *word; word++) {
+        g_auto(GStrv) pair = g_strsplit(*word, "=", 2);
+        const char *key = pair[0] && pair[1] ? pair[0] : "", *value = *key ? pair[1] : NULL;
+        double *mm = g_str_equal(key, "square")      ? &parsed.square_mm
+                     : g_str_equal(key, "marker")    ? &parsed.marker_mm
+                     : g_str_equal(key, "thickness") ? &parsed.thickness_mm
+                                                     : NULL;
+        if (mm) {
+            char *end;
+            *mm = g_ascii_strtod(value, &end);
+            if (end != value && *end == '\0' && *mm >= 0 && *mm <= MAX_MM)
+                continue;
+            g_autofree char *why = g_strdup_printf("%s is not a number of millimetres", key);
+            return refuse(spec, error, why);
+        }
+        if (!g_str_equal(key, "dictionary"))
+            return refuse(spec, error,
+                          "has a word that is not square=, marker=, dictionary= or thickness=");
+        g_strlcpy(parsed.dictionary, value, sizeof parsed.dictionary);
+    }
     if (!board_check(&parsed, spec, error))
         return FALSE;
     *board = parsed;
@@ -124,11 +108,6 @@ void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
     ret_xy_mm[1] = (board->rows / 2.0 - row) * board->square_mm;
 }
 
-/* The top left square, (0, 0), is black. */
-static gboolean is_white(int column, int row) {
-    return (column + row) % 2 == 1;
-}
-
 /* Number of white squares above a row. */
 static int whites_before(const struct board *board, int row) {
     return row * (board->columns / 2) + (board->columns % 2 ? row / 2 : 0);
@@ -151,26 +130,8 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
     return FALSE;
 }
 
-/* Bits of all markers of the board, n × n each; g_free(). */
-static guint8 *all_bits(const struct board *board, int *ret_n) {
-    const int n = vision_dictionary(board->dictionary, NULL);
-    const int markers = whites_before(board, board->rows);
-    guint8 *bits = g_new0(guint8, (gsize)(n * n) * (gsize)markers + 1);
-
-    for (int i = 0; i < markers; i++)
-        vision_marker_bits(board->dictionary, i, bits + i * n * n);
-    *ret_n = n;
-    return bits;
-}
-
-/* Printed value at (u, v), 0 … 1 from the marker's top left; a border of one black cell surrounds
- * the n × n bits. */
-static double marker_value(const guint8 *bits, int n, double u, double v) {
-    const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
-
-    return i < 0 || j < 0 || i >= n || j >= n ? 0 : bits[i * n + j];
-}
-
+/* Printed value at a point of the board frame; bits: n × n of each marker, which a border of one
+ * black cell surrounds. */
 static double board_value_at(const struct board *board, const guint8 *bits, int n, double x_mm,
                              double y_mm) {
     const double x = x_mm / board->square_mm + board->columns / 2.0;
@@ -179,27 +140,25 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
 
     if (x < 0 || y < 0 || column >= board->columns || row >= board->rows)
         return -1;
-    if (!is_white(column, row) || board->marker_mm == 0)
-        return is_white(column, row);
+    const gboolean white = (column + row) % 2 == 1; /* the top left square, (0, 0), is black */
+    if (!white || board->marker_mm == 0)
+        return white;
     const double size = board->marker_mm / board->square_mm;
     const double u = (x - column - 0.5) / size + 0.5, v = (y - row - 0.5) / size + 0.5;
-    return u < 0 || v < 0 || u >= 1 || v >= 1
-               ? 1
-               : marker_value(bits + marker_of(board, column, row) * n * n, n, u, v);
+    if (u < 0 || v < 0 || u >= 1 || v >= 1)
+        return 1;
+    const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
+    return i >= 0 && j >= 0 && i < n && j < n &&
+           bits[(marker_of(board, column, row) * n + i) * n + j];
 }
 
 void board_values(const struct board *board, const double *xy_mm, int n, float *ret) {
-    int size = 0;
-    g_autofree guint8 *bits = board->marker_mm > 0 ? all_bits(board, &size) : NULL;
+    const int markers = board->marker_mm > 0 ? whites_before(board, board->rows) : 0;
+    const int size = markers > 0 ? vision_dictionary(board->dictionary, NULL) : 0;
+    g_autofree guint8 *bits = g_new0(guint8, (gsize)(size * size) * (gsize)markers + 1);
 
+    for (int i = 0; i < markers; i++)
+        vision_marker_bits(board->dictionary, i, bits + i * size * size);
     for (int i = 0; i < n; i++)
         ret[i] = (float)board_value_at(board, bits, size, xy_mm[2 * i], xy_mm[2 * i + 1]);
-}
-
-double board_value(const struct board *board, double x_mm, double y_mm) {
-    const double xy_mm[2] = {x_mm, y_mm};
-    float value;
-
-    board_values(board, xy_mm, 1, &value);
-    return (double)value;
 }

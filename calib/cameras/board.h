@@ -42,9 +42,7 @@ void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);
  * such marker. */
 gboolean board_marker_square(const struct board *board, int marker, int *ret_column, int *ret_row);
 
-/* Printed value at a point of the board frame: 0 black … 1 white; −1 outside. */
-double board_value(const struct board *board, double x_mm, double y_mm);
-/* The same at n points (n × 2), much faster than one by one. */
+/* Printed values at n points of the board frame (n × 2, mm): 0 black … 1 white; −1 outside. */
 void board_values(const struct board *board, const double *xy_mm, int n, float *ret);
 
 /* Drawing options; margins are white. */

@@ -10,10 +10,6 @@
 #define POINTS_A_MM (72 / 25.4)
 #define MAX_PIXELS  20000
 
-static void black(cairo_t *to, double x, double y, double size) {
-    cairo_rectangle(to, x, y, size, size);
-}
-
 /* Draws the black cells of a marker with its border. Adjacent cells of a row are one rectangle,
  * so that no seams appear between them. */
 static void add_marker(cairo_t *to, const struct board *board, int marker, double x, double y) {
@@ -35,22 +31,6 @@ static void add_marker(cairo_t *to, const struct board *board, int marker, doubl
         }
 }
 
-/* Draws the board; units are millimetres from the top left of the margin. */
-static void board_draw_draw(cairo_t *to, const struct board *board, double margin) {
-    const double s = board->square_mm, inset = (s - board->marker_mm) / 2;
-    int column, row;
-
-    cairo_set_source_rgb(to, 1, 1, 1);
-    cairo_paint(to);
-    cairo_set_source_rgb(to, 0, 0, 0);
-    for (row = 0; row < board->rows; row++)
-        for (column = row % 2; column < board->columns; column += 2)
-            black(to, margin + column * s, margin + row * s, s);
-    for (int marker = 0; board_marker_square(board, marker, &column, &row); marker++)
-        add_marker(to, board, marker, margin + column * s + inset, margin + row * s + inset);
-    cairo_fill(to);
-}
-
 static cairo_surface_t *new_surface(const char *path, double width_mm, double height_mm,
                                     double pixels_a_mm) {
     if (g_str_has_suffix(path, ".pdf"))
@@ -66,17 +46,27 @@ static cairo_surface_t *new_surface(const char *path, double width_mm, double he
 
 static cairo_status_t draw_all(const struct board *board, const char *path,
                                const struct board_drawing *drawing) {
-    const double width = board->columns * board->square_mm + 2 * drawing->margin_mm;
-    const double height = board->rows * board->square_mm + 2 * drawing->margin_mm;
+    const double s = board->square_mm, inset = (s - board->marker_mm) / 2;
+    const double margin = drawing->margin_mm; /* units: millimetres from the top left of it */
+    const double width = board->columns * s + 2 * margin, height = board->rows * s + 2 * margin;
     const gboolean png = g_str_has_suffix(path, ".png");
     const double scale = png                              ? drawing->pixels_a_mm
                          : g_str_has_suffix(path, ".pdf") ? POINTS_A_MM
                                                           : 1;
     cairo_surface_t *surface = new_surface(path, width, height, drawing->pixels_a_mm);
     cairo_t *to = cairo_create(surface);
+    int column, row;
 
     cairo_scale(to, scale, scale);
-    board_draw_draw(to, board, drawing->margin_mm);
+    cairo_set_source_rgb(to, 1, 1, 1);
+    cairo_paint(to);
+    cairo_set_source_rgb(to, 0, 0, 0);
+    for (row = 0; row < board->rows; row++)
+        for (column = row % 2; column < board->columns; column += 2)
+            cairo_rectangle(to, margin + column * s, margin + row * s, s, s);
+    for (int marker = 0; board_marker_square(board, marker, &column, &row); marker++)
+        add_marker(to, board, marker, margin + column * s + inset, margin + row * s + inset);
+    cairo_fill(to);
     cairo_status_t status = cairo_status(to);
     if (status == CAIRO_STATUS_SUCCESS && png)
         status = cairo_surface_write_to_png(surface, path);
@@ -88,32 +78,24 @@ static cairo_status_t draw_all(const struct board *board, const char *path,
     return status;
 }
 
-static gboolean board_draw_check(const struct board *board, const char *path,
-                                 const struct board_drawing *drawing, GError **error) {
+gboolean board_draw(const struct board *board, const char *path,
+                    const struct board_drawing *drawing, GError **error) {
     const double longest_mm =
         MAX(board->columns, board->rows) * board->square_mm + 2 * drawing->margin_mm;
+    const gboolean png = g_str_has_suffix(path, ".png");
+    cairo_status_t status;
 
-    if (!g_str_has_suffix(path, ".svg") && !g_str_has_suffix(path, ".pdf") &&
-        !g_str_has_suffix(path, ".png"))
+    if (!png && !g_str_has_suffix(path, ".svg") && !g_str_has_suffix(path, ".pdf"))
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
                     "%s: the name must end in .svg, .pdf or .png", path);
-    else if (g_str_has_suffix(path, ".png") && !(longest_mm * drawing->pixels_a_mm <= MAX_PIXELS))
+    else if (png && !(longest_mm * drawing->pixels_a_mm <= MAX_PIXELS))
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
                     "%s: %g pixels per millimetre make a picture larger than %d pixels", path,
                     drawing->pixels_a_mm, MAX_PIXELS);
+    else if ((status = draw_all(board, path, drawing)) != CAIRO_STATUS_SUCCESS)
+        g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO, "%s: cannot be written: %s", path,
+                    cairo_status_to_string(status));
     else
         return TRUE;
-    return FALSE;
-}
-
-gboolean board_draw(const struct board *board, const char *path,
-                    const struct board_drawing *drawing, GError **error) {
-    if (!board_draw_check(board, path, drawing, error))
-        return FALSE;
-    const cairo_status_t status = draw_all(board, path, drawing);
-    if (status == CAIRO_STATUS_SUCCESS)
-        return TRUE;
-    g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO, "%s: cannot be written: %s", path,
-                cairo_status_to_string(status));
     return FALSE;
 }

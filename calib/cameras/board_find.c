@@ -21,20 +21,20 @@ static GArray *board_find_refuse(GError **error, const char *format, ...) G_GNUC
 static GArray *board_find_refuse(GError **error, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    g_propagate_error(error, g_error_new_valist(BOARD_ERROR, BOARD_ERROR_SPEC, format, arguments));
     va_end(arguments);
-    g_set_error_literal(error, BOARD_ERROR, BOARD_ERROR_SPEC, why);
     return NULL;
 }
 
 /* Even part of the projection about `at` along a step h: ½ (f(at + h) + f(at − h)) − f(at), that
  * is ½ hᵀ f″ h to second order. */
-static gboolean even_part(BoardProject project, gpointer data, const double at[2],
-                          const double step[2], double ret[2]) {
+static gboolean even_part(BoardProject project, gboolean straight, gconstpointer data,
+                          const double at[2], const double step[2], double ret[2]) {
     const double there[2] = {at[0] + step[0], at[1] + step[1]};
     const double opposite[2] = {at[0] - step[0], at[1] - step[1]};
     double a[2], b[2], m[2];
-    if (!project(there, a, data) || !project(opposite, b, data) || !project(at, m, data))
+    if (!project(there, straight, a, data) || !project(opposite, straight, b, data) ||
+        !project(at, straight, m, data))
         return FALSE;
     for (int k = 0; k < 2; k++)
         ret[k] = (a[k] + b[k]) / 2 - m[k];
@@ -42,10 +42,12 @@ static gboolean even_part(BoardProject project, gpointer data, const double at[2
 }
 
 /* Derivative of the picture's x, y (rows) by the board's x, y (columns), px/mm. */
-static gboolean slopes(BoardProject project, gpointer data, const double at[2], double ret[2][2]) {
+static gboolean slopes(BoardProject project, gboolean straight, gconstpointer data,
+                       const double at[2], double ret[2][2]) {
     const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
     double px[2], dx[2], dy[2];
-    if (!project(at, px, data) || !project(right, dx, data) || !project(up, dy, data))
+    if (!project(at, straight, px, data) || !project(right, straight, dx, data) ||
+        !project(up, straight, dy, data))
         return FALSE;
     for (int k = 0; k < 2; k++) {
         ret[k][0] = (dx[k] - px[k]) / STEP_MM;
@@ -78,18 +80,17 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
  * distortion, J and S their first derivatives. Perspective is common to both and keeps edges
  * straight; only distortion remains. */
 static void board_find_straighten(const struct board *board, BoardProject project,
-                                  BoardProject straight, gpointer data, const double at[2],
-                                  struct corner_guess *to) {
+                                  gconstpointer data, const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
     double s[2][2], a[3][3], b[2][3];
     const double(*j)[2] = to->px_a_mm;
-    if (!slopes(straight, data, at, s))
+    if (!slopes(project, TRUE, data, at, s))
         return;
     const double det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
     for (int i = 0; i < 3; i++) {
         double bent[2], even[2];
-        if (!even_part(project, data, at, steps[i], bent) ||
-            !even_part(straight, data, at, steps[i], even))
+        if (!even_part(project, FALSE, data, at, steps[i], bent) ||
+            !even_part(project, TRUE, data, at, steps[i], even))
             return;
         const double u = (s[1][1] * even[0] - s[0][1] * even[1]) / det;
         const double v = (s[0][0] * even[1] - s[1][0] * even[0]) / det;
@@ -106,28 +107,29 @@ static void board_find_straighten(const struct board *board, BoardProject projec
         memcpy(to->straighten, found, sizeof found);
 }
 
-/* Predicts position, scale and curvature for all corners; those that project() refuses are left
- * 0. */
-static void guess_all(const struct board *board, BoardProject project, BoardProject straight,
-                      gpointer data, const double shift_px[2], struct corner_guess *guesses) {
+/* Predicts position and scale for all corners, and if shift_px is not NULL that shift and the
+ * edges' curvature; those that project() refuses are left 0. */
+static void guess_all(const struct board *board, BoardProject project, gconstpointer data,
+                      const double shift_px[2], struct corner_guess *guesses) {
     const int n = board_n_corners(board);
     memset(guesses, 0, sizeof *guesses * (gsize)n);
     for (int id = 0; id < n; id++) {
         struct corner_guess *to = &guesses[id];
         double at[2], px[2], slope[2][2];
         board_corner_mm(board, id, at);
-        if (!project(at, px, data) || !slopes(project, data, at, slope))
+        if (!project(at, FALSE, px, data) || !slopes(project, FALSE, data, at, slope))
             continue;
-        to->x_px = px[0] + shift_px[0];
-        to->y_px = px[1] + shift_px[1];
+        to->x_px = px[0] + (shift_px ? shift_px[0] : 0);
+        to->y_px = px[1] + (shift_px ? shift_px[1] : 0);
         memcpy(to->px_a_mm, slope, sizeof slope);
-        if (straight)
-            board_find_straighten(board, project, straight, data, at, to);
+        if (shift_px)
+            board_find_straighten(board, project, data, at, to);
     }
 }
 
 /* x' = H x in homogeneous coordinates, H row by row in data. */
-static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+static gboolean by_homography(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                              gconstpointer data) {
     const double *h = data;
     const double w = h[6] * xy_mm[0] + h[7] * xy_mm[1] + h[8];
     if (!(w > 1e-9))
@@ -135,16 +137,6 @@ static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpoint
     ret_xy_px[0] = (h[0] * xy_mm[0] + h[1] * xy_mm[1] + h[2]) / w;
     ret_xy_px[1] = (h[3] * xy_mm[0] + h[4] * xy_mm[1] + h[5]) / w;
     return TRUE;
-}
-
-/* Corners of a marker in the board frame, in the detector's order: clockwise from the top left. */
-static void marker_corners(const struct board *board, int column, int row, double ret[8]) {
-    const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
-    const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
-    const double half = board->marker_mm / 2;
-    const double corners[8] = {x - half, y + half, x + half, y + half,
-                               x + half, y - half, x - half, y - half};
-    memcpy(ret, corners, sizeof corners);
 }
 
 /* Tolerance by the mean length of the markers' first edges. */
@@ -177,11 +169,14 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
         return FALSE;
     for (guint i = 0; i < found->len; i++) {
         const struct vision_marker *marker = &g_array_index(found, struct vision_marker, i);
-        double corners[8];
         int column, row;
         if (!board_marker_square(board, marker->id, &column, &row))
             continue;
-        marker_corners(board, column, row, corners);
+        const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
+        const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
+        const double half = board->marker_mm / 2;
+        const double corners[8] = {x - half, y + half, x + half, y + half, /* in vision.h's order */
+                                   x + half, y - half, x - half, y - half};
         g_array_append_vals(from, corners, 8);
         g_array_append_vals(to, marker->corners_px, 8);
     }
@@ -209,13 +204,6 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
     return FALSE;
 }
 
-static double board_find_value_at(const struct picture *picture, double x, double y) {
-    const int i = (int)lround(x), j = (int)lround(y);
-    if (i < 0 || j < 0 || i >= picture->width || j >= picture->height)
-        return NAN;
-    return (double)picture->values[(gsize)j * (gsize)picture->width + (gsize)i];
-}
-
 /* Whether a chessboard's corners were found in the reverse order: its top left square would be
  * white. */
 static gboolean is_reversed(const struct picture *picture, const struct board *board,
@@ -226,9 +214,13 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
             const double xy[2] = {(column + 0.5 - board->columns / 2.0) * board->square_mm,
                                   (board->rows / 2.0 - row - 0.5) * board->square_mm};
             double px[2];
-            if (!by_homography(xy, px, (gpointer)h))
+            if (!by_homography(xy, FALSE, px, h))
                 continue;
-            const double value = board_find_value_at(picture, px[0], px[1]);
+            const int x = (int)lround(px[0]), y = (int)lround(px[1]);
+            if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
+                continue;
+            const double value =
+                (double)picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
             if (isfinite(value))
                 sum += (column + row) % 2 ? value : -value;
         }
@@ -261,49 +253,35 @@ static gboolean plane_of_chessboard(const struct picture *picture, const struct 
     return FALSE;
 }
 
-/* Orientation of the homography at the centre: a flipped picture looks like a board seen from
- * below. The picture's y points down. */
-static gboolean is_seen_from_below(const double h[9]) {
-    const double middle[2] = {0, 0}, right[2] = {1, 0}, up[2] = {0, 1};
-    double m[2], r[2], u[2];
-    if (!by_homography(middle, m, (gpointer)h) || !by_homography(right, r, (gpointer)h) ||
-        !by_homography(up, u, (gpointer)h))
-        return TRUE;
-    return (r[0] - m[0]) * (u[1] - m[1]) - (r[1] - m[1]) * (u[0] - m[0]) > 0;
-}
-
-/* Fits the homography to all corners found: more accurate than that of the markers. */
-static void board_find_improve(const struct board *board, const GArray *corners, double h[9]) {
-    const guint n = corners->len;
-    g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
-    g_autofree guint8 *good = g_new0(guint8, n + 1);
-    double better[9];
-    for (guint i = 0; i < n; i++) {
-        const struct corner *corner = &g_array_index(corners, struct corner, i);
-        board_corner_mm(board, corner->id, from + 2 * i);
-        to[2 * i] = corner->x_px;
-        to[2 * i + 1] = corner->y_px;
-    }
-    if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
-        memcpy(h, better, sizeof better);
-}
-
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error) {
-    static const double nowhere[2] = {0, 0};
-    double h[9];
+    static const double middle[2] = {0, 0};
+    double h[9], m[2][2];
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
     if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, h, error))
         return NULL;
-    if (is_seen_from_below(h))
+    /* A flipped picture looks like a board seen from below. The picture's y points down. */
+    if (!slopes(by_homography, FALSE, h, middle, m) || m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
         return board_find_refuse(error,
                                  "the board is mirrored: the picture is flipped, or the board was "
                                  "printed so");
-    guess_all(board, by_homography, NULL, h, nowhere, guesses);
+    guess_all(board, by_homography, h, NULL, guesses);
     g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
     if (fine) {
-        board_find_improve(board, corners, h);
-        guess_all(board, by_homography, NULL, h, nowhere, guesses);
+        /* Fits the homography to all corners found: more accurate than that of the markers. */
+        const guint n = corners->len;
+        g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
+        g_autofree guint8 *good = g_new0(guint8, n + 1);
+        double better[9];
+        for (guint i = 0; i < n; i++) {
+            const struct corner *corner = &g_array_index(corners, struct corner, i);
+            board_corner_mm(board, corner->id, from + 2 * i);
+            to[2 * i] = corner->x_px;
+            to[2 * i + 1] = corner->y_px;
+        }
+        if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
+            memcpy(h, better, sizeof better);
+        guess_all(board, by_homography, h, NULL, guesses);
         g_array_unref(corners);
         corners = corner_fit_all(picture, board, guesses);
     }
@@ -317,16 +295,16 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
 
 struct points { /* of the board, as they should appear */
     int n;
-    float *x, *y, *value;
+    float *x, *y, *value; /* one block, which x owns */
 };
 
 /* Projects a grid of points of the board with their printed values. */
-static void gather_points(const struct board *board, BoardProject project, gpointer data,
+static void gather_points(const struct board *board, BoardProject project, gconstpointer data,
                           struct points *to) {
     const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
-    to->x = g_new(float, nx *ny);
-    to->y = g_new(float, nx *ny);
-    to->value = g_new(float, nx *ny);
+    to->x = g_new(float, 3 * nx * ny);
+    to->y = to->x + nx * ny;
+    to->value = to->y + nx * ny;
     g_autofree double *at = g_new(double, 2 * nx * ny);
     to->n = 0;
     for (int j = 0; j < ny; j++)
@@ -334,7 +312,7 @@ static void gather_points(const struct board *board, BoardProject project, gpoin
             const double step = board->square_mm / STEPS_A_SQUARE;
             const double xy[2] = {(i + 0.5 - nx / 2.0) * step, (j + 0.5 - ny / 2.0) * step};
             double px[2];
-            if (!project(xy, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
+            if (!project(xy, FALSE, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
                 continue;
             to->x[to->n] = (float)px[0];
             to->y[to->n] = (float)px[1];
@@ -365,36 +343,28 @@ static double correlate(const struct picture *picture, const struct points *poin
     return n > points->n / 5.0 && n > 100 && spread > 0 ? (ab - a * b / n) / sqrt(spread) : -1;
 }
 
-/* Exhaustive search for the shift with the largest correlation. */
-static double best_shift(const struct picture *picture, const struct points *points, int reach,
-                         double ret_shift[2]) {
-    double best = -1;
-    ret_shift[0] = ret_shift[1] = 0;
-    for (int dy = -reach; dy <= reach; dy++)
-        for (int dx = -reach; dx <= reach; dx++) {
-            const double fit = correlate(picture, points, dx, dy);
-            if (fit <= best)
-                continue;
-            best = fit;
-            ret_shift[0] = dx;
-            ret_shift[1] = dy;
-        }
-    return best;
-}
-
 GArray *board_find_near(const struct picture *picture, const struct board *board,
-                        BoardProject project, BoardProject straight, gpointer data, double reach_px,
+                        BoardProject project, gconstpointer data, double reach_px,
                         double *ret_fit) {
     struct points points;
-    double shift[2];
+    double shift[2] = {0, 0};
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
     gather_points(board, project, data, &points);
-    *ret_fit = best_shift(picture, &points, (int)ceil(reach_px), shift);
+    /* Exhaustive search for the shift with the largest correlation. */
+    const int reach = (int)ceil(reach_px);
+    *ret_fit = -1;
+    for (int dy = -reach; dy <= reach; dy++)
+        for (int dx = -reach; dx <= reach; dx++) {
+            const double fit = correlate(picture, &points, dx, dy);
+            if (fit <= *ret_fit)
+                continue;
+            *ret_fit = fit;
+            shift[0] = dx;
+            shift[1] = dy;
+        }
     g_free(points.x);
-    g_free(points.y);
-    g_free(points.value);
     if (*ret_fit < LEAST_FIT)
         return NULL;
-    guess_all(board, project, straight, data, shift, guesses);
+    guess_all(board, project, data, shift, guesses);
     return corner_fit_all(picture, board, guesses);
 }

@@ -12,15 +12,13 @@
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);
 
-/* Projects a point of the board to the picture; FALSE: it is not visible. */
-typedef gboolean (*BoardProject)(const double xy_mm[2], double ret_xy_px[2], gpointer data);
+/* Projects a point of the board to the picture; straight: for a lens without distortion, from
+ * which the curvature follows that the lens gives to edges. FALSE: the point is not visible. */
+typedef gboolean (*BoardProject)(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                                 gconstpointer data);
 
-/* straight: as project, but for a lens without distortion; the edges are then fitted with the
- * curvature that the lens causes. NULL: unknown.
- *
- * Shifts the whole board in the picture by up to reach_px to the largest correlation with its
+/* Shifts the whole board in the picture by up to reach_px to the largest correlation with its
  * print, then fits each corner. ret_fit: that correlation, −1 … 1. NULL: nothing there looks like
  * the board. */
 GArray *board_find_near(const struct picture *picture, const struct board *board,
-                        BoardProject project, BoardProject straight, gpointer data, double reach_px,
-                        double *ret_fit);
+                        BoardProject project, gconstpointer data, double reach_px, double *ret_fit);

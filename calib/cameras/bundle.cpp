@@ -25,6 +25,7 @@ const bool quiet = [] {
 }();
 
 constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practically exact */
+constexpr double ASPECT_SIGMA = 0.002;   /* of fx / fy about the prior's */
 
 /* v = R₀ exp([ω]×) p; R₀ row by row. */
 template <typename T> void rotate(const double r0[9], const T *omega, const T p[3], T v[3]) {
@@ -96,9 +97,7 @@ struct LensPrior {
                               ? (lens[i] - camera->prior[i]) / camera->prior_sigma[i]
                               : T(0);
         residual[BUNDLE_INTRINSICS] =
-            camera->aspect_sigma > 0
-                ? (lens[0] / lens[1] - camera->prior[0] / camera->prior[1]) / camera->aspect_sigma
-                : T(0);
+            (lens[0] / lens[1] - camera->prior[0] / camera->prior[1]) / ASPECT_SIGMA;
         return true;
     }
 };
@@ -155,26 +154,19 @@ struct Work {
     std::vector<int> of_lay, of_stop, of_camera; /* number of observations of each */
     ceres::Problem problem;
 
-    explicit Work(bundle *from) : b(from) {
-        lenses.resize((gsize)b->n_cameras);
-        poses.resize((gsize)b->n_cameras);
-        lays.resize((gsize)b->n_lays);
-        angles.resize((gsize)b->n_stops);
-        of_camera.resize((gsize)b->n_cameras);
-        of_lay.resize((gsize)b->n_lays);
-        of_stop.resize((gsize)b->n_stops);
-        for (int i = 0; i < b->n_cameras; i++) {
-            std::memcpy(lenses[(gsize)i].data(), b->cameras[i].intrinsics,
-                        sizeof b->cameras[i].intrinsics);
-            poses[(gsize)i].fill(0);
-            std::memcpy(&poses[(gsize)i][3], b->cameras[i].shift, sizeof b->cameras[i].shift);
+    explicit Work(bundle *from)
+        : b(from), lenses((gsize)b->n_cameras), poses(lenses.size()), lays((gsize)b->n_lays),
+          angles((gsize)b->n_stops), of_lay(lays.size()), of_stop(angles.size()),
+          of_camera(lenses.size()) {
+        for (gsize i = 0; i < lenses.size(); i++) {
+            const bundle_camera &c = b->cameras[i];
+            std::memcpy(lenses[i].data(), c.intrinsics, sizeof c.intrinsics);
+            poses[i] = {0, 0, 0, c.shift[0], c.shift[1], c.shift[2]};
         }
-        for (int i = 0; i < b->n_lays; i++) {
-            lays[(gsize)i].fill(0);
-            std::memcpy(&lays[(gsize)i][3], b->lays[i].place, sizeof b->lays[i].place);
-        }
-        for (int i = 0; i < b->n_stops; i++)
-            angles[(gsize)i] = b->stops[i].angle_rad;
+        for (gsize i = 0; i < lays.size(); i++)
+            lays[i] = {0, 0, 0, b->lays[i].place[0], b->lays[i].place[1], b->lays[i].place[2]};
+        for (gsize i = 0; i < angles.size(); i++)
+            angles[i] = b->stops[i].angle_rad;
         add_observations();
         add_cameras();
         add_turntable();
@@ -199,98 +191,89 @@ struct Work {
     }
 
     void add_cameras() {
-        for (int i = 0; i < b->n_cameras; i++) {
-            const gsize c = (gsize)i;
-            if (of_camera[c] == 0)
+        MeanAzimuth mean;
+        std::vector<double *> blocks;
+        for (gsize i = 0; i < lenses.size(); i++) {
+            const bundle_camera &c = b->cameras[i];
+            const double *n = c.nominal_centre;
+            if (of_camera[i] == 0)
                 continue;
             problem.AddResidualBlock(
                 new ceres::AutoDiffCostFunction<LensPrior, BUNDLE_INTRINSICS + 1,
-                                                BUNDLE_INTRINSICS>(new LensPrior{&b->cameras[i]}),
-                nullptr, lenses[c].data());
-            if (b->cameras[i].fixed_pose)
-                problem.SetParameterBlockConstant(poses[c].data());
-            if (b->cameras[i].fixed_lens)
-                problem.SetParameterBlockConstant(lenses[c].data());
+                                                BUNDLE_INTRINSICS>(new LensPrior{&c}),
+                nullptr, lenses[i].data());
+            if (c.fixed_pose)
+                problem.SetParameterBlockConstant(poses[i].data());
+            if (c.fixed_lens)
+                problem.SetParameterBlockConstant(lenses[i].data());
+            if (std::hypot(n[0], n[1]) < 0.1 * std::fabs(n[2]))
+                continue; /* the azimuth of a camera near the zenith is undetermined */
+            mean.cameras.push_back(&c);
+            blocks.push_back(poses[i].data());
         }
         if (b->fix_azimuth)
-            add_mean_azimuth();
+            add_gauge(mean, blocks, 6);
     }
 
-    /* The azimuth of a camera near the zenith is undetermined. */
-    void add_mean_azimuth() {
-        auto mean = new MeanAzimuth;
-        auto cost = new ceres::DynamicAutoDiffCostFunction<MeanAzimuth>(mean);
-        std::vector<double *> blocks;
-        for (int i = 0; i < b->n_cameras; i++) {
-            const double *n = b->cameras[i].nominal_centre;
-            if (of_camera[(gsize)i] == 0 || std::hypot(n[0], n[1]) < 0.1 * std::fabs(n[2]))
-                continue;
-            mean->cameras.push_back(&b->cameras[i]);
-            blocks.push_back(poses[(gsize)i].data());
-            cost->AddParameterBlock(6);
-        }
-        cost->SetNumResiduals(1);
+    /* A residual of all of these blocks, of `size` parameters each. */
+    template <typename Mean>
+    void add_gauge(const Mean &mean, const std::vector<double *> &blocks, int size) {
         if (blocks.empty())
-            delete cost;
-        else
-            problem.AddResidualBlock(cost, nullptr, blocks);
+            return;
+        auto cost = new ceres::DynamicAutoDiffCostFunction<Mean>(new Mean(mean));
+        for (gsize i = 0; i < blocks.size(); i++)
+            cost->AddParameterBlock(size);
+        cost->SetNumResiduals(1);
+        problem.AddResidualBlock(cost, nullptr, blocks);
     }
 
     void add_turntable() {
-        for (int l = 0; l < b->n_lays; l++) {
-            if (of_lay[(gsize)l] == 0)
+        for (gsize l = 0; l < lays.size(); l++) {
+            MeanAngle mean;
+            std::vector<double *> blocks;
+            if (of_lay[l] == 0)
                 continue;
             if (b->lays[l].fixed)
-                problem.SetParameterBlockConstant(lays[(gsize)l].data());
+                problem.SetParameterBlockConstant(lays[l].data());
             else if (b->lays[l].fixed_height)
-                problem.SetManifold(lays[(gsize)l].data(), new ceres::SubsetManifold(6, {5}));
-            add_mean_angle(l);
+                problem.SetManifold(lays[l].data(), new ceres::SubsetManifold(6, {5}));
+            for (gsize i = 0; i < angles.size(); i++) {
+                const bundle_stop &stop = b->stops[i];
+                if (stop.lay != (int)l || of_stop[i] == 0 || !(stop.sigma_rad > 0))
+                    continue;
+                mean.commanded.push_back(stop.commanded_rad);
+                blocks.push_back(&angles[i]);
+            }
+            if (b->fix_azimuth)
+                add_gauge(mean, blocks, 1);
         }
-        for (int i = 0; i < b->n_stops; i++) {
-            if (of_stop[(gsize)i] == 0)
+        for (gsize i = 0; i < angles.size(); i++) {
+            if (of_stop[i] == 0)
                 continue;
             if (b->stops[i].sigma_rad > 0)
                 problem.AddResidualBlock(
                     new ceres::AutoDiffCostFunction<AnglePrior, 1, 1>(
                         new AnglePrior{b->stops[i].commanded_rad, b->stops[i].sigma_rad}),
-                    nullptr, &angles[(gsize)i]);
+                    nullptr, &angles[i]);
             else
-                problem.SetParameterBlockConstant(&angles[(gsize)i]);
+                problem.SetParameterBlockConstant(&angles[i]);
         }
-    }
-
-    void add_mean_angle(int lay) {
-        auto mean = new MeanAngle;
-        auto cost = new ceres::DynamicAutoDiffCostFunction<MeanAngle>(mean);
-        std::vector<double *> blocks;
-        for (int i = 0; i < b->n_stops; i++) {
-            if (b->stops[i].lay != lay || of_stop[(gsize)i] == 0 || !(b->stops[i].sigma_rad > 0))
-                continue;
-            mean->commanded.push_back(b->stops[i].commanded_rad);
-            blocks.push_back(&angles[(gsize)i]);
-            cost->AddParameterBlock(1);
-        }
-        cost->SetNumResiduals(1);
-        if (blocks.empty() || !b->fix_azimuth)
-            delete cost;
-        else
-            problem.AddResidualBlock(cost, nullptr, blocks);
     }
 
     /* Copies the parameters back; the rotation vectors ω are multiplied into R₀. */
     void keep() {
-        for (int i = 0; i < b->n_cameras; i++) {
-            std::memcpy(b->cameras[i].intrinsics, lenses[(gsize)i].data(),
-                        sizeof b->cameras[i].intrinsics);
-            compose(b->cameras[i].rotation, poses[(gsize)i].data());
-            std::memcpy(b->cameras[i].shift, &poses[(gsize)i][3], sizeof b->cameras[i].shift);
+        for (gsize i = 0; i < lenses.size(); i++) {
+            bundle_camera &c = b->cameras[i];
+            std::memcpy(c.intrinsics, lenses[i].data(), sizeof c.intrinsics);
+            compose(c.rotation, poses[i].data());
+            std::memcpy(c.shift, &poses[i][3], sizeof c.shift);
         }
-        for (int i = 0; i < b->n_lays; i++) {
-            compose(b->lays[i].rotation, lays[(gsize)i].data());
-            std::memcpy(b->lays[i].place, &lays[(gsize)i][3], sizeof b->lays[i].place);
+        for (gsize i = 0; i < lays.size(); i++) {
+            compose(b->lays[i].rotation, lays[i].data());
+            std::memcpy(b->lays[i].place, &lays[i][3], sizeof b->lays[i].place);
         }
-        for (int i = 0; i < b->n_stops; i++)
-            b->stops[i].angle_rad = angles[(gsize)i];
+        for (gsize i = 0; i < angles.size(); i++)
+            b->stops[i].angle_rad = angles[i];
     }
 
     static void compose(double rotation[9], const double omega[3]) {
@@ -406,29 +389,18 @@ gboolean bundle_covariance(struct bundle *bundle, GError **error) {
     }
 }
 
-static gboolean project_by(const struct bundle *bundle, const double *lens, int camera, int stop,
-                           const double board_mm[2], double ret_px[2]) {
+gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,
+                        const double board_mm[2], double ret_px[2]) {
     static const double zero[3] = {0, 0, 0};
     const bundle_camera &c = bundle->cameras[camera];
     const bundle_stop &s = bundle->stops[stop];
     const bundle_lay &l = bundle->lays[s.lay];
     const double lay[6] = {0, 0, 0, l.place[0], l.place[1], l.place[2]};
-    double p[3], q[3];
+    double lens[BUNDLE_INTRINSICS] = {0}, p[3], q[3];
+    std::memcpy(lens, c.intrinsics, straight ? 4 * sizeof(double) : sizeof lens);
     place(l.rotation, lay, s.angle_rad, board_mm, p);
     rotate(c.rotation, zero, p, q);
     for (int i = 0; i < 3; i++)
         q[i] += c.shift[i];
     return project(lens, q, ret_px);
-}
-
-gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
-                        double ret_px[2]) {
-    return project_by(bundle, bundle->cameras[camera].intrinsics, camera, stop, board_mm, ret_px);
-}
-
-gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
-                                 const double board_mm[2], double ret_px[2]) {
-    double lens[BUNDLE_INTRINSICS] = {0};
-    std::memcpy(lens, bundle->cameras[camera].intrinsics, 4 * sizeof(double));
-    return project_by(bundle, lens, camera, stop, board_mm, ret_px);
 }

@@ -21,9 +21,8 @@ struct bundle_camera {
     double intrinsics[BUNDLE_INTRINSICS];
     double prior[BUNDLE_INTRINSICS];       /* prior values, */
     double prior_sigma[BUNDLE_INTRINSICS]; /* and their standard deviations; 0: no prior */
-    double aspect_sigma;          /* standard deviation of fx / fy about the prior's; 0: no prior */
-    double rotation[9], shift[3]; /* camera = rotation · rig + shift */
-    double nominal_centre[3];     /* for the gauge of the azimuth */
+    double rotation[9], shift[3];          /* camera = rotation · rig + shift */
+    double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
     double noise;              /* factor by which the sigmas of its observations are too small */
     double covariance[15][15]; /* out: intrinsics, ω, shift; 0 where fixed */
@@ -42,7 +41,7 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, point; /* point: id on the board, for the caller */
+    int camera, stop, picture; /* picture: for the caller */
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;
@@ -71,12 +70,8 @@ gboolean bundle_solve(struct bundle *bundle, GError **error);
 /* Sets the cameras' covariances, for the noise given. */
 gboolean bundle_covariance(struct bundle *bundle, GError **error);
 
-/* Projects a board point; FALSE: behind the camera. */
-gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
-                        double ret_px[2]);
-
-/* The same for a lens without distortion. */
-gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
-                                 const double board_mm[2], double ret_px[2]);
+/* Projects a board point. straight: as if the lens had no distortion. FALSE: behind the camera. */
+gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,
+                        const double board_mm[2], double ret_px[2]);
 
 G_END_DECLS

@@ -10,19 +10,17 @@
 #define RAD(deg)        ((deg) * (G_PI / 180))
 #define ANGLE_SIGMA_DEG 0.1 /* standard deviation of the turntable from its commanded angle */
 #define NEAR_PX         3   /* search radius once the geometry is known */
-#define FAR                                                                                        \
-    0.2 /* search radius over the picture's width, for a camera known from the rig file only */
-#define LEAST_CORNERS  6 /* in a usable picture */
-#define LEAST_PICTURES 3 /* of a camera, to refine it */
+#define FAR             0.2 /* the same over the picture's width, before it is known */
+#define LEAST_CORNERS   6   /* in a usable picture */
+#define LEAST_PICTURES  3   /* of a camera, to refine it */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    g_propagate_error(error, g_error_new_valist(CAMERAS_ERROR, (int)code, format, arguments));
     va_end(arguments);
-    g_set_error_literal(error, CAMERAS_ERROR, (int)code, why);
     return FALSE;
 }
 
@@ -44,16 +42,6 @@ gboolean cameras_progress(struct cameras_work *work, GError **error) {
     return FALSE;
 }
 
-static int find_stop(struct cameras_work *work, int lay, double turntable_deg) {
-    for (int i = 0; i < work->bundle.n_stops; i++)
-        if (work->bundle.stops[i].lay == lay &&
-            work->bundle.stops[i].commanded_rad == RAD(turntable_deg))
-            return i;
-    work->bundle.stops[work->bundle.n_stops] = (struct bundle_stop){
-        lay, RAD(turntable_deg), RAD(turntable_deg), work->free_boards ? 0 : RAD(ANGLE_SIGMA_DEG)};
-    return work->bundle.n_stops++;
-}
-
 static void cameras_work_init(struct cameras_work *work, struct calibration *calibration,
                               const struct cameras_task *task, gboolean free_boards) {
     const int n = task->n_pictures;
@@ -64,7 +52,6 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
                                   .steps = (free_boards ? 1 : 2) * n + CAMERAS_ROUNDS};
     work->seen = g_new0(struct seen, n + 1);
     work->observations = g_array_new(FALSE, TRUE, sizeof(struct bundle_observation));
-    work->observed_in = g_array_new(FALSE, FALSE, sizeof(int));
     work->bundle.cameras = g_new0(struct bundle_camera, RIG_MAX_CAMERAS);
     work->bundle.n_cameras = calibration->rig.n_cameras;
     work->bundle.stops = g_new0(struct bundle_stop, n + 1);
@@ -73,44 +60,25 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
     work->bundle.lays = g_new0(struct bundle_lay, work->bundle.n_lays + 1);
     work->bundle.fix_azimuth = !free_boards;
     for (int i = 0; i < n; i++) {
-        work->seen[i].camera = task->pictures[i].camera;
-        work->seen[i].lay = task->pictures[i].lay;
-        work->seen[i].stop =
-            find_stop(work, task->pictures[i].lay, task->pictures[i].turntable_deg);
+        const struct cameras_picture *picture = &task->pictures[i];
+        const double angle_rad = RAD(picture->turntable_deg);
+        struct bundle_stop *stops = work->bundle.stops;
+        int stop = 0;
+        while (stop < work->bundle.n_stops &&
+               (stops[stop].lay != picture->lay || stops[stop].commanded_rad != angle_rad))
+            stop++;
+        if (stop == work->bundle.n_stops)
+            stops[work->bundle.n_stops++] = (struct bundle_stop){
+                picture->lay, angle_rad, angle_rad, free_boards ? 0 : RAD(ANGLE_SIGMA_DEG)};
+        work->seen[i].camera = picture->camera;
+        work->seen[i].lay = picture->lay;
+        work->seen[i].stop = stop;
     }
 }
 
-static void cameras_work_clear(struct cameras_work *work) {
-    for (int i = 0; i < work->task->n_pictures; i++) {
-        g_free(work->seen[i].name);
-        g_free(work->seen[i].checksum);
-        g_free(work->seen[i].why);
-        g_clear_pointer(&work->seen[i].corners, g_array_unref);
-        g_clear_pointer(&work->seen[i].set_aside, g_array_unref);
-    }
-    g_free(work->seen);
-    g_array_unref(work->observations);
-    g_array_unref(work->observed_in);
-    g_free(work->bundle.cameras);
-    g_free(work->bundle.stops);
-    g_free(work->bundle.lays);
-}
-
-static void set_why(struct seen *seen, const char *why) {
+void cameras_set_why(struct seen *seen, const char *why) {
     g_free(seen->why);
     seen->why = g_strdup_printf("%s: %s", seen->name, why);
-}
-
-/* A picture of another size is from another camera, or was scaled: an error, not an outlier. */
-static gboolean cameras_check_size(const struct cameras_work *work, const struct picture *picture,
-                                   int camera, GError **error) {
-    const struct rig_camera *c = &work->nominal.cameras[camera];
-    return (picture->width == c->width && picture->height == c->height) ||
-           cameras_refuse(
-               error, CAMERAS_ERROR_PICTURES,
-               "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
-               "and not scaled, all from one camera",
-               picture->name, picture->width, picture->height, c->name, c->width, c->height);
 }
 
 /* Finds the board in picture i without prior knowledge. */
@@ -118,13 +86,21 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     struct seen *seen = &work->seen[i];
     g_autoptr(GError) why = NULL;
     g_autoptr(Picture) picture = work->task->read(i, work->task->data, error);
-    if (!picture || !cameras_check_size(work, picture, seen->camera, error))
+    const struct rig_camera *c = &work->nominal.cameras[seen->camera];
+    if (!picture)
         return FALSE;
+    /* A picture of another size is from another camera, or was scaled: an error, not an outlier. */
+    if (picture->width != c->width || picture->height != c->height)
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
+            "and not scaled, all from one camera",
+            picture->name, picture->width, picture->height, c->name, c->width, c->height);
     seen->name = g_strdup(picture->name);
     seen->checksum = g_strdup(picture->checksum);
     seen->corners = board_find(picture, &work->task->board, work->free_boards, &why);
     if (!seen->corners)
-        set_why(seen, why->message);
+        cameras_set_why(seen, why->message);
     return TRUE;
 }
 
@@ -133,15 +109,10 @@ struct look {
     int camera, stop;
 };
 
-static gboolean cameras_project(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+static gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                                gconstpointer data) {
     const struct look *at = data;
-    return bundle_project(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
-}
-
-static gboolean cameras_project_straight(const double xy_mm[2], double ret_xy_px[2],
-                                         gpointer data) {
-    const struct look *at = data;
-    return bundle_project_straight(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
+    return bundle_project(at->bundle, at->camera, at->stop, straight, xy_mm, ret_xy_px);
 }
 
 /* Searches picture i for the corners where the geometry predicts them, including those that the
@@ -153,25 +124,27 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
     double fit;
     if (!picture)
         return FALSE;
-    GArray *corners = board_find_near(picture, &work->task->board, cameras_project,
-                                      cameras_project_straight, &at, reach_px, &fit);
+    GArray *corners =
+        board_find_near(picture, &work->task->board, cameras_project, &at, reach_px, &fit);
     if (corners && corners->len >= LEAST_CORNERS) {
         g_clear_pointer(&seen->corners, g_array_unref);
         seen->corners = corners;
         return TRUE;
     }
     if (!seen->why)
-        set_why(seen, corners ? "too few corners of the board are clear enough"
-                              : "what is seen does not look like the board where it should be");
+        cameras_set_why(seen, corners
+                                  ? "too few corners of the board are clear enough"
+                                  : "what is seen does not look like the board where it should be");
     g_clear_pointer(&corners, g_array_unref);
     g_clear_pointer(&seen->corners, g_array_unref);
     return TRUE;
 }
 
 /* One pass over the pictures, distributed over threads. */
+typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 struct each {
     struct cameras_work *work;
-    gboolean (*run)(struct cameras_work *work, int i, double reach_px, GError **error);
+    CamerasPass run;
     const double *reach_px; /* of each picture; negative: skip it; NULL: all */
     GAsyncQueue *done;      /* queue of GError *, or of the work itself for success */
 };
@@ -185,38 +158,33 @@ static void cameras_run_picture(gpointer item, gpointer data) {
 }
 
 /* Runs a pass; returns the first error. Pictures that have not begun by then are skipped. */
-static gboolean for_each(struct each *each, GError **error) {
-    const int n = each->work->task->n_pictures;
+static gboolean for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
+                         GError **error) {
+    g_autoptr(GAsyncQueue) done = g_async_queue_new();
+    struct each each = {work, run, reach_px, done};
     GThreadPool *pool =
-        g_thread_pool_new(cameras_run_picture, each, (int)g_get_num_processors(), FALSE, NULL);
+        g_thread_pool_new(cameras_run_picture, &each, (int)g_get_num_processors(), FALSE, NULL);
     GError *first = NULL;
     int left = 0;
-    each->done = g_async_queue_new();
-    for (int i = 0; i < n; i++)
-        if (!each->reach_px || each->reach_px[i] >= 0) {
+    for (int i = 0; i < work->task->n_pictures; i++)
+        if (!reach_px || reach_px[i] >= 0) {
             g_thread_pool_push(pool, GINT_TO_POINTER(i + 1), NULL);
             left++;
         }
     for (; left > 0 && !first; left--) {
-        gpointer end = g_async_queue_pop(each->done);
-        if (end != (gpointer)each->work)
+        gpointer end = g_async_queue_pop(done);
+        if (end != (gpointer)work)
             first = end;
         else
-            cameras_progress(each->work, &first);
+            cameras_progress(work, &first);
     }
     g_thread_pool_free(pool, first != NULL, TRUE);
-    for (gpointer rest; (rest = g_async_queue_try_pop(each->done));)
-        if (rest != (gpointer)each->work)
+    for (gpointer rest; (rest = g_async_queue_try_pop(done));)
+        if (rest != (gpointer)work)
             g_error_free(rest);
-    g_async_queue_unref(each->done);
     if (first)
         g_propagate_error(error, first);
     return first == NULL;
-}
-
-static gboolean find_boards(struct cameras_work *work, GError **error) {
-    struct each each = {work, find_board, NULL, NULL};
-    return for_each(&each, error);
 }
 
 int cameras_pictures_of(const struct cameras_work *work, int camera) {
@@ -236,12 +204,11 @@ static void fix_unknown(struct cameras_work *work) {
     }
 }
 
-/* One bundle adjustment with the corners found so far. robust: Huber's threshold in standard
- * deviations. */
-static gboolean cameras_solve(struct cameras_work *work, double robust, GError **error) {
+/* One bundle adjustment with the corners found so far. */
+static gboolean cameras_solve(struct cameras_work *work, GError **error) {
     fix_unknown(work);
     cameras_set_observations(work);
-    work->bundle.robust = robust;
+    work->bundle.robust = 3;
     return bundle_solve(&work->bundle, error);
 }
 
@@ -253,39 +220,16 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
         unknown[c] = cameras_pictures_of(work, c) < LEAST_PICTURES;
     g_autofree double *reach_px = g_new(double, work->task->n_pictures);
     for (int pass = 0; pass < 2; pass++) {
-        struct each each = {work, search_near, reach_px, NULL};
         for (int i = 0; i < work->task->n_pictures; i++) {
             const int camera = work->seen[i].camera;
             const gboolean far = pass == 0 && unknown[camera];
             const gboolean wanted = pass == 1 || far || !work->seen[i].corners;
             reach_px[i] = far ? FAR * work->nominal.cameras[camera].width : wanted ? NEAR_PX : -1;
         }
-        if (!for_each(&each, error) || !cameras_solve(work, 3, error))
+        if (!for_each(work, search_near, reach_px, error) || !cameras_solve(work, error))
             return FALSE;
     }
     return TRUE;
-}
-
-static void collect_residuals(const struct cameras_work *work, struct cameras_result *to) {
-    const struct bundle *b = &work->bundle;
-    double sum = 0, d[2] = {0, 0};
-    int n = 0;
-    for (int i = 0; i < b->n_observations; i++) {
-        const struct bundle_observation *o = &b->observations[i];
-        if (o->rejected)
-            continue;
-        cameras_residual(b, o, d);
-        const struct cameras_residual r = {o->camera,
-                                           g_array_index(work->observed_in, int, i),
-                                           (float)o->seen_px[0],
-                                           (float)o->seen_px[1],
-                                           (float)d[0],
-                                           (float)d[1]};
-        g_array_append_val(to->residuals, r);
-        sum += d[0] * d[0] + d[1] * d[1];
-        n++;
-    }
-    to->rms_px = n ? sqrt(sum / n) : 0;
 }
 
 /* Residuals, angle errors of the stops, and tilts of the lays. */
@@ -294,7 +238,22 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
     to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
     to->stops = g_array_new(FALSE, FALSE, sizeof(struct cameras_stop));
     to->lays = g_array_new(FALSE, FALSE, sizeof(struct cameras_lay));
-    collect_residuals(work, to);
+    const struct bundle *b = &work->bundle;
+    double sum = 0, d[2] = {0, 0};
+    int n = 0;
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        if (o->rejected)
+            continue;
+        cameras_residual(b, o, d);
+        const struct cameras_residual r = {
+            o->camera,   o->picture, (float)o->seen_px[0], (float)o->seen_px[1],
+            (float)d[0], (float)d[1]};
+        g_array_append_val(to->residuals, r);
+        sum += d[0] * d[0] + d[1] * d[1];
+        n++;
+    }
+    to->rms_px = n ? sqrt(sum / n) : 0;
     for (int i = 0; i < work->bundle.n_stops; i++) {
         const struct bundle_stop *stop = &work->bundle.stops[i];
         const struct cameras_stop s = {stop->lay, stop->commanded_rad * 180 / G_PI,
@@ -324,33 +283,6 @@ void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
 
-/* Counts a camera's points and the RMS of their residuals. */
-static void summarise_camera(const struct cameras_work *work, int camera,
-                             struct calibration_camera *to) {
-    const struct bundle *b = &work->bundle;
-    double sum = 0;
-    to->points = 0;
-    for (int i = 0; i < b->n_observations; i++) {
-        const struct bundle_observation *o = &b->observations[i];
-        double d[2] = {0, 0};
-        if (o->rejected || o->camera != camera)
-            continue;
-        cameras_residual(b, o, d);
-        sum += d[0] * d[0] + d[1] * d[1];
-        to->points++;
-    }
-    to->residual_rms_px = to->points ? sqrt(sum / to->points) : 0;
-}
-
-static char *checksum(const struct cameras_work *work, int *ret_used) {
-    g_autoptr(GPtrArray) sums = g_ptr_array_new();
-    for (int i = 0; i < work->task->n_pictures; i++)
-        if (work->seen[i].corners)
-            g_ptr_array_add(sums, work->seen[i].checksum);
-    *ret_used = (int)sums->len;
-    return calibration_checksum((const char *const *)sums->pdata, (int)sums->len);
-}
-
 static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     struct calibration *calibration = work->calibration;
     struct cameras_result *result = cameras_new_result(work);
@@ -359,11 +291,14 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     g_autofree char *method =
         g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
                         work->free_boards ? "photographs" : "lays on the turntable");
-    int used;
+    g_autoptr(GPtrArray) sums = g_ptr_array_new();
     for (int i = 0; i < work->task->n_pictures; i++)
-        if (!work->seen[i].corners)
+        if (work->seen[i].corners)
+            g_ptr_array_add(sums, work->seen[i].checksum);
+        else
             g_ptr_array_add(rejected, g_strdup(work->seen[i].why));
-    g_autofree char *sum = checksum(work, &used);
+    const int used = (int)sums->len;
+    g_autofree char *sum = calibration_checksum((const char *const *)sums->pdata, used);
     struct calibration_part *part =
         calibration_set_part(calibration, CALIBRATION_CAMERAS, method, used, sum, rejected);
     part->residual_rms = result->rms_px;
@@ -373,52 +308,73 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         struct calibration_camera *to = &calibration->cameras[c];
         cameras_take_camera(&calibration->rig.cameras[c], from);
         memcpy(to->covariance, from->covariance, sizeof to->covariance);
-        summarise_camera(work, c, to);
+        /* Counts a camera's points and the RMS of their residuals. */
+        const struct bundle *b = &work->bundle;
+        double squares = 0;
+        to->points = 0;
+        for (int i = 0; i < b->n_observations; i++) {
+            const struct bundle_observation *o = &b->observations[i];
+            double d[2] = {0, 0};
+            if (o->rejected || o->camera != c)
+                continue;
+            cameras_residual(b, o, d);
+            squares += d[0] * d[0] + d[1] * d[1];
+            to->points++;
+        }
+        to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
         to->known = TRUE;
     }
     return result;
 }
 
-static gboolean cameras_do_refine(struct cameras_work *work, GError **error) {
-    fix_unknown(work);
-    return cameras_refine(work, error) && cameras_check_majority(work, error);
-}
-
-static gboolean cameras_do_calibrate(struct cameras_work *work, GError **error) {
-    if (!find_boards(work, error))
-        return FALSE;
-    cameras_start(work);
-    return cameras_check_motion(work, error) && cameras_start_lays(work, error) &&
-           cameras_solve(work, 3, error) && cameras_check_start(work, error) &&
-           search_everywhere(work, error) && cameras_check_pictures(work, error) &&
-           cameras_do_refine(work, error) && cameras_check_pictures(work, error) &&
-           cameras_check_result(work, error);
+/* free_boards: a lens alone; the camera frame is the rig frame, every photograph is a lay of its
+ * own. */
+static struct cameras_result *cameras_run(struct calibration *calibration,
+                                          const struct cameras_task *task, gboolean free_boards,
+                                          GError **error) {
+    struct cameras_work work;
+    struct cameras_result *result = NULL;
+    cameras_work_init(&work, calibration, task, free_boards);
+    gboolean ok = for_each(&work, find_board, NULL, error);
+    if (free_boards) {
+        struct rig_camera *camera = &work.nominal.cameras[0];
+        camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+        camera->translation_mm = vec3(0, 0, 0);
+        ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error);
+    } else {
+        cameras_start(&work);
+        ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
+             cameras_solve(&work, error) && cameras_check_start(&work, error) &&
+             search_everywhere(&work, error) && cameras_check_pictures(&work, error);
+    }
+    if (ok)
+        fix_unknown(&work);
+    ok = ok && cameras_refine(&work, error) && cameras_check_majority(&work, error) &&
+         (free_boards || cameras_check_pictures(&work, error)) &&
+         cameras_check_result(&work, error);
+    if (ok)
+        result = cameras_store_result(&work);
+    for (int i = 0; i < work.task->n_pictures; i++) {
+        g_free(work.seen[i].name);
+        g_free(work.seen[i].checksum);
+        g_free(work.seen[i].why);
+        g_clear_pointer(&work.seen[i].corners, g_array_unref);
+        g_clear_pointer(&work.seen[i].set_aside, g_array_unref);
+    }
+    g_free(work.seen);
+    g_array_unref(work.observations);
+    g_free(work.bundle.cameras);
+    g_free(work.bundle.stops);
+    g_free(work.bundle.lays);
+    return result;
 }
 
 struct cameras_result *cameras_calibrate(struct calibration *calibration,
                                          const struct cameras_task *task, GError **error) {
-    struct cameras_work work;
-    struct cameras_result *result = NULL;
-    cameras_work_init(&work, calibration, task, FALSE);
-    if (cameras_do_calibrate(&work, error))
-        result = cameras_store_result(&work);
-    cameras_work_clear(&work);
-    return result;
+    return cameras_run(calibration, task, FALSE, error);
 }
 
-/* A lens alone: the camera frame is the rig frame, every photograph is a lay of its own. */
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error) {
-    struct cameras_work work;
-    struct cameras_result *result = NULL;
-    cameras_work_init(&work, calibration, task, TRUE);
-    struct rig_camera *camera = &work.nominal.cameras[0];
-    camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-    camera->translation_mm = vec3(0, 0, 0);
-    if (find_boards(&work, error) && cameras_start_lens(&work, error) &&
-        cameras_start_lays(&work, error) && cameras_do_refine(&work, error) &&
-        cameras_check_result(&work, error))
-        result = cameras_store_result(&work);
-    cameras_work_clear(&work);
-    return result;
+    return cameras_run(calibration, task, TRUE, error);
 }

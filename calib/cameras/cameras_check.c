@@ -18,36 +18,30 @@ double cameras_tilt_rad(const struct bundle_lay *lay) {
     return acos(CLAMP(fabs(lay->rotation[8]), 0, 1));
 }
 
-/* Range of a lay's commanded angles; ret_stops: their number. */
-static double range_deg(const struct cameras_work *work, int lay, int *ret_stops) {
-    double least = G_MAXDOUBLE, most = -G_MAXDOUBLE;
-    *ret_stops = 0;
-    for (int i = 0; i < work->bundle.n_stops; i++) {
-        const struct bundle_stop *stop = &work->bundle.stops[i];
-        if (stop->lay != lay)
-            continue;
-        least = MIN(least, DEG(stop->commanded_rad));
-        most = MAX(most, DEG(stop->commanded_rad));
-        (*ret_stops)++;
-    }
-    return most - least;
-}
-
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
-    double most = 0;
+    double range_deg = 0; /* of the commanded angles of a lay, the largest */
     int stops = 0;
     for (int l = 0; l < work->bundle.n_lays; l++) {
-        int n;
-        most = MAX(most, range_deg(work, l, &n));
+        double least = G_MAXDOUBLE, most = -G_MAXDOUBLE;
+        int n = 0;
+        for (int i = 0; i < work->bundle.n_stops; i++) {
+            const struct bundle_stop *stop = &work->bundle.stops[i];
+            if (stop->lay != l)
+                continue;
+            least = MIN(least, DEG(stop->commanded_rad));
+            most = MAX(most, DEG(stop->commanded_rad));
+            n++;
+        }
+        range_deg = MAX(range_deg, most - least);
         stops = MAX(stops, n);
     }
-    if (stops >= LEAST_STOPS && most >= LEAST_TURN_DEG)
+    if (stops >= LEAST_STOPS && range_deg >= LEAST_TURN_DEG)
         return TRUE;
     return cameras_refuse(
         error, CAMERAS_ERROR_PICTURES,
         "the turntable's axis cannot be found from %d angle(s) over %g°: turn the "
         "board to at least %d angles over %d° or more",
-        stops, work->bundle.n_stops ? most : 0.0, LEAST_STOPS, LEAST_TURN_DEG);
+        stops, work->bundle.n_stops ? range_deg : 0.0, LEAST_STOPS, LEAST_TURN_DEG);
 }
 
 static const char *first_reason(const struct cameras_work *work, int camera) {
@@ -98,20 +92,6 @@ gboolean cameras_check_majority(const struct cameras_work *work, GError **error)
     return TRUE;
 }
 
-static gboolean check_camera(const struct cameras_work *work, int camera, GError **error) {
-    int all = 0;
-    const int good = cameras_pictures_of(work, camera);
-    for (int i = 0; i < work->task->n_pictures; i++)
-        all += work->seen[i].camera == camera;
-    return good >= LEAST_PICTURES ||
-           cameras_refuse(
-               error, CAMERAS_ERROR_PICTURES,
-               "camera %s: the board was found in %d of its %d pictures, and at least %d "
-               "are needed; for one, %s",
-               work->nominal.cameras[camera].name, good, all, LEAST_PICTURES,
-               first_reason(work, camera));
-}
-
 /* Both a tilted board (it determines distances) and a flat one (it determines the top of the
  * turntable) are necessary. */
 static gboolean check_lays(const struct cameras_work *work, GError **error) {
@@ -138,15 +118,23 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
 }
 
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error) {
-    for (int c = 0; c < work->bundle.n_cameras; c++)
-        if (!check_camera(work, c, error))
-            return FALSE;
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        int all = 0;
+        const int good = cameras_pictures_of(work, c);
+        for (int i = 0; i < work->task->n_pictures; i++)
+            all += work->seen[i].camera == c;
+        if (good < LEAST_PICTURES)
+            return cameras_refuse(
+                error, CAMERAS_ERROR_PICTURES,
+                "camera %s: the board was found in %d of its %d pictures, and at least %d "
+                "are needed; for one, %s",
+                work->nominal.cameras[c].name, good, all, LEAST_PICTURES, first_reason(work, c));
+    }
     return check_lays(work, error);
 }
 
 static double centre_distance(const struct bundle_camera *camera) {
-    return sqrt(camera->shift[0] * camera->shift[0] + camera->shift[1] * camera->shift[1] +
-                camera->shift[2] * camera->shift[2]);
+    return vec3_length(vec3(camera->shift[0], camera->shift[1], camera->shift[2]));
 }
 
 /* If the squares are larger than specified all distances come out too small by the same factor.
@@ -161,8 +149,8 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
         if (work->bundle.cameras[c].fixed_pose)
             continue;
         const double *at = work->bundle.cameras[c].nominal_centre;
-        const double nominal = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
-        const double ratio = centre_distance(&work->bundle.cameras[c]) / nominal;
+        const double ratio =
+            centre_distance(&work->bundle.cameras[c]) / vec3_length(vec3(at[0], at[1], at[2]));
         sum += ratio / n;
         squares += ratio * ratio / n;
     }
@@ -178,19 +166,6 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
 
 gboolean cameras_check_start(const struct cameras_work *work, GError **error) {
     return check_lays(work, error) && check_scale(work, error);
-}
-
-/* Refuses a camera whose distance the pictures do not determine. */
-static gboolean cameras_check_distance(const struct cameras_work *work, int c, GError **error) {
-    const struct bundle_camera *camera = &work->bundle.cameras[c];
-    const double distance = sqrt(camera->covariance[14][14]) / centre_distance(camera);
-    return distance < MOST_DISTANCE ||
-           cameras_refuse(
-               error, CAMERAS_ERROR_PICTURES,
-               "camera %s: the pictures do not determine where it stands (its distance to "
-               "%.2g %%): more of them, with the board at larger tilts and all over the "
-               "picture, would",
-               work->nominal.cameras[c].name, 100 * distance);
 }
 
 /* The boards must differ in tilt, and the relative standard error of the focal length must be
@@ -223,7 +198,8 @@ static double rms_px(const struct cameras_work *work) {
     double sum = 0, n = 0, px[2];
     for (int i = 0; i < work->bundle.n_observations; i++) {
         const struct bundle_observation *o = &work->bundle.observations[i];
-        if (o->rejected || !bundle_project(&work->bundle, o->camera, o->stop, o->board_mm, px))
+        if (o->rejected ||
+            !bundle_project(&work->bundle, o->camera, o->stop, FALSE, o->board_mm, px))
             continue;
         sum += pow(px[0] - o->seen_px[0], 2) + pow(px[1] - o->seen_px[1], 2);
         n++;
@@ -240,8 +216,16 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
                               rms_px(work));
     if (work->free_boards)
         return check_lens(work, error);
-    for (int c = 0; c < work->bundle.n_cameras; c++)
-        if (!cameras_check_distance(work, c, error))
-            return FALSE;
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        const struct bundle_camera *camera = &work->bundle.cameras[c];
+        const double distance = sqrt(camera->covariance[14][14]) / centre_distance(camera);
+        if (!(distance < MOST_DISTANCE))
+            return cameras_refuse(
+                error, CAMERAS_ERROR_PICTURES,
+                "camera %s: the pictures do not determine where it stands (its distance to "
+                "%.2g %%): more of them, with the board at larger tilts and all over the "
+                "picture, would",
+                work->nominal.cameras[c].name, 100 * distance);
+    }
     return check_scale(work, error);
 }

@@ -22,7 +22,6 @@ struct cameras_work {
     struct seen *seen;
     struct bundle bundle;
     GArray *observations; /* struct bundle_observation, of bundle */
-    GArray *observed_in;  /* int: picture of each observation */
     gboolean free_boards;
     int steps, step;
 };
@@ -30,6 +29,8 @@ struct cameras_work {
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
+/* Sets the reason why a picture is not used, after its name. */
+void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);

@@ -19,7 +19,7 @@
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]) {
     double px[2] = {0, 0};
-    const gboolean seen = bundle_project(bundle, o->camera, o->stop, o->board_mm, px);
+    const gboolean seen = bundle_project(bundle, o->camera, o->stop, FALSE, o->board_mm, px);
     ret_d[0] = px[0] - o->seen_px[0];
     ret_d[1] = px[1] - o->seen_px[1];
     const double u = o->whiten[0][0] * ret_d[0] + o->whiten[0][1] * ret_d[1];
@@ -30,10 +30,6 @@ double cameras_residual(const struct bundle *bundle, const struct bundle_observa
 int cameras_n_parameters(const struct cameras_work *work) {
     return 15 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
            (work->free_boards ? 0 : work->bundle.n_stops);
-}
-
-static int picture_of(const struct cameras_work *work, int observation) {
-    return g_array_index(work->observed_in, int, observation);
 }
 
 /* Robust noise of each camera: median |residual| / √(2 ln 2). The corners' covariances contain
@@ -69,7 +65,7 @@ static void cameras_refine_weigh(struct cameras_work *work) {
     double used = 0;
     for (int i = 0; i < b->n_observations; i++) {
         struct bundle_observation *o = &b->observations[i];
-        o->rejected = !work->seen[picture_of(work, i)].corners || is_outlier(b, o, &r);
+        o->rejected = !work->seen[o->picture].corners || is_outlier(b, o, &r);
         if (o->rejected)
             continue;
         sum[o->camera] += r * r;
@@ -94,11 +90,11 @@ static void weigh_pictures(struct cameras_work *work) {
         if (o->rejected)
             continue;
         const double r = cameras_residual(b, o, d) / b->cameras[o->camera].noise;
-        sum[picture_of(work, i)] += r * r;
-        count[picture_of(work, i)] += 2;
+        sum[o->picture] += r * r;
+        count[o->picture] += 2;
     }
     for (int i = 0; i < b->n_observations; i++) {
-        const int picture = picture_of(work, i);
+        const int picture = b->observations[i].picture;
         b->observations[i].noise = sqrt((TYPICAL + sum[picture]) / (TYPICAL + count[picture]));
     }
 }
@@ -107,7 +103,7 @@ static void set_aside(struct cameras_work *work, int picture) {
     struct seen *seen = &work->seen[picture];
     seen->set_aside = g_steal_pointer(&seen->corners);
     for (int i = 0; i < work->bundle.n_observations; i++)
-        if (picture_of(work, i) == picture)
+        if (work->bundle.observations[i].picture == picture)
             work->bundle.observations[i].rejected = TRUE;
 }
 
@@ -117,20 +113,21 @@ static void drop_pictures(struct cameras_work *work) {
     const int n = work->task->n_pictures;
     g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
     for (int i = 0; i < work->bundle.n_observations; i++) {
-        all[picture_of(work, i)]++;
-        rejected[picture_of(work, i)] += work->bundle.observations[i].rejected;
+        const struct bundle_observation *o = &work->bundle.observations[i];
+        all[o->picture]++;
+        rejected[o->picture] += o->rejected;
     }
     for (int i = 0; i < n; i++) {
         struct seen *seen = &work->seen[i];
         if (!seen->corners || rejected[i] <= MOST_REJECTED * all[i])
             continue;
-        g_free(seen->why);
-        seen->why = g_strdup_printf(
-            "%s: %d of its %d corners are not where all other pictures say they must be; %s",
-            seen->name, rejected[i], all[i],
+        g_autofree char *why = g_strdup_printf(
+            "%d of its %d corners are not where all other pictures say they must be; %s",
+            rejected[i], all[i],
             work->free_boards ? "was it taken with another zoom or focus, cropped or scaled, or is "
                                 "it blurred by motion?"
                               : "did something move?");
+        cameras_set_why(seen, why);
         set_aside(work, i);
     }
 }
@@ -147,7 +144,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
         struct bundle_observation o = one.observations[i];
         o.rejected = FALSE;
         o.noise = 1;
-        if (picture_of(work, i) == picture)
+        if (o.picture == picture)
             g_array_append_val(own, o);
     }
     for (int c = 0; c < one.n_cameras; c++)
@@ -170,7 +167,7 @@ static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
     int rejected = 0, all = 0;
     double r;
     for (int i = 0; i < b->n_observations; i++) {
-        if (picture_of(work, i) != picture)
+        if (b->observations[i].picture != picture)
             continue;
         b->observations[i].rejected = is_outlier(b, &b->observations[i], &r);
         rejected += b->observations[i].rejected;
@@ -200,41 +197,29 @@ static void retry_pictures(struct cameras_work *work) {
     }
 }
 
-/* Fixes the height of lays that are flat: they define z = 0. */
-static void fix_heights(struct cameras_work *work) {
+/* The first round uses Huber's loss; later rounds use plain least squares with outliers rejected.
+ */
+gboolean cameras_refine(struct cameras_work *work, GError **error) {
+    /* Fixes the height of lays that are flat: they define z = 0. */
     for (int l = 0; l < work->bundle.n_lays; l++) {
         struct bundle_lay *lay = &work->bundle.lays[l];
         lay->fixed_height = !work->free_boards && cameras_tilt_rad(lay) < RAD(2);
         if (lay->fixed_height)
             lay->place[2] = work->task->board.thickness_mm;
     }
-}
-
-/* Twice, since Huber's threshold depends on the estimated noise. */
-static gboolean solve_robustly(struct cameras_work *work, GError **error) {
-    work->bundle.robust = ROBUST;
-    for (int i = 0; i < 2; i++) {
-        if (!bundle_solve(&work->bundle, error))
-            return FALSE;
-        estimate_noise(work);
-    }
-    return TRUE;
-}
-
-static gboolean solve_again(struct cameras_work *work, GError **error) {
-    work->bundle.robust = 0;
-    retry_pictures(work);
-    return bundle_solve(&work->bundle, error);
-}
-
-/* The first round uses Huber's loss; later rounds use plain least squares with outliers rejected.
- */
-gboolean cameras_refine(struct cameras_work *work, GError **error) {
-    fix_heights(work);
     cameras_set_observations(work);
     for (int round = 0; round < CAMERAS_ROUNDS; round++) {
-        if (!(round == 0 ? solve_robustly : solve_again)(work, error))
+        work->bundle.robust = round == 0 ? ROBUST : 0;
+        if (round > 0)
+            retry_pictures(work);
+        if (!bundle_solve(&work->bundle, error))
             return FALSE;
+        if (round == 0) { /* twice, since Huber's threshold depends on the estimated noise */
+            estimate_noise(work);
+            if (!bundle_solve(&work->bundle, error))
+                return FALSE;
+            estimate_noise(work);
+        }
         cameras_refine_weigh(work);
         weigh_pictures(work);
         drop_pictures(work);

@@ -9,42 +9,32 @@
 #define MOST_CANDIDATES 40
 #define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
 
-/* Priors of the lens parameters, see cameras.h. */
-static void set_prior(struct bundle_camera *to, const struct rig_camera *from) {
-    const double values[BUNDLE_INTRINSICS] = {from->fx_px, from->fy_px, from->cx_px,
-                                              from->cy_px, from->k1,    from->k2,
-                                              from->k3,    from->p1,    from->p2};
-    const double sigmas[BUNDLE_INTRINSICS] = {
-        0, 0, 0.02 * from->width, 0.02 * from->width, 0.3, 0.3, 0.1, 0.003, 0.003};
-    memcpy(to->intrinsics, values, sizeof values);
-    memcpy(to->prior, values, sizeof values);
-    memcpy(to->prior_sigma, sigmas, sizeof sigmas);
-    to->aspect_sigma = 0.002;
-}
-
-static void set_camera(struct bundle_camera *to, const struct rig_camera *from) {
-    const struct vec3 centre = rig_camera_centre_mm(from);
-    set_prior(to, from);
-    memcpy(to->rotation, from->rotation.m, sizeof to->rotation);
-    to->shift[0] = from->translation_mm.x;
-    to->shift[1] = from->translation_mm.y;
-    to->shift[2] = from->translation_mm.z;
-    to->nominal_centre[0] = centre.x;
-    to->nominal_centre[1] = centre.y;
-    to->nominal_centre[2] = centre.z;
-    to->noise = 1;
-}
-
 void cameras_start(struct cameras_work *work) {
-    for (int i = 0; i < work->nominal.n_cameras; i++)
-        set_camera(&work->bundle.cameras[i], &work->nominal.cameras[i]);
+    for (int i = 0; i < work->nominal.n_cameras; i++) {
+        const struct rig_camera *c = &work->nominal.cameras[i];
+        const struct vec3 centre = rig_camera_centre_mm(c), shift = c->translation_mm;
+        struct bundle_camera *to = &work->bundle.cameras[i];
+        *to = (struct bundle_camera){
+            .intrinsics = {c->fx_px, c->fy_px, c->cx_px, c->cy_px, c->k1, c->k2, c->k3, c->p1,
+                           c->p2},
+            /* priors of the lens parameters, see cameras.h */
+            .prior_sigma = {0, 0, 0.02 * c->width, 0.02 * c->width, 0.3, 0.3, 0.1, 0.003, 0.003},
+            .shift = {shift.x, shift.y, shift.z},
+            .nominal_centre = {centre.x, centre.y, centre.z},
+            .noise = 1};
+        memcpy(to->prior, to->intrinsics, sizeof to->prior);
+        memcpy(to->rotation, c->rotation.m, sizeof to->rotation);
+    }
 }
 
-/* For each corner x, y on the board and x', y' of its viewing ray (z = 1), as vision_pose() needs
- * them. */
-static double *normalised(const struct cameras_work *work, const struct seen *seen) {
-    struct rig_camera own = work->nominal.cameras[seen->camera];
-    double *points = g_new(double, 4 * seen->corners->len);
+/* Pose of the board from one picture, if its camera is in its nominal pose: R_l = Rz(−τ) R_cᵀ R,
+ * t_l = Rz(−τ) R_cᵀ (t − t_c), with R, t the board's pose in the camera's frame. */
+static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
+                               struct bundle_lay *ret) {
+    const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
+    /* For each corner x, y on the board and x', y' of its viewing ray (z = 1). */
+    struct rig_camera own = *camera;
+    g_autofree double *points = g_new(double, 4 * seen->corners->len);
     cameras_take_camera(&own, &work->bundle.cameras[seen->camera]);
     own.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     for (guint i = 0; i < seen->corners->len; i++) {
@@ -54,18 +44,8 @@ static double *normalised(const struct cameras_work *work, const struct seen *se
         points[4 * i + 2] = ray.x / ray.z;
         points[4 * i + 3] = ray.y / ray.z;
     }
-    return points;
-}
-
-/* Pose of the board from one picture, if its camera is in its nominal pose: R_l = Rz(−τ) R_cᵀ R,
- * t_l = Rz(−τ) R_cᵀ (t − t_c), with R, t the board's pose in the camera's frame. */
-static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
-                               struct bundle_lay *ret) {
-    static const double one[2] = {1, 1}, none[2] = {0, 0};
-    const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
-    g_autofree double *points = normalised(work, seen);
     double r[9], t[3];
-    if (!vision_pose(points, (int)seen->corners->len, one, none, r, t))
+    if (!vision_pose(points, (int)seen->corners->len, r, t))
         return FALSE;
     const double angle = work->bundle.stops[seen->stop].commanded_rad;
     struct vec3 columns[3];
@@ -107,7 +87,7 @@ static double median_error(const struct cameras_work *work, int lay) {
             const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
             double mm[2], px[2], error = G_MAXDOUBLE;
             board_corner_mm(&work->task->board, corner->id, mm);
-            if (bundle_project(&work->bundle, seen->camera, seen->stop, mm, px))
+            if (bundle_project(&work->bundle, seen->camera, seen->stop, FALSE, mm, px))
                 error = hypot(px[0] - corner->x_px, px[1] - corner->y_px);
             g_array_append_val(errors, error);
         }
@@ -153,26 +133,20 @@ static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **er
         all, why ? "; for one, " : "", why ? why : "");
 }
 
-/* Leaves out a photograph that shows too little of the board. */
-static void drop_lay(struct cameras_work *work, int lay) {
-    for (int i = 0; i < work->task->n_pictures; i++) {
-        struct seen *seen = &work->seen[i];
-        if (seen->lay != lay || !seen->corners)
-            continue;
-        g_clear_pointer(&seen->corners, g_array_unref);
-        g_free(seen->why);
-        seen->why =
-            g_strdup_printf("%s: too few corners of the board are clear enough", seen->name);
-    }
-}
-
 gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
     for (int lay = 0; lay < work->bundle.n_lays; lay++) {
         if (cameras_start_lay(work, lay))
             continue;
         if (!work->free_boards)
             return refuse_lay(work, lay, error);
-        drop_lay(work, lay);
+        /* Leaves out a photograph that shows too little of the board. */
+        for (int i = 0; i < work->task->n_pictures; i++) {
+            struct seen *seen = &work->seen[i];
+            if (seen->lay != lay || !seen->corners)
+                continue;
+            g_clear_pointer(&seen->corners, g_array_unref);
+            cameras_set_why(seen, "too few corners of the board are clear enough");
+        }
     }
     return TRUE;
 }
@@ -184,7 +158,7 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func(g_free);
     g_autofree int *counts = g_new0(int, n);
     struct rig_camera *camera = &work->nominal.cameras[0];
-    double focal[2], centre[2];
+    double focal[2];
     for (int i = 0; i < n; i++) {
         const struct seen *seen = &work->seen[i];
         if (!seen->corners || seen->corners->len < 8)
@@ -205,7 +179,7 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
                               views->len, n, n > 0 && work->seen[0].why ? ", such as not in " : "",
                               n > 0 && work->seen[0].why ? work->seen[0].why : "");
     if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
-                             camera->width, camera->height, focal, centre, error))
+                             camera->width, camera->height, focal, error))
         return FALSE;
     camera->fx_px = focal[0];
     camera->fy_px = focal[1];
@@ -233,20 +207,18 @@ static void whiten(const struct corner *corner, double ret[2][2]) {
 
 void cameras_set_observations(struct cameras_work *work) {
     g_array_set_size(work->observations, 0);
-    g_array_set_size(work->observed_in, 0);
     for (int i = 0; i < work->task->n_pictures; i++) {
         const struct seen *seen = &work->seen[i];
         for (guint k = 0; seen->corners && k < seen->corners->len; k++) {
             const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
             struct bundle_observation o = {.camera = seen->camera,
                                            .stop = seen->stop,
-                                           .point = corner->id,
+                                           .picture = i,
                                            .noise = 1,
                                            .seen_px = {corner->x_px, corner->y_px}};
             board_corner_mm(&work->task->board, corner->id, o.board_mm);
             whiten(corner, o.whiten);
             g_array_append_val(work->observations, o);
-            g_array_append_val(work->observed_in, i);
         }
     }
     work->bundle.observations = (struct bundle_observation *)(gpointer)work->observations->data;

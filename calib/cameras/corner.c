@@ -28,23 +28,6 @@ struct pixels {
     double sign; /* +1: white where both distances have the same sign */
 };
 
-/* Sign of the corner: +1 if its upper right and lower left squares are white. */
-static double polarity(const struct board *board, int id) {
-    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
-    return (column + row) % 2 ? -1 : 1;
-}
-
-static gboolean corner_invert(const double m[2][2], double ret[2][2]) {
-    const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    if (!(fabs(det) > 1e-6))
-        return FALSE;
-    ret[0][0] = m[1][1] / det;
-    ret[0][1] = -m[0][1] / det;
-    ret[1][0] = -m[1][0] / det;
-    ret[1][1] = m[0][0] / det;
-    return TRUE;
-}
-
 /* Whether a pixel shows only the four squares that meet at the corner, and is closer to it than
  * to others: corners that share pixels would share errors. dx, dy: from the corner, mm. */
 static gboolean is_clear(const struct board *board, double sign, double dx, double dy,
@@ -65,12 +48,11 @@ static double straightened(const double by[3], double x, double y) {
     return by[0] * x * x + by[1] * x * y + by[2] * y * y;
 }
 
-/* Collects the clear pixels around the guess. FALSE: too few of them lie in the picture. */
+/* Collects the clear pixels around the guess. back: board's x, y by the picture's. FALSE: too few
+ * of them lie in the picture. */
 static gboolean corner_gather(const struct picture *picture, const struct board *board,
-                              const struct corner_guess *guess, struct pixels *to) {
-    double back[2][2];
-    if (!corner_invert(guess->px_a_mm, back))
-        return FALSE;
+                              const struct corner_guess *guess, const double back[2][2],
+                              struct pixels *to) {
     const double guard_mm[2] = {GUARD_PX * hypot(back[0][0], back[0][1]),
                                 GUARD_PX * hypot(back[1][0], back[1][1])};
     const int middle_x = (int)lround(guess->x_px), middle_y = (int)lround(guess->y_px);
@@ -102,23 +84,6 @@ static double normal_angle(double x, double y, double towards_x, double towards_
     const double nx = -y, ny = x;
     const double sign = nx * towards_x + ny * towards_y < 0 ? -1 : 1;
     return atan2(sign * ny, sign * nx);
-}
-
-/* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
-static void corner_start(const struct corner_guess *guess, const struct pixels *pixels,
-                         double p[N]) {
-    const double(*m)[2] = guess->px_a_mm;
-    double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
-    for (int i = 0; i < pixels->n; i++) {
-        low = MIN(low, pixels->value[i]);
-        high = MAX(high, pixels->value[i]);
-    }
-    memset(p, 0, sizeof(double) * N);
-    p[TURN_1] = normal_angle(m[0][1], m[1][1], m[0][0], m[1][0]);
-    p[TURN_2] = normal_angle(m[0][0], m[1][0], m[0][1], m[1][1]);
-    p[LEVEL] = (low + high) / 2;
-    p[CONTRAST] = (high - low) / 2;
-    p[BLUR] = 0.7;
 }
 
 /* Terms common to all pixels: cosine and sine of both normals, 1 / √2σ, signed contrast. */
@@ -170,29 +135,23 @@ static double corner_sum(const struct pixels *pixels, const double p[N], double 
     return total;
 }
 
-/* One damped step: (h + damping · diag h) · step = g. */
-static gboolean corner_step(const double *h, const double *g, double damping, const double p[N],
-                            double ret[N]) {
-    double a[N * N], b[N];
-    memcpy(a, h, sizeof a);
-    memcpy(b, g, sizeof b);
-    for (int i = 0; i < N; i++)
-        a[i * N + i] *= 1 + damping;
-    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 1, a, N, b, N) != 0)
-        return FALSE;
-    for (int i = 0; i < N; i++)
-        ret[i] = p[i] + b[i];
-    ret[BLUR] = MAX(ret[BLUR], LEAST_BLUR_PX);
-    return ret[BLUR] < 2 * MOST_BLUR_PX && ret[CONTRAST] > 0;
-}
-
 /* Levenberg-Marquardt; FALSE if it does not converge. */
 static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * N],
                          double *ret_total) {
     double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
     *ret_total = corner_sum(pixels, p, h, g);
     for (int i = 0; i < STEPS; i++) {
-        const gboolean good = corner_step(h, g, damping, p, next);
+        /* One damped step: (h + damping · diag h) · step = g. */
+        double a[N * N], step[N];
+        memcpy(a, h, sizeof a);
+        memcpy(step, g, sizeof step);
+        for (int k = 0; k < N; k++)
+            a[k * N + k] *= 1 + damping;
+        const gboolean solved = LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 1, a, N, step, N) == 0;
+        for (int k = 0; k < N; k++)
+            next[k] = p[k] + step[k];
+        next[BLUR] = MAX(next[BLUR], LEAST_BLUR_PX);
+        const gboolean good = solved && next[BLUR] < 2 * MOST_BLUR_PX && next[CONTRAST] > 0;
         const double then = good ? corner_sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
         if (!(then < *ret_total)) {
             damping = MAX(damping, 1e-4) * 10;
@@ -226,26 +185,31 @@ static gboolean corner_covariance(const double h[N * N], double variance, double
     return ret[0][0] > 0 && ret[1][1] > 0 && ret[0][0] * ret[1][1] - ret[0][1] * ret[1][0] > 0;
 }
 
-/* Distance from the guess, in squares of the board. */
-static double squares_moved(const struct board *board, const struct corner_guess *guess,
-                            const double p[N]) {
-    double back[2][2];
-    if (!corner_invert(guess->px_a_mm, back))
-        return G_MAXDOUBLE;
-    return MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
-               fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y])) /
-           board->square_mm;
-}
-
 /* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
 static gboolean corner_do_fit(const struct picture *picture, const struct board *board, int id,
                               const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
     double p[N], h[N * N], total;
-    pixels.sign = polarity(board, id);
-    if (!corner_gather(picture, board, guess, &pixels))
+    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
+    /* +1 if the corner's upper right and lower left squares are white */
+    pixels.sign = (column + row) % 2 ? -1 : 1;
+    const double(*m)[2] = guess->px_a_mm;
+    const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    const double back[2][2] = {{m[1][1] / det, -m[0][1] / det}, {-m[1][0] / det, m[0][0] / det}};
+    if (!(fabs(det) > 1e-6) || !corner_gather(picture, board, guess, back, &pixels))
         return FALSE;
-    corner_start(guess, &pixels, p);
+    /* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
+    double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
+    for (int i = 0; i < pixels.n; i++) {
+        low = MIN(low, pixels.value[i]);
+        high = MAX(high, pixels.value[i]);
+    }
+    memset(p, 0, sizeof(double) * N);
+    p[TURN_1] = normal_angle(m[0][1], m[1][1], m[0][0], m[1][0]);
+    p[TURN_2] = normal_angle(m[0][0], m[1][0], m[0][1], m[1][1]);
+    p[LEVEL] = (low + high) / 2;
+    p[CONTRAST] = (high - low) / 2;
+    p[BLUR] = 0.7;
     if (!(p[CONTRAST] > 0) || !minimise(&pixels, p, h, &total))
         return FALSE;
     const double variance = MAX(total / (pixels.n - N), 1e-12 * p[CONTRAST] * p[CONTRAST]);
@@ -255,8 +219,10 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
         .y_px = guess->y_px + p[AT_Y] - straightened(guess->straighten[1], p[AT_X], p[AT_Y]),
         .blur_px = p[BLUR],
         .contrast = p[CONTRAST]};
+    const double moved_mm = MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
+                                fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y]));
     return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < MOST_BLUR_PX &&
-           squares_moved(board, guess, p) < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
+           moved_mm / board->square_mm < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
            fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
            ret->covariance_px2[0][0] + ret->covariance_px2[1][1] < MOST_ERROR_PX * MOST_ERROR_PX;
 }

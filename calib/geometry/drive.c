@@ -3,6 +3,7 @@
 #include <math.h>
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation */
+#define ROUNDS    4                   /* of fit and estimate */
 #define WORTH     4 /* weight of the prior, in angles: a few angles give a poor estimate */
 
 void drive_init(struct drive *drive, int most) {
@@ -21,10 +22,28 @@ int drive_angle(struct drive *drive, double angle_rad) {
     return drive->n++;
 }
 
-/* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), C being the covariance of the errors x. */
-void drive_learn(struct drive *drive, const double *x, const double *covariance, int n) {
-    double sum = WORTH * USUAL_RAD * USUAL_RAD;
-    for (int i = drive->at; i < drive->at + drive->n; i++)
-        sum += x[i] * x[i] + covariance[i * (n + 1)];
-    drive->sigma_rad = sqrt(sum / (drive->n + WORTH));
+gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,
+                   double *x, struct fit_result *ret) {
+    g_autofree double *none = g_new0(double, fit->n_parameters);
+    struct fit with = *fit;
+    with.known = none;
+    with.known_sigma = sigma;
+    for (int round = 0;; round++) {
+        for (int k = 0; k < n_drives; k++)
+            for (int i = 0; i < drives[k]->n; i++)
+                sigma[drives[k]->at + i] = drives[k]->sigma_rad;
+        if (!fit_solve(&with, x, ret))
+            return FALSE;
+        if (round == ROUNDS)
+            return TRUE;
+        /* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), C being the covariance of the errors x.
+         */
+        for (int k = 0; k < n_drives; k++) {
+            double sum = WORTH * USUAL_RAD * USUAL_RAD;
+            for (int i = drives[k]->at; i < drives[k]->at + drives[k]->n; i++)
+                sum += x[i] * x[i] + ret->covariance[i * (fit->n_parameters + 1)];
+            drives[k]->sigma_rad = sqrt(sum / (drives[k]->n + WORTH));
+        }
+        fit_result_clear(ret);
+    }
 }

@@ -6,7 +6,7 @@
  */
 #pragma once
 
-#include <glib.h>
+#include "fit.h"
 
 struct drive {
     double *angles_rad; /* n commanded angles */
@@ -22,7 +22,8 @@ void drive_clear(struct drive *drive);
 /* Index of an angle; a new one is added. */
 int drive_angle(struct drive *drive, double angle_rad);
 
-/* Updates sigma_rad from the fitted errors in the parameters x and the covariance of all n
- * parameters (one EM step, Dempster, Laird and Rubin 1977). */
-void drive_learn(struct drive *drive, const double *x, const double *covariance, int n);
-#define DRIVE_ROUNDS 4 /* rounds of adjustment and update */
+/* Alternates between fit_solve() and the estimate of the drives' sigma_rad from its result (EM,
+ * Dempster, Laird and Rubin 1977). Priors have the mean 0 and the standard deviations sigma
+ * (n_parameters), into which it writes those of the drives. Returns and errors as fit_solve(). */
+gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,
+                   double *x, struct fit_result *ret);

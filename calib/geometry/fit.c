@@ -9,11 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SOFT_ROUNDS 5 /* rounds with soft (Cauchy-like) weights, then */
-#define HARD_ROUNDS 3 /* rounds with outliers rejected */
-#define SOFT        2.5
-#define SINGULAR                                                                                   \
-    1e-12 /* relative pivot of the scaled normal equations below which they are singular */
+#define SOFT_ROUNDS  5 /* rounds with soft (Cauchy-like) weights, then */
+#define HARD_ROUNDS  3 /* rounds with outliers rejected */
+#define SOFT         2.5
+#define SINGULAR     1e-12 /* relative pivot of the scaled normal equations, at least */
 #define CONVERGED    1e-10
 #define STEPS        60
 #define DIFFERENCE   1.5e-8 /* √ε of a double: step of forward differences */
@@ -28,38 +27,10 @@ struct work {
     double sigma;    /* scale of the residuals relative to their expected size */
     int m, n;
     int n_depends;
-    int *own_depends; /* used if every observation depends on all parameters */
     const int *depends;
     double *f, *moved, *at;
     double *rows; /* Jacobian, m × n_depends */
 };
-
-static void fit_work_init(struct work *work, const struct fit *fit) {
-    const int n = fit->n_parameters, m = fit->n_observations * fit->dimension;
-    *work = (struct work){.fit = fit, .sigma = 1, .m = m, .n = n, .n_depends = fit->n_depends};
-    work->depends = fit->depends;
-    if (!fit->depends) {
-        work->n_depends = n;
-        work->own_depends = g_new(int, (gsize)fit->n_observations *(gsize)n);
-        for (int i = 0; i < fit->n_observations * n; i++)
-            work->own_depends[i] = i % n;
-        work->depends = work->own_depends;
-    }
-    work->weights = g_new(double, fit->n_observations);
-    work->f = g_new(double, m);
-    work->moved = g_new(double, m);
-    work->at = g_new0(double, n);
-    work->rows = g_new(double, (gsize)m *(gsize)work->n_depends);
-}
-
-static void fit_work_clear(struct work *work) {
-    g_free(work->own_depends);
-    g_free(work->weights);
-    g_free(work->f);
-    g_free(work->moved);
-    g_free(work->at);
-    g_free(work->rows);
-}
 
 /* Residual of the prior of parameter i. */
 static double known_residual(const struct fit *fit, const double *x, int i) {
@@ -133,20 +104,6 @@ static void fit_normal_equations(const struct work *work, const double *x, doubl
         }
 }
 
-/* One damped step (h + damping · diag h) dx = g; FALSE: h is not positive definite. */
-static gboolean fit_do_step(int n, const double *h, const double *g, double damping,
-                            const double *x, double *ret) {
-    g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
-    g_autofree double *b = g_memdup2(g, sizeof(double) * (gsize)n);
-    for (int j = 0; j < n; j++)
-        a[j * n + j] = h[j * n + j] > 0 ? h[j * n + j] * (1 + damping) : 1;
-    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', n, 1, a, n, b, n) != 0)
-        return FALSE;
-    for (int j = 0; j < n; j++)
-        ret[j] = x[j] + b[j];
-    return TRUE;
-}
-
 /* Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
 static void fit_do_solve(const struct work *work, double *x) {
     const int n = work->n;
@@ -158,8 +115,16 @@ static void fit_do_solve(const struct work *work, double *x) {
         fit_normal_equations(work, x, h, g);
         double then = G_MAXDOUBLE;
         while (damping < MOST_DAMPING) {
-            if (fit_do_step(n, h, g, damping, x, next))
+            /* One damped step (h + damping · diag h) dx = g. */
+            g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
+            g_autofree double *b = g_memdup2(g, sizeof(double) * (gsize)n);
+            for (int j = 0; j < n; j++)
+                a[j * n + j] = h[j * n + j] > 0 ? h[j * n + j] * (1 + damping) : 1;
+            if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', n, 1, a, n, b, n) == 0) {
+                for (int j = 0; j < n; j++)
+                    next[j] = x[j] + b[j];
                 then = fit_evaluate(work, next, work->moved);
+            }
             if (then < now)
                 break;
             damping = MAX(damping, 1e-9) * 10;
@@ -183,28 +148,28 @@ static double fit_size_of(const struct fit *fit, const double *residuals, int i)
     return isfinite(sum) ? sqrt(sum) : FIT_LOST;
 }
 
-static int fit_compare(gconstpointer a, gconstpointer b) {
+int fit_compare(gconstpointer a, gconstpointer b) {
     double x = *(const double *)a, y = *(const double *)b;
     return x < y ? -1 : x > y;
 }
 
-/* Robust scale: median |r| / 0.6745 in one dimension, / 1.1774 in two (medians of normal
- * deviates). */
-static double usual_size(const struct fit *fit, const double *residuals) {
-    g_autofree double *sizes = g_new(double, fit->n_observations);
-    for (int i = 0; i < fit->n_observations; i++)
-        sizes[i] = fit_size_of(fit, residuals, i);
-    qsort(sizes, (gsize)fit->n_observations, sizeof *sizes, fit_compare);
-    return MAX(sizes[fit->n_observations / 2] / (fit->dimension == 1 ? 0.6745 : 1.1774),
-               LEAST_SIGMA);
+int fit_compare_floats(gconstpointer a, gconstpointer b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return x < y ? -1 : x > y;
 }
 
+/* The robust scale is median |r| / 0.6745 in one dimension, / 1.1774 in two (medians of normal
+ * deviates). hard: weights are 0 or 1. */
 static void fit_weigh(struct work *work, gboolean hard) {
     const struct fit *fit = work->fit;
-    double usual = usual_size(fit, work->f);
-    work->sigma = usual;
+    g_autofree double *sizes = g_new(double, fit->n_observations);
+    for (int i = 0; i < fit->n_observations; i++)
+        sizes[i] = fit_size_of(fit, work->f, i);
+    qsort(sizes, (gsize)fit->n_observations, sizeof *sizes, fit_compare);
+    const double median = sizes[fit->n_observations / 2];
+    work->sigma = MAX(median / (fit->dimension == 1 ? 0.6745 : 1.1774), LEAST_SIGMA);
     for (int i = 0; i < fit->n_observations; i++) {
-        double times = fit_size_of(fit, work->f, i) / usual;
+        double times = fit_size_of(fit, work->f, i) / work->sigma;
         work->weights[i] =
             hard ? times <= fit->reject : 1 / sqrt(1 + times * times / (SOFT * SOFT));
     }
@@ -234,18 +199,6 @@ static double *fit_invert(int n, const double *h, int *ret_undetermined) {
     return inverse;
 }
 
-/* Effective number of parameters determined by the observations rather than the priors: trace of
- * H⁻¹ JᵀJ. */
-static double effective_parameters(const struct work *work, const double *covariance) {
-    double sum = 0;
-    for (int j = 0; j < work->n; j++) {
-        const double sigma = work->fit->known_sigma ? work->fit->known_sigma[j] : 0;
-        const double left = sigma > 0 ? covariance[j * work->n + j] / (sigma * sigma) : 0;
-        sum += covariance[j * work->n + j] > 0 ? 1 - MIN(left, 1) : 0;
-    }
-    return sum;
-}
-
 /* Final covariance. σ² = χ² per degree of freedom of the observations used scales them; the
  * second round uses that σ for the balance with the priors. */
 static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
@@ -265,8 +218,15 @@ static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
         fit_normal_equations(work, x, h, g);
         g_free(ret->covariance);
         ret->covariance = fit_invert(n, h, &ret->undetermined);
-        const double freedom =
-            ret->n_used * fit->dimension - effective_parameters(work, ret->covariance);
+        /* Effective number of parameters determined by the observations rather than the priors:
+         * trace of H⁻¹ JᵀJ. */
+        double sum = 0;
+        for (int j = 0; j < work->n; j++) {
+            const double sigma = fit->known_sigma ? fit->known_sigma[j] : 0;
+            const double left = sigma > 0 ? ret->covariance[j * work->n + j] / (sigma * sigma) : 0;
+            sum += ret->covariance[j * work->n + j] > 0 ? 1 - MIN(left, 1) : 0;
+        }
+        const double freedom = ret->n_used * fit->dimension - sum;
         ret->degrees_of_freedom = (int)floor(freedom);
         ret->sigma = freedom > 0 ? sqrt(squares / freedom) : 0;
         work->sigma = MAX(ret->sigma, LEAST_SIGMA);
@@ -276,32 +236,33 @@ static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
     ret->residuals = g_memdup2(work->f, sizeof(double) * (gsize)work->m);
 }
 
-static int n_known(const struct fit *fit) {
-    int n = 0;
-    for (int i = 0; fit->known_sigma && i < fit->n_parameters; i++)
-        n += fit->known_sigma[i] > 0;
-    return n;
-}
-
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret) {
-    struct work work;
+    const int n = fit->n_parameters, m = fit->n_observations * fit->dimension;
+    int n_known = 0;
     memset(ret, 0, sizeof *ret);
-    if (fit->n_observations < 1 ||
-        fit->n_observations * fit->dimension + n_known(fit) <= fit->n_parameters)
+    for (int i = 0; fit->known_sigma && i < n; i++)
+        n_known += fit->known_sigma[i] > 0;
+    if (fit->n_observations < 1 || m + n_known <= n)
         return FALSE;
-    fit_work_init(&work, fit);
-    fit->residuals(parameters, work.f, fit->data);
-    gboolean finite = TRUE;
-    for (int i = 0; i < work.m; i++)
-        finite &= isfinite(work.f[i]);
-    for (int round = 0; finite && round < SOFT_ROUNDS + HARD_ROUNDS; round++) {
+    const int n_depends = fit->depends ? fit->n_depends : n;
+    g_autofree int *all = fit->depends ? NULL : g_new(int, (gsize)fit->n_observations *(gsize)n);
+    for (int i = 0; all && i < fit->n_observations * n; i++)
+        all[i] = i % n;
+    g_autofree double *weights = g_new(double, fit->n_observations), *f = g_new(double, m);
+    g_autofree double *moved = g_new(double, m), *at = g_new0(double, n);
+    g_autofree double *rows = g_new(double, (gsize)m *(gsize)n_depends);
+    struct work work = {fit, weights, 1,  m,   n, n_depends, all ? all : fit->depends,
+                        f,   moved,   at, rows};
+    fit->residuals(parameters, f, fit->data);
+    for (int i = 0; i < m; i++)
+        if (!isfinite(f[i]))
+            return FALSE;
+    for (int round = 0; round < SOFT_ROUNDS + HARD_ROUNDS; round++) {
         fit_weigh(&work, round >= SOFT_ROUNDS);
         fit_do_solve(&work, parameters);
     }
-    if (finite)
-        fit_finish(&work, parameters, ret);
-    fit_work_clear(&work);
-    return finite;
+    fit_finish(&work, parameters, ret);
+    return TRUE;
 }
 
 void fit_result_clear(struct fit_result *result) {

@@ -54,3 +54,7 @@ void fit_result_clear(struct fit_result *result);
 
 /* Standard error of a parameter; infinite if it is not determined. */
 double fit_error(const struct fit *fit, const struct fit_result *result, int parameter);
+
+/* Order of two doubles, and of two floats, for qsort(). */
+int fit_compare(gconstpointer a, gconstpointer b);
+int fit_compare_floats(gconstpointer a, gconstpointer b);

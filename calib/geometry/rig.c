@@ -213,13 +213,6 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
     return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam)) / (1 + laser->stretch);
 }
 
-/* The point of the quarter circle (unit radius) over azimuth 0 that is nearest to a direction. */
-static struct vec3 nearest_on_arc(struct vec3 direction) {
-    double theta = direction.x > 0 ? atan2(direction.x, direction.z) : 0;
-
-    return rig_direction(CLAMP(theta, 0, G_PI_2), 0);
-}
-
 /* Distance between arc and line of sight at the arc's radius, minus half the arc's width and the
  * radius of the cone of sight there. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm) {
@@ -229,7 +222,10 @@ double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, d
     if (distance <= radius)
         return G_MAXDOUBLE; /* the arc is behind it */
     struct vec3 towards = rig_turn(vec3_scale(eye, 1 / distance), -(arc_rad + rig->arc.zero_rad));
-    double apart = radius * vec3_length(vec3_sub(towards, nearest_on_arc(towards)));
+    double theta = towards.x > 0 ? atan2(towards.x, towards.z) : 0;
+
+    double apart =
+        radius * vec3_length(vec3_sub(towards, rig_direction(CLAMP(theta, 0, G_PI_2), 0)));
     double cone = radius_mm * (1 - radius / distance);
 
     return apart - rig->arc_width_mm / 2 - cone;

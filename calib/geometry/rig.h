@@ -23,7 +23,7 @@
 #define RIG_MOST_INTENSITY 1e6 /* W/sr */
 #define RIG_MOST_STRETCH   0.5 /* of a sweep, either way */
 #define RIG_MAX_LASERS     16
-#define RIG_MAX_MARKS      16
+#define RIG_MAX_FIDUCIALS  16
 #define RIG_NAME           32
 
 /* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
@@ -71,8 +71,8 @@ struct rig_laser {
 };
 
 /* A fiducial: a matt white disc, level beside the sample and fixed to the turntable. Its picture
- * measures a lamp's output and whether a camera or the turntable's zero has moved (marks.h). */
-struct rig_mark {
+ * measures a lamp's output and whether a camera or the turntable's zero has moved (fiducials.h). */
+struct rig_fiducial {
     char name[RIG_NAME];
     struct vec3 centre_mm; /* of its face, sample frame */
     double radius_mm;
@@ -88,8 +88,8 @@ struct rig {
     struct rig_laser lasers[RIG_MAX_LASERS];
     int n_lasers;
     struct rig_arc arc;
-    struct rig_mark marks[RIG_MAX_MARKS];
-    int n_marks;
+    struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
+    int n_fiducials;
     double arc_radius_mm; /* radius of the arc's inner edge, and */
     double arc_width_mm;  /* its width: they give the part that it hides from a camera */
 };

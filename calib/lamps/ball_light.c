@@ -13,22 +13,16 @@
 #define NEAREST   3.0 /* radii: a light is at least this far from the balls */
 #define KNOWN     0.5 /* largest relative error of a known position */
 
-/* n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up. */
-static gboolean ball_light_normal_at(const struct ball_outline *ball, double x_px, double y_px,
+/* Unit direction of the light whose highlight is at a point of the ball; FALSE: the point is
+ * outside of the ball. n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up.
+ */
+static gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
                                      struct vec3 *ret) {
     double x = (x_px - ball->x_px) / ball->radius_px, y = (ball->y_px - y_px) / ball->radius_px;
     double rest = 1 - x * x - y * y;
     if (!(rest > 0))
         return FALSE;
-    *ret = vec3(x, y, sqrt(rest));
-    return TRUE;
-}
-
-gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
-                              struct vec3 *ret) {
-    struct vec3 n;
-    if (!ball_light_normal_at(ball, x_px, y_px, &n))
-        return FALSE;
+    struct vec3 n = vec3(x, y, sqrt(rest));
     *ret = vec3_sub(vec3_scale(n, 2 * n.z), vec3(0, 0, 1));
     return TRUE;
 }
@@ -161,23 +155,6 @@ static void vote(const struct ball_ray *rays, int n, const struct model *model, 
     best->tied = tied;
 }
 
-/* Tries the mean direction and the intersection of every pair of rays. */
-static struct vote vote_of_pairs(const struct ball_ray *rays, int n) {
-    struct vote best = {.count = 0};
-    for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++) {
-            const guint32 pair = 1U << i | 1U << j;
-            const double sigma = MAX(rays[i].sigma_rad, rays[j].sigma_rad);
-            struct model model = {.direction = mean_direction(rays, n, pair)};
-            struct mat3 normal;
-            vote(rays, n, &model, sigma, &best);
-            model.placed = meet(rays, n, pair, &normal, &model.place);
-            if (model.placed)
-                vote(rays, n, &model, sigma, &best);
-        }
-    return best;
-}
-
 /* Standard error of a position, per axis: √(Nᵢ⁻¹ S Nᵢ⁻ᵀ) with the normal matrix N and S = Σ σ² (I
  * − d dᵀ) / 2, σ: error of a ray at the position. */
 static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
@@ -238,10 +215,20 @@ static void estimate(const struct ball_ray *rays, int n, guint32 set, struct bal
 }
 
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret) {
-    struct vote best = {.set = 1, .count = 1};
+    struct vote best = {.set = n == 1, .count = n == 1};
     memset(ret, 0, sizeof *ret);
-    if (n > 1)
-        best = vote_of_pairs(rays, n);
+    /* The mean direction and the intersection of every pair of rays. */
+    for (int i = 0; i < n; i++)
+        for (int j = i + 1; j < n; j++) {
+            const guint32 pair = 1U << i | 1U << j;
+            const double sigma = MAX(rays[i].sigma_rad, rays[j].sigma_rad);
+            struct model model = {.direction = mean_direction(rays, n, pair)};
+            struct mat3 normal;
+            vote(rays, n, &model, sigma, &best);
+            model.placed = meet(rays, n, pair, &normal, &model.place);
+            if (model.placed)
+                vote(rays, n, &model, sigma, &best);
+        }
     if (2 * best.count > n && (best.count == n || !best.tied)) {
         estimate(rays, n, best.set, ret);
         return TRUE;

@@ -11,13 +11,9 @@ struct ball_outline { /* in the picture, y down */
     double x_px, y_px, radius_px;
 };
 
-/* Unit direction of the light whose highlight is at a point of the ball; FALSE: the point is
- * outside of the ball. */
-gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
-                              struct vec3 *ret);
-
-/* The same for an extended highlight with the given second moments: the mean direction of its
- * light, which is further outwards than the direction at its centroid. */
+/* Unit direction of the light whose highlight is at a point of the ball and has the given second
+ * moments: the mean direction of its light, which is further outwards than the direction at its
+ * centroid. FALSE: the point is outside of the ball. */
 gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2, struct vec3 *ret);
 

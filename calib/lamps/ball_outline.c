@@ -2,21 +2,22 @@
  * circles, and Gauss-Newton fits the one that most rays agree with. */
 #include "ball_outline.h"
 
+#include "geometry/fit.h"
+
 #include <math.h>
 #include <stdlib.h>
 
-#define RAYS     180
-#define NEAREST  0.75 /* range of the search, in radii of the given circle */
-#define FARTHEST 1.3
-#define STEP_PX  0.5
-#define REACH    4     /* steps on both sides that an edge compares */
-#define ABOVE    6.0   /* least edge, in units of the ray's median difference */
-#define LEAST    0.002 /* least edge, in the square root of light */
-#define TRIALS   400
-#define SEEN     0.4 /* share of the rays that must agree */
-#define EDGES    3   /* candidate edges per ray, strongest first: the ball itself has edges, too */
-#define NEIGHBOURS                                                                                 \
-    3.0 /* factor of the standard error, since errors of neighbouring edges are correlated */
+#define RAYS        180
+#define NEAREST     0.75 /* range of the search, in radii of the given circle */
+#define FARTHEST    1.3
+#define STEP_PX     0.5
+#define REACH       4     /* steps on both sides that an edge compares */
+#define ABOVE       6.0   /* least edge, in units of the ray's median difference */
+#define LEAST       0.002 /* least edge, in the square root of light */
+#define TRIALS      400
+#define SEEN        0.4 /* share of the rays that must agree */
+#define EDGES       3 /* candidate edges per ray, strongest first: the ball itself has edges, too */
+#define NEIGHBOURS  3.0  /* factor of the standard error: neighbouring edges are correlated */
 #define AGREE       0.01 /* of the radius: distance within which an edge agrees */
 #define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
 #define ROUNDS      5    /* of fitting with outlier rejection */
@@ -29,22 +30,6 @@ struct edges {
     int n;
 };
 
-/* Bilinear interpolation; NAN outside of the picture. */
-static double ball_outline_value_at(const struct picture *picture, double x, double y) {
-    const int i = (int)floor(x), j = (int)floor(y);
-    if (i < 0 || j < 0 || i + 1 >= picture->width || j + 1 >= picture->height)
-        return NAN;
-    const float *v = picture->values + (gsize)j * (gsize)picture->width + i;
-    const double s = x - i, t = y - j;
-    return (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
-           t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
-}
-
-static int ball_outline_compare(gconstpointer a, gconstpointer b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Absolute smoothed derivative of the picture along a ray; 0 outside of the picture. */
 static double *changes_on_ray(const struct picture *picture, const struct ball_outline *given,
                               double angle, int n) {
@@ -52,8 +37,15 @@ static double *changes_on_ray(const struct picture *picture, const struct ball_o
     double *changes = g_new0(double, n);
     for (int i = 0; i < n; i++) {
         const double radius = NEAREST * given->radius_px + i * STEP_PX;
-        values[i] = ball_outline_value_at(picture, given->x_px + radius * cos(angle),
-                                          given->y_px + radius * sin(angle));
+        const double x = given->x_px + radius * cos(angle), y = given->y_px + radius * sin(angle);
+        const int column = (int)floor(x), row = (int)floor(y);
+        values[i] = NAN; /* outside of the picture */
+        if (column < 0 || row < 0 || column + 1 >= picture->width || row + 1 >= picture->height)
+            continue;
+        const float *v = picture->values + (gsize)row * (gsize)picture->width + column;
+        const double s = x - column, t = y - row;
+        values[i] = (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
+                    t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
     }
     for (int i = REACH; i < n - REACH; i++) {
         double sum = 0;
@@ -78,26 +70,6 @@ static double take_edge(double *changes, int n, double least) {
     for (int i = MAX(best - 2 * REACH, 0); i <= MIN(best + 2 * REACH, n - 1); i++)
         changes[i] = 0;
     return STEP_PX * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0));
-}
-
-static void ball_outline_find_edges(const struct picture *picture, const struct ball_outline *given,
-                                    struct edges *ret) {
-    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
-    ret->n = 0;
-    for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
-        const double angle = 2 * G_PI * ray / RAYS;
-        g_autofree double *changes = changes_on_ray(picture, given, angle, n);
-        g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
-        qsort(sorted, (gsize)n, sizeof *sorted, ball_outline_compare);
-        const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
-        double at;
-        for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {
-            const double radius = NEAREST * given->radius_px + at;
-            ret->x[ret->n] = given->x_px + radius * cos(angle);
-            ret->y[ret->n] = given->y_px + radius * sin(angle);
-            ret->ray[ret->n++] = ray;
-        }
-    }
 }
 
 /* Circle through three edges; FALSE: they are nearly collinear. */
@@ -194,7 +166,22 @@ gboolean ball_outline_find(const struct picture *picture, const struct ball_outl
     double sigma_px = 0;
     if (given->radius_px < SMALLEST_PX)
         return FALSE;
-    ball_outline_find_edges(picture, given, edges);
+    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
+    edges->n = 0;
+    for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
+        const double angle = 2 * G_PI * ray / RAYS;
+        g_autofree double *changes = changes_on_ray(picture, given, angle, n);
+        g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
+        qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
+        const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
+        double at;
+        for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {
+            const double radius = NEAREST * given->radius_px + at;
+            edges->x[edges->n] = given->x_px + radius * cos(angle);
+            edges->y[edges->n] = given->y_px + radius * sin(angle);
+            edges->ray[edges->n++] = ray;
+        }
+    }
     if (most_agreed(edges, given, reach_px, within_px, &circle) == 0)
         return FALSE;
     for (int round = 0; round < ROUNDS; round++)

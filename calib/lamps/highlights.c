@@ -3,6 +3,8 @@
  * peak. */
 #include "highlights.h"
 
+#include "geometry/fit.h"
+
 #include <math.h>
 #include <stdlib.h>
 
@@ -14,13 +16,10 @@
 #define CLIPPED_PX  0.1   /* the same for a saturated spot, whose border alone determines it */
 #define SPECK       4     /* smaller spots are dust or hot pixels */
 #define STREAK      4.0   /* aspect from which a spot is a hair or a scratch */
-#define COMPARABLE                                                                                 \
-    0.3 /* share of the chosen spot's energy from which another makes the choice ambiguous */
-#define MOST_SPOTS 256 /* examined, brightest first */
-#define SLANT                                                                                      \
-    0.3 /* least cosine of the normal: below, a highlight is too near to the ball's rim            \
-         */
-#define SPOT_SHARE 0.2 /* largest area of a spot, in areas of the ball's picture */
+#define COMPARABLE  0.3   /* share of the best spot's energy from which another may be the lamp */
+#define MOST_SPOTS  256   /* examined, brightest first */
+#define SLANT       0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
+#define SPOT_SHARE  0.2 /* largest area of a spot, in areas of the ball's picture */
 
 #define NOWHERE 0 /* label of pixels without a spot */
 
@@ -43,11 +42,6 @@ struct spot {
     double aspect;          /* length over width */
     gboolean halo, cut;
 };
-
-static int highlights_compare(gconstpointer a, gconstpointer b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return x < y ? -1 : x > y;
-}
 
 /* Copies the pixels of a circle; FALSE: it is not wholly in the picture. */
 static gboolean highlights_cut(struct window *w, double x, double y, double r) {
@@ -78,11 +72,11 @@ static void background(struct window *w) {
     for (int i = 0; i < all; i++)
         if (w->values[i] > -G_MAXFLOAT)
             sorted[n++] = w->values[i];
-    qsort(sorted, (gsize)n, sizeof *sorted, highlights_compare);
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare_floats);
     w->level = sorted[n / 2];
     for (int i = 0; i < n; i++)
         sorted[i] = fabsf(sorted[i] - w->level);
-    qsort(sorted, (gsize)n, sizeof *sorted, highlights_compare);
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare_floats);
     w->floor = MAX((float)ABOVE_NOISE * 1.4826f * sorted[n / 2], 0.05f * fabsf(w->level));
 }
 
@@ -163,13 +157,6 @@ static double aspect(const struct window *w, const struct spot *spot) {
     return sqrt((mean + apart) / (mean - apart));
 }
 
-static void highlights_describe(const struct window *w, struct spot *spot) {
-    for (int k = 0; k < spot->pixels; k++)
-        spot->energy += pow((double)(w->values[w->members[spot->first + k]] - w->level), 2);
-    spot->aspect = aspect(w, spot);
-    highlights_weigh(w, spot, EDGE, &spot->light);
-}
-
 /* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
  * is dropped. */
 static GArray *find_spots(struct window *w) {
@@ -183,44 +170,13 @@ static GArray *find_spots(struct window *w) {
         grow(w, peak, &spot);
         if (spot.halo)
             continue;
-        highlights_describe(w, &spot);
+        for (int k = 0; k < spot.pixels; k++)
+            spot.energy += pow((double)(w->values[w->members[spot.first + k]] - w->level), 2);
+        spot.aspect = aspect(w, &spot);
+        highlights_weigh(w, &spot, EDGE, &spot.light);
         g_array_append_val(spots, spot);
     }
     return spots;
-}
-
-/* Number of pixels of the spot that equal the maximum of their colour filter phase; each phase
- * may saturate at its own value. */
-static int flat_pixels(const struct window *w, const struct spot *spot) {
-    float most[4] = {0};
-    int count = 0;
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < spot->pixels; k++) {
-            const int i = w->members[spot->first + k];
-            int phase = 2 * (i / w->width & 1) + (i % w->width & 1);
-            if (pass == 0)
-                most[phase] = fmaxf(most[phase], w->values[i]);
-            else
-                count += w->values[i] >= (float)FLAT * most[phase];
-        }
-    return count;
-}
-
-/* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are not
- * round. */
-static double spread_px(const struct window *w, const struct spot *spot) {
-    static const double shares[] = {0.35, 0.5, 0.7, 0.9};
-    double sum = 0;
-    for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
-        struct highlight of;
-        highlights_weigh(w, spot, shares[i], &of);
-        sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
-    }
-    return sqrt(sum / G_N_ELEMENTS(shares));
-}
-
-static gboolean is_lamp_shaped(const struct spot *spot) {
-    return spot->pixels >= SPECK && spot->aspect < STREAK;
 }
 
 /* NULL, or the reason to refuse the best spot. */
@@ -249,7 +205,7 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
     const struct spot *best = NULL, *other = NULL;
     for (guint i = 0; i < spots->len; i++) {
         const struct spot *spot = &g_array_index(spots, struct spot, i);
-        if (!is_lamp_shaped(spot))
+        if (spot->pixels < SPECK || spot->aspect >= STREAK)
             continue;
         if (!best || spot->energy > best->energy) {
             other = best;
@@ -272,11 +228,33 @@ char *highlight_find(const struct picture *picture, double x_px, double y_px, do
     char *why;
     const struct spot *spot = highlights_choose(&window, spots, most_px, &why);
     if (spot) {
-        const gboolean saturated = flat_pixels(&window, spot) >= FLAT_PIXELS;
+        /* Number of pixels of the spot that equal the maximum of their colour filter phase; each
+         * phase may saturate at its own value. */
+        float most[4] = {0};
+        int count = 0;
+        for (int pass = 0; pass < 2; pass++)
+            for (int k = 0; k < spot->pixels; k++) {
+                const int i = window.members[spot->first + k];
+                int phase = 2 * (i / window.width & 1) + (i % window.width & 1);
+                if (pass == 0)
+                    most[phase] = fmaxf(most[phase], window.values[i]);
+                else
+                    count += window.values[i] >= (float)FLAT * most[phase];
+            }
+        const gboolean saturated = count >= FLAT_PIXELS;
         *ret = spot->light;
         ret->x_px += window.left;
         ret->y_px += window.top;
-        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, spread_px(&window, spot));
+        /* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are
+         * not round. */
+        static const double shares[] = {0.35, 0.5, 0.7, 0.9};
+        double sum = 0;
+        for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
+            struct highlight of;
+            highlights_weigh(&window, spot, shares[i], &of);
+            sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
+        }
+        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, sqrt(sum / G_N_ELEMENTS(shares)));
         ret->energy = spot->energy;
         ret->saturated = saturated;
     }

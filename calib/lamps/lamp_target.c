@@ -39,7 +39,8 @@ static gboolean lamp_target_read_list(const struct reader *r, const char *key, d
     return TRUE;
 }
 
-static gboolean read_marks(const struct reader *r, struct lamp_target *target, GError **error) {
+static gboolean lamp_target_read_marks(const struct reader *r, struct lamp_target *target,
+                                       GError **error) {
     double numbers[3 * LAMP_MAX_MARKS];
     gsize n;
     if (!lamp_target_read_list(r, "places_mm", -1000, numbers, G_N_ELEMENTS(numbers), &n, error))
@@ -63,41 +64,13 @@ static gboolean read_marks(const struct reader *r, struct lamp_target *target, G
     return TRUE;
 }
 
-static gboolean read_target(const struct reader *r, struct lamp_target *target, GError **error) {
-    gsize n;
-    g_autofree char *kind = g_key_file_get_string(r->file, "target", "kind", NULL);
-    if (g_strcmp0(kind, "poles") != 0 && g_strcmp0(kind, "balls") != 0)
-        return lamp_target_refuse(r, error, "kind", "must be poles or balls");
-    target->kind = g_str_equal(kind, "balls") ? LAMP_BALLS : LAMP_POLES;
-    target->tolerance_mm = target->kind == LAMP_BALLS ? BALL_MM : POST_MM;
-    if (g_key_file_has_key(r->file, "target", "tolerance_mm", NULL) &&
-        !lamp_target_read_list(r, "tolerance_mm", 0, &target->tolerance_mm, 1, &n, error))
-        return FALSE;
-    if (!lamp_target_read_list(r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
-        !read_marks(r, target, error))
-        return FALSE;
-    if (target->kind == LAMP_BALLS)
-        return TRUE;
-    if (!lamp_target_read_list(r, "plate_mm", 1, target->plate_mm, 2, &n, error) ||
-        !lamp_target_read_list(r, "radius_mm", 0.05, &target->radius_mm, 1, &n, error))
-        return FALSE;
-    return n == 1 || lamp_target_refuse(r, error, "radius_mm", "must be one number");
-}
-
-static gboolean lamp_target_known_keys(const struct reader *r, GError **error) {
+gboolean lamp_target_load(struct lamp_target *target, const char *path, GError **error) {
     static const char *const known[] = {"kind",      "plane_mm",     "plate_mm", "radius_mm",
                                         "places_mm", "tolerance_mm", NULL};
-    g_auto(GStrv) keys = g_key_file_get_keys(r->file, "target", NULL, NULL);
-    for (char **key = keys; key && *key; key++)
-        if (!g_strv_contains(known, *key))
-            return lamp_target_refuse(r, error, *key, "is not a known key");
-    return TRUE;
-}
-
-gboolean lamp_target_load(struct lamp_target *target, const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GError) cause = NULL;
     const struct reader r = {file, path};
+    gsize n;
     memset(target, 0, sizeof *target);
     g_autofree char *text = input_file_read_text(path, MAX_BYTES, &cause);
     if (!text) {
@@ -110,5 +83,24 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
                     path, cause->message);
         return FALSE;
     }
-    return lamp_target_known_keys(&r, error) && read_target(&r, target, error);
+    g_auto(GStrv) keys = g_key_file_get_keys(file, "target", NULL, NULL);
+    for (char **key = keys; key && *key; key++)
+        if (!g_strv_contains(known, *key))
+            return lamp_target_refuse(&r, error, *key, "is not a known key");
+    g_autofree char *kind = g_key_file_get_string(file, "target", "kind", NULL);
+    if (g_strcmp0(kind, "poles") != 0 && g_strcmp0(kind, "balls") != 0)
+        return lamp_target_refuse(&r, error, "kind", "must be poles or balls");
+    target->kind = g_str_equal(kind, "balls") ? LAMP_BALLS : LAMP_POLES;
+    target->tolerance_mm = target->kind == LAMP_BALLS ? BALL_MM : POST_MM;
+    if (g_key_file_has_key(file, "target", "tolerance_mm", NULL) &&
+        !lamp_target_read_list(&r, "tolerance_mm", 0, &target->tolerance_mm, 1, &n, error))
+        return FALSE;
+    if (!lamp_target_read_list(&r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
+        !lamp_target_read_marks(&r, target, error))
+        return FALSE;
+    if (target->kind == LAMP_BALLS)
+        return TRUE;
+    return lamp_target_read_list(&r, "plate_mm", 1, target->plate_mm, 2, &n, error) &&
+           (n == 2 || lamp_target_refuse(&r, error, "plate_mm", "must be width;height")) &&
+           lamp_target_read_list(&r, "radius_mm", 0.05, &target->radius_mm, 1, &n, error);
 }

@@ -5,7 +5,6 @@
 #include "lamps.h"
 
 #include "geometry/drive.h"
-#include "geometry/fit.h"
 
 #include <math.h>
 #include <string.h>
@@ -108,11 +107,6 @@ static void target_of(const struct problem *problem, const double *x, struct lam
         }
 }
 
-/* Error of the drive's angle at a sight. */
-static double slip(const struct drive *drive, const int *which, int sight, const double *x) {
-    return which[sight] >= 0 ? x[drive->at + which[sight]] : 0;
-}
-
 /* Predicted position of a sight. turntable_rad: the true angle. The end of a shadow is given in
  * the sample frame of the commanded angle. */
 static gboolean lamps_predict(const struct problem *problem, const struct lamp_target *target,
@@ -144,15 +138,14 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
         struct vec3 lamp =
-            s->lamp < 0
-                ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
-                : rig_lamp_position_mm(&arc, &lamps[s->lamp],
-                                       s->arc_rad + slip(&problem->arc, problem->swing, i, x));
+            s->lamp < 0 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
+                        : rig_lamp_position_mm(&arc, &lamps[s->lamp],
+                                               s->arc_rad + x[problem->arc.at + problem->swing[i]]);
         const double *d = x + problem->camera_at[s->camera], *shift = problem->shift + 4 * i;
         double at[2] = {0, 0};
-        gboolean seen = lamps_predict(
-            problem, &target, s, s->turntable_rad + slip(&problem->turntable, problem->turn, i, x),
-            lamp, at);
+        gboolean seen =
+            lamps_predict(problem, &target, s,
+                          s->turntable_rad + x[problem->turntable.at + problem->turn[i]], lamp, at);
         at[0] += shift[0] * d[0] + shift[1] * d[1];
         at[1] += shift[2] * d[0] + shift[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
@@ -178,23 +171,6 @@ static void lamps_find_shift(const struct problem *problem, const struct lamp_si
     ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
 }
 
-static double *new_shift(const struct problem *problem) {
-    double *shift = g_new0(double, 4 * (gsize)problem->n);
-    for (int i = 0; i < problem->n; i++) {
-        double *a = shift + 4 * (gsize)i;
-        if (problem->target->kind == LAMP_BALLS)
-            a[0] = a[3] = 1;
-        else
-            lamps_find_shift(problem, &problem->sights[i], a);
-    }
-    return shift;
-}
-
-static int lamps_compare(gconstpointer a, gconstpointer b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Range of the arc angles: 2π minus the largest gap between neighbours. */
 static double spread_rad(const struct lamp_sight *sights, int n) {
     if (n < 1)
@@ -202,14 +178,14 @@ static double spread_rad(const struct lamp_sight *sights, int n) {
     g_autofree double *turns = g_new(double, n);
     for (int i = 0; i < n; i++)
         turns[i] = sights[i].arc_rad - 2 * G_PI * floor(sights[i].arc_rad / (2 * G_PI));
-    qsort(turns, (gsize)n, sizeof *turns, lamps_compare);
+    qsort(turns, (gsize)n, sizeof *turns, fit_compare);
     double gap = turns[0] + 2 * G_PI - turns[n - 1];
     for (int i = 1; i < n; i++)
         gap = MAX(gap, turns[i] - turns[i - 1]);
     return 2 * G_PI - gap;
 }
 
-static gboolean few(const char *what, const char *name, int n, GError **error) {
+static gboolean lamps_refuse_few(const char *what, const char *name, int n, GError **error) {
     g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                 "%s %s: seen %d time(s), which is too few to locate it (%d are needed); take "
                 "more pictures of it",
@@ -217,16 +193,20 @@ static gboolean few(const char *what, const char *name, int n, GError **error) {
     return FALSE;
 }
 
-/* Collects the distinct angles of the drives. A post itself is independent of the arc. */
-static void find_angles(struct problem *problem) {
+/* Collects the distinct angles of the drives, and what a camera's offset does to each sight. A post
+ * itself is independent of the arc. */
+static void lamps_find_angles(struct problem *problem) {
     drive_init(&problem->turntable, problem->n);
     drive_init(&problem->arc, problem->n);
-    problem->turn = g_new(int, problem->n);
-    problem->swing = g_new(int, problem->n);
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
+        double *shift = problem->shift + 4 * (gsize)i;
         problem->turn[i] = drive_angle(&problem->turntable, s->turntable_rad);
         problem->swing[i] = s->lamp < 0 ? -1 : drive_angle(&problem->arc, s->arc_rad);
+        if (problem->target->kind == LAMP_BALLS)
+            shift[0] = shift[3] = 1;
+        else
+            lamps_find_shift(problem, s, shift);
     }
 }
 
@@ -250,21 +230,6 @@ static int *lamps_new_depends(const struct problem *problem) {
     return depends;
 }
 
-static double *lamps_new_sigmas(const struct problem *problem) {
-    double *sigma = g_new0(double, problem->n_parameters);
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
-        for (int k = 0; problem->camera_at[i] >= 0 && k < 2; k++)
-            sigma[problem->camera_at[i] + k] = LAMPS_CAMERA_PX;
-    for (int i = 0; i < LAMP_MAX_MARKS; i++)
-        if (problem->size_at[i] >= 0)
-            sigma[problem->size_at[i]] = problem->target->tolerance_mm;
-    for (int i = 0; i < problem->turntable.n; i++)
-        sigma[problem->turntable.at + i] = problem->turntable.sigma_rad;
-    for (int i = 0; i < problem->arc.n; i++)
-        sigma[problem->arc.at + i] = problem->arc.sigma_rad;
-    return sigma;
-}
-
 /* Assigns the columns of the parameters. */
 static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
@@ -286,7 +251,7 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     for (int i = 0; i < RIG_MAX_LAMPS; i++) {
         problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
         if (lamps[i] > 0 && lamps[i] < LEAST_SIGHTS)
-            return few("lamp", problem->rig->lamps[i].name, lamps[i], error);
+            return lamps_refuse_few("lamp", problem->rig->lamps[i].name, lamps[i], error);
         problem->n_parameters += lamps[i] ? 3 : 0;
     }
     for (int i = 0; i < LAMP_MAX_MARKS; i++) {
@@ -305,7 +270,9 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     return TRUE;
 }
 
-static void lamps_do_start(const struct problem *problem, double *x) {
+/* Initial parameters x, and the standard deviations of their priors, which drive_fit() completes.
+ */
+static void lamps_start(const struct problem *problem, double *x, double *sigma) {
     const struct rig_arc *arc = &problem->rig->arc;
     if (problem->fit_arc) {
         x[0] = arc->tilt_rad[0], x[1] = arc->tilt_rad[1];
@@ -322,6 +289,12 @@ static void lamps_do_start(const struct problem *problem, double *x) {
             x[problem->mark_at[i]] = problem->target->marks[i].x_mm;
             x[problem->mark_at[i] + 1] = problem->target->marks[i].y_mm;
         }
+    for (int i = 0; i < LAMP_MAX_MARKS; i++)
+        if (problem->size_at[i] >= 0)
+            sigma[problem->size_at[i]] = problem->target->tolerance_mm;
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
+        for (int k = 0; problem->camera_at[i] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[i] + k] = LAMPS_CAMERA_PX;
 }
 
 static double covariance_at(const struct problem *problem, const struct fit_result *fit, int i,
@@ -354,20 +327,17 @@ static void set_zero(const struct problem *problem, const struct fit_result *fit
         if (problem->lamp_at[i] >= 0) {
             struct rig_lamp *lamp = &ret->rig.lamps[i];
             lamp->position_mm = rig_turn(lamp->position_mm, -turn);
+            /* Rotates the aim with the position (Rodrigues' formula): it keeps its angle to the
+             * origin. */
+            struct vec3 from = vec3_unit(problem->rig->lamps[i].position_mm);
+            struct vec3 to = vec3_unit(lamp->position_mm), axis = vec3_cross(from, to);
+            double s = vec3_length(axis), c = vec3_dot(from, to);
+            struct vec3 k = vec3_scale(axis, 1 / s), v = problem->rig->lamps[i].aim;
+            if (s > 1e-15)
+                lamp->aim =
+                    vec3_unit(vec3_add(vec3_add(vec3_scale(v, c), vec3_scale(vec3_cross(k, v), s)),
+                                       vec3_scale(k, vec3_dot(k, v) * (1 - c))));
         }
-}
-
-/* Rotates the aim with the lamp's position (Rodrigues' formula), so that it keeps its angle to
- * the origin. */
-static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
-    struct vec3 from = vec3_unit(nominal->position_mm), to = vec3_unit(lamp->position_mm);
-    struct vec3 axis = vec3_cross(from, to);
-    double s = vec3_length(axis), c = vec3_dot(from, to);
-    if (!(s > 1e-15))
-        return;
-    struct vec3 k = vec3_scale(axis, 1 / s), v = nominal->aim;
-    lamp->aim = vec3_unit(vec3_add(vec3_add(vec3_scale(v, c), vec3_scale(vec3_cross(k, v), s)),
-                                   vec3_scale(k, vec3_dot(k, v) * (1 - c))));
 }
 
 /* Covariance of a lamp's position with the arc at 0, G C Gᵀ: G has the derivatives of the
@@ -437,9 +407,6 @@ static void lamps_take(const struct problem *problem, const double *x, struct fi
         sum += s->sigma * s->sigma *
                (pow(fit->residuals[2 * i], 2) + pow(fit->residuals[2 * i + 1], 2));
     }
-    for (int i = 0; i < problem->rig->n_lamps; i++)
-        if (ret->seen[i])
-            keep_aim(&problem->rig->lamps[i], &ret->rig.lamps[i]);
     ret->rms = sqrt(sum / MAX(2 * ret->n_used, 1));
     ret->sigma = fit->sigma;
     ret->turntable_rad = problem->turntable.sigma_rad;
@@ -456,7 +423,7 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
             continue;
         const char *name = problem->rig->lamps[i].name;
         if (ret->sights[i] < LEAST_SIGHTS)
-            return few("lamp", name, ret->sights[i], error);
+            return lamps_refuse_few("lamp", name, ret->sights[i], error);
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
         if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
             continue;
@@ -469,70 +436,45 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
-/* Alternates between the fit and the estimate of the drives' standard deviations from it. */
-static gboolean lamps_adjust(struct problem *problem, double *x, struct fit_result *ret) {
-    const int n = problem->n_parameters;
-    g_autofree int *depends = lamps_new_depends(problem);
-    g_autofree double *none = g_new0(double, n);
-    for (int round = 0;; round++) {
-        g_autofree double *sigma = lamps_new_sigmas(problem);
-        const struct fit fit = {.n_parameters = n,
-                                .n_observations = problem->n,
-                                .dimension = 2,
-                                .residuals = lamps_residuals,
-                                .data = problem,
-                                .reject = REJECT,
-                                .depends = depends,
-                                .n_depends = ON,
-                                .known = none,
-                                .known_sigma = sigma};
-        if (!fit_solve(&fit, x, ret))
-            return FALSE;
-        if (round == DRIVE_ROUNDS)
-            return TRUE;
-        drive_learn(&problem->turntable, x, ret->covariance, n);
-        drive_learn(&problem->arc, x, ret->covariance, n);
-        fit_result_clear(ret);
-    }
-}
-
-static void lamps_problem_clear(struct problem *problem) {
-    drive_clear(&problem->turntable);
-    drive_clear(&problem->arc);
-    g_free(problem->turn);
-    g_free(problem->swing);
-    g_free(problem->shift);
-}
-
-static gboolean lamps_fit_all(struct problem *problem, struct lamps_result *ret, GError **error) {
-    struct fit_result fitted;
-    if (!lamps_lay_out(problem, error))
-        return FALSE;
-    g_autofree double *x = g_new0(double, problem->n_parameters);
-    lamps_do_start(problem, x);
-    problem->shift = new_shift(problem);
-    if (!lamps_adjust(problem, x, &fitted)) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                    "%d sights are too few for %d unknowns; take more pictures", problem->n,
-                    problem->n_parameters);
-        return FALSE;
-    }
-    lamps_take(problem, x, &fitted, ret);
-    gboolean ok = check_result(problem, &fitted, ret, error);
-    fit_result_clear(&fitted);
-    if (!ok)
-        lamps_result_clear(ret);
-    return ok;
-}
-
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error) {
     struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
+    struct drive *const drives[] = {&problem.turntable, &problem.arc};
+    struct fit_result fitted;
+    g_autofree double *shift = problem.shift = g_new0(double, 4 * (gsize)n);
+    g_autofree int *turn = problem.turn = g_new(int, n), *swing = problem.swing = g_new(int, n);
     memset(ret, 0, sizeof *ret);
-    find_angles(&problem);
-    const gboolean ok = lamps_fit_all(&problem, ret, error);
-    lamps_problem_clear(&problem);
+    lamps_find_angles(&problem);
+    gboolean ok = lamps_lay_out(&problem, error);
+    if (ok) {
+        g_autofree int *depends = lamps_new_depends(&problem);
+        g_autofree double *x = g_new0(double, problem.n_parameters);
+        g_autofree double *sigma = g_new0(double, problem.n_parameters);
+        const struct fit fit = {.n_parameters = problem.n_parameters,
+                                .n_observations = n,
+                                .dimension = 2,
+                                .residuals = lamps_residuals,
+                                .data = &problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON};
+        lamps_start(&problem, x, sigma);
+        ok = drive_fit(&fit, sigma, drives, G_N_ELEMENTS(drives), x, &fitted);
+        if (ok) {
+            lamps_take(&problem, x, &fitted, ret);
+            ok = check_result(&problem, &fitted, ret, error);
+            fit_result_clear(&fitted);
+        } else {
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                        "%d sights are too few for %d unknowns; take more pictures", n,
+                        problem.n_parameters);
+        }
+    }
+    if (!ok)
+        lamps_result_clear(ret);
+    drive_clear(&problem.turntable);
+    drive_clear(&problem.arc);
     return ok;
 }
 

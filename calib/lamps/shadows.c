@@ -2,26 +2,27 @@
  * and a value relative to the lit plate, value = I / (E cos θ · pattern · level). */
 #include "shadows_private.h"
 
+#include "geometry/fit.h"
+
 #include <math.h>
 #include <string.h>
 
-#define LIT          0.8  /* of the maximum: lit as well */
-#define PATTERN      0.5  /* of the plate's level: its own pattern is brighter */
-#define LEAST_TELL   0.35 /* least contrast of a shadow */
-#define MOST_ODD     0.12 /* largest RMS residual of the shape, over the lit level */
-#define LEAST_PIXELS 30
-#define MOST_HIDDEN  0.35 /* largest share of hidden pixels around the shadow's end */
-#define BODY_LAMP    0.7  /* least cosine of a lamp's zenith angle to measure post bodies */
-#define FLOOR_PX     0.01 /* model error of the shape, added to each sight's error */
+#define LIT            0.8  /* of the maximum: lit as well */
+#define PATTERN        0.5  /* of the plate's level: its own pattern is brighter */
+#define LEAST_CONTRAST 0.35 /* least contrast of a shadow */
+#define MOST_RESIDUAL  0.12 /* largest RMS residual of the shape, over the lit level */
+#define LEAST_PIXELS   30
+#define MOST_HIDDEN    0.35 /* largest share of hidden pixels around the shadow's end */
+#define BODY_LAMP      0.7  /* least cosine of a lamp's zenith angle to measure post bodies */
+#define FLOOR_PX       0.01 /* model error of the shape, added to each sight's error */
 
 /* Intersects each pixel's ray e + t r with the plate: t = (z_plate − e_z) / r_z. */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target) {
     struct plate_map *map = g_new(struct plate_map, 1);
     struct vec3 eye = rig_camera_centre_mm(camera);
     double reach = hypot(target->plate_mm[0], target->plate_mm[1]) / 2;
-    *map = (struct plate_map){camera->width, camera->height, NULL};
-    map->xy_mm = g_new(float, 2 * (gsize)camera->width * (gsize)camera->height);
-    float *xy = map->xy_mm;
+    float *xy = g_new(float, 2 * (gsize)camera->width * (gsize)camera->height);
+    *map = (struct plate_map){camera->width, camera->height, xy};
     for (int y = 0; y < camera->height; y++)
         for (int x = 0; x < camera->width; x++, xy += 2) {
             struct vec3 ray = rig_pixel_ray(camera, x, y);
@@ -68,17 +69,6 @@ void shadow_view_free(ShadowView *view) {
     g_free(view);
 }
 
-static gboolean on_plate(const ShadowView *view, gsize pixel) {
-    const float *xy = view->map->xy_mm + 2 * pixel;
-    struct vec3 p = rig_turn(vec3((double)xy[0], (double)xy[1], 0), -view->turntable_rad);
-    return fabs(p.x) < view->target.plate_mm[0] / 2 && fabs(p.y) < view->target.plate_mm[1] / 2;
-}
-
-static int shadows_compare(gconstpointer a, gconstpointer b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Median of every seventh value. */
 static double median_of(const float *values, gsize n) {
     g_autofree float *some = g_new(float, n / 7 + 1);
@@ -88,7 +78,7 @@ static double median_of(const float *values, gsize n) {
             some[count++] = values[i];
     if (count == 0)
         return 0;
-    qsort(some, count, sizeof *some, shadows_compare);
+    qsort(some, count, sizeof *some, fit_compare_floats);
     return (double)some[count / 2];
 }
 
@@ -100,11 +90,12 @@ static float *shadows_shade(const ShadowView *view, const struct picture *pictur
     const struct rig *rig = view->rig;
     struct vec3 at = rig_lamp_position_mm(&rig->arc, &rig->lamps[lamp], arc_rad);
     for (gsize i = 0; i < n; i++) {
-        values[i] = NAN;
-        if (!on_plate(view, i))
-            continue;
         const float *xy = view->map->xy_mm + 2 * i;
         struct vec3 p = vec3((double)xy[0], (double)xy[1], view->target.plane_mm);
+        struct vec3 q = rig_turn(p, -view->turntable_rad);
+        values[i] = NAN;
+        if (!(fabs(q.x) < view->target.plate_mm[0] / 2 && fabs(q.y) < view->target.plate_mm[1] / 2))
+            continue; /* not on the plate */
         struct vec3 path = vec3_sub(at, p);
         double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * path.z /
                        vec3_length(path);
@@ -123,17 +114,16 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
                     picture->height, view->map->width, view->map->height);
         return FALSE;
     }
-    struct shot shot = {index, lamp, arc_rad, NULL, shadows_shade(view, picture, lamp, arc_rad)};
-    double level = median_of(shot.values, n);
+    g_autofree float *values = shadows_shade(view, picture, lamp, arc_rad);
+    double level = median_of(values, n);
     if (!(level > 0)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "%s: the plate is dark, or not in the picture", picture->name);
-        g_free(shot.values);
         return FALSE;
     }
     for (gsize i = 0; i < n; i++)
-        shot.values[i] = (float)((double)shot.values[i] / level);
-    shot.name = g_strdup(picture->name);
+        values[i] = (float)((double)values[i] / level);
+    struct shot shot = {index, lamp, arc_rad, g_strdup(picture->name), g_steal_pointer(&values)};
     g_array_append_val(view->shots, shot);
     return TRUE;
 }
@@ -194,20 +184,16 @@ static gboolean set_slope(struct window *w, int column, int row) {
     return isfinite(w->pixel_mm);
 }
 
-/* Whether a pixel lies beyond the centre of a post's top. The top is evenly bright; the side is
- * not. */
-static gboolean is_beyond(const struct window *w, const struct pixel *p) {
-    double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
-    return (p->x - w->streak.to.x) * ax + (p->y - w->streak.to.y) * ay > 0;
-}
-
 /* Takes a pixel unless it overlaps anything but plate and shadow. */
 static void take_pixel(struct window *w, gsize i, double reach_mm, double margin_mm) {
     const float *xy = w->view->map->xy_mm + 2 * i;
     struct pixel p = {(double)xy[0], (double)xy[1],
                       w->body ? (double)w->shot->values[i] : shadow_value(w->view, w->shot, i)};
     double away = hypot(p.x - w->streak.to.x, p.y - w->streak.to.y);
-    if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !is_beyond(w, &p)))
+    double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
+    double beyond = (p.x - w->streak.to.x) * ax + (p.y - w->streak.to.y) * ay;
+    /* Beyond its centre a post's top is evenly bright; its side is not. */
+    if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !(beyond > 0)))
         return;
     gboolean near_end = away < w->streak.to_mm + w->pixel_mm;
     w->near_end += near_end;
@@ -240,35 +226,27 @@ static gboolean fill_window(struct window *w, double reach_mm, double margin_mm)
     return TRUE;
 }
 
-static void shadows_reject(const struct window *w, GPtrArray *rejected, const char *why) {
-    if (rejected)
-        g_ptr_array_add(rejected,
-                        g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));
-}
-
 /* Fits the shape and appends a sight, or the reason for rejecting it. */
 static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
-    if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS) {
-        shadows_reject(
-            w, rejected,
-            "hides the end of its shadow from the camera, or another shadow overlaps it");
+    const char *why = NULL;
+    if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS)
+        why = "hides the end of its shadow from the camera, or another shadow overlaps it";
+    else if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) ||
+             !shadow_fit_shape(w, 0, &f))
+        why = "has no shadow where it should end";
+    else if (f.p[2] - f.p[3] < LEAST_CONTRAST * f.p[2] ||
+             hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y) >
+                 (near ? 1.0 : 2.5) * w->streak.to_mm)
+        why = "has no clear shadow where it should end";
+    else if (f.rms > (near ? 1 : 2) * MOST_RESIDUAL * f.p[2])
+        why = "throws a shadow that is not that of a round post";
+    if (why && rejected)
+        g_ptr_array_add(rejected,
+                        g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));
+    if (why)
         return;
-    }
-    if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) || !shadow_fit_shape(w, 0, &f)) {
-        shadows_reject(w, rejected, "has no shadow where it should end");
-        return;
-    }
-    double moved = hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y);
-    if (f.p[2] - f.p[3] < LEAST_TELL * f.p[2] || moved > (near ? 1.0 : 2.5) * w->streak.to_mm) {
-        shadows_reject(w, rejected, "has no clear shadow where it should end");
-        return;
-    }
-    if (f.rms > (near ? 1 : 2) * MOST_ODD * f.p[2]) {
-        shadows_reject(w, rejected, "throws a shadow that is not that of a round post");
-        return;
-    }
     struct vec3 at = rig_turn(vec3(f.p[0], f.p[1], 0), -w->view->turntable_rad);
     double floor_mm = FLOOR_PX * w->long_mm;
     struct lamp_sight sight = {
@@ -285,19 +263,6 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     g_array_append_val(sights, sight);
 }
 
-/* Collects everything that may overlap the shadow or the post. */
-static void add_others(struct window *w, gboolean body, struct vec3 lamp_mm, struct vec3 eye_mm) {
-    w->n_others = 0;
-    for (int i = 0; i < w->target->n; i++) {
-        struct streak *next = &w->others[w->n_others];
-        if (!body || i != w->mark)
-            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, eye_mm, next);
-        next = &w->others[w->n_others];
-        if (body || i != w->mark)
-            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, lamp_mm, next);
-    }
-}
-
 /* Measures a post's shadow, or the post itself (body): the shadow that a light at the camera
  * would cast. */
 static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm,
@@ -309,30 +274,19 @@ static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 la
                        &w->streak) ||
         vec3_length(vec3_sub(w->streak.to, w->streak.from)) < w->target->radius_mm)
         return; /* the shadow is under the post's own foot */
-    add_others(w, body, lamp_mm, eye_mm);
+    /* Collects everything that may overlap the shadow or the post. */
+    w->n_others = 0;
+    for (int i = 0; i < w->target->n; i++) {
+        struct streak *next = &w->others[w->n_others];
+        if (!body || i != w->mark)
+            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, eye_mm, next);
+        next = &w->others[w->n_others];
+        if (body || i != w->mark)
+            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, lamp_mm, next);
+    }
     double r = w->streak.to_mm;
     if (fill_window(w, w->near ? 2.5 * r : 3.5 * r, w->near ? 0.15 * r : 0.5 * r))
         fit_end(w, sights, rejected);
-}
-
-static void measure_shot(const ShadowView *view, const struct shot *shot, const struct rig *rig,
-                         const struct lamp_target *target, gboolean near, gboolean bodies,
-                         GArray *sights, GPtrArray *rejected) {
-    struct vec3 lamp = rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
-    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[view->camera]);
-    g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
-    struct window w = {
-        .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};
-    for (w.mark = 0; w.mark < target->n; w.mark++) {
-        shadows_measure_mark(&w, FALSE, lamp, eye, sights, rejected);
-        if (bodies)
-            shadows_measure_mark(&w, TRUE, lamp, eye, sights, NULL);
-    }
-}
-
-static int shadows_by_size(gconstpointer a, gconstpointer b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
 }
 
 /* The residuals of a few pixels estimate a sight's error poorly: half of its variance is replaced
@@ -346,7 +300,7 @@ static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
     }
     if (sorted->len == 0)
         return;
-    g_array_sort(sorted, shadows_by_size);
+    g_array_sort(sorted, fit_compare);
     const double usual = g_array_index(sorted, double, sorted->len / 2);
     for (guint i = first; i < sights->len; i++) {
         struct lamp_sight *s = &g_array_index(sights, struct lamp_sight, i);
@@ -358,16 +312,24 @@ static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected) {
     shadow_find_pattern(view);
+    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[view->camera]);
     gboolean seen = FALSE;
     const guint first = sights->len;
     for (guint i = 0; i < view->shots->len; i++) {
         const struct shot *shot = &g_array_index(view->shots, struct shot, i);
         /* Under low lamps a post's side is bright and the plate dark. A body's edge lies on the
          * same pixels in every picture, so one measurement has all the information. */
-        struct vec3 lamp = vec3_unit(rig->lamps[shot->lamp].position_mm);
-        gboolean body = lamp.z > BODY_LAMP && !seen;
+        gboolean body = vec3_unit(rig->lamps[shot->lamp].position_mm).z > BODY_LAMP && !seen;
         seen |= body;
-        measure_shot(view, shot, rig, target, near, body, sights, rejected);
+        struct vec3 lamp = rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
+        g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
+        struct window w = {
+            .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};
+        for (w.mark = 0; w.mark < target->n; w.mark++) {
+            shadows_measure_mark(&w, FALSE, lamp, eye, sights, rejected);
+            if (body)
+                shadows_measure_mark(&w, TRUE, lamp, eye, sights, NULL);
+        }
     }
     share_sigmas(sights, first, FALSE);
     share_sigmas(sights, first, TRUE);

@@ -33,13 +33,6 @@ gboolean shadow_streak(const struct lamp_target *target, int mark, double turnta
     return lamp_shadow_mm(target, mark, ret->from, source_mm, &ret->to, &ret->to_mm);
 }
 
-/* Curvature of the edge in 1/mm: that of the disc around the end, 0 along the sides. */
-static double curvature(const struct streak *s, double x, double y) {
-    const double ax = s->to.x - s->from.x, ay = s->to.y - s->from.y;
-    const double px = x - s->to.x, py = y - s->to.y;
-    return px * ax + py * ay > 0 ? 1 / MAX(hypot(px, py), s->to_mm / 2) : 0;
-}
-
 /* Coverage of a quarter of a pixel. Blur along a curved edge shifts it towards its hollow side by
  * ½ κ σ_along². */
 static double cover_part(const struct window *w, const struct streak *streak, double x, double y,
@@ -51,7 +44,11 @@ static double cover_part(const struct window *w, const struct streak *streak, do
     double across = hypot(gx * s[0] + gy * s[2], gx * s[1] + gy * s[3]);
     double along = hypot(gx * s[2] - gy * s[0], gx * s[3] - gy * s[1]);
     double sigma = sqrt(blur->px2 * across * across + blur->mm * blur->mm);
-    d += curvature(streak, x, y) * blur->px2 * along * along / 2;
+    /* Curvature of the edge in 1/mm: that of the disc around the end, 0 along the sides. */
+    const double ax = streak->to.x - streak->from.x, ay = streak->to.y - streak->from.y;
+    const double px = x - streak->to.x, py = y - streak->to.y;
+    const double curvature = px * ax + py * ay > 0 ? 1 / MAX(hypot(px, py), streak->to_mm / 2) : 0;
+    d += curvature * blur->px2 * along * along / 2;
     return erfc(d / (sigma * G_SQRT2)) / 2;
 }
 

@@ -6,7 +6,6 @@
 #include "laser.h"
 
 #include "geometry/drive.h"
-#include "geometry/fit.h"
 
 #include <math.h>
 #include <string.h>
@@ -33,7 +32,6 @@ struct problem {
     const struct rig *rig;
     const struct laser_point *points;
     int n;
-    struct laser_arc known;
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
@@ -41,18 +39,13 @@ struct problem {
     int n_parameters;
 };
 
-/* Direction of the light at sweep angle 0, perpendicular to the axis: normal × axis. */
-static struct vec3 beam_of(const struct rig_laser *laser) {
-    return vec3_cross(laser->normal, laser->axis);
-}
-
 /* Applies the corrections: p' = p + a·n + b·beam, axis' = unit(axis + c·beam + d·n), and the
  * normal, made perpendicular to axis', rotated about it by the zero. */
 static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
     const struct rig_laser *from = &problem->rig->lasers[i];
     const double *p = x + problem->at[i];
     struct rig_laser laser = *from;
-    struct vec3 beam = beam_of(from);
+    struct vec3 beam = vec3_cross(from->normal, from->axis);
     laser.position_mm = vec3_add(from->position_mm, vec3_add(vec3_scale(from->normal, p[ACROSS]),
                                                              vec3_scale(beam, p[BEAM])));
     laser.axis =
@@ -76,18 +69,6 @@ static struct rig_arc laser_arc_of(const struct problem *problem, const double *
     return arc;
 }
 
-/* Signed distance of a point from its sheet. arc_rad: the true angle; d: the camera's offset in
- * px. */
-static double distance_mm(const struct rig_arc *arc, double arc_rad, const struct rig_laser *laser,
-                          const struct laser_point *point, const double d[2]) {
-    struct rig_plane sheet = rig_laser_sheet(arc, laser, arc_rad, point->sweep_rad);
-    const float *a = point->shift;
-    struct vec3 p = point->point_mm;
-    p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
-    p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
-    return vec3_dot(sheet.normal, p) - sheet.offset_mm;
-}
-
 static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
     struct rig_arc arc = laser_arc_of(problem, x);
@@ -98,9 +79,14 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
         const double arc_rad = point->arc_rad + x[problem->swing.at + problem->swing_of[i]];
-        ret[i] = distance_mm(&arc, arc_rad, &lasers[point->laser], point,
-                             x + problem->camera_at[point->camera]) /
-                 point->sigma_mm;
+        const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
+        const float *a = point->shift;
+        struct rig_plane sheet =
+            rig_laser_sheet(&arc, &lasers[point->laser], arc_rad, point->sweep_rad);
+        struct vec3 p = point->point_mm;
+        p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
+        p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
+        ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
 
@@ -131,38 +117,33 @@ static struct levels levels_of(const struct problem *problem, int laser) {
     return l;
 }
 
-static gboolean laser_check_levels(const struct problem *problem, int laser, const struct levels *l,
-                                   const char *const *sweep_names, GError **error) {
-    const char *name = problem->rig->lasers[laser].name;
-    if (l->high_mm - l->low_mm < LEAST_HEIGHTS) {
-        g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
-                    "%s: laser %s is seen on planes of one height only, %.3f mm, which does not "
-                    "determine the angle of its sheet; sweep a second plane, at least %g mm "
-                    "higher or lower",
-                    sweep_names[l->sweep], name, l->low_mm, LEAST_HEIGHTS);
-        return FALSE;
-    }
-    if (MIN(l->n_low, l->n_high) >= LEAST_POINTS)
-        return TRUE;
-    g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are needed "
-                "on each plane: is it bright enough, and the plane in view?",
-                sweep_names[l->sweep], name, l->n_low, l->low_mm, l->n_high, l->high_mm,
-                LEAST_POINTS);
-    return FALSE;
-}
-
 static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_names,
                               GError **error) {
     problem->n_parameters = ARC;
     gboolean any = FALSE;
     for (int i = 0; i < problem->rig->n_lasers; i++) {
+        const char *name = problem->rig->lasers[i].name;
         struct levels l = levels_of(problem, i);
         problem->at[i] = l.n ? problem->n_parameters : -1;
         problem->n_parameters += l.n ? PER_LASER : 0;
         any |= l.n > 0;
-        if (l.n > 0 && !laser_check_levels(problem, i, &l, sweep_names, error))
-            return FALSE;
+        if (l.n == 0)
+            continue;
+        if (l.high_mm - l.low_mm < LEAST_HEIGHTS)
+            g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
+                        "%s: laser %s is seen on planes of one height only, %.3f mm, which does "
+                        "not determine the angle of its sheet; sweep a second plane, at least %g "
+                        "mm higher or lower",
+                        sweep_names[l.sweep], name, l.low_mm, LEAST_HEIGHTS);
+        else if (MIN(l.n_low, l.n_high) < LEAST_POINTS)
+            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                        "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are "
+                        "needed on each plane: is it bright enough, and the plane in view?",
+                        sweep_names[l.sweep], name, l.n_low, l.low_mm, l.n_high, l.high_mm,
+                        LEAST_POINTS);
+        else
+            continue;
+        return FALSE;
     }
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
     for (int i = 0; i < problem->n; i++)
@@ -193,18 +174,6 @@ static int *laser_new_depends(const struct problem *problem) {
         of[ON_SWING] = problem->swing.at + problem->swing_of[i];
     }
     return depends;
-}
-
-static double *laser_new_sigmas(const struct problem *problem) {
-    double *sigma = g_new0(double, problem->n_parameters);
-    for (int k = 0; k < ARC; k++)
-        sigma[k] = k < 2 ? problem->known.tilt_rad : problem->known.centre_mm;
-    for (int c = 0; c < problem->rig->n_cameras; c++)
-        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
-            sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
-    for (int i = 0; i < problem->swing.n; i++)
-        sigma[problem->swing.at + i] = problem->swing.sigma_rad;
-    return sigma;
 }
 
 /* Residuals of one step's points, summed over each of the two heights. */
@@ -254,41 +223,6 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
     }
 }
 
-static void collect_steps(const struct problem *problem, const struct fit_result *fit,
-                          struct laser_result *ret) {
-    ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
-    for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
-        if (problem->at[laser] < 0)
-            continue;
-        struct levels l = levels_of(problem, laser);
-        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
-        for (int i = 0; i < problem->n; i++) {
-            double arc = problem->points[i].arc_rad;
-            gboolean known = problem->points[i].laser != laser;
-            for (guint k = 0; k < arcs->len && !known; k++)
-                known = g_array_index(arcs, double, k) == arc;
-            if (!known)
-                g_array_append_val(arcs, arc);
-        }
-        for (guint k = 0; k < arcs->len; k++)
-            add_steps(problem, fit, ret, laser, g_array_index(arcs, double, k), &l);
-    }
-}
-
-static void take_laser(const struct problem *problem, const struct fit *fit,
-                       const struct fit_result *fitted, const double *x, int i,
-                       struct laser_result *ret) {
-    int at = problem->at[i];
-    ret->seen[i] = TRUE;
-    ret->rig.lasers[i] = laser_of(problem, x, i);
-    ret->source_error_mm[i] =
-        hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
-    ret->axis_error_rad[i] =
-        hypot(fit_error(fit, fitted, at + AXIS_BEAM), fit_error(fit, fitted, at + AXIS_ACROSS));
-    ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
-    ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
-}
-
 static void laser_take(const struct problem *problem, const struct fit *fit,
                        struct fit_result *fitted, const double *x, struct laser_result *ret) {
     double sum[RIG_MAX_LASERS] = {0}, all = 0;
@@ -299,8 +233,17 @@ static void laser_take(const struct problem *problem, const struct fit *fit,
         ret->centre_error_mm[k] = fit_error(fit, fitted, 2 + k);
     }
     for (int i = 0; i < problem->rig->n_lasers; i++)
-        if (problem->at[i] >= 0)
-            take_laser(problem, fit, fitted, x, i, ret);
+        if (problem->at[i] >= 0) {
+            int at = problem->at[i];
+            ret->seen[i] = TRUE;
+            ret->rig.lasers[i] = laser_of(problem, x, i);
+            ret->source_error_mm[i] =
+                hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
+            ret->axis_error_rad[i] = hypot(fit_error(fit, fitted, at + AXIS_BEAM),
+                                           fit_error(fit, fitted, at + AXIS_ACROSS));
+            ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
+            ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
+        }
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *p = &problem->points[i];
         double d = fitted->residuals[i] * p->sigma_mm;
@@ -316,12 +259,28 @@ static void laser_take(const struct problem *problem, const struct fit *fit,
     ret->sigma = fitted->sigma;
     ret->n_used = fitted->n_used;
     ret->degrees_of_freedom = fitted->degrees_of_freedom;
-    collect_steps(problem, fitted, ret);
+    ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
+    for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
+        if (problem->at[laser] < 0)
+            continue;
+        struct levels l = levels_of(problem, laser);
+        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
+        for (int i = 0; i < problem->n; i++) {
+            double arc = problem->points[i].arc_rad;
+            gboolean known = problem->points[i].laser != laser;
+            for (guint k = 0; k < arcs->len && !known; k++)
+                known = g_array_index(arcs, double, k) == arc;
+            if (!known)
+                g_array_append_val(arcs, arc);
+        }
+        for (guint k = 0; k < arcs->len; k++)
+            add_steps(problem, fitted, ret, laser, g_array_index(arcs, double, k), &l);
+    }
     ret->rejected = g_steal_pointer(&fitted->rejected);
 }
 
-static gboolean check_determined(const struct problem *problem, const struct fit_result *fitted,
-                                 GError **error) {
+static gboolean laser_check_determined(const struct problem *problem,
+                                       const struct fit_result *fitted, GError **error) {
     if (fitted->undetermined < 0)
         return TRUE;
     const char *name = "arc";
@@ -337,7 +296,8 @@ static gboolean check_determined(const struct problem *problem, const struct fit
 /* A sweep whose direction is reversed, or whose range differs much from the commanded one, is an
  * error in the rig file or the table; calibration must not hide it, nor could the file be read
  * back. */
-static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
+static gboolean laser_check_stretch(const struct problem *problem, const double *x,
+                                    GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];
         if (problem->at[i] < 0)
@@ -364,54 +324,48 @@ static gboolean check_stretch(const struct problem *problem, const double *x, GE
     return TRUE;
 }
 
-/* Alternates between the fit and the estimate of the arc drive's standard deviation from it. */
-static gboolean laser_adjust(struct problem *problem, struct laser_result *ret, GError **error) {
-    const int n = problem->n_parameters;
-    struct fit_result fitted;
-    g_autofree double *x = g_new0(double, n), *none = g_new0(double, n);
-    g_autofree int *depends = laser_new_depends(problem);
-    for (int round = 0;; round++) {
-        g_autofree double *sigma = laser_new_sigmas(problem);
-        const struct fit fit = {.n_parameters = n,
-                                .n_observations = problem->n,
-                                .dimension = 1,
-                                .residuals = laser_residuals,
-                                .data = problem,
-                                .reject = REJECT,
-                                .depends = depends,
-                                .n_depends = ON,
-                                .known = none,
-                                .known_sigma = sigma};
-        if (!fit_solve(&fit, x, &fitted)) {
-            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                        "the sweeps' points are too few or not finite");
-            return FALSE;
-        }
-        const gboolean last = round == DRIVE_ROUNDS,
-                       ok = check_determined(problem, &fitted, error) &&
-                            (!last || check_stretch(problem, x, error));
-        drive_learn(&problem->swing, x, fitted.covariance, n);
-        if (ok && last)
-            laser_take(problem, &fit, &fitted, x, ret);
-        fit_result_clear(&fitted);
-        if (!ok || last)
-            return ok;
-    }
-}
-
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error) {
-    struct problem problem = {.rig = rig, .points = points, .n = n, .known = *arc};
+    struct problem problem = {.rig = rig, .points = points, .n = n};
+    struct drive *const drive = &problem.swing;
+    g_autofree int *swing_of = problem.swing_of = g_new(int, n + 1);
     memset(ret, 0, sizeof *ret);
-    drive_init(&problem.swing, n);
-    problem.swing_of = g_new(int, n + 1);
+    drive_init(drive, n);
     for (int i = 0; i < n; i++)
-        problem.swing_of[i] = drive_angle(&problem.swing, points[i].arc_rad);
-    const gboolean ok =
-        laser_lay_out(&problem, sweep_names, error) && laser_adjust(&problem, ret, error);
-    drive_clear(&problem.swing);
-    g_free(problem.swing_of);
+        swing_of[i] = drive_angle(drive, points[i].arc_rad);
+    gboolean ok = laser_lay_out(&problem, sweep_names, error);
+    if (ok) {
+        struct fit_result fitted;
+        g_autofree int *depends = laser_new_depends(&problem);
+        g_autofree double *x = g_new0(double, problem.n_parameters);
+        g_autofree double *sigma = g_new0(double, problem.n_parameters);
+        const struct fit fit = {.n_parameters = problem.n_parameters,
+                                .n_observations = n,
+                                .dimension = 1,
+                                .residuals = laser_residuals,
+                                .data = &problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON};
+        for (int k = 0; k < ARC; k++)
+            sigma[k] = k < 2 ? arc->tilt_rad : arc->centre_mm;
+        for (int c = 0; c < rig->n_cameras; c++)
+            for (int k = 0; problem.camera_at[c] >= 0 && k < 2; k++)
+                sigma[problem.camera_at[c] + k] = LASER_CAMERA_PX;
+        ok = drive_fit(&fit, sigma, &drive, 1, x, &fitted);
+        if (ok) {
+            ok = laser_check_determined(&problem, &fitted, error) &&
+                 laser_check_stretch(&problem, x, error);
+            if (ok)
+                laser_take(&problem, &fit, &fitted, x, ret);
+            fit_result_clear(&fitted);
+        } else {
+            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                        "the sweeps' points are too few or not finite");
+        }
+    }
+    drive_clear(drive);
     return ok;
 }
 
@@ -430,19 +384,6 @@ static gboolean laser_plane_point(const struct rig_camera *camera, const struct 
     *ret = vec3_add(eye, vec3_scale(ray, (sweep->plane_mm - eye.z) / ray.z));
     ret->z = sweep->plane_mm;
     return hypot(ret->x, ret->y) <= sweep->radius_mm;
-}
-
-/* Derivative of the point by the camera's offset: differences to the neighbouring pixels. */
-static void laser_find_shift(const struct rig_camera *camera, const struct laser_sweep *sweep,
-                             int x, int y, struct laser_point *point) {
-    struct vec3 right, down;
-    if (!laser_plane_point(camera, sweep, x + 1, y, &right) ||
-        !laser_plane_point(camera, sweep, x, y + 1, &down))
-        return; /* at the border of the plane: assume no offset */
-    point->shift[0] = (float)(right.x - point->point_mm.x);
-    point->shift[1] = (float)(down.x - point->point_mm.x);
-    point->shift[2] = (float)(right.y - point->point_mm.y);
-    point->shift[3] = (float)(down.y - point->point_mm.y);
 }
 
 int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
@@ -470,7 +411,16 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
         int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
         if (!laser_plane_point(camera, sweep, x, y, &point.point_mm))
             continue;
-        laser_find_shift(camera, sweep, x, y, &point);
+        /* Derivative of the point by the camera's offset: differences to the neighbouring pixels.
+         * At the border of the plane there is no neighbour: no offset is assumed. */
+        struct vec3 right, down;
+        if (laser_plane_point(camera, sweep, x + 1, y, &right) &&
+            laser_plane_point(camera, sweep, x, y + 1, &down)) {
+            point.shift[0] = (float)(right.x - point.point_mm.x);
+            point.shift[1] = (float)(down.x - point.point_mm.x);
+            point.shift[2] = (float)(right.y - point.point_mm.y);
+            point.shift[3] = (float)(down.y - point.point_mm.y);
+        }
         g_array_append_val(points, point);
         taken++;
     }

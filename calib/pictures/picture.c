@@ -24,20 +24,6 @@ void picture_free(struct picture *picture) {
     g_free(picture);
 }
 
-/* Sums the values of each colour, identified by its letter in the 2 × 2 filter cell. */
-static void sum_colours(const struct picture *picture, const char *cfa, double sum[256],
-                        double n[256]) {
-    for (int y = 0; y < picture->height; y++)
-        for (int x = 0; x < picture->width; x++) {
-            const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
-            const guchar colour = (guchar)cfa[2 * (y & 1) + (x & 1)];
-            if (isfinite(value)) {
-                sum[colour] += (double)value;
-                n[colour]++;
-            }
-        }
-}
-
 /* Scales each colour by mean(green) / mean(colour). */
 gboolean picture_balance(struct picture *picture, const char *cfa) {
     static const char *const known[] = {"rggb", "bggr", "grbg", "gbrg", NULL};
@@ -47,7 +33,15 @@ gboolean picture_balance(struct picture *picture, const char *cfa) {
         return TRUE;
     if (!g_strv_contains(known, cfa))
         return FALSE;
-    sum_colours(picture, cfa, sum, n);
+    for (int y = 0; y < picture->height; y++)
+        for (int x = 0; x < picture->width; x++) {
+            const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
+            const guchar colour = (guchar)cfa[2 * (y & 1) + (x & 1)];
+            if (isfinite(value)) {
+                sum[colour] += (double)value;
+                n[colour]++;
+            }
+        }
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             const guchar colour = (guchar)cfa[2 * (y & 1) + (x & 1)];

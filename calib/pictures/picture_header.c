@@ -29,11 +29,6 @@ static gboolean png_size(const guint8 *bytes, gsize length, struct size *ret) {
     return TRUE;
 }
 
-/* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
-static gboolean is_frame(guint8 marker) {
-    return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-}
-
 /* Skips segments up to the first start of frame. */
 static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 4 || bytes[0] != 0xff || bytes[1] != 0xd8)
@@ -44,7 +39,9 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
             continue;
         }
         const guint8 marker = bytes[at + 1];
-        if (is_frame(marker)) {
+        /* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
+        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
+            marker != 0xcc) {
             *ret =
                 (struct size){number(bytes + at + 7, 2, TRUE), number(bytes + at + 5, 2, TRUE), 0};
             return TRUE;
@@ -102,16 +99,14 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const guint8 *entry = tiff->bytes + at + n_bytes;
     for (guint64 i = 0; i < n && (gsize)(tiff->bytes + tiff->length - entry) >= each; i++) {
         const guint64 tag = number(entry, 2, tiff->big_endian), value = tiff_value(tiff, entry);
-        if (tag == TIFF_WIDTH)
-            ret->width = MAX(ret->width, value);
-        else if (tag == TIFF_HEIGHT)
-            ret->height = MAX(ret->height, value);
-        else if (tag == TIFF_BITS)
-            ret->bits = MAX(ret->bits, value);
-        else if (tag == TIFF_TILE_WIDTH)
-            tile.width = MAX(tile.width, value);
-        else if (tag == TIFF_TILE_HEIGHT)
-            tile.height = MAX(tile.height, value);
+        guint64 *const to = tag == TIFF_WIDTH         ? &ret->width
+                            : tag == TIFF_HEIGHT      ? &ret->height
+                            : tag == TIFF_BITS        ? &ret->bits
+                            : tag == TIFF_TILE_WIDTH  ? &tile.width
+                            : tag == TIFF_TILE_HEIGHT ? &tile.height
+                                                      : NULL;
+        if (to)
+            *to = MAX(*to, value);
         entry += each;
     }
     ret->width = MAX(ret->width, tile.width);
@@ -119,29 +114,26 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     return ret->width > 0 && ret->height > 0;
 }
 
-/* Values of 32 bits need twice the memory while they are decoded. */
-static gboolean check_wide(const char *path, const struct size *size, gsize length,
-                           GError **error) {
+/* The size is checked before decoding, so that a small file cannot claim all memory. */
+gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
+    struct size size = {0};
+    struct tiff tiff;
+    if (!png_size(bytes, length, &size) && !jpeg_size(bytes, length, &size) &&
+        !(tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size))) {
+        g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                    "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+        return FALSE;
+    }
+    if (!input_file_check_pixels(path, size.width, size.height, length, error))
+        return FALSE;
+    /* Values of 32 bits need twice the memory while they are decoded. */
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * length) / 2;
-    if (size->bits <= 16 || size->height <= most / size->width)
+    if (size.bits <= 16 || size.height <= most / size.width)
         return TRUE;
     g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
                 "%s: with %" G_GUINT64_FORMAT " bits a value, a file of %" G_GSIZE_FORMAT
                 " bytes may have at most %" G_GUINT64_FORMAT " pixels, not %" G_GUINT64_FORMAT
                 " × %" G_GUINT64_FORMAT "; save it with 16 bits",
-                path, size->bits, length, most, size->width, size->height);
-    return FALSE;
-}
-
-/* The size is checked before decoding, so that a small file cannot claim all memory. */
-gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
-    struct size size = {0};
-    struct tiff tiff;
-    if (png_size(bytes, length, &size) || jpeg_size(bytes, length, &size) ||
-        (tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size)))
-        return input_file_check_pixels(path, size.width, size.height, length, error) &&
-               check_wide(path, &size, length, error);
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+                path, size.bits, length, most, size.width, size.height);
     return FALSE;
 }

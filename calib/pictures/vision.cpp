@@ -36,34 +36,18 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
     return false;
 }
 
-struct name_of_dictionary {
-    const char *name;
-    cv::aruco::PREDEFINED_DICTIONARY_NAME value;
-};
-const name_of_dictionary dictionaries[] = {
-    {"4x4_50", cv::aruco::DICT_4X4_50},
-    {"4x4_100", cv::aruco::DICT_4X4_100},
-    {"4x4_250", cv::aruco::DICT_4X4_250},
-    {"4x4_1000", cv::aruco::DICT_4X4_1000},
-    {"5x5_50", cv::aruco::DICT_5X5_50},
-    {"5x5_100", cv::aruco::DICT_5X5_100},
-    {"5x5_250", cv::aruco::DICT_5X5_250},
-    {"5x5_1000", cv::aruco::DICT_5X5_1000},
-    {"6x6_50", cv::aruco::DICT_6X6_50},
-    {"6x6_100", cv::aruco::DICT_6X6_100},
-    {"6x6_250", cv::aruco::DICT_6X6_250},
-    {"6x6_1000", cv::aruco::DICT_6X6_1000},
-    {"7x7_50", cv::aruco::DICT_7X7_50},
-    {"7x7_100", cv::aruco::DICT_7X7_100},
-    {"7x7_250", cv::aruco::DICT_7X7_250},
-    {"7x7_1000", cv::aruco::DICT_7X7_1000},
-    {"aruco_original", cv::aruco::DICT_ARUCO_ORIGINAL},
-};
+/* In the order of OpenCV's PREDEFINED_DICTIONARY_NAME. */
+const char *const dictionaries[] = {"4x4_50",   "4x4_100",       "4x4_250",  "4x4_1000", "5x5_50",
+                                    "5x5_100",  "5x5_250",       "5x5_1000", "6x6_50",   "6x6_100",
+                                    "6x6_250",  "6x6_1000",      "7x7_50",   "7x7_100",  "7x7_250",
+                                    "7x7_1000", "aruco_original"};
+static_assert(cv::aruco::DICT_5X5_50 == 4 && cv::aruco::DICT_6X6_50 == 8 &&
+              cv::aruco::DICT_7X7_50 == 12 && cv::aruco::DICT_ARUCO_ORIGINAL == 16);
 
 cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
-    for (const auto &d : dictionaries)
-        if (std::strcmp(d.name, name) == 0)
-            return cv::aruco::getPredefinedDictionary(d.value);
+    for (gsize i = 0; i < G_N_ELEMENTS(dictionaries); i++)
+        if (std::strcmp(dictionaries[i], name) == 0)
+            return cv::aruco::getPredefinedDictionary((int)i);
     return {};
 }
 
@@ -86,15 +70,13 @@ cv::Mat to_bytes(const picture *from) {
     return bytes;
 }
 
-double linear_of_srgb(double v) {
-    return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-}
-
 /* Copies all channels in order; 8-bit values are made linear (sRGB). */
 void fill(float *to, const cv::Mat &from) {
     std::array<float, 256> table{};
-    for (int i = 0; i < 256; i++)
-        table[(gsize)i] = (float)linear_of_srgb(i / 255.0);
+    for (gsize i = 0; i < 256; i++) {
+        const double v = (double)i / 255.0;
+        table[i] = (float)(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
+    }
     for (int y = 0; y < from.rows; y++)
         for (int x = 0; x < from.cols * from.channels(); x++)
             if (from.depth() == CV_8U)
@@ -103,11 +85,6 @@ void fill(float *to, const cv::Mat &from) {
                 *to++ = (float)from.ptr<guint16>(y)[x] / 65535;
             else
                 *to++ = from.ptr<float>(y)[x];
-}
-
-bool is_readable(const cv::Mat &picture) {
-    return !picture.empty() && (picture.channels() == 1 || picture.channels() == 3) &&
-           (picture.depth() == CV_8U || picture.depth() == CV_16U || picture.depth() == CV_32F);
 }
 
 /* Reads the whole file after checking its size in the header. */
@@ -122,30 +99,18 @@ char *read_picture(const char *path, gsize *ret_length, GError **error) {
 cv::Mat decode(const char *path, char *text, gsize length, int flags, GError **error) {
     const cv::Mat bytes(1, (int)length, CV_8U, text);
     cv::Mat ret = cv::imdecode(bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
-    if (is_readable(ret))
+    if (!ret.empty() && (ret.channels() == 1 || ret.channels() == 3) &&
+        (ret.depth() == CV_8U || ret.depth() == CV_16U || ret.depth() == CV_32F))
         return ret;
     g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
                 "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
     return {};
 }
 
-/* Triples n values in place. */
-void spread_grey(float *values, gsize n) {
-    while (n-- > 0)
-        values[3 * n] = values[3 * n + 1] = values[3 * n + 2] = values[n];
-}
-
-void swap_red_and_blue(float *values, gsize n) {
-    for (gsize i = 0; i < n; i++)
-        std::swap(values[3 * i], values[3 * i + 2]);
-}
-
 /* Markers with few pixels per cell are searched in an enlarged picture. */
-constexpr int ENLARGED_BELOW = 1200;
-
 int enlargement(const cv::Mat &m) {
     const int longest = std::max(m.cols, m.rows);
-    return longest * 3 <= ENLARGED_BELOW ? 3 : longest * 2 <= ENLARGED_BELOW * 3 / 2 ? 2 : 1;
+    return longest <= 400 ? 3 : longest <= 900 ? 2 : 1;
 }
 
 cv::Ptr<cv::aruco::DetectorParameters> detector() {
@@ -161,13 +126,6 @@ cv::Ptr<cv::aruco::DetectorParameters> detector() {
     p->maxErroneousBitsInBorderRate = 0.25;
     p->errorCorrectionRate = 0.4;
     return p;
-}
-
-bool has_marker(const GArray *found, int id) {
-    for (guint i = 0; i < found->len; i++)
-        if (g_array_index(found, struct vision_marker, i).id == id)
-            return true;
-    return false;
 }
 
 /* Adds markers that were not found before. */
@@ -186,43 +144,32 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
             marker.corners_px[k][0] = mirrored ? bytes.cols - 1 - x : x;
             marker.corners_px[k][1] = ((double)corners[i][k].y + 0.5) / scale - 0.5;
         }
-        if (!has_marker(found, marker.id))
+        guint same = 0;
+        while (same < found->len &&
+               g_array_index(found, struct vision_marker, same).id != marker.id)
+            same++;
+        if (same == found->len)
             g_array_append_val(found, marker);
     }
 }
 
-void take_corners(const std::vector<cv::Point2f> &corners, double scale, double *ret_xy_px) {
-    for (gsize i = 0; i < corners.size(); i++) {
-        ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
-        ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
-    }
-}
-
-bool find_by_sectors(const cv::Mat &bytes, cv::Size inner, double scale, double *ret_xy_px) {
+/* By sectors around each corner; or else by the outlines of the dark squares, which finds boards
+ * that the former misses. */
+bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_sectors,
+                  double *ret_xy_px) {
     std::vector<cv::Point2f> corners;
     cv::Mat scaled = bytes;
     if (scale != 1)
         cv::resize(bytes, scaled, {}, scale, scale, scale > 1 ? cv::INTER_CUBIC : cv::INTER_AREA);
-    if (!cv::findChessboardCornersSB(scaled, inner, corners, cv::CALIB_CB_NORMALIZE_IMAGE))
+    if (!(by_sectors
+              ? cv::findChessboardCornersSB(scaled, inner, corners, cv::CALIB_CB_NORMALIZE_IMAGE)
+              : cv::findChessboardCorners(scaled, inner, corners)))
         return false;
-    take_corners(corners, scale, ret_xy_px);
+    for (gsize i = 0; i < corners.size(); i++) {
+        ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
+        ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
+    }
     return true;
-}
-
-/* Finds boards that the other method misses, by the outlines of their dark squares. */
-bool find_by_squares(const cv::Mat &bytes, cv::Size inner, double *ret_xy_px) {
-    std::vector<cv::Point2f> corners;
-    if (!cv::findChessboardCorners(bytes, inner, corners))
-        return false;
-    take_corners(corners, 1, ret_xy_px);
-    return true;
-}
-
-cv::Mat rows_of(const double *points, int n, int first) {
-    cv::Mat m(n, 1, CV_64FC2);
-    for (int i = 0; i < n; i++)
-        m.at<cv::Vec2d>(i) = {points[4 * i + first], points[4 * i + first + 1]};
-    return m;
 }
 
 } // namespace
@@ -263,11 +210,14 @@ gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, g
         *ret_width = bgr.cols;
         *ret_height = bgr.rows;
         *ret_rgb = g_new(float, 3 * n);
-        fill(*ret_rgb, bgr);
-        if (*ret_grey)
-            spread_grey(*ret_rgb, n);
+        float *to = *ret_rgb;
+        fill(to, bgr);
+        if (*ret_grey) /* triples the values in place, from the last one on */
+            for (gsize i = n; i-- > 0;)
+                to[3 * i] = to[3 * i + 1] = to[3 * i + 2] = to[i];
         else
-            swap_red_and_blue(*ret_rgb, n);
+            for (gsize i = 0; i < n; i++)
+                std::swap(to[3 * i], to[3 * i + 2]);
         return true;
     });
 }
@@ -321,10 +271,10 @@ gboolean vision_find_chessboard(const struct picture *picture, int columns, int 
         const cv::Mat bytes = to_bytes(picture);
         const cv::Size inner = {columns - 1, rows - 1};
         const double enlarged = enlargement(bytes);
-        return find_by_sectors(bytes, inner, enlarged, ret_xy_px) ||
-               (enlarged > 1 && find_by_sectors(bytes, inner, 1, ret_xy_px)) ||
-               find_by_sectors(bytes, inner, 0.5, ret_xy_px) ||
-               find_by_squares(bytes, inner, ret_xy_px);
+        return find_corners(bytes, inner, enlarged, true, ret_xy_px) ||
+               (enlarged > 1 && find_corners(bytes, inner, 1, true, ret_xy_px)) ||
+               find_corners(bytes, inner, 0.5, true, ret_xy_px) ||
+               find_corners(bytes, inner, 1, false, ret_xy_px);
     });
 }
 
@@ -345,8 +295,7 @@ gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
 }
 
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
-                             int height, double ret_focal_px[2], double ret_centre_px[2],
-                             GError **error) {
+                             int height, double ret_focal_px[2], GError **error) {
     return guarded(error, "initial camera parameters", [&] {
         std::vector<std::vector<cv::Point3f>> target((gsize)n_views);
         std::vector<std::vector<cv::Point2f>> seen((gsize)n_views);
@@ -363,23 +312,20 @@ gboolean vision_start_camera(const double *const *points, const int *n, int n_vi
                                 cv::CALIB_FIX_K1 | cv::CALIB_FIX_K2 | cv::CALIB_FIX_K3);
         ret_focal_px[0] = camera.at<double>(0, 0);
         ret_focal_px[1] = camera.at<double>(1, 1);
-        ret_centre_px[0] = camera.at<double>(0, 2);
-        ret_centre_px[1] = camera.at<double>(1, 2);
         return std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0;
     });
 }
 
-gboolean vision_pose(const double *points, int n, const double focal_px[2],
-                     const double centre_px[2], double ret_rotation[9], double ret_shift_mm[3]) {
+gboolean vision_pose(const double *points, int n, double ret_rotation[9], double ret_shift_mm[3]) {
     return n >= 4 && guarded(nullptr, "pose", [&] {
-               cv::Mat target(n, 1, CV_64FC3);
-               for (int i = 0; i < n; i++)
+               cv::Mat target(n, 1, CV_64FC3), seen(n, 1, CV_64FC2);
+               for (int i = 0; i < n; i++) {
                    target.at<cv::Vec3d>(i) = {points[4 * i], points[4 * i + 1], 0};
-               const cv::Matx33d camera(focal_px[0], 0, centre_px[0], 0, focal_px[1], centre_px[1],
-                                        0, 0, 1);
+                   seen.at<cv::Vec2d>(i) = {points[4 * i + 2], points[4 * i + 3]};
+               }
                std::vector<cv::Mat> turns, shifts;
-               cv::solvePnPGeneric(target, rows_of(points, n, 2), camera, cv::noArray(), turns,
-                                   shifts, false, cv::SOLVEPNP_IPPE);
+               cv::solvePnPGeneric(target, seen, cv::Matx33d::eye(), cv::noArray(), turns, shifts,
+                                   false, cv::SOLVEPNP_IPPE);
                if (turns.empty())
                    return false;
                cv::Mat rotation;

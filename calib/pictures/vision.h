@@ -51,15 +51,14 @@ gboolean vision_find_chessboard(const struct picture *picture, int columns, int 
 gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good);
 
-/* Initial focal length and principal point without distortion (Zhang 2000) from n_views views of
- * a flat target (x, y in mm, z = 0). points[v]: n[v] × 4, x_mm, y_mm, x_px, y_px. */
+/* Initial focal length without distortion (Zhang 2000) from n_views views of a flat target (x, y
+ * in mm, z = 0). points[v]: n[v] × 4, x_mm, y_mm, x_px, y_px. */
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
-                             int height, double ret_focal_px[2], double ret_centre_px[2],
-                             GError **error);
+                             int height, double ret_focal_px[2], GError **error);
 
-/* Pose of a flat target for a camera without distortion: camera = rotation · target + shift. Of
- * the two solutions for a plane the one with the smaller reprojection error. points as above. */
-gboolean vision_pose(const double *points, int n, const double focal_px[2],
-                     const double centre_px[2], double ret_rotation[9], double ret_shift_mm[3]);
+/* Pose of a flat target: camera = rotation · target + shift. Of the two solutions for a plane the
+ * one with the smaller reprojection error. points: n × 4, x_mm, y_mm, and x / z, y / z of the
+ * viewing ray in the camera's frame. */
+gboolean vision_pose(const double *points, int n, double ret_rotation[9], double ret_shift_mm[3]);
 
 G_END_DECLS

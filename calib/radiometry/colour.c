@@ -9,20 +9,16 @@
 #define FEW_PATCHES 6
 #define MOST_OFF    10.0 /* ΔE*ab, RMS */
 #define DARK        0.01 /* Y below which all patches have the same weight */
-#define LEAST_PIVOT                                                                                \
-    1e-6 /* least pivot over the trace: below, the patches do not span all colours */
+#define LEAST_PIVOT 1e-6 /* over the trace: below, the patches do not span all colours */
 
 G_DEFINE_QUARK(colour_error, colour_error)
 
-/* f(t) of CIE L*a*b* (CIE 15). */
-static double lab_curve(double t) {
-    return t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
-}
-
 static void to_lab(const double xyz[3], const double white[3], double ret[3]) {
-    double f[3];
-    for (int i = 0; i < 3; i++)
-        f[i] = lab_curve(xyz[i] / white[i]);
+    double f[3]; /* f(t) of CIE L*a*b* (CIE 15) */
+    for (int i = 0; i < 3; i++) {
+        double t = xyz[i] / white[i];
+        f[i] = t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
+    }
     ret[0] = 116 * f[1] - 16;
     ret[1] = 500 * (f[0] - f[1]);
     ret[2] = 200 * (f[1] - f[2]);
@@ -45,23 +41,6 @@ static void colour_apply(const double matrix[9], const double rgb[3], double ret
 /* The derivative of CIE L* by Y is proportional to Y^(−2/3); the weight is its square. */
 static double colour_weight_of(const struct colour_patch *patch) {
     return pow(MAX(patch->xyz[1], DARK), -4.0 / 3);
-}
-
-static gboolean check_patches(const struct colour_patch *patches, int n, GError **error) {
-    for (int i = 0; i < n; i++)
-        for (int k = 0; k < 3; k++)
-            if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
-                g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                            "patch %d has a value that is not a number", i + 1);
-                return FALSE;
-            }
-    if (n >= FEW_PATCHES)
-        return TRUE;
-    g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                "%d patches are too few for nine unknowns and their errors; it takes %d of "
-                "different colours",
-                n, FEW_PATCHES);
-    return FALSE;
 }
 
 /* Inverse of Σ w·rgb·rgbᵀ; FALSE if the patches do not span all colours. */
@@ -110,8 +89,20 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     static const double grey[3] = {1, 1, 1};
     struct colour_matrix found = {.known = TRUE, .patches = n};
     double inverse[9], white[3], sum = 0;
-    if (!check_patches(patches, n, error))
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++)
+            if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
+                g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
+                            "patch %d has a value that is not a number", i + 1);
+                return FALSE;
+            }
+    if (n < FEW_PATCHES) {
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+                    "%d patches are too few for nine unknowns and their errors; it takes %d of "
+                    "different colours",
+                    n, FEW_PATCHES);
         return FALSE;
+    }
     if (!colour_invert(patches, n, inverse)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
                     "the patches are all of one kind: red, green and blue ones are needed");
@@ -130,8 +121,7 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     if (!(white[0] > 0 && white[1] > 0 && white[2] > 0) || !(found.residual < MOST_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
                     "the patches differ from their values by %.1f ΔE on average: is it this chart, "
-                    "and does "
-                    "it lie as the file says?",
+                    "and does it lie as the file says?",
                     found.residual);
         return FALSE;
     }

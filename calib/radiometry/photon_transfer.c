@@ -39,15 +39,11 @@ static double full_scale(const struct fit *fit) {
     return (double)((1 << fit->sensor->bits) - 1);
 }
 
-static int photon_transfer_columns(const struct fit *fit) {
-    return fit->sensor->width / fit->side;
-}
-
 /* EMVA 1288 (release 4.0) eq. 17: half the variance of the difference, its mean taken off. */
 static struct tile photon_transfer_measure_tile(const struct fit *fit,
                                                 const struct transfer_pair *pair, int index) {
-    int x0 = index % photon_transfer_columns(fit) * fit->side,
-        y0 = index / photon_transfer_columns(fit) * fit->side;
+    int columns = fit->sensor->width / fit->side;
+    int x0 = index % columns * fit->side, y0 = index / columns * fit->side;
     double sum = 0, difference = 0, squares = 0, top = 0;
     for (int y = y0; y < y0 + fit->side; y++)
         for (int x = x0; x < x0 + fit->side; x++) {
@@ -70,32 +66,30 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
                            const char *what, GError **error) {
     gsize n = (gsize)fit->sensor->width * (gsize)fit->sensor->height, same = 0;
     double first = 0, second = 0;
+    gboolean finite = TRUE;
     for (gsize i = 0; i < n; i++) {
-        if (!isfinite(pair->first[i]) || !isfinite(pair->second[i])) {
-            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                        "the %s pair at %g µs has a pixel that is not a number", what,
-                        pair->exposure_us);
-            return FALSE;
-        }
+        finite &= isfinite(pair->first[i]) && isfinite(pair->second[i]);
         same += pair->first[i] == pair->second[i];
         first += pair->first[i];
         second += pair->second[i];
     }
-    if (same == n && first > 0) {
+    if (!finite)
+        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                    "the %s pair at %g µs has a pixel that is not a number", what,
+                    pair->exposure_us);
+    else if (same == n && first > 0)
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
                     "the %s pair at %g µs is one picture twice: its noise cannot be measured", what,
                     pair->exposure_us);
-        return FALSE;
-    }
-    if (fabs(first - second) > ALIKE * 0.5 * (first + second)) {
+    else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
         g_set_error(
             error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
             "the pictures of the %s pair at %g µs differ by %.1f %%: let the lamps warm up, "
             "and keep other light out",
             what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
-        return FALSE;
-    }
-    return TRUE;
+    else
+        return TRUE;
+    return FALSE;
 }
 
 static gboolean photon_transfer_measure(struct fit *fit, const struct transfer_pair *pairs, int n,
@@ -119,7 +113,7 @@ static gboolean photon_transfer_measure(struct fit *fit, const struct transfer_p
     return TRUE;
 }
 
-/* Weighted least squares of a line y = a + b·x; FALSE if all x are equal. */
+/* Sums for the weighted least squares of a line y = a + b·x. */
 struct line {
     double w, wx, wy, wxx, wxy;
 };
@@ -134,7 +128,7 @@ static void line_add(struct line *line, double x, double y, double weight) {
 
 static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, double *ret_error_a,
                          double *ret_error_b) {
-    double det = line->w * line->wxx - line->wx * line->wx;
+    double det = line->w * line->wxx - line->wx * line->wx; /* 0 if all x are equal */
     if (!(det > 1e-9 * line->w * line->wxx))
         return FALSE;
     *ret_a = (line->wxx * line->wy - line->wx * line->wxy) / det;
@@ -196,18 +190,6 @@ static GArray *transfer_points(const struct fit *fit) {
     return points;
 }
 
-/* χ² per degree of freedom of the transfer curve; the variance of a sample variance is 2σ⁴ / (n −
- * 1). */
-static double line_quality(const GArray *points, double floor, double slope) {
-    double sum = 0;
-    for (guint i = 0; i < points->len; i++) {
-        const struct tile *p = &g_array_index(points, struct tile, i);
-        double model = MAX(floor + slope * p->mean, ROUNDING), off = p->variance - model;
-        sum += off * off * (p->n - 1) / (2 * model * model);
-    }
-    return points->len > 2 ? sum / (points->len - 2) : 0;
-}
-
 /* EMVA 1288 eq. 19: σ² = σ₀² + K · signal. The weights come from the fitted line: those of the
  * measured variances would favour points that came out too low. */
 static gboolean fit_curve(struct fit *fit, GError **error) {
@@ -238,7 +220,15 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     }
     struct transfer *to = fit->to;
     double read = MAX(floor - ROUNDING, 0);
-    to->quality = line_quality(points, floor, slope);
+    /* χ² per degree of freedom of the transfer curve; the variance of a sample variance is 2σ⁴ / (n
+     * − 1). */
+    double sum = 0;
+    for (guint i = 0; i < points->len; i++) {
+        const struct tile *p = &g_array_index(points, struct tile, i);
+        double model = MAX(floor + slope * p->mean, ROUNDING), off = p->variance - model;
+        sum += off * off * (p->n - 1) / (2 * model * model);
+    }
+    to->quality = points->len > 2 ? sum / (points->len - 2) : 0;
     double worse = sqrt(MAX(to->quality, 1));
     to->gain_dn_e = slope;
     to->gain_error_dn_e = slope_error * worse;
@@ -252,9 +242,10 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
 
 /* One tile over the exposures, for y = a·t·(1 − c·a·t / range) with its own a. */
 struct ramp {
-    double *t, *y, *weight;
+    double *t, *y, *weight; /* one block, which t owns */
     int n;
     double a;
+    double sum_t, sum_y; /* their ratio is the slope with weights 1/t: variance grows with signal */
 };
 
 struct ramps {
@@ -262,27 +253,6 @@ struct ramps {
     int n;
     double range, curvature, error;
 };
-
-/* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the longest
- * one. */
-static void add_ramp(const struct fit *fit, int tile, struct ramps *ramps) {
-    struct ramp ramp = {g_new(double, fit->n_lit), g_new(double, fit->n_lit),
-                        g_new(double, fit->n_lit), 0, 0};
-    double top = 0;
-    for (int i = 0; i < fit->n_lit; i++) {
-        const struct tile *lit = &fit->lit[i].tile[tile];
-        double t = fit->lit[i].exposure_s, y = lit->mean - dark_level(fit, tile, t);
-        if (lit->n == 0 || !(y > 0))
-            continue;
-        double variance = lit->variance / (2 * lit->n);
-        ramp.t[ramp.n] = t;
-        ramp.y[ramp.n] = y;
-        ramp.weight[ramp.n++] = 1 / MAX(variance, 1e-9);
-        if (t > top)
-            ramp.a = y / (top = t);
-    }
-    ramps->ramp[ramps->n++] = ramp;
-}
 
 /* One Gauss-Newton step for the a of all tiles and the common c, with the former eliminated
  * (Schur complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before
@@ -326,15 +296,10 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
         double off = 0, level = 0, t = fit->lit[i].exposure_s;
         for (int r = 0; r < ramps->n; r++) {
             const struct ramp *ramp = &ramps->ramp[r];
-            double wty = 0, wtt = 0;
-            for (int k = 0; k < ramp->n; k++) {
-                wty += ramp->y[k]; /* weights 1/t: variance grows with the signal */
-                wtt += ramp->t[k];
-            }
             for (int k = 0; ramp->n >= 3 && k < ramp->n; k++)
                 if (ramp->t[k] == t) {
-                    off += ramp->y[k] - wty / wtt * t;
-                    level += wty / wtt * t;
+                    off += ramp->y[k] - ramp->sum_y / ramp->sum_t * t;
+                    level += ramp->sum_y / ramp->sum_t * t;
                 }
         }
         if (level > 0)
@@ -347,8 +312,28 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
 static gboolean fit_linearity(struct fit *fit, GError **error) {
     struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
     ramps.ramp = g_new(struct ramp, fit->n_tiles);
-    for (int k = 0; k < fit->n_tiles; k++)
-        add_ramp(fit, k, &ramps);
+    for (int k = 0; k < fit->n_tiles; k++) {
+        /* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the
+         * longest one. */
+        double *block = g_new(double, 3 * fit->n_lit);
+        struct ramp ramp = {.t = block, .y = block + fit->n_lit, .weight = block + 2 * fit->n_lit};
+        double top = 0;
+        for (int i = 0; i < fit->n_lit; i++) {
+            const struct tile *lit = &fit->lit[i].tile[k];
+            double t = fit->lit[i].exposure_s, y = lit->mean - dark_level(fit, k, t);
+            if (lit->n == 0 || !(y > 0))
+                continue;
+            double variance = lit->variance / (2 * lit->n);
+            ramp.sum_t += t;
+            ramp.sum_y += y;
+            ramp.t[ramp.n] = t;
+            ramp.y[ramp.n] = y;
+            ramp.weight[ramp.n++] = 1 / MAX(variance, 1e-9);
+            if (t > top)
+                ramp.a = y / (top = t);
+        }
+        ramps.ramp[ramps.n++] = ramp;
+    }
     double chi2 = 0, n = 0;
     for (int r = 0; r < ramps.n; r++)
         n += ramps.ramp[r].n >= 3 ? ramps.ramp[r].n - 1 : 0;
@@ -357,11 +342,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
     fit->to->curvature = ramps.curvature;
     fit->to->curvature_error = n > 1 ? ramps.error * sqrt(MAX(chi2 / (n - 1), 1)) : 0;
     fit->to->linearity = largest_deviation(fit, &ramps);
-    for (int r = 0; r < ramps.n; r++) {
+    for (int r = 0; r < ramps.n; r++)
         g_free(ramps.ramp[r].t);
-        g_free(ramps.ramp[r].y);
-        g_free(ramps.ramp[r].weight);
-    }
     g_free(ramps.ramp);
     if (n > 1 && ramps.error > 0 && isfinite(ramps.curvature))
         return TRUE;
@@ -369,13 +351,6 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
                 "no part of the picture is lit and not saturated at three exposures or more: use "
                 "shorter ones");
     return FALSE;
-}
-
-static gboolean photon_transfer_fit_all(struct fit *fit, const struct transfer_pair *dark,
-                                        const struct transfer_pair *lit, GError **error) {
-    return photon_transfer_measure(fit, dark, fit->n_dark, "dark", fit->dark, error) &&
-           photon_transfer_measure(fit, lit, fit->n_lit, "lit", fit->lit, error) &&
-           fit_dark(fit, error) && fit_curve(fit, error) && fit_linearity(fit, error);
 }
 
 static void free_tiles(struct tiles *tiles, int n) {
@@ -401,7 +376,9 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
     fit.dark = g_new0(struct tiles, n_dark);
     fit.lit = g_new0(struct tiles, n_lit);
     fit.to = &found;
-    gboolean ok = photon_transfer_fit_all(&fit, dark, lit, error);
+    gboolean ok = photon_transfer_measure(&fit, dark, n_dark, "dark", fit.dark, error) &&
+                  photon_transfer_measure(&fit, lit, n_lit, "lit", fit.lit, error) &&
+                  fit_dark(&fit, error) && fit_curve(&fit, error) && fit_linearity(&fit, error);
     free_tiles(fit.dark, n_dark);
     free_tiles(fit.lit, n_lit);
     if (ok)

@@ -66,15 +66,9 @@ struct measuring {
     struct sums sums[CELLS * CELLS][3];
 };
 
-static int radiometry_colour_at(const char *cfa, int x, int y) {
+int radiometry_colour_at(const char *cfa, int x, int y) {
     char name = strcmp(cfa, "mono") == 0 ? 'g' : cfa[2 * (y & 1) + (x & 1)];
     return name == 'r' ? 0 : name == 'g' ? 1 : 2;
-}
-
-static gboolean on_tile(const struct tile *tile, struct vec3 point_mm, double turntable_rad) {
-    struct vec3 p = rig_turn(point_mm, -turntable_rad);
-    return fabs(p.x) < tile->width_mm / 2 - BORDER_MM &&
-           fabs(p.y) < tile->height_mm / 2 - BORDER_MM;
 }
 
 /* response · flat · ρ/π · cos θ · E, DN per second. */
@@ -91,12 +85,13 @@ static void radiometry_add_pixel(struct measuring *m, int x, int y) {
     if (!(ray.z < 0))
         return;
     struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->tile->top_mm - m->eye.z) / ray.z));
-    if (!on_tile(m->tile, p, m->shot->turntable_rad))
+    struct vec3 at = rig_turn(p, -m->shot->turntable_rad);
+    if (!(fabs(at.x) < m->tile->width_mm / 2 - BORDER_MM &&
+          fabs(at.y) < m->tile->height_mm / 2 - BORDER_MM))
         return;
     int row = y * m->cells / m->camera->height, column = x * m->cells / m->camera->width;
-    int cell = row * CELLS + column;
     int colour = radiometry_colour_at(m->cfa, x, y);
-    struct sums *s = &m->sums[cell][colour];
+    struct sums *s = &m->sums[row * CELLS + column][colour];
     float value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
     s->run = s->last_y == y && x - s->last_x <= 2 ? s->run + 1 : 1;
     if (s->run > 2) { /* noise from second differences, which a gradient does not affect: Var(a − 2b
@@ -139,17 +134,6 @@ static double variance_by_mean(const struct measuring *m) {
     return mean > 0 ? variance / mean : 0;
 }
 
-/* Means of a cell. Signal in DN/s; its standard error is √(noise · mean / n) by the shot noise. */
-static void make_cell(const struct sums *s, double noise, struct tile_cell *cell) {
-    double mean = s->signal / s->n;
-    for (int i = 0; i < RADIOMETRY_FLAT; i++)
-        cell->basis[i] = s->basis[i] / s->n;
-    cell->point_mm = vec3_scale(s->point, 1 / s->n);
-    cell->signal = 1000 * mean;
-    cell->error = 1000 * sqrt(noise * mean / s->n);
-    cell->expected = s->expected / s->n;
-}
-
 int tile_measure(const struct rig *rig, int camera, const char *cfa, const float *mosaic,
                  const struct tile *tile, const struct tile_shot *shots, int shot, GArray *cells) {
     g_autofree struct measuring *m = g_new0(struct measuring, 1);
@@ -171,10 +155,21 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
     double noise = variance_by_mean(m);
     for (int i = 0; i < CELLS * CELLS && noise > 0; i++)
         for (int k = 0; k < 3; k++) {
-            struct tile_cell cell = {.shot = shot, .camera = camera, .colour = k};
-            if (!radiometry_is_good(&m->sums[i][k]))
+            const struct sums *s = &m->sums[i][k];
+            if (!radiometry_is_good(s))
                 continue;
-            make_cell(&m->sums[i][k], noise, &cell);
+            /* The signal is in DN/s; its standard error by the shot noise is √(noise · mean / n).
+             */
+            double mean = s->signal / s->n;
+            struct tile_cell cell = {.shot = shot,
+                                     .camera = camera,
+                                     .colour = k,
+                                     .point_mm = vec3_scale(s->point, 1 / s->n),
+                                     .signal = 1000 * mean,
+                                     .error = 1000 * sqrt(noise * mean / s->n),
+                                     .expected = s->expected / s->n};
+            for (int b = 0; b < RADIOMETRY_FLAT; b++)
+                cell.basis[b] = s->basis[b] / s->n;
             g_array_append_val(cells, cell);
         }
     return (int)cells->len - before;

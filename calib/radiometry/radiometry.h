@@ -41,6 +41,10 @@ struct radiometry_lamp { /* with rig.lamps */
 double radiometry_flat(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                        double x_px, double y_px);
 
+/* Colour behind the filter of a pixel: 0 red, 1 green (all of "mono"), 2 blue; cfa as in
+ * frames/rectify.h. */
+int radiometry_colour_at(const char *cfa, int x, int y);
+
 /* A matt white tile that lies in the middle of the turntable. */
 struct tile {
     double width_mm, height_mm; /* along x and y of the sample frame */

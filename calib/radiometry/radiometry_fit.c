@@ -6,12 +6,11 @@
 #include <lapacke.h>
 #include <string.h>
 
-#define STEPS       5
-#define GAUGE       1e8 /* weight of gauge constraints */
-#define EXPONENT_SD 1.0 /* priors of a lamp: */
-#define AIM_SD_RAD  0.035
-#define DRIFT_SD                                                                                   \
-    0.05 /* prior of the drift between shots; pictures of one shot determine it much better */
+#define STEPS           5
+#define GAUGE           1e8 /* weight of gauge constraints */
+#define EXPONENT_SD     1.0 /* priors of a lamp: */
+#define AIM_SD_RAD      0.035
+#define DRIFT_SD        0.05 /* of the drift between shots, which pictures determine much better */
 #define MOST_GAIN_ERROR 0.01
 #define OUTLIER         5.0 /* standard deviations */
 #define MOST_OUTLIERS   0.05
@@ -85,25 +84,6 @@ static void radiometry_fit_put(struct row *row, int at, double value) {
     row->value[row->n++] = value;
 }
 
-/* ln of the lamp's pattern cosⁿ towards a point minus the nominal one; appends the derivatives by
- * exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
-static double lamp_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
-    const struct tile_shot *shot = &p->shots[cell->shot];
-    const struct rig_lamp *lamp = &p->rig->lamps[shot->lamp];
-    const double *x = p->x + lamp_at(p, shot->lamp);
-    struct vec3 direction = vec3_unit(vec3_sub(
-        rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), lamp->position_mm));
-    struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e1, e2;
-    double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
-    radiometry_fit_across(lamp, &e1, &e2);
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4,
-                       exponent * (vec3_dot(direction, e1) - cosine * vec3_dot(aim, e1)) / cosine);
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 5,
-                       exponent * (vec3_dot(direction, e2) - cosine * vec3_dot(aim, e2)) / cosine);
-    return exponent * log(cosine) - lamp->exponent * log(MAX(vec3_dot(direction, lamp->aim), 1e-3));
-}
-
 /* One row of the Jacobian and its residual r = ln(signal / expected) − model; weight = (signal /
  * error)². */
 static void cell_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
@@ -117,19 +97,24 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     double model = 0;
     for (int i = 0; i < row->n; i++)
         model += row->value[i] * p->x[row->at[i]];
-    model += lamp_row(p, cell, row);
+    /* ln of the lamp's pattern cosⁿ towards a point minus the nominal one; appends the derivatives
+     * by exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
+    const struct tile_shot *shot = &p->shots[cell->shot];
+    const struct rig_lamp *l = &p->rig->lamps[shot->lamp];
+    const double *x = p->x + lamp_at(p, shot->lamp);
+    struct vec3 direction = vec3_unit(
+        vec3_sub(rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), l->position_mm));
+    struct vec3 aim = tilted_aim(l, x[4], x[5]), e[2];
+    double exponent = l->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
+    radiometry_fit_across(l, &e[0], &e[1]);
+    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
+    for (int k = 0; k < 2; k++)
+        radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4 + k,
+                           exponent * (vec3_dot(direction, e[k]) - cosine * vec3_dot(aim, e[k])) /
+                               cosine);
+    model += exponent * log(cosine) - l->exponent * log(MAX(vec3_dot(direction, l->aim), 1e-3));
     row->off = log(cell->signal / cell->expected) - model;
     row->weight = cell->signal * cell->signal / (cell->error * cell->error);
-}
-
-static void add_row(struct problem *p, const struct row *row) {
-    for (int i = 0; i < row->n; i++) {
-        p->right[row->at[i]] += row->weight * row->value[i] * row->off;
-        for (int j = 0; j < row->n; j++)
-            if (row->at[j] <= row->at[i])
-                p->matrix[(gsize)row->at[i] * (gsize)p->n + (gsize)row->at[j]] +=
-                    row->weight * row->value[i] * row->value[j];
-    }
 }
 
 /* Gauge constraint: the sum of some parameters is 0. */
@@ -190,19 +175,6 @@ static void add_prior(struct problem *p, int at, double sd) {
     p->right[at] -= p->x[at] / (sd * sd);
 }
 
-static void add_priors(struct problem *p) {
-    for (int c = 0; c < p->rig->n_cameras; c++)
-        for (int i = 0; i < RADIOMETRY_FLAT; i++)
-            add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
-    for (int s = 0; s < p->n_shots; s++)
-        add_prior(p, radiometry_fit_shot_at(p, s), DRIFT_SD);
-    for (int l = 0; l < p->rig->n_lamps; l++) {
-        add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
-        add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
-        add_prior(p, lamp_at(p, l) + 5, AIM_SD_RAD);
-    }
-}
-
 static void radiometry_fit_build(struct problem *p) {
     struct row row;
     memset(p->matrix, 0, (gsize)p->n * (gsize)p->n * sizeof(double));
@@ -213,7 +185,13 @@ static void radiometry_fit_build(struct problem *p) {
         if (p->bad[i])
             continue;
         cell_row(p, &p->cells[i], &row);
-        add_row(p, &row);
+        for (int a = 0; a < row.n; a++) {
+            p->right[row.at[a]] += row.weight * row.value[a] * row.off;
+            for (int b = 0; b < row.n; b++)
+                if (row.at[b] <= row.at[a])
+                    p->matrix[(gsize)row.at[a] * (gsize)p->n + (gsize)row.at[b]] +=
+                        row.weight * row.value[a] * row.value[b];
+        }
         p->chi2 += row.weight * row.off * row.off;
         p->sum2 += row.off * row.off;
         p->n_used++;
@@ -223,7 +201,16 @@ static void radiometry_fit_build(struct problem *p) {
         tie_colours(p, camera_at(p, c));
     for (int l = 0; l < p->rig->n_lamps; l++)
         tie_colours(p, lamp_at(p, l));
-    add_priors(p);
+    for (int c = 0; c < p->rig->n_cameras; c++)
+        for (int i = 0; i < RADIOMETRY_FLAT; i++)
+            add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
+    for (int s = 0; s < p->n_shots; s++)
+        add_prior(p, radiometry_fit_shot_at(p, s), DRIFT_SD);
+    for (int l = 0; l < p->rig->n_lamps; l++) {
+        add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
+        add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
+        add_prior(p, lamp_at(p, l) + 5, AIM_SD_RAD);
+    }
     for (int i = 0; i < p->n; i++) /* undetermined parameters stay as they are */
         if (*diagonal(p, i) == 0)
             *diagonal(p, i) = 1;
@@ -249,20 +236,6 @@ static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
     }
     radiometry_fit_build(p);
     return TRUE;
-}
-
-/* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
- * freedom). */
-static int drop_outliers(struct problem *p) {
-    double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
-    struct row row;
-    int n = 0;
-    for (int i = 0; i < p->n_cells; i++) {
-        cell_row(p, &p->cells[i], &row);
-        p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
-        n += p->bad[i];
-    }
-    return n;
 }
 
 /* Every lamp must be used at arc angles that differ enough to separate its fall-off from the
@@ -311,19 +284,6 @@ static gboolean check_cells(const struct problem *p, GError **error) {
     return FALSE;
 }
 
-/* Refuses a fit with too many outliers or too large residuals. */
-static gboolean check_fit(const struct problem *p, int rejected, GError **error) {
-    double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
-    if (rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
-        return TRUE;
-    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
-                "average, %d of %d cells quite different; is it clean, matt, level, where the "
-                "session says, and does no other light fall on it?",
-                100 * rms, rejected, p->n_cells);
-    return FALSE;
-}
-
 static double radiometry_fit_covariance(const struct problem *p, int i, int j) {
     return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
 }
@@ -347,23 +307,6 @@ static void radiometry_fit_split_colours(const struct problem *p, int at, double
     }
     *ret_mean = mean;
     *ret_error = sqrt(MAX(variance, 0)) * worse;
-}
-
-/* Writes a camera's response, colours and flat field, with standard errors. */
-static void store_camera(const struct problem *p, int c, double worse, struct tile_fit *ret) {
-    struct radiometry_camera *to = &ret->cameras[c];
-    int at = camera_at(p, c);
-    double mean;
-    for (int i = 0; i < p->n_cells; i++)
-        to->cells += p->cells[i].camera == c && !p->bad[i];
-    to->known = to->cells > 0;
-    radiometry_fit_split_colours(p, at, worse, &mean, &to->response_error, to->colour,
-                                 to->colour_error);
-    p->rig->cameras[c].response *= exp(mean);
-    for (int i = 0; i < RADIOMETRY_FLAT; i++) {
-        to->flat[i] = p->x[at + 3 + i];
-        to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
-    }
 }
 
 /* Writes a lamp's intensity, exponent and aim, with standard errors. */
@@ -393,20 +336,21 @@ static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct 
     for (int c = 0; c < rig->n_cameras; c++) {
         /* Slopes matter most at the picture's edge, where |x| is about 1. */
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
-        if (fit->cameras[c].known && fit->cameras[c].response_error > MOST_GAIN_ERROR) {
+        if (!fit->cameras[c].known)
+            continue;
+        if (fit->cameras[c].response_error > MOST_GAIN_ERROR)
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
                         "camera %s and others never see the tile in the same shot, so that lamps "
                         "that drift cannot be told from cameras that differ: plan views of all "
                         "cameras that share turntable angles",
                         rig->cameras[c].name);
-            return FALSE;
-        }
-        if (!fit->cameras[c].known || worst < MOST_FLAT_ERROR)
+        else if (!(worst < MOST_FLAT_ERROR))
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                        "the flat field of camera %s is known to %.0f %% only: take the tile at "
+                        "more arc and turntable angles, or use a larger one",
+                        rig->cameras[c].name, 100 * worst);
+        else
             continue;
-        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                    "the flat field of camera %s is known to %.0f %% only: take the tile at more "
-                    "arc and turntable angles, or use a larger one",
-                    rig->cameras[c].name, 100 * worst);
         return FALSE;
     }
     return TRUE;
@@ -420,8 +364,22 @@ static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, G
     ret->quality = p->chi2 / ret->degrees;
     ret->residual = sqrt(p->sum2 / p->n_used);
     double worse = sqrt(MAX(ret->quality, 1));
-    for (int c = 0; c < p->rig->n_cameras; c++)
-        store_camera(p, c, worse, ret);
+    for (int c = 0; c < p->rig->n_cameras; c++) {
+        /* Writes a camera's response, colours and flat field, with standard errors. */
+        struct radiometry_camera *to = &ret->cameras[c];
+        int at = camera_at(p, c);
+        double mean;
+        for (int i = 0; i < p->n_cells; i++)
+            to->cells += p->cells[i].camera == c && !p->bad[i];
+        to->known = to->cells > 0;
+        radiometry_fit_split_colours(p, at, worse, &mean, &to->response_error, to->colour,
+                                     to->colour_error);
+        p->rig->cameras[c].response *= exp(mean);
+        for (int i = 0; i < RADIOMETRY_FLAT; i++) {
+            to->flat[i] = p->x[at + 3 + i];
+            to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
+        }
+    }
     for (int l = 0; l < p->rig->n_lamps; l++)
         store_lamp(p, l, worse, ret);
     ret->output = g_new(double, p->n_shots);
@@ -444,9 +402,26 @@ static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GErr
     if (!check_cells(p, error) || !radiometry_fit_check_shots(p, error) ||
         !radiometry_fit_solve(p, error))
         return FALSE;
-    ret->rejected = drop_outliers(p);
-    return radiometry_fit_solve(p, error) && check_fit(p, ret->rejected, error) &&
-           radiometry_fit_finish(p, ret, error);
+    /* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
+     * freedom). */
+    double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
+    struct row row;
+    for (int i = 0; i < p->n_cells; i++) {
+        cell_row(p, &p->cells[i], &row);
+        p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
+        ret->rejected += p->bad[i];
+    }
+    if (!radiometry_fit_solve(p, error))
+        return FALSE;
+    double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
+    if (ret->rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
+        return radiometry_fit_finish(p, ret, error);
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
+                "average, %d of %d cells quite different; is it clean, matt, level, where the "
+                "session says, and does no other light fall on it?",
+                100 * rms, ret->rejected, p->n_cells);
+    return FALSE;
 }
 
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
@@ -456,16 +431,11 @@ gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
     struct problem p = {
         .rig = &found, .shots = shots, .cells = cells, .n_shots = n_shots, .n_cells = n_cells};
     p.n = radiometry_fit_shot_at(&p, n_shots);
-    p.bad = g_new0(gboolean, n_cells);
-    p.x = g_new0(double, p.n);
-    p.right = g_new0(double, p.n);
-    p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
+    g_autofree gboolean *bad = p.bad = g_new0(gboolean, n_cells);
+    g_autofree double *x = p.x = g_new0(double, p.n), *right = p.right = g_new0(double, p.n);
+    g_autofree double *matrix = p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
     memset(ret, 0, sizeof *ret);
     gboolean ok = radiometry_fit_run(&p, ret, error);
-    g_free(p.bad);
-    g_free(p.x);
-    g_free(p.right);
-    g_free(p.matrix);
     if (ok)
         *rig = found;
     else

@@ -53,7 +53,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
     record_say(to,
                "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d "
                "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
-               100 * r->drift, r->marks, calibration->rig.n_marks, r->transfers,
+               100 * r->drift, r->marks, calibration->rig.n_fiducials, r->transfers,
                calibration->rig.n_cameras, calibrate_output);
     if (!cli_json)
         warn_of_sensors(calibration);
@@ -93,9 +93,9 @@ static Session *cli_calibrate_radiometry_begin(struct calibrate_job *job, GError
     if (!text || !rig_from_text(&own, text, session_path(session), error))
         return NULL;
     struct rig *rig = &job->calibration->rig;
-    if (rig->n_marks == 0) {
-        memcpy(rig->marks, own.marks, sizeof rig->marks);
-        rig->n_marks = own.n_marks;
+    if (rig->n_fiducials == 0) {
+        memcpy(rig->fiducials, own.fiducials, sizeof rig->fiducials);
+        rig->n_fiducials = own.n_fiducials;
     }
     return g_steal_pointer(&session);
 }

@@ -118,12 +118,12 @@ static void show_radiometry(Record *to, const struct calibration *calibration) {
                        rig->lamps[l].exponent, r->exponent_error, r->colour[0], r->colour[1],
                        r->colour[2]);
     }
-    for (int m = 0; m < rig->n_marks; m++)
-        if (calibration->marks[m].known)
+    for (int m = 0; m < rig->n_fiducials; m++)
+        if (calibration->fiducials[m].known)
             record_say(to, "  mark %s: %.3f %.3f %.3f mm, reflectance %.4f ± %.4f\n",
-                       rig->marks[m].name, rig->marks[m].centre_mm.x, rig->marks[m].centre_mm.y,
-                       rig->marks[m].centre_mm.z, rig->marks[m].reflectance[1],
-                       calibration->marks[m].reflectance[1]);
+                       rig->fiducials[m].name, rig->fiducials[m].centre_mm.x,
+                       rig->fiducials[m].centre_mm.y, rig->fiducials[m].centre_mm.z,
+                       rig->fiducials[m].reflectance[1], calibration->fiducials[m].reflectance[1]);
 }
 
 static void show_colour(Record *to, const struct colour_matrix *colour) {

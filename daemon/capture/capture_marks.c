@@ -9,29 +9,30 @@
 #define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
 
-static const struct mark_seen *marks_of(const struct flight *flight) {
-    return (const struct mark_seen *)(void *)flight->marks->data;
+static const struct fiducial_seen *marks_of(const struct flight *flight) {
+    return (const struct fiducial_seen *)(void *)flight->marks->data;
 }
 
 static void keep_outputs(Capture *capture, const struct flight *flight) {
     const struct calibration *known = capture->calibration;
-    const struct mark_seen *seen = marks_of(flight);
+    const struct fiducial_seen *seen = marks_of(flight);
     if (!known->lamp_radiometry[flight->shot->device].known)
         return;
     for (int c = 0; c < known->rig.n_cameras; c++) {
-        g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+        g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
         double output, error;
         for (guint i = 0; i < flight->marks->len; i++)
             if (seen[i].camera == c)
                 g_array_append_val(own, seen[i]);
         if (known->camera_radiometry[c].known &&
-            marks_output((struct mark_seen *)(void *)own->data, (int)own->len, &output, &error))
+            fiducials_output((struct fiducial_seen *)(void *)own->data, (int)own->len, &output,
+                             &error))
             outputs_store(capture->session, flight->shot->id, known->rig.cameras[c].name, output,
                           error, NULL);
     }
 }
 
-static guint32 capture_marks_moved(const struct rig *rig, const struct marks_check *check) {
+static guint32 capture_marks_moved(const struct rig *rig, const struct fiducials_check *check) {
     guint32 bits = check->slipped ? TURNTABLE : 0;
     for (int c = 0; c < rig->n_cameras; c++)
         if (check->cameras[c].moved)
@@ -44,7 +45,7 @@ static guint32 accepted(const Capture *capture) {
     return text ? (guint32)g_ascii_strtoull(text, NULL, 10) : 0;
 }
 
-static void report_first_check(Capture *capture, const struct marks_check *check) {
+static void report_first_check(Capture *capture, const struct fiducials_check *check) {
     if (capture->marks_told)
         return;
     capture->marks_told = TRUE;
@@ -64,7 +65,7 @@ static GArray *add_to_window(Capture *capture, const struct flight *flight) {
     g_queue_push_tail(capture->marks, g_array_ref(flight->marks));
     if (g_queue_get_length(capture->marks) > WINDOW)
         g_array_unref(g_queue_pop_head(capture->marks));
-    GArray *all = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    GArray *all = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
     for (const GList *at = capture->marks->head; at; at = at->next) {
         const GArray *one = at->data;
         g_array_append_vals(all, one->data, one->len);
@@ -72,9 +73,9 @@ static GArray *add_to_window(Capture *capture, const struct flight *flight) {
     return all;
 }
 
-static void check_seen(const Capture *capture, const GArray *seen, struct marks_check *ret) {
-    marks_check(&capture->calibration->rig, (const struct mark_seen *)(void *)seen->data,
-                (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
+static void check_seen(const Capture *capture, const GArray *seen, struct fiducials_check *ret) {
+    fiducials_check(&capture->calibration->rig, (const struct fiducial_seen *)(void *)seen->data,
+                    (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
 /* Light reflected by a nearby sample may make marks look displaced under one lamp; a real movement
@@ -92,7 +93,7 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
     keep_outputs(capture, flight);
     if (!capture->calibration->parts[CALIBRATION_CAMERAS].done)
         return NULL;
-    struct marks_check check;
+    struct fiducials_check check;
     g_autoptr(GArray) window = add_to_window(capture, flight);
     guint before = g_queue_get_length(capture->marks) - 1;
     check_seen(capture, flight->marks, &check);
@@ -105,7 +106,7 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
     capture->suspected = capture_marks_moved(rig, &check) & ~accepted(capture);
     if (capture->suspected == 0)
         return NULL;
-    g_autofree char *what = marks_describe(rig, &check);
+    g_autofree char *what = fiducials_describe(rig, &check);
     capture->moved = capture->suspected & suspected;
     if (capture->moved == 0) {
         report_suspicion(capture, what);

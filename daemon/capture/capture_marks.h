@@ -6,7 +6,7 @@
 #pragma once
 
 #include "capture_private.h"
-#include "fiducials/marks.h"
+#include "fiducials/fiducials.h"
 
 /* Of a shot whose cameras are all back. Keeps the lamp's output. Returns NULL, or what has moved in
  * this shot and the one before, g_free(): then the shot must not be committed. */

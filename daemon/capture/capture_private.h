@@ -14,7 +14,7 @@ struct flight { /* a shot whose frames are with the intake */
     struct session_frame frames[RIG_MAX_CAMERAS];
     double signal_dn;                  /* highest of all cameras */
     gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: too few for a warning */
-    GArray *marks;                     /* of struct mark_seen, of all cameras; NULL: none */
+    GArray *marks;                     /* of struct fiducial_seen, of all cameras; NULL: none */
 };
 
 struct event_limit { /* rate limit of one kind of event of one camera */
@@ -62,7 +62,7 @@ struct Capture {
     struct view views[RIG_MAX_CAMERAS];
     guint32 moved;       /* of what the session was paused for: capture_marks.c */
     guint32 suspected;   /* of what the shot before seemed to show */
-    GQueue *marks;       /* of GArray of struct mark_seen: of the last shots */
+    GQueue *marks;       /* of GArray of struct fiducial_seen: of the last shots */
     gboolean marks_told; /* how they looked at the beginning */
     guint changed_source;
     gint64 changed_at_us;

@@ -329,7 +329,7 @@ static void on_result(const struct intake_result *result, gpointer data) {
     flight->signal_dn = MAX(flight->signal_dn, result->signal_dn);
     if (result->marks) {
         if (!flight->marks)
-            flight->marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+            flight->marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
         g_array_append_vals(flight->marks, result->marks->data, result->marks->len);
     }
     if (result->shot->kind == SHOT_LAMP)

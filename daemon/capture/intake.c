@@ -3,7 +3,7 @@
 #include <math.h>
 #include <sys/resource.h>
 
-#include "fiducials/marks.h"
+#include "fiducials/fiducials.h"
 #include "intake_darks.h"
 #include "intake_write.h"
 #include "radiance.h"
@@ -181,9 +181,10 @@ static void finish_dark(struct lane *lane, const struct job *job) {
 static GArray *look_at_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
     const struct session_shot *shot = job->shot;
-    if (!calibration || calibration->rig.n_marks == 0 || shot->device >= calibration->rig.n_lamps)
+    if (!calibration || calibration->rig.n_fiducials == 0 ||
+        shot->device >= calibration->rig.n_lamps)
         return NULL;
-    struct mark_scene scene = {
+    struct fiducial_scene scene = {
         .rig = &calibration->rig,
         .camera = lane->camera,
         .lamp = shot->device,
@@ -192,8 +193,8 @@ static GArray *look_at_marks(const struct lane *lane, const struct job *job, con
         .radiometry = &calibration->camera_radiometry[lane->camera],
         .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
     };
-    GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
-    marks_measure(&scene, cfa_name(job->frame->cfa), mosaic, marks);
+    GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
+    fiducials_measure(&scene, cfa_name(job->frame->cfa), mosaic, marks);
     return marks;
 }
 

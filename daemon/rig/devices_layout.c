@@ -370,10 +370,10 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
                           GError **error) {
     struct rig *rig = &layout->geometry;
     struct mark_fields p = {0};
-    int i = rig->n_marks;
+    int i = rig->n_fiducials;
 
-    if (!count_up(&rig->n_marks, RIG_MAX_MARKS, section, error) ||
-        !devices_layout_take_name(section, rig->marks[i].name, error) ||
+    if (!count_up(&rig->n_fiducials, RIG_MAX_FIDUCIALS, section, error) ||
+        !devices_layout_take_name(section, rig->fiducials[i].name, error) ||
         !options_parse(mark_place_options, section, NULL, &p, error))
         return FALSE;
     gboolean ok = p.reflectance.n == 1 || p.reflectance.n == 3;
@@ -381,10 +381,10 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
         config_set_error(error, CONFIG_ERROR_VALUE, section, "reflectance",
                          "%d numbers are given; give one, or three separated by ';'",
                          p.reflectance.n);
-    rig->marks[i].centre_mm = vec3(p.x_mm, p.y_mm, p.z_mm);
-    rig->marks[i].radius_mm = p.radius_mm;
+    rig->fiducials[i].centre_mm = vec3(p.x_mm, p.y_mm, p.z_mm);
+    rig->fiducials[i].radius_mm = p.radius_mm;
     for (int k = 0; ok && k < 3; k++)
-        rig->marks[i].reflectance[k] = p.reflectance.values[p.reflectance.n == 3 ? k : 0];
+        rig->fiducials[i].reflectance[k] = p.reflectance.values[p.reflectance.n == 3 ? k : 0];
     options_clear(mark_place_options, &p);
     return ok;
 }

@@ -84,8 +84,8 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
 
 /* Whether a point of the plane lies on a fiducial or within MARK_MM of it. */
 static gboolean is_fiducial(const struct rig *rig, struct vec3 point) {
-    for (int i = 0; i < rig->n_marks; i++) {
-        const struct rig_mark *mark = &rig->marks[i];
+    for (int i = 0; i < rig->n_fiducials; i++) {
+        const struct rig_fiducial *mark = &rig->fiducials[i];
         const double x = point.x - mark->centre_mm.x, y = point.y - mark->centre_mm.y;
         if (hypot(x, y) < mark->radius_mm + MARK_MM + fabs(mark->centre_mm.z))
             return TRUE;

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "fiducials/marks.h"
+#include "fiducials/fiducials.h"
 #include "session/inputs.h"
 #include "tile_noise.h"
 
@@ -182,18 +182,18 @@ static void add_marks(struct run *run, guint i, GArray *seen) {
     struct exr_part *part = tile_session_read_frame(run, i, &cfa);
     if (!part)
         return;
-    struct mark_scene scene = {&known->rig,
-                               camera,
-                               shot->lamp,
-                               shot->turntable_rad,
-                               shot->arc_rad,
-                               &known->camera_radiometry[camera],
-                               &known->lamp_radiometry[shot->lamp]};
+    struct fiducial_scene scene = {&known->rig,
+                                   camera,
+                                   shot->lamp,
+                                   shot->turntable_rad,
+                                   shot->arc_rad,
+                                   &known->camera_radiometry[camera],
+                                   &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
-    marks_measure(&scene, cfa, exr_part_plane(part, "Y"), seen);
+    fiducials_measure(&scene, cfa, exr_part_plane(part, "Y"), seen);
     for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
-        g_array_index(seen, struct mark_seen, k).output /= run->fit.output[at];
-        g_array_index(seen, struct mark_seen, k).output_error /= run->fit.output[at];
+        g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[at];
+        g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[at];
     }
     exr_part_free(part);
 }
@@ -214,24 +214,24 @@ static double level_error(const struct calibration *known) {
 /* Estimates each fiducial's position and white from all frames. */
 static void calibrate_marks(struct run *run) {
     struct calibration *to = run->calibration;
-    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
     guint rejected = run->rejected->len;
-    for (guint i = 0; to->rig.n_marks > 0 && i < run->frames.inputs->len; i++)
+    for (guint i = 0; to->rig.n_fiducials > 0 && i < run->frames.inputs->len; i++)
         if (goes_on(run, "marks", i))
             add_marks(run, i, seen);
     g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
-    for (int m = 0; m < to->rig.n_marks; m++) {
-        struct mark_fit fit;
-        if (!marks_fit(&to->rig, (const struct mark_seen *)(void *)seen->data, (int)seen->len, m,
-                       to->parts[CALIBRATION_CAMERAS].done, &fit))
+    for (int m = 0; m < to->rig.n_fiducials; m++) {
+        struct fiducial_fit fit;
+        if (!fiducials_fit(&to->rig, (const struct fiducial_seen *)(void *)seen->data,
+                           (int)seen->len, m, to->parts[CALIBRATION_CAMERAS].done, &fit))
             continue;
-        to->marks[m].known = TRUE;
-        to->rig.marks[m].centre_mm = fit.centre_mm;
-        memcpy(to->marks[m].centre_mm, fit.centre_error_mm, sizeof fit.centre_error_mm);
+        to->fiducials[m].known = TRUE;
+        to->rig.fiducials[m].centre_mm = fit.centre_mm;
+        memcpy(to->fiducials[m].centre_mm, fit.centre_error_mm, sizeof fit.centre_error_mm);
         for (int k = 0; k < 3; k++) {
-            to->rig.marks[m].reflectance[k] *= fit.white;
-            to->marks[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error(to)) *
-                                          to->rig.marks[m].reflectance[k];
+            to->rig.fiducials[m].reflectance[k] *= fit.white;
+            to->fiducials[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error(to)) *
+                                              to->rig.fiducials[m].reflectance[k];
         }
         run->ret->marks++;
     }

@@ -30,6 +30,13 @@ static struct picture *draw(const struct board *board, const char *name) {
     return picture;
 }
 
+static double board_value(const struct board *board, double x_mm, double y_mm) {
+    float value;
+
+    board_values(board, (const double[]){x_mm, y_mm}, 1, &value);
+    return (double)value;
+}
+
 static void test_spec(void) {
     static const char *const bad[] = {"",
                                       "8",
@@ -58,23 +65,20 @@ static void test_spec(void) {
 }
 
 static void test_geometry(void) {
+    static const int squares[][3] = {{0, 1, 0}, {2, 0, 1}, {9, 4, 3}}; /* marker, column, row */
     const struct board board = parse("5x4,square=10,marker=7");
-    double xy[2];
+    double first[2], last[2];
     int column, row;
 
     g_assert_cmpint(board_n_corners(&board), ==, 12);
-    board_corner_mm(&board, 0, xy);
-    g_assert_cmpfloat(xy[0], ==, -15);
-    g_assert_cmpfloat(xy[1], ==, 10);
-    board_corner_mm(&board, 11, xy);
-    g_assert_cmpfloat(xy[0], ==, 15);
-    g_assert_cmpfloat(xy[1], ==, -10);
-    g_assert_true(board_marker_square(&board, 0, &column, &row));
-    g_assert_true(column == 1 && row == 0);
-    g_assert_true(board_marker_square(&board, 2, &column, &row));
-    g_assert_true(column == 0 && row == 1);
-    g_assert_true(board_marker_square(&board, 9, &column, &row));
-    g_assert_true(column == 4 && row == 3);
+    board_corner_mm(&board, 0, first);
+    board_corner_mm(&board, 11, last);
+    g_assert_true(first[0] == -15 && first[1] == 10);
+    g_assert_true(last[0] == 15 && last[1] == -10);
+    for (gsize i = 0; i < G_N_ELEMENTS(squares); i++) {
+        g_assert_true(board_marker_square(&board, squares[i][0], &column, &row));
+        g_assert_true(column == squares[i][1] && row == squares[i][2]);
+    }
     g_assert_false(board_marker_square(&board, 10, &column, &row));
     g_assert_cmpfloat(board_value(&board, -24, 19), ==, 0);
     g_assert_cmpfloat(board_value(&board, -14, 19), ==, 1); /* around the first marker */
@@ -184,14 +188,6 @@ struct seen {
     double x, y, m[2][2], bend;
 };
 
-static void to_board(const struct seen *seen, double px, double py, double ret_mm[2]) {
-    const double x = px - seen->x, y = py - seen->y;
-    const double u = x + seen->bend * x * x, v = y + seen->bend * x * y;
-    const double det = seen->m[0][0] * seen->m[1][1] - seen->m[0][1] * seen->m[1][0];
-    ret_mm[0] = (seen->m[1][1] * u - seen->m[0][1] * v) / det;
-    ret_mm[1] = (seen->m[0][0] * v - seen->m[1][0] * u) / det;
-}
-
 /* From −1 to 1 px about a pixel. */
 static double offset(int i) {
     return 2 * (i + 0.5) / FINE - 1;
@@ -204,8 +200,14 @@ static struct picture *see(const struct board *board, const struct seen *seen) {
     for (int y = 0; y < 40; y++)
         for (int x = 0; x < 40; x++) {
             double sum = 0, all = 0;
-            for (int k = 0; k < FINE * FINE; k++)
-                to_board(seen, x + offset(k % FINE), y + offset(k / FINE), at + 2 * k);
+            for (int k = 0; k < FINE * FINE; k++) {
+                const double px = x + offset(k % FINE) - seen->x;
+                const double py = y + offset(k / FINE) - seen->y;
+                const double u = px + seen->bend * px * px, v = py + seen->bend * px * py;
+                const double det = seen->m[0][0] * seen->m[1][1] - seen->m[0][1] * seen->m[1][0];
+                at[2 * k] = (seen->m[1][1] * u - seen->m[0][1] * v) / det;
+                at[2 * k + 1] = (seen->m[0][0] * v - seen->m[1][0] * u) / det;
+            }
             board_values(board, at, FINE * FINE, values);
             for (int k = 0; k < FINE * FINE; k++) {
                 const double weight = (1 - fabs(offset(k % FINE))) * (1 - fabs(offset(k / FINE)));

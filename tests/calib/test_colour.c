@@ -93,11 +93,6 @@ static const double patch_rgb[][3] = {{0.6, 0.15, 0.1}, {0.15, 0.5, 0.15}, {0.1,
                                       {0.7, 0.6, 0.1},  {0.5, 0.2, 0.5},   {0.8, 0.8, 0.8}};
 #define N_PATCHES ((int)G_N_ELEMENTS(patch_rgb))
 
-static void patch_place(int i, double *x, double *y) {
-    *x = -15 + 15 * (i % 3);
-    *y = i < 3 ? 9 : -9;
-}
-
 /* Colours behind the sensors' filters differ, lamps drift, corners are dark: after radiometry the
  * chart's own matrix comes out. */
 static void session(void) {
@@ -113,9 +108,8 @@ static void session(void) {
     g_string_append(objects,
                     "[sample]\nkind=flat\nwidth_mm=48\nheight_mm=48\nbase_mm=1\nalbedo=0.03\n");
     for (int i = 0; i < N_PATCHES; i++) {
-        double x, y, xyz[3];
+        double x = -15 + 15 * (i % 3), y = i < 3 ? 9 : -9, xyz[3];
         const double *c = patch_rgb[i];
-        patch_place(i, &x, &y);
         to_xyz(c, xyz);
         g_string_append_printf(
             objects, "[mark p%d]\nx_mm=%g\ny_mm=%g\nz_mm=4\nradius_mm=7\nalbedo=%g;%g;%g\n", i, x,

@@ -16,6 +16,14 @@ static void assert_vec(struct vec3 a, struct vec3 b, double tolerance) {
     assert_near(a.z, b.z, tolerance);
 }
 
+static void assert_projects(const struct rig_camera *camera, struct vec3 point, double x, double y,
+                            double tolerance) {
+    double found_x, found_y;
+    g_assert_true(rig_project(camera, point, &found_x, &found_y));
+    assert_near(found_x, x, tolerance);
+    assert_near(found_y, y, tolerance);
+}
+
 static struct rig_camera pinhole(void) {
     return (struct rig_camera){.name = "cam",
                                .width = 160,
@@ -34,15 +42,9 @@ static void test_overhead(void) {
     double x, y;
 
     rig_camera_look_at(&camera, vec3(0, 0, 500), vec3(0, 0, 0));
-    g_assert_true(rig_project(&camera, vec3(0, 0, 0), &x, &y));
-    assert_near(x, 79.5, 1e-12);
-    assert_near(y, 59.5, 1e-12);
-    g_assert_true(rig_project(&camera, vec3(0, 10, 0), &x, &y));
-    assert_near(x, 99.5, 1e-10);
-    assert_near(y, 59.5, 1e-10);
-    g_assert_true(rig_project(&camera, vec3(10, 0, 250), &x, &y));
-    assert_near(x, 79.5, 1e-10);
-    assert_near(y, 99.5, 1e-10);
+    assert_projects(&camera, vec3(0, 0, 0), 79.5, 59.5, 1e-12);
+    assert_projects(&camera, vec3(0, 10, 0), 99.5, 59.5, 1e-10);
+    assert_projects(&camera, vec3(10, 0, 250), 79.5, 99.5, 1e-10);
     assert_vec(rig_camera_centre_mm(&camera), vec3(0, 0, 500), 1e-10);
     g_assert_false(rig_project(&camera, vec3(0, 0, 500), &x, &y));
     g_assert_false(rig_project(&camera, vec3(0, 0, 501), &x, &y));
@@ -52,16 +54,12 @@ static void test_overhead(void) {
 /* At 45° over +x, 500·√2 mm away: the ray to (0, 0, z) leaves the axis by hand-made triangles. */
 static void test_oblique(void) {
     struct rig_camera camera = pinhole();
-    double x, y;
 
     rig_camera_look_at(&camera, vec3(500, 0, 500), vec3(0, 0, 0));
-    g_assert_true(rig_project(&camera, vec3(0, 0, 100), &x, &y));
     /* along the axis 500√2 − 100/√2, across it 100/√2 up */
-    assert_near(x, 79.5, 1e-10);
-    assert_near(y, 59.5 - 1000 * (100 / sqrt(2)) / (500 * sqrt(2) - 100 / sqrt(2)), 1e-10);
-    g_assert_true(rig_project(&camera, vec3(0, 70, 0), &x, &y));
-    assert_near(x, 79.5 + 1000 * 70 / (500 * sqrt(2)), 1e-10);
-    assert_near(y, 59.5, 1e-10);
+    assert_projects(&camera, vec3(0, 0, 100), 79.5,
+                    59.5 - 1000 * (100 / sqrt(2)) / (500 * sqrt(2) - 100 / sqrt(2)), 1e-10);
+    assert_projects(&camera, vec3(0, 70, 0), 79.5 + 1000 * 70 / (500 * sqrt(2)), 59.5, 1e-10);
     assert_vec(rig_pixel_ray(&camera, 79.5, 59.5), vec3(-M_SQRT1_2, 0, -M_SQRT1_2), 1e-12);
     assert_vec(rig_camera_centre_mm(&camera), vec3(500, 0, 500), 1e-10);
 }
@@ -69,7 +67,6 @@ static void test_oblique(void) {
 /* OpenCV's manual, with numbers: at x' = 0.3, y' = −0.2 r² is 0.13. */
 static void test_distortion(void) {
     struct rig_camera camera = pinhole();
-    double x, y;
 
     camera.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     camera.k1 = -0.2;
@@ -78,9 +75,9 @@ static void test_distortion(void) {
     camera.p1 = 0.01;
     camera.p2 = -0.02;
     double radial = 1 - 0.2 * 0.13 + 0.1 * 0.0169 + 0.05 * 0.002197;
-    g_assert_true(rig_project(&camera, vec3(30, -20, 100), &x, &y));
-    assert_near(x, 79.5 + 1000 * (0.3 * radial + 2 * 0.01 * -0.06 - 0.02 * (0.13 + 0.18)), 1e-9);
-    assert_near(y, 59.5 + 1000 * (-0.2 * radial + 0.01 * (0.13 + 0.08) + 2 * -0.02 * -0.06), 1e-9);
+    assert_projects(&camera, vec3(30, -20, 100),
+                    79.5 + 1000 * (0.3 * radial + 2 * 0.01 * -0.06 - 0.02 * (0.13 + 0.18)),
+                    59.5 + 1000 * (-0.2 * radial + 0.01 * (0.13 + 0.08) + 2 * -0.02 * -0.06), 1e-9);
 }
 
 /* With k1 = −0.3 alone the distorted radius is largest at r² = 1/0.9. */

@@ -18,18 +18,23 @@ static float *draw(Viewer *viewer, const struct viewer_settings *s) {
     return linear;
 }
 
+/* A viewer of a mesh, which is freed. */
+static Viewer *open_viewer(struct mesh *mesh) {
+    g_autoptr(GError) error = NULL;
+    Viewer *viewer = viewer_new(NULL, &error);
+    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
+    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
+    mesh_free(mesh);
+    return viewer;
+}
+
 /* Light adds up. */
 static void test_sum(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     static const struct viewer_lamp lamps[2] = {{30, 10, {1, 0.5F, 0.2F}},
                                                 {60, 200, {0.1F, 0.4F, 2}}};
-    g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1, 0.4, 64, 32);
-    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
-    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
-    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
-    mesh_free(mesh);
+    g_autoptr(Viewer) viewer = open_viewer(scene_torus(1, 0.4, 64, 32));
     struct viewer_settings s = viewer_settings_default;
     s.camera_distance = 3;
     g_autofree float *first = draw(viewer, &s);
@@ -142,11 +147,7 @@ static void test_full(void) {
 /* A small shape on which nothing falls, before a picture of directions. */
 static Viewer *before(const struct environment *environment, struct viewer_settings *ret) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1, 0.1, 12, 6);
-    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
-    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
-    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
-    mesh_free(mesh);
+    g_autoptr(Viewer) viewer = open_viewer(scene_torus(1, 0.1, 12, 6));
     g_assert_true(viewer_set_environment(viewer, environment, &error));
     *ret = viewer_settings_default;
     ret->backdrop = TRUE;
@@ -244,12 +245,8 @@ static void test_source(struct fixture *f, gconstpointer data) {
 static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    g_autoptr(GError) none = NULL, large = NULL, error = NULL;
-    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
-    struct mesh *mesh = scene_plane();
-    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
-    mesh_free(mesh);
-    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
+    g_autoptr(GError) none = NULL, large = NULL;
+    g_autoptr(Viewer) viewer = open_viewer(scene_plane());
     struct viewer_settings s = viewer_settings_default;
     s.backdrop = TRUE;
     g_assert_null(viewer_render_linear(viewer, &s, 8, 8, &none));

@@ -45,19 +45,6 @@ static struct xyz polar(double theta_deg, double phi_deg) {
     return (struct xyz){sin(t) * cos(p), sin(t) * sin(p), cos(t)};
 }
 
-/* What the mirror shows at a point of the ball, (u, v) radii from its middle: the lamp, with a glow
- * around it as optics make, and a dim room. */
-static double shown(const struct ball *ball, double u, double v, const struct lamp *lamp) {
-    const double w = sqrt(1 - u * u - v * v);
-    const struct xyz mirrored = {2 * w * u, 2 * w * v, 2 * w * w - 1};
-    struct xyz to = lamp->at;
-    if (lamp->near)
-        to = (struct xyz){to.x - (ball->x + u * ball->r), to.y - (-ball->y + v * ball->r),
-                          to.z - w * ball->r};
-    const double off = apart_deg(mirrored, to) / lamp->radius_deg;
-    return lamp->gain * (off < 1 ? 1 : 0.02 * exp(-off));
-}
-
 struct scene {
     double light[SIZE * SIZE];
 };
@@ -83,8 +70,18 @@ static void paint(struct scene *scene, const struct ball *ball, const struct lam
                 continue;
             }
             sum += room * (1 + 0.3 * v);
-            for (int j = 0; j < n; j++)
-                sum += shown(ball, u, v, &lamps[j]);
+            for (int j = 0; j < n; j++) {
+                /* What the mirror shows at a point of the ball, (u, v) radii from its middle: the
+                 * lamp, with a glow around it as optics make, and a dim room. */
+                const double w = sqrt(1 - u * u - v * v);
+                const struct xyz mirrored = {2 * w * u, 2 * w * v, 2 * w * w - 1};
+                struct xyz to = lamps[j].at;
+                if (lamps[j].near)
+                    to = (struct xyz){to.x - (ball->x + u * ball->r),
+                                      to.y - (-ball->y + v * ball->r), to.z - w * ball->r};
+                const double off = apart_deg(mirrored, to) / lamps[j].radius_deg;
+                sum += lamps[j].gain * (off < 1 ? 1 : 0.02 * exp(-off));
+            }
         }
         scene->light[i] = sum / (FINE * FINE);
     }
@@ -122,6 +119,13 @@ static void save(struct scene *scene, const char *name) {
     g_rand_free(rand);
     g_free(scene);
     g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
+}
+
+/* Of one ball under some lamps. */
+static void photograph(const char *name, const struct lamp *lamps, int n) {
+    struct scene *scene = scene_new(0.05);
+    paint(scene, &one, lamps, n, 0.01);
+    save(scene, name);
 }
 
 static void begin(void) {
@@ -190,10 +194,8 @@ static void clipped(void) {
     begin();
     for (int i = 0; i < 12; i++) {
         g_autofree char *name = g_strdup_printf("light-%02d.png", i);
-        struct scene *scene = scene_new(0.05);
         truth[i] = polar(10 + 9 * i, 77 * i);
-        paint(scene, &one, &(struct lamp){truth[i], FALSE, 2.5, gains[i % 4]}, 1, 0.01);
-        save(scene, name);
+        photograph(name, &(struct lamp){truth[i], FALSE, 2.5, gains[i % 4]}, 1);
     }
     g_autofree char *out = calibrate(0, &one, 1, FALSE);
     assert_said(out, "12 of 12 photographs");
@@ -234,15 +236,11 @@ static void dusty(void) {
 static void two_highlights(void) {
     const struct lamp lamps[] = {{polar(35, 20), FALSE, 3, 8}, {polar(50, 200), FALSE, 2.5, 8}};
     const struct lamp fainter[] = {lamps[0], {polar(50, 200), FALSE, 3, 0.1}};
-    struct scene *scene = scene_new(0.05);
     begin();
-    paint(scene, &one, lamps, 2, 0.01);
-    save(scene, "two.png");
+    photograph("two.png", lamps, 2);
     g_autofree char *refused = calibrate(1, &one, 1, FALSE);
     assert_said(refused, "two.png: ball 1 shows two highlights, at ");
-    scene = scene_new(0.05);
-    paint(scene, &one, fainter, 2, 0.01);
-    save(scene, "two.png");
+    photograph("two.png", fainter, 2);
     g_autofree char *out = calibrate(0, &one, 1, FALSE);
     assert_right(out, "two.png", lamps[0].at);
 }
@@ -252,10 +250,8 @@ static void two_highlights(void) {
 static void wrong_circle(void) {
     const struct xyz truth = polar(50, 120);
     const struct lamp lamp = {truth, FALSE, 3, 20};
-    struct scene *scene = scene_new(0.05);
     begin();
-    paint(scene, &one, &lamp, 1, 0.01);
-    save(scene, "circle.png");
+    photograph("circle.png", &lamp, 1);
     for (int i = 0; i < 4; i++) {
         const struct ball given = {one.x + (i & 1 ? 2.2 : -1.5), one.y + (i & 2 ? 1.5 : -2.2),
                                    one.r + (i & 1 ? -2 : 2)};
@@ -269,7 +265,7 @@ static void wrong_circle(void) {
         assert_said(out, "ball 1 is said to be at ");
         assert_said(out, "but the pictures show an outline at 203.");
     }
-    scene = scene_new(0);
+    struct scene *scene = scene_new(0);
     paint(scene, &one, &lamp, 1, 0);
     dust(scene, 260, 240, 2, 2, 0.8);
     save(scene, "circle.png");

@@ -6,22 +6,6 @@ static double boards_theta_deg(const struct fixture_rig *o, int camera) {
                                                         camera / (o->n_cameras - 1);
 }
 
-/* A lens that is like real ones: focal length and middle off by a little, some distortion. */
-static void boards_lens(const struct fixture_rig *o, int camera, GString *to) {
-    GRand *rand = g_rand_new_with_seed((guint32)(o->seed * 100 + camera));
-    const double scale = 1 + g_rand_double_range(rand, -0.01, 0.01);
-    const double x = g_rand_double_range(rand, -0.015, 0.015) * o->width;
-    const double y = g_rand_double_range(rand, -0.015, 0.015) * o->width;
-    const double k1 = g_rand_double_range(rand, -0.3, 0.1), k2 = g_rand_double_range(rand, 0, 0.2);
-    const double p1 = g_rand_double_range(rand, -0.002, 0.002);
-    const double p2 = g_rand_double_range(rand, -0.002, 0.002);
-    g_string_append_printf(to,
-                           "focal_scale = %.6f\ncentre_px = %.4f;%.4f\nk1 = %.5f\nk2 = %.5f\n"
-                           "p1 = %.6f\np2 = %.6f\n",
-                           scale, x, y, k1, k2, p1, p2);
-    g_rand_free(rand);
-}
-
 static char *boards_world_text(const struct fixture *f, const struct fixture_lay *lay) {
     const struct fixture_rig *o = &f->options;
     GString *text = g_string_new(NULL);
@@ -44,14 +28,39 @@ static char *boards_world_text(const struct fixture *f, const struct fixture_lay
                                "vignetting = 0.06\nread_noise_e = 4\nblur_px = %g\n",
                                c, boards_theta_deg(o, c), o->distance_mm, o->width, o->height,
                                o->focal_px, o->blur_px);
-        boards_lens(o, c, text);
+        /* A lens that is like real ones: focal length and middle off by a little, some distortion.
+         */
+        GRand *rand = g_rand_new_with_seed((guint32)(o->seed * 100 + c));
+        const double scale = 1 + g_rand_double_range(rand, -0.01, 0.01);
+        const double x = g_rand_double_range(rand, -0.015, 0.015) * o->width;
+        const double y = g_rand_double_range(rand, -0.015, 0.015) * o->width;
+        const double k1 = g_rand_double_range(rand, -0.3, 0.1),
+                     k2 = g_rand_double_range(rand, 0, 0.2);
+        const double p1 = g_rand_double_range(rand, -0.002, 0.002);
+        const double p2 = g_rand_double_range(rand, -0.002, 0.002);
+        g_string_append_printf(text,
+                               "focal_scale = %.6f\ncentre_px = %.4f;%.4f\nk1 = %.5f\nk2 = %.5f\n"
+                               "p1 = %.6f\np2 = %.6f\n",
+                               scale, x, y, k1, k2, p1, p2);
+        g_rand_free(rand);
     }
     g_string_append(text, "\n[lamp lamp0]\ntheta_deg = 20\ndistance_mm = 500\nintensity = 40\n"
                           "exponent = 2\n");
     return g_string_free(text, FALSE);
 }
 
-static void boards_nominal(struct fixture *f) {
+double boards_true_deg(const struct fixture *f, double deg) {
+    const double turn = FIXTURE_RAD(deg), seed = f->options.seed;
+    return deg + f->options.turntable_error_deg *
+                     (0.7 * sin(turn + seed) + 0.3 * sin(37 * turn + 2 * seed));
+}
+
+void boards_open(struct fixture *f, const struct fixture_rig *options,
+                 const struct fixture_lay *lays, int n_lays) {
+    g_autoptr(GError) error = NULL;
+    *f = (struct fixture){.options = *options, .n_lays = n_lays};
+    g_assert_true(board_parse(&f->board, options->board, &error));
+    f->folder = g_dir_make_tmp("mesorig-boards-XXXXXX", NULL);
     const struct fixture_rig *o = &f->options;
     struct rig *rig = &f->nominal;
     *rig = (struct rig){.id = "fixture", .n_cameras = o->n_cameras, .arc_radius_mm = 500};
@@ -69,62 +78,16 @@ static void boards_nominal(struct fixture *f) {
             vec3_scale(rig_direction(FIXTURE_RAD(boards_theta_deg(o, c)), 0), o->distance_mm),
             vec3(0, 0, 0));
     }
-}
-
-double boards_true_deg(const struct fixture *f, double deg) {
-    const double turn = FIXTURE_RAD(deg), seed = f->options.seed;
-    return deg + f->options.turntable_error_deg *
-                     (0.7 * sin(turn + seed) + 0.3 * sin(37 * turn + 2 * seed));
-}
-
-/* The exposure that fills the sensor to four fifths. */
-static struct picture *boards_take(World *world, int camera, double true_deg, guint64 key,
-                                   const char *name) {
-    struct world_sensor sensor;
-    struct world_state state;
-    world_sensor(world, camera, &sensor);
-    world_set_turntable(world, true_deg);
-    world_set_arc(world, 90);
-    world_set_lamp(world, 0, TRUE, 0);
-    world_snapshot(world, (gint64)1e7, 20000, &state);
-    const gsize n = (gsize)sensor.width * (gsize)sensor.height;
-    g_autofree guint16 *pixels = g_new(guint16, n);
-    struct picture *picture = picture_new(name, name, sensor.width, sensor.height);
-    world_expose(world, camera, &state, 10000, 0, key, pixels);
-    for (gsize i = 0; i < n; i++)
-        picture->values[i] = (float)(pixels[i] - sensor.black_level);
-    picture_balance(picture, cfa_name(sensor.cfa));
-    return picture;
-}
-
-static void boards_write(const struct fixture *f, const char *name, const char *text) {
-    g_autofree char *path = g_build_filename(f->folder, name, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-}
-
-/* Cells of a marker are whole pixels of the print. */
-static void boards_print(const struct fixture *f) {
-    g_autofree char *path = g_build_filename(f->folder, "board.png", NULL);
+    g_autofree char *print = g_build_filename(f->folder, "board.png", NULL);
     const double cell = f->board.marker_mm > 0 ? f->board.marker_mm / 6 : f->board.square_mm;
-    const struct board_drawing drawing = {0, 1 / cell};
-    g_autoptr(GError) error = NULL;
-    board_draw(&f->board, path, &drawing, &error);
+    const struct board_drawing drawing = {0, 1 / cell}; /* cells of a marker are whole pixels */
+    board_draw(&f->board, print, &drawing, &error);
     g_assert_no_error(error);
-}
-
-void boards_open(struct fixture *f, const struct fixture_rig *options,
-                 const struct fixture_lay *lays, int n_lays) {
-    g_autoptr(GError) error = NULL;
-    *f = (struct fixture){.options = *options, .n_lays = n_lays};
-    g_assert_true(board_parse(&f->board, options->board, &error));
-    f->folder = g_dir_make_tmp("mesorig-boards-XXXXXX", NULL);
-    boards_nominal(f);
-    boards_print(f);
     for (int l = 0; l < n_lays; l++) {
         g_autofree char *name = g_strdup_printf("world%d.conf", l);
         g_autofree char *path = g_build_filename(f->folder, name, NULL);
         g_autofree char *text = boards_world_text(f, &lays[l]);
-        boards_write(f, name, text);
+        g_assert_true(g_file_set_contents(path, text, -1, NULL));
         f->worlds[l] = world_get(path, &error);
         g_assert_no_error(error);
     }
@@ -142,8 +105,23 @@ void boards_capture(struct fixture *f, int n_stops) {
         const double deg = 360.0 * stop / n_stops;
         g_autofree char *name = g_strdup_printf("lay%d/cam%d at %.1f°", lay, camera, deg);
         f->pictures[i] = (struct cameras_picture){camera, lay, deg};
-        f->taken[i] = boards_take(f->worlds[lay], camera, boards_true_deg(f, deg),
-                                  (guint64)(i + 1000 * f->options.seed), name);
+        /* The exposure that fills the sensor to four fifths. */
+        struct world_sensor sensor;
+        struct world_state state;
+        world_sensor(f->worlds[lay], camera, &sensor);
+        world_set_turntable(f->worlds[lay], boards_true_deg(f, deg));
+        world_set_arc(f->worlds[lay], 90);
+        world_set_lamp(f->worlds[lay], 0, TRUE, 0);
+        world_snapshot(f->worlds[lay], (gint64)1e7, 20000, &state);
+        const gsize n = (gsize)sensor.width * (gsize)sensor.height;
+        g_autofree guint16 *pixels = g_new(guint16, n);
+        struct picture *picture = picture_new(name, name, sensor.width, sensor.height);
+        world_expose(f->worlds[lay], camera, &state, 10000, 0,
+                     (guint64)(i + 1000 * f->options.seed), pixels);
+        for (gsize k = 0; k < n; k++)
+            picture->values[k] = (float)(pixels[k] - sensor.black_level);
+        picture_balance(picture, cfa_name(sensor.cfa));
+        f->taken[i] = picture;
     }
 }
 

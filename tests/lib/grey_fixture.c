@@ -121,8 +121,8 @@ void grey_truth(const char *folder, const char *id, int days) {
         rig.cameras[i].response = fixture_cameras[i].response;
         rig.lamps[i].intensity = fixture_lamps[i].intensity;
     }
-    for (int i = 0; i < rig.n_marks; i++)
-        rig.marks[i].centre_mm = vec3(rig_marks_mm[i][0], rig_marks_mm[i][1], 4);
+    for (int i = 0; i < rig.n_fiducials; i++)
+        rig.fiducials[i].centre_mm = vec3(rig_marks_mm[i][0], rig_marks_mm[i][1], 4);
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     struct calibration_part *part =
         calibration_set_part(calibration, CALIBRATION_CAMERAS, "truth", 0, "-", NULL);
@@ -194,11 +194,11 @@ void grey_compare(const struct calibration *found, struct grey_chi2 *to) {
         grey_add(to, t->read_noise_e, 4, t->read_noise_error_e);
         grey_add(to, t->curvature, 0, t->curvature_error);
     }
-    for (int m = 0; m < found->rig.n_marks; m++) {
-        const struct rig_mark *mark = &found->rig.marks[m];
-        grey_add(to, mark->centre_mm.x, rig_marks_mm[m][0], found->marks[m].centre_mm[0]);
-        grey_add(to, mark->centre_mm.y, rig_marks_mm[m][1], found->marks[m].centre_mm[1]);
-        grey_add(to, mark->centre_mm.z, 4, found->marks[m].centre_mm[2]);
-        grey_add(to, mark->reflectance[1], 0.9, found->marks[m].reflectance[1]);
+    for (int m = 0; m < found->rig.n_fiducials; m++) {
+        const struct rig_fiducial *mark = &found->rig.fiducials[m];
+        grey_add(to, mark->centre_mm.x, rig_marks_mm[m][0], found->fiducials[m].centre_mm[0]);
+        grey_add(to, mark->centre_mm.y, rig_marks_mm[m][1], found->fiducials[m].centre_mm[1]);
+        grey_add(to, mark->centre_mm.z, 4, found->fiducials[m].centre_mm[2]);
+        grey_add(to, mark->reflectance[1], 0.9, found->fiducials[m].reflectance[1]);
     }
 }

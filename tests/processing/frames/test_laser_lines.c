@@ -349,8 +349,8 @@ static void test_region(void) {
     g_autofree struct sweep *sweep = new_sweep();
     struct rig rig = rig_of(sweep);
     g_autoptr(LaserRegion) all = laser_region_new(&rig, &rig.cameras[0], 0, &flat);
-    rig.n_marks = 1;
-    rig.marks[0] = (struct rig_mark){.centre_mm = vec3(0, 22, 1), .radius_mm = 2};
+    rig.n_fiducials = 1;
+    rig.fiducials[0] = (struct rig_fiducial){.centre_mm = vec3(0, 22, 1), .radius_mm = 2};
     g_autoptr(LaserRegion) marked = laser_region_new(&rig, &rig.cameras[0], 0, &flat);
     const int mark = laser_region_pixels(all) - laser_region_pixels(marked);
     /* 3.5 mm in radius with what is kept off, 1200/650 px a mm, and seen from 40°. */

@@ -53,14 +53,14 @@ static void quick_check(void) {
 
 /* Four marks in each camera's picture, cam1's 3 pixels off if it is turned. */
 static void shot_of_marks(struct flight *flight, gboolean turned) {
-    flight->marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    flight->marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
     for (int i = 0; i < 8; i++) {
-        struct mark_seen seen = {.camera = i / 4,
-                                 .mark = i % 4,
-                                 .error_px = 0.01,
-                                 .output_error = INFINITY,
-                                 .expected_x_px = 30,
-                                 .expected_y_px = 40};
+        struct fiducial_seen seen = {.camera = i / 4,
+                                     .fiducial = i % 4,
+                                     .error_px = 0.01,
+                                     .output_error = INFINITY,
+                                     .expected_x_px = 30,
+                                     .expected_y_px = 40};
         seen.x_px = seen.expected_x_px + (turned && seen.camera == 1 ? 3 : 0);
         seen.y_px = seen.expected_y_px;
         g_array_append_val(flight->marks, seen);

@@ -1,20 +1,20 @@
-#include "fiducials/marks.h"
+#include "fiducials/fiducials.h"
 #include "lib/radiometry_fixture.h"
 
 #define PIXELS (FIXTURE_SIZE * FIXTURE_SIZE)
 
 static const double places_mm[][2] = {{32, 0}, {0, 32}, {-32, 0}, {0, -32}};
-#define N_MARKS ((int)G_N_ELEMENTS(places_mm))
+#define N_FIDUCIALS ((int)G_N_ELEMENTS(places_mm))
 
 #define DARK   "width_mm=50\nheight_mm=50\nbase_mm=2\nalbedo=0.3\n"
 #define BRIGHT "width_mm=57\nheight_mm=57\nbase_mm=3.9\nalbedo=0.4\n"
 static const char *sample = DARK;
 
-/* A sample with four marks beside it; the turntable may be off by a slip. */
-static World *marked_world(int seed, const char *cam1_keys, double drift_pct) {
+/* A sample with four fiducials beside it; the turntable may be off by a slip. */
+static World *fiducials_world(int seed, const char *cam1_keys, double drift_pct) {
     g_autoptr(GString) objects = g_string_new("[sample]\nkind=flat\n");
     g_string_append(objects, sample);
-    for (int i = 0; i < N_MARKS; i++)
+    for (int i = 0; i < N_FIDUCIALS; i++)
         g_string_append_printf(objects,
                                "[mark m%d]\nx_mm=%g\ny_mm=%g\nz_mm=4\nradius_mm=3\nalbedo=0.9\n", i,
                                places_mm[i][0], places_mm[i][1]);
@@ -30,78 +30,84 @@ static World *marked_world(int seed, const char *cam1_keys, double drift_pct) {
 }
 
 /* As radiometry would have it: the fixture's truth. */
-static void marked_rig(struct rig *rig, struct radiometry_camera *cameras,
-                       struct radiometry_lamp *lamps) {
-    radiometry_fixture_rig(rig);
+static struct rig rig;
+static struct radiometry_camera cameras[3];
+static struct radiometry_lamp lamps[3];
+
+static void fiducials_rig(void) {
+    radiometry_fixture_rig(&rig);
     for (int i = 0; i < 3; i++) {
-        rig->cameras[i].response = fixture_cameras[i].response;
-        rig->cameras[i].vignetting = fixture_cameras[i].vignetting;
-        rig->lamps[i].intensity = fixture_lamps[i].intensity;
-        rig->lamps[i].exponent = fixture_lamps[i].exponent;
-        rig->lamps[i].aim = radiometry_fixture_aim(i);
+        rig.cameras[i].response = fixture_cameras[i].response;
+        rig.cameras[i].vignetting = fixture_cameras[i].vignetting;
+        rig.lamps[i].intensity = fixture_lamps[i].intensity;
+        rig.lamps[i].exponent = fixture_lamps[i].exponent;
+        rig.lamps[i].aim = radiometry_fixture_aim(i);
         cameras[i] = (struct radiometry_camera){.known = TRUE};
         lamps[i] = (struct radiometry_lamp){.known = TRUE, .colour = {1, 1, 1}};
         for (int k = 0; k < 3; k++)
             cameras[i].colour[k] = fixture_cameras[i].colour[k];
     }
-    rig->n_marks = N_MARKS;
-    for (int i = 0; i < N_MARKS; i++) {
-        struct rig_mark *mark = &rig->marks[i];
-        g_snprintf(mark->name, sizeof mark->name, "m%d", i);
-        mark->centre_mm = vec3(places_mm[i][0], places_mm[i][1], 4);
-        mark->radius_mm = 3;
+    rig.n_fiducials = N_FIDUCIALS;
+    for (int i = 0; i < N_FIDUCIALS; i++) {
+        struct rig_fiducial *fiducial = &rig.fiducials[i];
+        g_snprintf(fiducial->name, sizeof fiducial->name, "m%d", i);
+        fiducial->centre_mm = vec3(places_mm[i][0], places_mm[i][1], 4);
+        fiducial->radius_mm = 3;
         for (int k = 0; k < 3; k++)
-            mark->reflectance[k] = 0.9;
+            fiducial->reflectance[k] = 0.9;
     }
 }
 
 /* All cameras, one lamp after the other. */
 static GArray *look(World *world, int seed, double slip_deg) {
-    struct rig rig;
-    struct radiometry_camera cameras[3];
-    struct radiometry_lamp lamps[3];
     g_autofree float *mosaic = g_new(float, PIXELS);
-    GArray *seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
-    marked_rig(&rig, cameras, lamps);
+    GArray *seen = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
     for (int lamp = 0; lamp < 3; lamp++) {
         double turn_deg = 17 + 30 * lamp;
         struct fixture_pose pose = {lamp, turn_deg + slip_deg, 100 + 40.0 * lamp, 10.0 * lamp};
         for (int c = 0; c < 3; c++) {
             radiometry_fixture_mosaic(world, c, &pose, 1, (guint64)seed * 100 + (guint64)lamp,
                                       mosaic);
-            struct mark_scene scene = {
+            struct fiducial_scene scene = {
                 &rig,        c,           lamp, turn_deg * G_PI / 180, pose.arc_deg * G_PI / 180,
                 &cameras[c], &lamps[lamp]};
-            marks_measure(&scene, "rggb", mosaic, seen);
+            fiducials_measure(&scene, "rggb", mosaic, seen);
         }
     }
     return seen;
 }
 
-static const struct mark_seen *at(const GArray *seen, guint i) {
-    return &g_array_index(seen, struct mark_seen, i);
+static const struct fiducial_seen *at(const GArray *seen, guint i) {
+    return &g_array_index(seen, struct fiducial_seen, i);
 }
 
-static double drift_at(int lamp) {
-    return 1 + 0.03 * sin(2 * G_PI * (10.0 * lamp + 1 + FIXTURE_US * 0.5e-6) / 100);
+struct offsets { /* of pictures from where they are expected */
+    double squares, normalised;
+    int n;
+};
+
+static void offsets_add(struct offsets *to, const struct fiducial_seen *s) {
+    double dx = s->x_px - s->expected_x_px, dy = s->y_px - s->expected_y_px;
+    to->squares += (dx * dx + dy * dy) / 2;
+    to->normalised += (dx * dx + dy * dy) / (2 * s->error_px * s->error_px);
+    to->n++;
 }
 
 /* Where they are, to a small part of a pixel, and what they show of each lamp's output. */
 static void found(void) {
-    double sum = 0, normalised = 0, output = 0;
-    int n = 0, n_output = 0;
+    struct offsets offsets = {0};
+    double output = 0;
+    int n_output = 0;
     for (int seed = 1; seed <= 5; seed++) {
-        g_autoptr(World) world = marked_world(seed, NULL, 3);
+        g_autoptr(World) world = fiducials_world(seed, NULL, 3);
         g_autoptr(GArray) seen = look(world, seed, 0);
         g_assert_cmpuint(seen->len, >=, 30);
         for (guint i = 0; i < seen->len; i++) {
-            const struct mark_seen *s = at(seen, i);
-            double dx = s->x_px - s->expected_x_px, dy = s->y_px - s->expected_y_px;
+            const struct fiducial_seen *s = at(seen, i);
             int lamp = (int)lrint((s->turntable_rad * 180 / G_PI - 17) / 30);
-            double off = s->output / drift_at(lamp) - 1;
-            sum += (dx * dx + dy * dy) / 2;
-            normalised += (dx * dx + dy * dy) / (2 * s->error_px * s->error_px);
-            n++;
+            double drift = 0.03 * sin(2 * G_PI * (10.0 * lamp + 1 + FIXTURE_US * 0.5e-6) / 100);
+            double off = s->output / (1 + drift) - 1;
+            offsets_add(&offsets, s);
             if (!isfinite(s->output_error))
                 continue;
             output += off * off / (s->output_error * s->output_error);
@@ -109,54 +115,48 @@ static void found(void) {
             g_assert_cmpfloat(fabs(off), <, 0.02);
         }
     }
-    g_test_message("%d marks: rms %.4f px, chi-square %.2f; output chi-square %.2f", n,
-                   sqrt(sum / n), normalised / n, output / n_output);
-    g_assert_cmpfloat(sqrt(sum / n), <, 0.06);
+    g_test_message("%d fiducials: rms %.4f px, chi-square %.2f; output chi-square %.2f", offsets.n,
+                   sqrt(offsets.squares / offsets.n), offsets.normalised / offsets.n,
+                   output / n_output);
+    g_assert_cmpfloat(sqrt(offsets.squares / offsets.n), <, 0.06);
 }
 
-static void check_one(int seed, const char *nudge, double slip_deg, struct marks_check *ret) {
-    struct rig rig;
-    struct radiometry_camera cameras[3];
-    struct radiometry_lamp lamps[3];
-    g_autoptr(World) world = marked_world(seed, nudge, 0);
+static void check_one(int seed, const char *nudge, double slip_deg, struct fiducials_check *ret) {
+    g_autoptr(World) world = fiducials_world(seed, nudge, 0);
     g_autoptr(GArray) seen = look(world, seed, slip_deg);
-    marked_rig(&rig, cameras, lamps);
-    marks_check(&rig, (struct mark_seen *)(void *)seen->data, (int)seen->len, 0.03, 0.03, ret);
-    g_autofree char *text = marks_describe(&rig, ret);
+    fiducials_check(&rig, (struct fiducial_seen *)(void *)seen->data, (int)seen->len, 0.03, 0.03,
+                    ret);
+    g_autofree char *text = fiducials_describe(&rig, ret);
     g_test_message("seed %d, %s, slip %g: %d seen, %.3f px: %s", seed, nudge ? nudge : "-",
                    slip_deg, ret->n_seen, ret->rms_px, text ? text : "nothing");
     g_assert_true((text != NULL) == (nudge || slip_deg != 0));
 }
 
 static void nothing_moved(void) {
-    struct marks_check check;
+    struct fiducials_check check;
     for (int seed = 1; seed <= 5; seed++) {
         check_one(seed, NULL, 0, &check);
         g_assert_false(check.slipped);
     }
 }
 
-/* A bright sample that reaches nearly to the marks pulls them to one side: then less is said of
+/* A bright sample that reaches nearly to the fiducials pulls them to one side: then less is said of
  * where they are. */
 static void bright_beside(void) {
-    double squares = 0, normalised = 0;
-    int n = 0;
+    struct offsets offsets = {0};
     sample = BRIGHT;
     for (int seed = 1; seed <= 5; seed++) {
-        g_autoptr(World) world = marked_world(seed, NULL, 0);
+        g_autoptr(World) world = fiducials_world(seed, NULL, 0);
         g_autoptr(GArray) seen = look(world, seed, 0);
-        for (guint i = 0; i < seen->len; i++, n++) {
-            const struct mark_seen *s = at(seen, i);
-            double dx = s->x_px - s->expected_x_px, dy = s->y_px - s->expected_y_px;
-            squares += (dx * dx + dy * dy) / 2;
-            normalised += (dx * dx + dy * dy) / (2 * s->error_px * s->error_px);
-        }
+        for (guint i = 0; i < seen->len; i++)
+            offsets_add(&offsets, at(seen, i));
     }
     sample = DARK;
-    g_test_message("%d marks: rms %.3f px, chi-square %.2f", n, sqrt(squares / n), normalised / n);
-    g_assert_cmpint(n, >=, 150);
-    g_assert_cmpfloat(sqrt(squares / n), >, 0.1);
-    g_assert_cmpfloat(normalised / n, <, 1);
+    g_test_message("%d fiducials: rms %.3f px, chi-square %.2f", offsets.n,
+                   sqrt(offsets.squares / offsets.n), offsets.normalised / offsets.n);
+    g_assert_cmpint(offsets.n, >=, 150);
+    g_assert_cmpfloat(sqrt(offsets.squares / offsets.n), >, 0.1);
+    g_assert_cmpfloat(offsets.normalised / offsets.n, <, 1);
 }
 
 static void camera_nudged(void) {
@@ -164,7 +164,7 @@ static void camera_nudged(void) {
                                          "turn_deg=0;0;0.1"};
     for (int seed = 1; seed <= 5; seed++)
         for (int axis = 0; axis < 2; axis++) {
-            struct marks_check check;
+            struct fiducials_check check;
             check_one(seed, nudges[axis], 0, &check);
             g_assert_false(check.slipped);
             g_assert_true(check.cameras[1].moved);
@@ -177,7 +177,7 @@ static void turntable_slipped(void) {
     double normalised = 0;
     for (int seed = 1; seed <= 5; seed++)
         for (int side = -1; side <= 1; side += 2) {
-            struct marks_check check;
+            struct fiducials_check check;
             check_one(seed, NULL, 0.1 * side, &check);
             g_assert_true(check.slipped);
             for (int c = 0; c < 3; c++)
@@ -189,41 +189,40 @@ static void turntable_slipped(void) {
     g_test_message("slip: chi-square %.2f", normalised);
 }
 
-/* What is no mark is not taken for one. */
+/* What is no fiducial is not taken for one. */
 static void nothing_seen(void) {
-    struct rig rig;
-    struct radiometry_camera cameras[3];
-    struct radiometry_lamp lamps[3];
-    struct marks_check check;
+    struct fiducials_check check;
     double output, error;
     g_autofree float *mosaic = g_new0(float, PIXELS);
-    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
-    marked_rig(&rig, cameras, lamps);
-    struct mark_scene scene = {&rig, 0, 0, 0.3, 1, &cameras[0], &lamps[0]};
-    g_assert_cmpint(marks_measure(&scene, "rggb", mosaic, seen), ==, 0);
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
+    struct fiducial_scene scene = {&rig, 0, 0, 0.3, 1, &cameras[0], &lamps[0]};
+    g_assert_cmpint(fiducials_measure(&scene, "rggb", mosaic, seen), ==, 0);
     for (int i = 0; i < PIXELS; i++)
         mosaic[i] = (float)NAN;
-    g_assert_cmpint(marks_measure(&scene, "rggb", mosaic, seen), ==, 0);
+    g_assert_cmpint(fiducials_measure(&scene, "rggb", mosaic, seen), ==, 0);
     for (int i = 0; i < PIXELS; i++)
         mosaic[i] = 100 + (float)(i % 7);
-    g_assert_cmpint(marks_measure(&scene, "rggb", mosaic, seen), ==, 0);
-    for (int i = 0; i < N_MARKS; i++) /* out of the picture, or behind the camera */
-        rig.marks[i].centre_mm = i % 2 ? vec3(0, 0, 5000) : vec3(500, 20 * i, 4);
-    g_assert_cmpint(marks_measure(&scene, "mono", mosaic, seen), ==, 0);
-    g_assert_false(marks_output(NULL, 0, &output, &error));
-    marks_check(&rig, NULL, 0, 0.05, 0.05, &check);
+    g_assert_cmpint(fiducials_measure(&scene, "rggb", mosaic, seen), ==, 0);
+    struct rig elsewhere = rig;
+    for (int i = 0; i < N_FIDUCIALS; i++) /* out of the picture, or behind the camera */
+        elsewhere.fiducials[i].centre_mm = i % 2 ? vec3(0, 0, 5000) : vec3(500, 20 * i, 4);
+    scene.rig = &elsewhere;
+    g_assert_cmpint(fiducials_measure(&scene, "mono", mosaic, seen), ==, 0);
+    g_assert_false(fiducials_output(NULL, 0, &output, &error));
+    fiducials_check(&rig, NULL, 0, 0.05, 0.05, &check);
     g_assert_false(check.slipped);
-    g_assert_null(marks_describe(&rig, &check));
+    g_assert_null(fiducials_describe(&rig, &check));
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/marks/found", found);
-    g_test_add_func("/marks/nothing-moved", nothing_moved);
-    g_test_add_func("/marks/bright-beside", bright_beside);
-    g_test_add_func("/marks/camera-nudged", camera_nudged);
-    g_test_add_func("/marks/turntable-slipped", turntable_slipped);
-    g_test_add_func("/marks/nothing-seen", nothing_seen);
+    fiducials_rig();
+    g_test_add_func("/fiducials/found", found);
+    g_test_add_func("/fiducials/nothing-moved", nothing_moved);
+    g_test_add_func("/fiducials/bright-beside", bright_beside);
+    g_test_add_func("/fiducials/camera-nudged", camera_nudged);
+    g_test_add_func("/fiducials/turntable-slipped", turntable_slipped);
+    g_test_add_func("/fiducials/nothing-seen", nothing_seen);
     int status = g_test_run();
     world_fixture_clean();
     return status;

@@ -2,7 +2,7 @@
  * response · flat · cos θ · E / π; its share of white is s = (value − ground) / (level − ground).
  * The centroid Σ s x / Σ s over the window, minus that of the projected disc, gives the
  * displacement, and the mean value of the interior the lamp's output. */
-#include "marks.h"
+#include "fiducials.h"
 
 #include <string.h>
 
@@ -22,10 +22,9 @@
  * is as uneven as the ring: (WINDOW³ − 1) · 2/3. */
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST 1.0 /* in radii: largest distance from the expected position */
-#define LEAST_OUTPUT                                                                               \
-    0.2 /* bounds of a lamp's relative output; outside, the fiducial is in shadow or it is         \
-           something else */
-#define MOST_OUTPUT 5
+/* Bounds of a lamp's relative output; outside, the fiducial is in shadow or something else. */
+#define LEAST_OUTPUT 0.2
+#define MOST_OUTPUT  5
 
 /* Grid of nodes every few pixels: the point where the pixel's ray meets the plane of the
  * fiducial's face, and the expected value of white there. Values in between are interpolated,
@@ -36,9 +35,9 @@ struct node {
 };
 
 struct measuring {
-    const struct mark_scene *scene;
+    const struct fiducial_scene *scene;
     const struct rig_camera *camera;
-    const struct rig_mark *mark;
+    const struct rig_fiducial *fiducial;
     const char *cfa;
     const float *mosaic;
     struct vec3 eye, middle; /* rig frame; middle: present estimate of the centre */
@@ -50,24 +49,9 @@ struct measuring {
     double moment[2]; /* first moment of the surround: mean of share of white × direction */
 };
 
-static int marks_colour_at(const char *cfa, int x, int y) {
-    char name = strcmp(cfa, "mono") == 0 ? 'g' : cfa[2 * (y & 1) + (x & 1)];
-    return name == 'r' ? 0 : name == 'g' ? 1 : 2;
-}
-
-static struct node node_at(const struct measuring *m, int x, int y) {
-    const struct mark_scene *s = m->scene;
-    const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
-    struct vec3 ray = rig_pixel_ray(m->camera, x, y);
-    struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
-    struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
-    double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) / G_PI *
-                   MAX(path.z / vec3_length(path), 0) *
-                   rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
-    return (struct node){p.x, p.y, white};
-}
-
 static void set_nodes(struct measuring *m) {
+    const struct fiducial_scene *s = m->scene;
+    const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
     m->node_x0 = m->x0;
     m->node_y0 = m->y0;
     m->step = CLAMP((int)hypot(m->camera->width, m->camera->height) / STEPS, 1, 8);
@@ -75,12 +59,18 @@ static void set_nodes(struct measuring *m) {
     m->node_rows = (m->y1 - m->y0) / m->step + 2;
     m->nodes = g_new(struct node, (gsize)m->node_columns * (gsize)m->node_rows);
     for (int j = 0; j < m->node_rows; j++)
-        for (int i = 0; i < m->node_columns; i++)
-            m->nodes[j * m->node_columns + i] =
-                node_at(m, m->node_x0 + i * m->step, m->node_y0 + j * m->step);
+        for (int i = 0; i < m->node_columns; i++) {
+            int x = m->node_x0 + i * m->step, y = m->node_y0 + j * m->step;
+            struct vec3 ray = rig_pixel_ray(m->camera, x, y);
+            struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
+            struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
+            double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) /
+                           G_PI * MAX(path.z / vec3_length(path), 0) *
+                           rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
+            m->nodes[j * m->node_columns + i] = (struct node){p.x, p.y, white};
+        }
     for (int k = 0; k < 3; k++) {
-        const struct mark_scene *s = m->scene;
-        m->colour[k] = m->mark->reflectance[k];
+        m->colour[k] = m->fiducial->reflectance[k];
         if (s->radiometry && s->radiometry->known)
             m->colour[k] *= s->radiometry->colour[k];
         if (s->lamp_radiometry && s->lamp_radiometry->known)
@@ -98,7 +88,7 @@ struct pixel {
 
 /* Bilinear interpolation between nodes. FALSE: the pixel is expected to be dark, or outside of
  * the range. */
-static gboolean marks_look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
+static gboolean fiducials_look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
     int i = (x - m->node_x0) / m->step, j = (y - m->node_y0) / m->step;
     if (x < m->node_x0 || y < m->node_y0 || i + 1 >= m->node_columns || j + 1 >= m->node_rows)
         return FALSE;
@@ -108,14 +98,14 @@ static gboolean marks_look_at(const struct measuring *m, int x, int y, struct pi
     double x_mm = w[0] * a->x_mm + w[1] * a[1].x_mm + w[2] * b->x_mm + w[3] * b[1].x_mm;
     double y_mm = w[0] * a->y_mm + w[1] * a[1].y_mm + w[2] * b->y_mm + w[3] * b[1].y_mm;
     double white = w[0] * a->white + w[1] * a[1].white + w[2] * b->white + w[3] * b[1].white;
-    ret->colour = marks_colour_at(m->cfa, x, y);
+    ret->colour = radiometry_colour_at(m->cfa, x, y);
     double from_mm = hypot(x_mm - m->middle.x, y_mm - m->middle.y);
-    ret->from = from_mm / m->mark->radius_mm;
+    ret->from = from_mm / m->fiducial->radius_mm;
     ret->along[0] = from_mm > 0 ? (x_mm - m->middle.x) / from_mm : 0;
     ret->along[1] = from_mm > 0 ? (y_mm - m->middle.y) / from_mm : 0;
     double side = hypot(a[1].x_mm - a->x_mm, a[1].y_mm - a->y_mm) +
                   hypot(b->x_mm - a->x_mm, b->y_mm - a->y_mm);
-    ret->reach = ret->from + side / (2 * m->step * m->mark->radius_mm);
+    ret->reach = ret->from + side / (2 * m->step * m->fiducial->radius_mm);
     white *= m->colour[ret->colour];
     if (!(white > 0))
         return FALSE;
@@ -123,9 +113,9 @@ static gboolean marks_look_at(const struct measuring *m, int x, int y, struct pi
     return isfinite(ret->value);
 }
 
-static gboolean marks_project(const struct measuring *m, double angle, double radii, double *x,
-                              double *y) {
-    double r = radii * m->mark->radius_mm;
+static gboolean fiducials_project(const struct measuring *m, double angle, double radii, double *x,
+                                  double *y) {
+    double r = radii * m->fiducial->radius_mm;
     struct vec3 p = vec3_add(m->middle, vec3(r * cos(angle), r * sin(angle), 0));
     return rig_project(m->camera, p, x, y);
 }
@@ -134,11 +124,11 @@ static gboolean marks_project(const struct measuring *m, double angle, double ra
  * xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. */
 static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
-    if (!marks_project(m, 0, 1, &x0, &y0))
+    if (!fiducials_project(m, 0, 1, &x0, &y0))
         return FALSE;
     double ox = x0, oy = y0; /* relative to the first point, to avoid cancellation */
     for (int i = 1; i <= 64; i++) {
-        if (!marks_project(m, i * 2 * G_PI / 64, 1, &x1, &y1))
+        if (!fiducials_project(m, i * 2 * G_PI / 64, 1, &x1, &y1))
             return FALSE;
         double cross = (x0 - ox) * (y1 - oy) - (x1 - ox) * (y0 - oy);
         area += cross;
@@ -153,14 +143,14 @@ static gboolean expected_centroid(const struct measuring *m, double *ret_x, doub
 }
 
 /* Sets the range of pixels; FALSE if the window exceeds the picture. */
-static gboolean marks_set_bounds(struct measuring *m, double ring) {
+static gboolean fiducials_set_bounds(struct measuring *m, double ring) {
     double low_x = HUGE_VAL, low_y = HUGE_VAL, high_x = -HUGE_VAL, high_y = -HUGE_VAL;
     for (int i = 0; i < 32; i++) {
         double x, y;
-        if (!marks_project(m, i * 2 * G_PI / 32, WINDOW, &x, &y) || x < 0 || y < 0 ||
+        if (!fiducials_project(m, i * 2 * G_PI / 32, WINDOW, &x, &y) || x < 0 || y < 0 ||
             x > m->camera->width - 1 || y > m->camera->height - 1)
             return FALSE;
-        if (!marks_project(m, i * 2 * G_PI / 32, ring, &x, &y))
+        if (!fiducials_project(m, i * 2 * G_PI / 32, ring, &x, &y))
             return FALSE;
         low_x = MIN(low_x, x);
         high_x = MAX(high_x, x);
@@ -184,12 +174,12 @@ static void mean_add(struct mean *mean, double value) {
     mean->squares += value * value;
 }
 
-static double marks_mean_of(const struct mean *mean) {
+static double fiducials_mean_of(const struct mean *mean) {
     return mean->n > 0 ? mean->sum / mean->n : 0;
 }
 
 static double variance_of(const struct mean *mean) {
-    double middle = marks_mean_of(mean);
+    double middle = fiducials_mean_of(mean);
     return mean->n > 1 ? MAX(mean->squares - mean->n * middle * middle, 0) / (mean->n - 1) : 0;
 }
 
@@ -205,7 +195,7 @@ static void measure_moment(struct measuring *m) {
     m->moment[0] = m->moment[1] = 0;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!marks_look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
+            if (!fiducials_look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
                 continue;
             double share = share_of_white(m, &pixel);
             m->moment[0] += share * pixel.along[0];
@@ -218,7 +208,7 @@ static void measure_moment(struct measuring *m) {
 
 /* Squared displacement of the centroid by the surround, px². */
 static double pull_variance(const struct measuring *m) {
-    double r = PULL * m->mark->radius_mm, x0, y0, x1, y1;
+    double r = PULL * m->fiducial->radius_mm, x0, y0, x1, y1;
     struct vec3 pulled = vec3_add(m->middle, vec3(r * m->moment[0], r * m->moment[1], 0));
     if (!rig_project(m->camera, m->middle, &x0, &y0) || !rig_project(m->camera, pulled, &x1, &y1))
         return (double)INFINITY;
@@ -233,7 +223,7 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     memset(whole, 0, 3 * sizeof *whole);
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!marks_look_at(m, x, y, &pixel))
+            if (!fiducials_look_at(m, x, y, &pixel))
                 continue;
             if (pixel.reach < WHOLE)
                 mean_add(&whole[pixel.colour], pixel.value);
@@ -247,8 +237,8 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     for (int k = 0; k < 3; k++) {
         if (white[k].n == 0)
             continue;
-        m->level[k] = marks_mean_of(&white[k]);
-        m->ground[k] = marks_mean_of(&ground[k]);
+        m->level[k] = fiducials_mean_of(&white[k]);
+        m->ground[k] = fiducials_mean_of(&ground[k]);
         double contrast = m->level[k] - m->ground[k];
         if (white[k].n < 2 || ground[k].n < 2 || m->level[k] < CONTRAST * m->ground[k] ||
             !(contrast > 0))
@@ -268,7 +258,7 @@ static double measure_centroid(const struct measuring *m, double *ret_x, double 
     struct pixel pixel;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!marks_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
+            if (!fiducials_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
                 continue;
             double share = share_of_white(m, &pixel);
             area += share;
@@ -287,7 +277,7 @@ static double centroid_variance(const struct measuring *m, const double noise[2]
     struct pixel pixel;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!marks_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
+            if (!fiducials_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
                 continue;
             double share = CLAMP(share_of_white(m, &pixel), 0, 1);
             double own = noise[0] * (1 - share) + noise[1] * share;
@@ -297,23 +287,6 @@ static double centroid_variance(const struct measuring *m, const double noise[2]
             variance += own * (dx * dx + dy * dy) / 2;
         }
     return variance / (area * area);
-}
-
-/* The lamp's output: mean over all colours; shot noise is nearly the same in all pixels, so that
- * all colours share one variance. */
-static void set_output(const struct mean whole[3], struct mark_seen *seen) {
-    double n = 0, freedom = 0, variance = 0, sum = 0;
-    for (int k = 0; k < 3; k++) {
-        n += whole[k].n;
-        sum += whole[k].sum;
-        freedom += MAX(whole[k].n - 1, 0);
-        variance += variance_of(&whole[k]) * MAX(whole[k].n - 1, 0);
-    }
-    seen->output = n > 0 ? sum / n : 1;
-    seen->output_error =
-        n >= FEW_WHOLE && variance < UNEVEN * UNEVEN * freedom * seen->output * seen->output
-            ? sqrt(variance / freedom / n)
-            : (double)INFINITY;
 }
 
 /* Moves the estimated centre by a displacement in pixels. */
@@ -327,13 +300,13 @@ static gboolean shift(struct measuring *m, double off_x, double off_y) {
 }
 
 /* Iterates from the expected to the measured position. */
-static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
+static gboolean fiducials_follow(struct measuring *m, struct fiducial_seen *seen) {
     struct vec3 start = m->middle;
     struct mean whole[3];
     double noise[2], area = 0;
     for (int pass = 0; pass < PASSES; pass++) {
         double x, y;
-        if (!marks_set_bounds(m, RING) || !measure_levels(m, whole, noise))
+        if (!fiducials_set_bounds(m, RING) || !measure_levels(m, whole, noise))
             return FALSE;
         area = measure_centroid(m, &seen->x_px, &seen->y_px);
         if (!(area > FEW_PIXELS) || !expected_centroid(m, &x, &y))
@@ -341,49 +314,58 @@ static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
         if (pass > 0 && hypot(seen->x_px - x, seen->y_px - y) < 0.01)
             break;
         if (!shift(m, seen->x_px - x, seen->y_px - y) ||
-            vec3_length(vec3_sub(m->middle, start)) > FARTHEST * m->mark->radius_mm)
+            vec3_length(vec3_sub(m->middle, start)) > FARTHEST * m->fiducial->radius_mm)
             return FALSE;
     }
     measure_moment(m);
     seen->error_px =
         sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px) + pull_variance(m));
-    set_output(whole, seen);
+    /* The lamp's output: mean over all colours; shot noise is nearly the same in all pixels, so
+     * that all colours share one variance. */
+    double n = 0, freedom = 0, variance = 0, sum = 0;
+    for (int k = 0; k < 3; k++) {
+        n += whole[k].n;
+        sum += whole[k].sum;
+        freedom += MAX(whole[k].n - 1, 0);
+        variance += variance_of(&whole[k]) * MAX(whole[k].n - 1, 0);
+    }
+    seen->output = n > 0 ? sum / n : 1;
+    seen->output_error =
+        n >= FEW_WHOLE && variance < UNEVEN * UNEVEN * freedom * seen->output * seen->output
+            ? sqrt(variance / freedom / n)
+            : (double)INFINITY;
     return isfinite(seen->error_px) && seen->output > LEAST_OUTPUT && seen->output < MOST_OUTPUT;
 }
 
-static gboolean marks_measure_mark(struct measuring *m, struct mark_seen *seen) {
-    if (!expected_centroid(m, &seen->expected_x_px, &seen->expected_y_px) ||
-        !marks_set_bounds(m, RING + FARTHEST))
-        return FALSE;
-    set_nodes(m);
-    gboolean found = marks_follow(m, seen);
-    g_free(m->nodes);
-    return found;
-}
-
-int marks_measure(const struct mark_scene *scene, const char *cfa, const float *mosaic,
-                  GArray *seen) {
+int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const float *mosaic,
+                      GArray *seen) {
     int n = 0;
-    for (int i = 0; i < scene->rig->n_marks; i++) {
+    for (int i = 0; i < scene->rig->n_fiducials; i++) {
         struct measuring m = {.scene = scene,
                               .camera = &scene->rig->cameras[scene->camera],
-                              .mark = &scene->rig->marks[i],
+                              .fiducial = &scene->rig->fiducials[i],
                               .cfa = cfa,
                               .mosaic = mosaic};
-        struct mark_seen found = {
-            .camera = scene->camera, .mark = i, .turntable_rad = scene->turntable_rad};
+        struct fiducial_seen found = {
+            .camera = scene->camera, .fiducial = i, .turntable_rad = scene->turntable_rad};
         m.eye = rig_camera_centre_mm(m.camera);
-        m.middle = rig_turn(m.mark->centre_mm, scene->turntable_rad);
-        if (!marks_measure_mark(&m, &found))
+        m.middle = rig_turn(m.fiducial->centre_mm, scene->turntable_rad);
+        if (!expected_centroid(&m, &found.expected_x_px, &found.expected_y_px) ||
+            !fiducials_set_bounds(&m, RING + FARTHEST))
             continue;
-        g_array_append_val(seen, found);
-        n++;
+        set_nodes(&m);
+        if (fiducials_follow(&m, &found)) {
+            g_array_append_val(seen, found);
+            n++;
+        }
+        g_free(m.nodes);
     }
     return n;
 }
 
 /* Weighted mean Σ o/σ² / Σ 1/σ² with the standard error 1 / √(Σ 1/σ²). */
-gboolean marks_output(const struct mark_seen *seen, int n, double *ret_output, double *ret_error) {
+gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,
+                          double *ret_error) {
     double sum = 0, weight = 0;
     for (int i = 0; i < n; i++) {
         if (!isfinite(seen[i].output_error))

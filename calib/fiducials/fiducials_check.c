@@ -1,7 +1,7 @@
 /* Greedy search: each hypothesis is fitted to the displacements d_i (weights w_i) by least
  * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d; the one with the largest decrease of χ² = aᵀ Σ w Jᵀ d
  * is accepted and subtracted, until none is significant. */
-#include "marks.h"
+#include "fiducials.h"
 
 #include <lapacke.h>
 #include <string.h>
@@ -19,7 +19,7 @@ struct cause {
 
 struct checking {
     const struct rig *rig;
-    const struct mark_seen *seen;
+    const struct fiducial_seen *seen;
     int n;
     double *slope; /* n × 2 × 3: derivatives in pixels per radian */
     double *off_x, *off_y, *weight;
@@ -34,27 +34,10 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-/* The camera rotated about one of its own axes, with its centre fixed: points rotate the other
- * way in its frame. */
-static struct rig_camera rotated_camera(const struct rig_camera *camera, int axis, double angle) {
-    struct rig_camera to = *camera;
-    struct vec3 eye = rig_camera_centre_mm(camera);
-    for (int column = 0; column < 3; column++) {
-        struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
-                             camera->rotation.m[2][column]);
-        v = rotated(v, axis, -angle);
-        to.rotation.m[0][column] = v.x;
-        to.rotation.m[1][column] = v.y;
-        to.rotation.m[2][column] = v.z;
-    }
-    to.translation_mm = vec3_scale(mat3_mul_vec(&to.rotation, eye), -1);
-    return to;
-}
-
 /* Derivative of a fiducial's picture x, y by an unknown of a hypothesis (central differences). */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
-    const struct mark_seen *seen = &check->seen[i];
+    const struct fiducial_seen *seen = &check->seen[i];
     const struct rig_camera *camera = &check->rig->cameras[seen->camera];
     double x[2] = {0}, y[2] = {0};
     ret[0] = ret[1] = 0;
@@ -63,11 +46,23 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
     for (int side = 0; side < 2; side++) {
         double angle = side ? STEP_RAD : -STEP_RAD, turn = seen->turntable_rad;
         struct rig_camera now = *camera;
-        if (cause->camera >= 0)
-            now = rotated_camera(camera, unknown, angle);
-        else
+        if (cause->camera >= 0) {
+            /* The camera rotated about one of its own axes, with its centre fixed: points rotate
+             * the other way in its frame. */
+            struct vec3 eye = rig_camera_centre_mm(camera);
+            for (int column = 0; column < 3; column++) {
+                struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
+                                     camera->rotation.m[2][column]);
+                v = rotated(v, unknown, -angle);
+                now.rotation.m[0][column] = v.x;
+                now.rotation.m[1][column] = v.y;
+                now.rotation.m[2][column] = v.z;
+            }
+            now.translation_mm = vec3_scale(mat3_mul_vec(&now.rotation, eye), -1);
+        } else {
             turn += angle;
-        struct vec3 p = rig_turn(check->rig->marks[seen->mark].centre_mm, turn);
+        }
+        struct vec3 p = rig_turn(check->rig->fiducials[seen->fiducial].centre_mm, turn);
         if (!rig_project(&now, p, &x[side], &y[side]))
             return;
     }
@@ -113,19 +108,8 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
     return TRUE;
 }
 
-static void subtract(struct checking *check, const struct cause *cause,
-                     const struct explained *by) {
-    for (int i = 0; i < check->n; i++)
-        for (int u = 0; u < cause->n; u++) {
-            double slope[2];
-            slope_of(check, i, cause, u, slope);
-            check->off_x[i] -= slope[0] * by->angle[u];
-            check->off_y[i] -= slope[1] * by->angle[u];
-        }
-}
-
 /* Length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
-static double marks_check_length_of(const struct explained *by, double *ret_error) {
+static double fiducials_check_length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
     for (int u = 0; u < 3; u++)
         squares += by->angle[u] * by->angle[u];
@@ -136,41 +120,24 @@ static double marks_check_length_of(const struct explained *by, double *ret_erro
     return sqrt(squares);
 }
 
-/* Whether a hypothesis is significant. */
-static gboolean counts(const struct explained *by, double least_deg) {
-    double error;
-    double length = marks_check_length_of(by, &error);
-    return by->gain > CERTAIN * CERTAIN && length > CERTAIN * error &&
-           length * 180 / G_PI >= least_deg;
-}
-
-static void marks_check_note(const struct cause *cause, const struct explained *by,
-                             struct marks_check *ret) {
-    double error;
-    double length = marks_check_length_of(by, &error);
-    if (cause->camera < 0) {
-        ret->slipped = TRUE;
-        ret->slip_deg += by->angle[0] * 180 / G_PI;
-        ret->slip_error_deg = error * 180 / G_PI;
-        return;
-    }
-    ret->cameras[cause->camera].moved = TRUE;
-    ret->cameras[cause->camera].turn_deg = length * 180 / G_PI;
-    ret->cameras[cause->camera].turn_error_deg = error * 180 / G_PI;
-}
-
 /* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable
  * slipped all cameras show it, and none of them needs to have moved. */
-static void find_causes(struct checking *check, double least_deg, struct marks_check *ret) {
+static void find_causes(struct checking *check, double least_deg, struct fiducials_check *ret) {
     gboolean taken[MOST_TURNS] = {FALSE};
+    double error;
     for (int round = 0; round < check->rig->n_cameras + 1; round++) {
         struct explained best = {.gain = 0};
         struct cause by = {-1, 0};
         for (int camera = -1; camera < check->rig->n_cameras; camera++) {
             struct cause cause = {camera, camera < 0 ? 1 : 3};
             struct explained found;
-            if (!taken[camera + 1] && explain(check, &cause, &found) && counts(&found, least_deg) &&
-                found.gain > best.gain) {
+            if (taken[camera + 1] || !explain(check, &cause, &found))
+                continue;
+            const double length = fiducials_check_length_of(&found, &error);
+            const gboolean significant = found.gain > CERTAIN * CERTAIN &&
+                                         length > CERTAIN * error &&
+                                         length * 180 / G_PI >= least_deg;
+            if (significant && found.gain > best.gain) {
                 best = found;
                 by = cause;
             }
@@ -178,22 +145,28 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
         if (by.n == 0)
             return;
         taken[by.camera + 1] = TRUE;
-        subtract(check, &by, &best);
-        marks_check_note(&by, &best, ret);
+        for (int i = 0; i < check->n; i++)
+            for (int u = 0; u < by.n; u++) {
+                double slope[2];
+                slope_of(check, i, &by, u, slope);
+                check->off_x[i] -= slope[0] * best.angle[u];
+                check->off_y[i] -= slope[1] * best.angle[u];
+            }
+        const double length = fiducials_check_length_of(&best, &error);
+        if (by.camera < 0) {
+            ret->slipped = TRUE;
+            ret->slip_deg += best.angle[0] * 180 / G_PI;
+            ret->slip_error_deg = error * 180 / G_PI;
+        } else {
+            ret->cameras[by.camera].moved = TRUE;
+            ret->cameras[by.camera].turn_deg = length * 180 / G_PI;
+            ret->cameras[by.camera].turn_error_deg = error * 180 / G_PI;
+        }
     }
 }
 
-/* The pixel grid causes an error that is common to all pictures of a pose: they count as one. */
-static int marks_check_same_pose(const struct mark_seen *seen, int n, int i) {
-    int same = 0;
-    for (int k = 0; k < n; k++)
-        same += seen[k].camera == seen[i].camera && seen[k].mark == seen[i].mark &&
-                seen[k].turntable_rad == seen[i].turntable_rad;
-    return same;
-}
-
-void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
-                 double least_deg, struct marks_check *ret) {
+void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
+                     double systematic_px, double least_deg, struct fiducials_check *ret) {
     struct checking check = {.rig = rig, .seen = seen, .n = n};
     check.slope = g_new0(double, 6 * n + 1);
     check.off_x = g_new0(double, 3 * n + 1);
@@ -204,9 +177,14 @@ void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, dou
     for (int i = 0; i < n; i++) {
         check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
         check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
-        check.weight[i] = 1 /
-                          (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) /
-                          marks_check_same_pose(seen, n, i);
+        /* The pixel grid causes an error that is common to all pictures of a pose: they count as
+         * one. */
+        int same = 0;
+        for (int k = 0; k < n; k++)
+            same += seen[k].camera == seen[i].camera && seen[k].fiducial == seen[i].fiducial &&
+                    seen[k].turntable_rad == seen[i].turntable_rad;
+        check.weight[i] =
+            1 / (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) / same;
         ret->rms_px += (check.off_x[i] * check.off_x[i] + check.off_y[i] * check.off_y[i]) / n;
         ret->cameras[seen[i].camera].n_seen++;
     }
@@ -217,7 +195,7 @@ void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, dou
     g_free(check.off_x);
 }
 
-char *marks_describe(const struct rig *rig, const struct marks_check *check) {
+char *fiducials_describe(const struct rig *rig, const struct fiducials_check *check) {
     g_autoptr(GString) text = g_string_new(NULL);
     if (check->slipped)
         g_string_append_printf(text, "the turntable has slipped by %+.3f° ± %.3f°", check->slip_deg,

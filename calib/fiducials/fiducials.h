@@ -1,7 +1,7 @@
 /*
- * Fiducials: white discs on the turntable (rig_mark). Their pictures give the output of the lamp
- * and their position. A fiducial must stand out: nothing equally bright may be nearer to its edge
- * than its radius.
+ * Fiducials: white discs on the turntable (rig_fiducial). Their pictures give the output of the
+ * lamp and their position. A fiducial must stand out: nothing equally bright may be nearer to its
+ * edge than its radius.
  *
  * Pure functions over plain data: any thread.
  */
@@ -9,7 +9,8 @@
 
 #include "radiometry/radiometry.h"
 
-struct mark_scene { /* the commanded state in which a picture was taken; pointers are borrowed */
+struct fiducial_scene { /* the commanded state in which a picture was taken; pointers are borrowed
+                         */
     const struct rig *rig;
     int camera, lamp;
     double turntable_rad, arc_rad;
@@ -17,8 +18,8 @@ struct mark_scene { /* the commanded state in which a picture was taken; pointer
     const struct radiometry_lamp *lamp_radiometry; /* of the lamp; NULL: unknown */
 };
 
-struct mark_seen {
-    int camera, mark;
+struct fiducial_seen {
+    int camera, fiducial;
     double turntable_rad;
     double x_px, y_px; /* centroid of its area in the picture */
     double error_px;   /* standard error of each: noise, pixel response, uneven surround */
@@ -27,18 +28,19 @@ struct mark_seen {
                                     if the fiducial has too few pixels */
 };
 
-/* Appends (struct mark_seen) the fiducials that are wholly in the picture and lit; returns their
- * number. mosaic: height × width, DN per ms above dark; cfa as in frames/rectify.h. Fiducials are
- * found up to their radius away from their expected position. */
-int marks_measure(const struct mark_scene *scene, const char *cfa, const float *mosaic,
-                  GArray *seen);
+/* Appends (struct fiducial_seen) the fiducials that are wholly in the picture and lit; returns
+ * their number. mosaic: height × width, DN per ms above dark; cfa as in frames/rectify.h. Fiducials
+ * are found up to their radius away from their expected position. */
+int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const float *mosaic,
+                      GArray *seen);
 
 /* Mean output of n fiducials (of one shot, all cameras), weighted by their standard errors.
  * FALSE: there is none. */
-gboolean marks_output(const struct mark_seen *seen, int n, double *ret_output, double *ret_error);
+gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,
+                          double *ret_error);
 
 /* Estimate of one fiducial from sightings at several turntable angles by several cameras. */
-struct mark_fit {
+struct fiducial_fit {
     struct vec3 centre_mm;
     double centre_error_mm[3];
     double white, white_error; /* relative to the reflectance in the rig file */
@@ -48,12 +50,12 @@ struct mark_fit {
 /* Uses those of n sightings that are of the fiducial. Cameras and turntable are taken as correct;
  * if they are not calibrated set place to FALSE: the fiducial keeps its position. FALSE: too few
  * sightings. */
-gboolean marks_fit(const struct rig *rig, const struct mark_seen *seen, int n, int mark,
-                   gboolean place, struct mark_fit *ret);
+gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, int n, int fiducial,
+                       gboolean place, struct fiducial_fit *ret);
 
 /* Checks the positions of fiducials against the calibration, and finds the best explanation of a
  * deviation: the zero of the turntable, or one or several cameras. */
-struct marks_check {
+struct fiducials_check {
     int n_seen;
     double rms_px; /* of their displacements, before any explanation */
     gboolean slipped;
@@ -68,8 +70,8 @@ struct marks_check {
 /* systematic_px: error of a good calibration; it is added to the standard errors. least_deg:
  * smaller angles are ignored. Angles are reported if they exceed both it and four standard
  * errors. */
-void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
-                 double least_deg, struct marks_check *ret);
+void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
+                     double systematic_px, double least_deg, struct fiducials_check *ret);
 
 /* Text such as "camera cam30 is turned by 0.10° ± 0.01°"; NULL if nothing has moved; g_free(). */
-char *marks_describe(const struct rig *rig, const struct marks_check *check);
+char *fiducials_describe(const struct rig *rig, const struct fiducials_check *check);
