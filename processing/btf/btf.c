@@ -201,7 +201,7 @@ static void set_marks(const Rectify *rectify, const struct mosaics *mosaics, gui
         pixels[k] = bound && bound[k]               ? BTF_MARK_BOUND
                     : from > 0 && mosaic[k] >= from ? BTF_MARK_SHORTER
                                                     : 0;
-    rectify_marks(rectify, pixels, found);
+    rectify_flags(rectify, pixels, found);
     for (int k = 0; k < n; k++)
         marks[k] = marks[k] ? BTF_MARK_HOLE : found[k];
 }
