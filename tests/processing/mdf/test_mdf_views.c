@@ -121,7 +121,7 @@ static void free_spoilt(struct spoilt *s) {
 }
 
 /* All spoilt texels have this source; what stands is near the truth. */
-static void check_spoilt(const struct spoilt *s, enum mdf_source source) {
+static void check_spoilt(const struct spoilt *s, enum mdf_distance_source source) {
     for (int i = 0; i < SPOILT; i++) {
         g_assert_cmpint(s->source[spoilt[i]], ==, source);
         if (source != MDF_UNSEEN)
