@@ -86,28 +86,39 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     return TRUE;
 }
 
+struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel_mm,
+                                const float *theta_deg, const float *phi_deg) {
+    const gsize angles = sizeof(float) * (gsize)n_views;
+    struct mdf_table *t = g_new0(struct mdf_table, 1);
+    *t = (struct mdf_table){
+        .width = width,
+        .height = height,
+        .n_views = n_views,
+        .texel_mm = texel_mm,
+        .theta_deg = theta_deg ? g_memdup2(theta_deg, angles) : g_malloc0(angles),
+        .phi_deg = phi_deg ? g_memdup2(phi_deg, angles) : g_malloc0(angles),
+        .depth_mm = g_new(float, (gsize)width *(gsize)height *(gsize)n_views),
+    };
+    return t;
+}
+
 struct mdf_table *mdf_table_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     if (file == NULL)
         return NULL;
     const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
-    struct mdf_table *t = g_new0(struct mdf_table, 1);
-    double reference_mm = 0.0;
+    struct mdf_table *t = NULL;
+    double texel_mm, reference_mm = 0.0;
     gboolean good = FALSE;
     if (first == NULL ||
         (gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
                     first == NULL ? "there is no view in it" : "it is too large");
-    } else if (exr_get_double(first, "texel_mm", &t->texel_mm, error)) {
-        t->width = first->width;
-        t->height = first->height;
-        t->n_views = file->parts->len;
-        t->theta_deg = g_new(float, t->n_views);
-        t->phi_deg = g_new(float, t->n_views);
-        t->depth_mm = g_new(float, (gsize)t->width * t->height * t->n_views);
+    } else if (exr_get_double(first, "texel_mm", &texel_mm, error)) {
+        t = mdf_table_new(first->width, first->height, file->parts->len, texel_mm, NULL, NULL);
         t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
         exr_get_double(first, "reference_mm", &reference_mm, NULL);
-        good = (t->texel_mm > 0.0 && t->texel_mm < MAX_MM) ||
+        good = (texel_mm > 0.0 && texel_mm < MAX_MM) ||
                mdf_table_fail(error, first, "texel_mm is not a size");
     }
     for (int k = 0; good && k < t->n_views; k++)

@@ -25,23 +25,19 @@ static const struct option mdf_codec_maps_table[] = {
     {NULL},
 };
 
-static struct mdf_factors *mdf_codec_factor(const struct mdf_codec_job *job, gint64 begun_us,
-                                            GError **error) {
+static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
+                                      GError **error) {
     const struct mdf_codec_maps_options *asked = job->options;
     const int most = asked->components > 0 ? asked->components
                      : asked->error > 0    ? MDF_FACTORS_MAX_TERMS
                                            : TERMS;
+    const gint64 begun_us = g_get_monotonic_time();
     mdf_table_add_grazing(job->table);
     if (!work_tell(job->work, "maps", 1, 3, begun_us, error))
-        return NULL;
-    return mdf_factors_compute(job->table, job->n_measured, most,
-                               asked->error * job->table->texel_mm, job->work->cancellable, error);
-}
-
-static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
-                                      GError **error) {
-    const gint64 begun_us = g_get_monotonic_time();
-    struct mdf_factors *factors = mdf_codec_factor(job, begun_us, error);
+        return FALSE;
+    struct mdf_factors *factors =
+        mdf_factors_compute(job->table, job->n_measured, most, asked->error * job->table->texel_mm,
+                            job->work->cancellable, error);
     if (!factors)
         return FALSE;
     struct mdf_table *is = mdf_factors_table(factors);
@@ -97,37 +93,28 @@ static const struct option mdf_codec_views_table[] = {
     {NULL},
 };
 
-static gboolean mdf_codec_pack(const struct mdf_codec_job *job, enum mdf_packed kind,
-                               struct mdf_codec_result *ret, GError **error) {
-    if (!mdf_pack(job->from, job->to, kind, &ret->bytes, error))
-        return FALSE;
-    struct mdf_table *is = mdf_table_read(job->to, error);
-    if (is)
-        ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->most_mm);
-    mdf_table_free(is);
-    return is != NULL;
-}
-
-static gboolean mdf_codec_block(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
-                                GError **error) {
-    const struct mdf_table *table = job->table;
-    struct mdf_blocks *blocks = mdf_blocks_new(table);
-    struct mdf_table *is = mdf_blocks_table(blocks);
-    ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->most_mm);
-    ret->bytes = (gint64)mdf_blocks_bytes(table->width, table->height) * table->n_views;
-    const gboolean ok = mdf_blocks_write(job->to, blocks, error);
-    mdf_table_free(is);
-    mdf_blocks_free(blocks);
-    return ok;
-}
-
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
-    if (asked->quantise == MDF_CODEC_4BIT)
-        return mdf_codec_block(job, ret, error);
-    return mdf_codec_pack(
-        job, asked->quantise == MDF_CODEC_HALF ? MDF_PACKED_HALF : MDF_PACKED_8BIT, ret, error);
+    const struct mdf_table *table = job->table;
+    struct mdf_table *is = NULL;
+    gboolean ok;
+    if (asked->quantise == MDF_CODEC_4BIT) {
+        struct mdf_blocks *blocks = mdf_blocks_new(table);
+        ret->bytes = (gint64)mdf_blocks_bytes(table->width, table->height) * table->n_views;
+        ok = mdf_blocks_write(job->to, blocks, error);
+        is = mdf_blocks_table(blocks);
+        mdf_blocks_free(blocks);
+    } else {
+        ok = mdf_pack(job->from, job->to,
+                      asked->quantise == MDF_CODEC_HALF ? MDF_PACKED_HALF : MDF_PACKED_8BIT,
+                      &ret->bytes, error);
+        is = ok ? mdf_table_read(job->to, error) : NULL;
+    }
+    if (is)
+        ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->most_mm);
+    mdf_table_free(is);
+    return ok && is != NULL;
 }
 
 static char *mdf_codec_views_describe(const struct mdf_codec_job *job,
