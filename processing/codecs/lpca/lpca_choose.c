@@ -67,15 +67,6 @@ static int most_components(const struct choosing *choosing, int clusters) {
     return c;
 }
 
-static struct lpca *too_small(const struct btf_matrix *btf, const struct lpca_wish *wish,
-                              GError **error) {
-    g_autofree char *wanted = g_format_size((guint64)wish->bytes);
-    g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, wish, 1, 1));
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s is too little: one cluster of one component takes %s", wanted, least);
-    return NULL;
-}
-
 static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GError **error) {
     const struct lpca_nearest *nearest = &choosing->choice.nearest;
     const struct lpca_wish *wish = choosing->wish;
@@ -95,28 +86,8 @@ static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GEr
     return NULL;
 }
 
-/* Sizes are compared by the limit that each has. */
-static gboolean is_better(const struct choosing *choosing, const struct lpca *one) {
-    return choosing->choice.best.n_clusters == 0 || choosing->wish->error > 0 ||
-           one->error < choosing->choice.best.error;
-}
-
-static void lpca_choose_keep_best(struct choosing *choosing) {
-    const struct lpca *best = choosing->best;
-    Checkpoint *checkpoint = choosing->options->checkpoint;
-    choosing->choice.best =
-        (struct lpca_nearest){best->n_clusters, best->n_components, best->error};
-    if (checkpoint)
-        lpca_keep_whole(checkpoint, "best", best);
-}
-
-/* Limits of memory end the search where something was found already. */
-static gboolean may_end(const struct choosing *choosing, const GError *failed) {
-    return g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) &&
-           choosing->choice.best.n_clusters + choosing->choice.nearest.n_clusters > 0;
-}
-
-/* What is kept of the choice changes only once the try is over. */
+/* Tries choice->clusters clusters. What is kept of the choice changes only once the try is over.
+ * Limits of memory end the search where something was found already. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;
@@ -128,16 +99,22 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     now.target = choosing->wish->error;
     now.nearest = &nearest;
     struct lpca *lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
-    if (failed && nearest.n_clusters == 0 && !may_end(choosing, failed)) {
-        g_propagate_error(error, g_steal_pointer(&failed));
-        return FALSE;
-    }
     if (failed && nearest.n_clusters == 0) {
+        if (!g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) ||
+            choice->best.n_clusters + choice->nearest.n_clusters == 0) {
+            g_propagate_error(error, g_steal_pointer(&failed));
+            return FALSE;
+        }
         worse = PATIENCE;
-    } else if (lpca && is_better(choosing, lpca)) {
+    } else if (lpca && (choice->best.n_clusters == 0 || choosing->wish->error > 0 ||
+                        lpca->error < choice->best.error)) {
+        /* Of those that reach an error the next is smaller: most_components() sees to it. */
         lpca_free(choosing->best);
-        choosing->best = g_steal_pointer(&lpca);
-        lpca_choose_keep_best(choosing);
+        choosing->best = lpca;
+        choice->best = (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
+        if (now.checkpoint)
+            lpca_keep_whole(now.checkpoint, "best", lpca);
+        lpca = NULL;
         worse = 0;
     } else if (nearest.n_clusters > 0 &&
                (choice->nearest.n_clusters == 0 || nearest.error < choice->nearest.error)) {
@@ -177,13 +154,7 @@ static void lpca_choose_resume(struct choosing *choosing) {
     checkpoint_keep(checkpoint, "choice", &choosing->choice, sizeof choosing->choice);
 }
 
-static void lpca_choose_leave(const struct choosing *choosing) {
-    if (!choosing->options->checkpoint)
-        return;
-    checkpoint_drop(choosing->options->checkpoint, "choice");
-    lpca_drop_whole(choosing->options->checkpoint, "best");
-}
-
+/* Whether a cluster's eigen-BRDF of that number is not 0. */
 static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
     for (int k = 0; k < lpca->n_clusters; k++) {
@@ -213,12 +184,20 @@ struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options
     const gint64 most = MIN((gint64)btf->width * btf->height, LPCA_MAX_CLUSTERS);
     struct choosing choosing = {btf, options, wish, {.wish = *wish}, NULL};
     gboolean ok = TRUE;
-    if (wish->bytes > 0 && most_components(&choosing, 1) == 0)
-        return too_small(btf, wish, error);
+    if (wish->bytes > 0 && most_components(&choosing, 1) == 0) {
+        g_autofree char *wanted = g_format_size((guint64)wish->bytes);
+        g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, wish, 1, 1));
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s is too little: one cluster of one component takes %s", wanted, least);
+        return NULL;
+    }
     lpca_choose_resume(&choosing);
     while (ok && choosing.choice.clusters <= most && choosing.choice.worse < PATIENCE)
         ok = try_clusters(&choosing, error);
-    lpca_choose_leave(&choosing);
+    if (options->checkpoint) {
+        checkpoint_drop(options->checkpoint, "choice");
+        lpca_drop_whole(options->checkpoint, "best");
+    }
     if (!ok)
         g_clear_pointer(&choosing.best, lpca_free);
     else if (!choosing.best)

@@ -60,7 +60,7 @@ static gsize dimensions(const struct lpca *lpca) {
     return (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
 }
 
-/* What an error in a table counts for. */
+/* S of each table, what an error in it counts for: the root of Σ_x w_i(x)², of a mean of Σ_x 1. */
 static float *lpca_pack_find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = lpca->width * lpca->height;
     g_autofree double *sums = g_new0(double, n_tables(lpca));
@@ -77,22 +77,21 @@ static float *lpca_pack_find_scales(const struct lpca *lpca) {
     return scales;
 }
 
-/* Lines of views become lines of views and colours, each of lights. */
-static void lpca_pack_split_colours(const float *from, int views, int lights, float *to) {
+/* split: lines of views (of lights and colours) become lines of views and colours (of lights); else
+ * back. */
+static void lpca_pack_move_colours(const float *from, int views, int lights, gboolean split,
+                                   float *to) {
     for (int v = 0; v < views; v++)
         for (int l = 0; l < lights; l++)
-            for (int c = 0; c < COLOURS; c++)
-                to[(v * COLOURS + c) * lights + l] = from[(v * lights + l) * COLOURS + c];
+            for (int c = 0; c < COLOURS; c++) {
+                const int joined = (v * lights + l) * COLOURS + c;
+                const int apart = (v * COLOURS + c) * lights + l;
+                to[split ? apart : joined] = from[split ? joined : apart];
+            }
 }
 
-static void join_colours(const float *from, int views, int lights, float *to) {
-    for (int v = 0; v < views; v++)
-        for (int l = 0; l < lights; l++)
-            for (int c = 0; c < COLOURS; c++)
-                to[(v * lights + l) * COLOURS + c] = from[(v * COLOURS + c) * lights + l];
-}
-
-/* Sums over tables of products of each way with itself. */
+/* Sums over tables S_i E_i of the products of each dimension with itself, whose eigenvectors are
+ * the axes (Tucker): T Tᵀ of the table unfolded with views, lights or colours as rows. */
 struct ways {
     float *views, *lights;
     double colours[9];
@@ -103,7 +102,7 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
     const float *values = lpca->brdfs + (gsize)table * dimensions(lpca);
     const float scale = scales[table] * scales[table];
     g_autofree float *split = g_new(float, dimensions(lpca));
-    lpca_pack_split_colours(values, v, l, split);
+    lpca_pack_move_colours(values, v, l, TRUE, split);
     cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, v, l * COLOURS, scale, values, l * COLOURS,
                 1, to->views, v);
     cblas_ssyrk(CblasRowMajor, CblasUpper, CblasTrans, l, v * COLOURS, scale, split, l, 1,
@@ -130,7 +129,7 @@ static void principal(const float *sums, int n, float *ret) {
     exr_half_to_floats(ret, halves, (gsize)n * (gsize)n);
 }
 
-/* Rows become orthonormal, each as little other than it was as can be. */
+/* Rows become orthonormal by Gram and Schmidt, each as little other than it was as can be. */
 static void lpca_pack_straighten(float *rows, int n, int length) {
     for (int i = 0; i < n; i++) {
         float *row = rows + (gsize)i * (gsize)length;
@@ -185,6 +184,8 @@ static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *pac
     g_free(ways.lights);
 }
 
+/* Each triple of colours times the 3 × 3 rotation, or back times its transpose; values: lines × 3 ×
+ * n. */
 static void turn_colours(const float *turn, gboolean back, int lines, int n, float *values) {
     for (int line = 0; line < lines; line++)
         for (int i = 0; i < n; i++) {
@@ -199,6 +200,8 @@ static void turn_colours(const float *turn, gboolean back, int lines, int n, flo
         }
 }
 
+/* Core of table E (views × lights × colours): S V E with the axes V of views, then times those of
+ * lights, then of colours. */
 static void turn_table(int table, gpointer data) {
     const struct lpca_packer *packer = data;
     const struct lpca *lpca = packer->lpca;
@@ -209,13 +212,14 @@ static void turn_table(int table, gpointer data) {
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, v, l * COLOURS, v,
                 packer->axes.scales[table], packer->turns.views, v, lpca->brdfs + (gsize)table * d,
                 l * COLOURS, 0, turned, l * COLOURS);
-    lpca_pack_split_colours(turned, v, l, split);
+    lpca_pack_move_colours(turned, v, l, TRUE, split);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, v * COLOURS, l, l, 1, split, l,
                 packer->turns.lights, l, 0, to, l);
     turn_colours(packer->turns.colours, FALSE, v, l, to);
 }
 
-/* forward: B · picture · Bᵀ of the cosines of its sides, else the way back. */
+/* A picture P (height × width) with the cosines R of its rows and C of its columns: forward R P Cᵀ,
+ * else the way back, Rᵀ P C. */
 static void turn_map(const float *rows, int height, const float *columns, int width,
                      gboolean forward, const float *from, float *to) {
     g_autofree float *half = g_new(float, (gsize)width *(gsize)height);
@@ -233,6 +237,7 @@ struct mapping {
     gboolean forward;
 };
 
+/* The weights of one component, to or from its map. */
 static void map_weights(int component, gpointer data) {
     const struct mapping *mapping = data;
     const struct lpca *lpca = mapping->lpca;
@@ -279,6 +284,7 @@ void lpca_packer_free(struct lpca_packer *packer) {
     g_free(packer);
 }
 
+/* Quantisation with a dead zone: sign (v) ⌊|v| / step + ROUND⌋. */
 static gint32 lpca_pack_steps(float value, double step) {
     const double n = floor(fabs((double)value) / step + ROUND);
     return (gint32)copysign(MIN(n, 1e9), (double)value);
@@ -365,6 +371,7 @@ struct unpacking {
     struct turns turns;
 };
 
+/* The way back of turn_table(), from rounded numbers and the axes kept. */
 static void unpack_table(int table, gpointer data) {
     const struct unpacking *unpacking = data;
     const struct turns *turns = &unpacking->turns;
@@ -381,7 +388,7 @@ static void unpack_table(int table, gpointer data) {
     turn_colours(turns->colours, TRUE, kept, packed->n_lights, core);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, kept * COLOURS, l, packed->n_lights, 1,
                 core, packed->n_lights, turns->lights, l, 0, split, l);
-    join_colours(split, kept, l, joined);
+    lpca_pack_move_colours(split, kept, l, FALSE, joined);
     cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, v, l * COLOURS, kept, 1, turns->views, v,
                 joined, l * COLOURS, 0, to, l * COLOURS);
 }

@@ -56,14 +56,8 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     return status.st_size;
 }
 
-/* FALSE: cancelled, or its file cannot be read. */
-static gboolean lpca_pack_choose_measure(const struct search *search, struct lpca *lpca,
-                                         GError **error) {
-    return lpca_error_shared(lpca, search->btf, search->options, error);
-}
-
-/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step.
- */
+/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step:
+ * e² = exact² + (a · step)², hence step' = step · √((target² − exact²) / (found² − exact²)). */
 static double guess_step(const struct search *search, double step, double found) {
     const double target = search->wish->error * 0.998, exact = search->exact;
     const double should = sqrt(MAX(target * target - exact * exact, 0));
@@ -71,7 +65,7 @@ static double guess_step(const struct search *search, double step, double found)
     return is > 0 ? step * CLAMP(should / is, 0.1, 10) : step * 10;
 }
 
-/* The coarsest step that reaches the error. */
+/* The coarsest step that reaches the error: guesses, bracketed by steps fine and coarse. */
 static struct lpca *lpca_pack_choose_by_error(struct search *search,
                                               const struct lpca_packer *packer, double mean,
                                               GError **error) {
@@ -82,7 +76,7 @@ static struct lpca *lpca_pack_choose_by_error(struct search *search,
     for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
         struct lpca *lpca = lpca_packer_round(packer, step);
         lpca->error = search->packing.found[i];
-        if (lpca->error <= 0 && !lpca_pack_choose_measure(search, lpca, error)) {
+        if (lpca->error <= 0 && !lpca_error_shared(lpca, search->btf, search->options, error)) {
             lpca_free(lpca);
             g_clear_pointer(&best, lpca_free);
             return NULL;
@@ -105,7 +99,7 @@ static struct lpca *lpca_pack_choose_by_error(struct search *search,
     return best;
 }
 
-/* The finest step that is small enough. */
+/* The finest step that is small enough, by bisection of its logarithm. */
 static struct lpca *lpca_pack_choose_by_size(struct search *search,
                                              const struct lpca_packer *packer, double mean,
                                              GError **error) {
@@ -129,7 +123,7 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
         if (i == 0 && !best)
             break;
     }
-    if (best && (!ok || !lpca_pack_choose_measure(search, best, error)))
+    if (best && (!ok || !lpca_error_shared(best, search->btf, search->options, error)))
         g_clear_pointer(&best, lpca_free);
     return best;
 }
@@ -181,6 +175,8 @@ static struct lpca *lpca_pack_choose_compute(struct search *search,
     return lpca;
 }
 
+/* Of n components, which are in *ret_exact before they are rounded. NULL: they reach nothing, or an
+ * error. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;
@@ -223,14 +219,7 @@ static int lpca_pack_choose_resume(struct search *search) {
     return packing->n;
 }
 
-/* What was kept of these components goes. */
-static void next(struct search *search, int n) {
-    struct packing *packing = &search->packing;
-    *packing = (struct packing){.wish = packing->wish, .n = n};
-    if (search->options->checkpoint)
-        lpca_drop_whole(search->options->checkpoint, "exact");
-}
-
+/* Doubles the number of components until more would not help. */
 static struct lpca *lpca_pack_choose_find(struct search *search, GError **error) {
     for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {
         g_autoptr(GError) failed = NULL;
@@ -238,7 +227,9 @@ static struct lpca *lpca_pack_choose_find(struct search *search, GError **error)
         struct lpca *lpca = try_components(search, n, &exact, &failed);
         const gboolean enough = exact && has_enough(search, exact, lpca);
         const double left = exact ? exact->error : 0;
-        next(search, MIN(2 * n, search->most));
+        search->packing = (struct packing){.wish = *search->wish, .n = MIN(2 * n, search->most)};
+        if (search->options->checkpoint) /* what was kept of these components goes */
+            lpca_drop_whole(search->options->checkpoint, "exact");
         lpca_free(exact);
         if (failed) {
             g_propagate_error(error, g_steal_pointer(&failed));

@@ -67,18 +67,9 @@ static void lpca_polish_gather(const struct polish *polish, const struct groups 
 /* Products of the texels' rows with their cluster's axes in few dimensions. */
 static void reduced_block(int block, gpointer data) {
     const struct polish *polish = data;
-    const struct lpca_reduced *reduced = polish->reduced;
-    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
     const int from = polish->run->first + block * LPCA_BLOCK;
-    g_autofree float *row = g_new(float, r);
-    for (int x = from; x < MIN(from + LPCA_BLOCK, polish->run->end); x++) {
-        const gsize k = (gsize)polish->lpca->clusters[x];
-        for (gsize j = 0; j < r; j++)
-            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
-        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
-                    reduced->bases + k * c * r, reduced->r, row, 1, 0,
-                    polish->lpca->weights + (gsize)x * c, 1);
-    }
+    lpca_reduced_weights(polish->reduced, polish->lpca->clusters, from,
+                         MIN(from + LPCA_BLOCK, polish->run->end), polish->lpca->weights);
 }
 
 /* Sums of n rows, and of their squares. */
@@ -137,7 +128,8 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-/* The cluster's mean, and what its rows are off by it and by nothing. */
+/* The cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off. Of its n
+ * rows Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖², and Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩. */
 static void finish_mean(const struct polish *polish, int k) {
     const GArray *members = g_ptr_array_index(polish->reduced->members, k);
     const struct lpca_run *run = polish->run;
@@ -155,7 +147,8 @@ static void finish_mean(const struct polish *polish, int k) {
     }
 }
 
-/* P Pᵀ x = y of c products, of which those that have no extent are left out. */
+/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place; products that have no
+ * extent are left out. */
 static void solve_products(double *squares, double *y, int c) {
     double largest = 0;
     for (int i = 0; i < c; i++)
@@ -256,7 +249,8 @@ static double *covariances(const struct polish *polish) {
     return ret;
 }
 
-/* Turned so that the components are uncorrelated and descend; 0 where weights are. */
+/* Rotates the axes E of cluster k so that the components are uncorrelated and descend: with the
+ * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; 0 where weights are. */
 static void turn_axes(int k, gpointer data) {
     const struct polish *polish = data;
     struct lpca *lpca = polish->lpca;
@@ -279,6 +273,7 @@ static void turn_axes(int k, gpointer data) {
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, c, 1, rows, c, old, d, 0, axes, d);
 }
 
+/* w ← T w with the c × c matrix T of the texel's cluster. */
 static void lpca_polish_turn_weights(int block, gpointer data) {
     const struct polish *polish = data;
     const struct lpca_run *run = polish->run;
@@ -298,27 +293,6 @@ static void lpca_polish_turn_weights(int block, gpointer data) {
             w[i] = (float)sum;
         }
     }
-}
-
-static void lpca_polish_turn(struct polish *polish) {
-    const struct lpca_options *options = polish->run->options;
-    g_free(polish->turns);
-    polish->turns = covariances(polish);
-    work_for_each(options->work.n_threads, polish->lpca->n_clusters, turn_axes, polish);
-    work_for_each(options->work.n_threads, blocks(polish->run), lpca_polish_turn_weights, polish);
-}
-
-/* All ranks get the weights of all. */
-static void share_weights(const struct polish *polish) {
-    const struct lpca_run *run = polish->run;
-    const struct team *team = run->options->team;
-    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
-    for (int i = 0; i < team->n_ranks; i++) {
-        int first, end;
-        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
-        starts[i + 1] = (gsize)end * (gsize)polish->lpca->n_components * sizeof(float);
-    }
-    team->share(team, polish->lpca->weights, starts);
 }
 
 static gboolean sum_views(struct polish *polish, GError **error) {
@@ -343,8 +317,8 @@ static gboolean sum_views(struct polish *polish, GError **error) {
     return TRUE;
 }
 
-/* Saves reading everything once more; but where next to nothing is missing, that is not told from
- * rounding. */
+/* The relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster, which saves reading
+ * everything once more; but where next to nothing is missing, that is not told from rounding. */
 static void sum_error(struct polish *polish) {
     double missing = 0, sum = 0, all = 0;
     for (int k = 0; k < polish->lpca->n_clusters; k++) {
@@ -376,20 +350,25 @@ static gboolean lpca_polish_weigh(struct polish *polish, GError **error) {
 /* Stages that the run has behind it already are left out. */
 static gboolean lpca_polish_make(struct polish *polish, GError **error) {
     struct lpca_run *run = polish->run;
-    lpca_keep(run, LPCA_KEPT_BRDFS, polish->lpca->brdfs);
+    struct lpca *lpca = polish->lpca;
+    const int threads = run->options->work.n_threads;
+    lpca_keep(run, LPCA_KEPT_BRDFS, lpca->brdfs);
     if (run->state.stage < LPCA_WEIGHING && !sum_views(polish, error))
         return FALSE;
     if (run->state.stage < LPCA_MADE) {
         if (!lpca_polish_weigh(polish, error))
             return FALSE;
-        lpca_polish_turn(polish);
-        if (run->options->team)
-            share_weights(polish);
-        run->state.error = polish->lpca->error;
+        g_free(polish->turns);
+        polish->turns = covariances(polish);
+        work_for_each(threads, lpca->n_clusters, turn_axes, polish);
+        work_for_each(threads, blocks(run), lpca_polish_turn_weights, polish);
+        lpca_share(run->options->team, lpca->weights, run->n, TEAM_ROWS,
+                   sizeof(float) * (gsize)lpca->n_components);
+        run->state.error = lpca->error;
         lpca_enter(run, LPCA_MADE);
     }
-    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
-    polish->lpca->error = run->state.error;
+    lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);
+    lpca->error = run->state.error;
     return TRUE;
 }
 
@@ -411,15 +390,7 @@ struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduce
     return polish.lpca;
 }
 
-/* Of rows in R, G, B: what the sum is off by, and what there is. */
-static void add_squares(const float *is, const float *should, gsize n, double *sums) {
-    for (gsize i = 0; i < n; i++) {
-        const double rest = (double)is[i] - should[i];
-        sums[0] += rest * rest;
-        sums[1] += (double)should[i] * should[i];
-    }
-}
-
+/* ‖X − X̂‖² and ‖X‖² of a block's texels, with X̂ = E_0 + W E cluster by cluster. */
 static void lpca_polish_compare_block(int block, gpointer data) {
     const struct polish *polish = data;
     struct lpca_run *run = polish->run;
@@ -451,9 +422,14 @@ static void lpca_polish_compare_block(int block, gpointer data) {
         gsize stride;
         const int from = run->first + block * LPCA_BLOCK;
         const float *rows = lpca_run_rows(run, view, from, groups.n, buffer, &stride);
+        double *sums = polish->sums + (gsize)(2 * block); /* of R, G, B: of errors, of values */
         for (int i = 0; i < groups.n; i++)
-            add_squares(sum + (gsize)i * columns, rows + (gsize)(groups.texels[i] - from) * stride,
-                        columns, polish->sums + (gsize)(2 * block));
+            for (gsize j = 0; j < columns; j++) {
+                const double should = rows[(gsize)(groups.texels[i] - from) * stride + j];
+                const double rest = (double)sum[(gsize)i * columns + j] - should;
+                sums[0] += rest * rest;
+                sums[1] += should * should;
+            }
     }
     g_free(groups.starts);
 }

@@ -9,6 +9,10 @@ float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */
 
+/* Gathers n things of size bytes each to all ranks, which have those of their parts of whole steps
+ * (team_part()). Nothing without a team. */
+void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
+
 /* A whole one, which stays where it is until it is dropped; and one of the same BTF as the file has
  * it but for its colours and error, or NULL. */
 void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
@@ -43,6 +47,10 @@ struct lpca_reduced {
 /* FALSE when cancelled. Fills labels … members, which lpca_reduced_clear() frees. */
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
 void lpca_reduced_clear(struct lpca_reduced *reduced);
+/* Coordinates of rows from … end − 1 in their clusters: row x of weights (n × c) becomes
+ * A_k (r_x − m_k) with the axes A_k (c × r) and the mean m_k of k = labels[x]. */
+void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels, int from, int end,
+                          float *weights);
 
 /* How far lpca_compute() is; what is kept of it (lpca_options.checkpoint) depends on that. */
 enum lpca_stage {

@@ -244,7 +244,7 @@ static void test_levels(void) {
     g_autofree char *folder = g_dir_make_tmp("levels-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
-    struct lpca *levels[3];
+    struct lpca *levels[3], *found[LPCA_MAX_LEVELS];
     struct btf_matrix *btf = new_btf(5), *half = btf_matrix_halved(btf);
     const int row = 60 * 60 * 3;
     g_assert_cmpint(half->width, ==, 2);
@@ -271,9 +271,9 @@ static void test_levels(void) {
         lpca_error(levels[i], all[i], 0);
     }
     g_assert_true(lpca_write_levels(path, levels, 3, &error));
-    g_assert_cmpint(lpca_count_levels(path, &error), ==, 3);
+    g_assert_cmpint(lpca_read_levels(path, found, &error), ==, 3);
     for (int i = 0; i < 3; i++) {
-        struct lpca *back = i ? lpca_read_level(path, i, &error) : lpca_read(path, &error);
+        struct lpca *back = i ? found[i] : lpca_read(path, &error);
         g_assert_no_error(error);
         g_assert_cmpint(back->width, ==, all[i]->width);
         g_assert_cmpfloat(back->texel_mm, ==, all[i]->texel_mm);
@@ -282,8 +282,7 @@ static void test_levels(void) {
         lpca_free(back);
         lpca_free(levels[i]);
     }
-    g_assert_null(lpca_read_level(path, 3, &error));
-    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+    lpca_free(found[0]);
     btf_matrix_free(one);
     btf_matrix_free(half);
     btf_matrix_free(btf);
