@@ -56,7 +56,7 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     }
 }
 
-/* Whether the file is of this call, and all of it is there. */
+/* Whether the state that was found is of this call, and the file holds all that its stage needs. */
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;

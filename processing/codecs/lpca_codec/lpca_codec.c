@@ -81,6 +81,7 @@ static const struct option lpca_codec_table[] = {
     {NULL},
 };
 
+/* What contradicts what among the options. */
 static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
@@ -104,22 +105,18 @@ struct rounding {
     double target;
 };
 
-static struct lpca *lpca_codec_exact(const struct lpca_codec_options *asked,
-                                     const struct btf_matrix *btf,
-                                     const struct lpca_options *options, GError **error) {
-    const struct lpca_wish wish = {options->target, asked->size, options->n_components,
-                                   (enum lpca_quantise)asked->quantise, asked->grid};
-    if (asked->clusters == 0 && (asked->size > 0 || asked->error > 0))
-        return lpca_choose(btf, options, &wish, error);
-    return lpca_compute(btf, options, error);
-}
-
-/* Put on a grid, if one is asked for, and rounded; its errors before and after. */
+/* A local PCA of as many clusters and components as options ask for, or as the error or the size
+ * asked for needs; put on a grid, if one is asked for, and rounded. ret: its errors before and
+ * after. */
 static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
                                        GError **error) {
-    struct lpca *lpca = lpca_codec_exact(asked, btf, options, error);
+    const struct lpca_wish wish = {options->target, asked->size, options->n_components,
+                                   (enum lpca_quantise)asked->quantise, asked->grid};
+    const gboolean choose = asked->clusters == 0 && (asked->size > 0 || asked->error > 0);
+    struct lpca *lpca =
+        choose ? lpca_choose(btf, options, &wish, error) : lpca_compute(btf, options, error);
     if (!lpca)
         return NULL;
     ret->exact_error = lpca->error;
@@ -221,6 +218,8 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
+/* Computes, packs or chooses by the options; without an error or a size to keep to, COMPONENTS
+ * components. What the BTF's values take counts as memory used. */
 static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   const struct codec_job *job, struct codec_result *ret,
                                   GError **error) {
@@ -256,6 +255,7 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
     return !asked->mips || lpca_codec_add_levels(asked, btf, &options, ret, error);
 }
 
+/* "32 clusters of 8 components on a grid of 12, 6 mip levels" */
 static char *lpca_codec_describe(const struct codec *codec G_GNUC_UNUSED,
                                  const struct codec_result *result) {
     const int k = result->clusters, c = result->components;
@@ -278,6 +278,7 @@ static gpointer lpca_codec_read(const char *path, GError **error) {
     return lpca_read(path, error);
 }
 
+/* Level 0 and those of which there are parts "mip<n>.clusters". */
 static int lpca_codec_count_levels(const struct exr_file *file) {
     for (int levels = 1;; levels++) {
         g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
@@ -286,6 +287,7 @@ static int lpca_codec_count_levels(const struct exr_file *file) {
     }
 }
 
+/* From headers alone: size, clusters × components, directions and error. */
 static char *lpca_codec_describe_file(const struct exr_file *file) {
     const struct exr_part *clusters = exr_file_part(file, "clusters");
     const struct exr_part *scales = exr_file_part(file, "scales");
@@ -327,6 +329,7 @@ static void lpca_codec_reconstruct(gconstpointer model, int texel, float *ret) {
     lpca_reconstruct(model, texel, ret);
 }
 
+/* One point of the curve for each way to round it. */
 static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int components,
                                           const struct btf_matrix *btf, CodecPoint tell,
                                           gpointer data, GError **error) {
@@ -350,6 +353,7 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
     return ok;
 }
 
+/* One point of the curve: packed, rounded to this step. */
 static gboolean lpca_codec_tell_packed(const struct lpca_packer *packer, double step,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, CodecPoint tell,
@@ -396,6 +400,8 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
     return ok;
 }
 
+/* 1, 4, 16, 64 clusters, each of 1, 2, 4, 8, 16 components in each way to round, then packed ones.
+ */
 static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
                                  const struct btf_matrix *btf, const struct work *work,
                                  CodecPoint tell, gpointer data, GError **error) {
