@@ -46,6 +46,14 @@ static Sweep *feed(const struct pulses *pulses, GRand *random) {
     return sweep;
 }
 
+/* A sweep of one pixel with these values. */
+static Sweep *feed_values(const guint16 *values, int n, int saturation) {
+    Sweep *sweep = sweep_new(1, 1, n, saturation);
+    for (int i = 0; i < n; i++)
+        sweep_add(sweep, &values[i]);
+    return sweep;
+}
+
 struct result {
     double rms, bias, mean_width;
     int missing;
@@ -181,13 +189,9 @@ static void test_shorter_lacks(void) {
     static const guint16 lacks[][9] = {{10, 10, 10, 10, 10, 10, 10, 10, 10},
                                        {10, 10, 30, 300, 10, 200, 20, 10, 10}};
     for (guint k = 0; k < G_N_ELEMENTS(lacks); k++) {
-        g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
-        g_autoptr(Sweep) shorter = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+        g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
+        g_autoptr(Sweep) shorter = feed_values(lacks[k], G_N_ELEMENTS(values), 900);
         float peak[2], width[2], bright[2];
-        for (guint i = 0; i < G_N_ELEMENTS(values); i++) {
-            sweep_add(sweep, &values[i]);
-            sweep_add(shorter, &lacks[k][i]);
-        }
         sweep_finish(sweep, 20, &peak[0], &width[0], &bright[0]);
         sweep_set_shorter(sweep, shorter, 10);
         sweep_finish(sweep, 20, &peak[1], &width[1], &bright[1]);
@@ -203,13 +207,9 @@ static void test_shorter_lacks(void) {
 static void test_shorter_parts(void) {
     static const guint16 values[] = {10, 10, 300, 900, 900, 900, 900, 900, 200, 10, 10};
     static const guint16 parts[] = {10, 10, 40, 300, 50, 20, 60, 400, 30, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
-    g_autoptr(Sweep) shorter = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
+    g_autoptr(Sweep) shorter = feed_values(parts, G_N_ELEMENTS(parts), 900);
     float peak, width, bright;
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++) {
-        sweep_add(sweep, &values[i]);
-        sweep_add(shorter, &parts[i]);
-    }
     sweep_finish(sweep, 20, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 5, 0.3);
     sweep_set_shorter(sweep, shorter, 10);
@@ -223,9 +223,7 @@ static void test_shorter_parts(void) {
 /* Values above the saturation given are as good as equal. */
 static void test_above_saturation(void) {
     static const guint16 values[] = {10, 10, 50, 900, 1000, 950, 50, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
     float peak, width, bright;
     sweep_finish(sweep, 20, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 4, 1e-6);
@@ -233,9 +231,7 @@ static void test_above_saturation(void) {
 }
 
 static float peak_of(const guint16 *values, int n, double threshold) {
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, n, 65535);
-    for (int i = 0; i < n; i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, n, 65535);
     float peak, width, bright;
     sweep_finish(sweep, threshold, &peak, &width, &bright);
     g_assert_false(isnan(width) || isnan(bright));
@@ -329,9 +325,7 @@ static void test_faint(void) {
 static void test_second(void) {
     static const guint16 values[] = {10, 10, 40, 60, 40, 10, 10, 50,
                                      90, 50, 10, 10, 10, 30, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 4000);
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 4000);
     float peak, width, bright;
     sweep_finish(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 8, 1e-6);
@@ -344,9 +338,7 @@ static void test_second(void) {
 
 static void test_no_second(void) {
     static const guint16 values[] = {10, 10, 50, 90, 50, 10, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 4000);
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 4000);
     float peak, width, bright;
     finish_second(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat(peak, ==, -1);
