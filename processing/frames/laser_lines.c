@@ -195,38 +195,35 @@ static void laser_lines_collect(const LaserRegion *region, const struct laser_sw
     }
 }
 
-/* Robust mean of off − roll·along over the candidates of a frame: starts at the median, then
+/* Robust mean of off − roll·along over the candidates of each frame: starts at the median, then
  * iterates Tukey's biweight mean. Its standard error is scale / √Σw. */
-static void fit_frame(struct search *search, int frame, double roll) {
-    const int from = search->first[frame], n = search->first[frame + 1] - from;
-    search->middle[frame] = NAN;
-    if (n < LEAST_FRAME)
-        return;
-    struct candidate *candidates = search->candidates + from;
-    g_autofree double *off = g_new(double, n);
-    for (int i = 0; i < n; i++)
-        off[i] = candidates[i].off - roll * candidates[i].along;
-    double middle = robust_median(off, n), weights = n;
-    for (int round = 0; round < ROUNDS && search->scale > 0; round++) {
-        double sum = 0;
-        weights = 0;
-        for (int i = 0; i < n; i++) {
-            const double value = candidates[i].off - roll * candidates[i].along;
-            candidates[i].weight = robust_biweight(value - middle, search->scale);
-            weights += candidates[i].weight;
-            sum += candidates[i].weight * value;
-        }
-        if (!(weights >= 0.5 * LEAST_FRAME))
-            return;
-        middle = sum / weights;
-    }
-    search->middle[frame] = middle;
-    search->error[frame] = search->scale / sqrt(weights);
-}
-
 static void fit_frames(struct search *search, double roll) {
-    for (int k = 0; k < search->n_frames; k++)
-        fit_frame(search, k, roll);
+    g_autofree double *off = g_new(double, search->n + 1);
+    for (int frame = 0; frame < search->n_frames; frame++) {
+        const int from = search->first[frame], n = search->first[frame + 1] - from;
+        struct candidate *candidates = search->candidates + from;
+        search->middle[frame] = NAN;
+        if (n < LEAST_FRAME)
+            continue;
+        for (int i = 0; i < n; i++)
+            off[i] = candidates[i].off - roll * candidates[i].along;
+        double middle = robust_median(off, n), weights = n;
+        for (int round = 0; round < ROUNDS && search->scale > 0 && isfinite(middle); round++) {
+            double sum = 0;
+            weights = 0;
+            for (int i = 0; i < n; i++) {
+                const double value = candidates[i].off - roll * candidates[i].along;
+                candidates[i].weight = robust_biweight(value - middle, search->scale);
+                weights += candidates[i].weight;
+                sum += candidates[i].weight * value;
+            }
+            middle = weights >= 0.5 * LEAST_FRAME ? sum / weights : NAN;
+        }
+        if (!isfinite(middle))
+            continue;
+        search->middle[frame] = middle;
+        search->error[frame] = search->scale / sqrt(weights);
+    }
 }
 
 /* scale: robust standard deviation of the residuals off − roll·along − middle[frame]. */

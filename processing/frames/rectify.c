@@ -185,39 +185,31 @@ static const float *weights_of(const struct rows *rows, int texel) {
     return (const float *)(void *)rows->weight->data + rows->window[texel].start;
 }
 
-/* The smallest window with all pixels of non-zero weight; n_rows is 0 if there is none. */
-static struct window bounds(const Rectify *rectify, const struct weights *weights) {
-    int x0 = G_MAXINT, x1 = -1, y0 = G_MAXINT, y1 = -1;
-    for (guint i = 0; i < weights->pixels->len; i++) {
-        guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        int x = (int)pixel % rectify->width, y = (int)pixel / rectify->width;
-        if (weights->sum[pixel] == 0)
-            continue;
-        x0 = MIN(x0, x & ~1);
-        x1 = MAX(x1, x);
-        y0 = MIN(y0, y);
-        y1 = MAX(y1, y);
-    }
-    return x1 < 0 ? (struct window){0}
-                  : (struct window){.x = (guint16)x0,
-                                    .y = (guint16)y0,
-                                    .n_rows = (guint16)(y1 - y0 + 1),
-                                    .n_wide = (guint16)((x1 - x0) / LANES + 1)};
-}
-
-/* Moves the weights to the row of a texel: from the accumulator, which is 0 again afterwards. */
+/* Moves the weights from the accumulator, which is 0 again afterwards, to the row of a texel. Its
+ * window is the smallest with all pixels of non-zero weight; n_rows is 0 if there is none. */
 static void rectify_append_row(const Rectify *rectify, struct rows *rows, int texel,
                                struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
-    *window = bounds(rectify, weights);
-    window->start = rows->weight->len;
+    guint x0 = G_MAXUINT, x1 = 0, y0 = G_MAXUINT, y1 = 0, width = (guint)rectify->width;
+    for (guint i = 0; i < weights->pixels->len; i++) {
+        guint32 pixel = g_array_index(weights->pixels, guint32, i);
+        if (weights->sum[pixel] == 0)
+            continue;
+        x0 = MIN(x0, pixel % width & ~1U);
+        x1 = MAX(x1, pixel % width);
+        y0 = MIN(y0, pixel / width);
+        y1 = MAX(y1, pixel / width);
+    }
+    *window = (struct window){.start = rows->weight->len};
+    if (x0 <= x1)
+        *window = (struct window){rows->weight->len, (guint16)x0, (guint16)y0,
+                                  (guint16)(y1 - y0 + 1), (guint16)((x1 - x0) / LANES + 1)};
     const guint columns = (guint)window->n_wide * LANES;
     g_array_set_size(rows->weight, window->start + window->n_rows * columns);
     float *to = (float *)(void *)rows->weight->data + window->start;
     for (guint i = 0; i < weights->pixels->len; i++) {
         guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        guint x = pixel % (guint)rectify->width - window->x;
-        guint y = pixel / (guint)rectify->width - window->y;
+        guint x = pixel % width - window->x, y = pixel / width - window->y;
         if (weights->sum[pixel] != 0)
             to[y * columns + x] = weights->sum[pixel] * (gain ? gain[pixel] : 1);
         weights->sum[pixel] = 0;

@@ -206,14 +206,6 @@ static int sweep_by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
-/* σ = median |a − b| / MEDIAN; margin = NOISE_MARGIN·σ, pedestal = DARKEST·σ. */
-static void set_margin(Sweep *sweep, int difference) {
-    const double noise = difference / MEDIAN;
-    sweep->difference = difference;
-    sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
-    sweep->pedestal = (float)(DARKEST * noise);
-}
-
 /* The first pair of frames measures the noise: the median of |a − b| over n sampled pixels, whose
  * values replace those of the frame before. If a later pair differs much less, one of the earlier
  * frames was lit differently as a whole: the sweep begins again without those frames, and the next
@@ -237,16 +229,12 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
         memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
         memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
     }
-    if (odd || sweep->count == 1)
-        set_margin(sweep, difference);
-}
-
-/* Whether any pixel of a record is still above the margin over the present background. */
-static gboolean sweep_is_lit(const Sweep *sweep, gsize vector, const struct record *record) {
-    for (gsize i = 0; i < LANES; i++)
-        if (record->value[i] - (int)sweep->darkest[vector * LANES + i] > (int)sweep->margin)
-            return TRUE;
-    return FALSE;
+    if (odd || sweep->count == 1) { /* σ = median |a − b| / MEDIAN */
+        const double noise = difference / MEDIAN;
+        sweep->difference = difference;
+        sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
+        sweep->pedestal = (float)(DARKEST * noise);
+    }
 }
 
 /* There are more records than lines explain: noise, or flickering light. The margin grows by half
@@ -260,9 +248,14 @@ static void sweep_make_room(Sweep *sweep) {
         for (gsize vector = 0; vector < sweep->n_vectors; vector++) {
             guint32 from = sweep->last[vector], *to = &sweep->last[vector];
             for (; from != NOTHING; from = sweep->records[from].previous) {
-                if (!sweep_is_lit(sweep, vector, &sweep->records[from]))
+                const struct record *record = &sweep->records[from];
+                gboolean lit = FALSE; /* still, above the margin over the present background */
+                for (gsize i = 0; i < LANES; i++)
+                    lit |= record->value[i] - (int)sweep->darkest[vector * LANES + i] >
+                           (int)sweep->margin;
+                if (!lit)
                     continue;
-                kept[n] = sweep->records[from];
+                kept[n] = *record;
                 *to = (guint32)n;
                 to = &kept[n++].previous;
             }

@@ -15,18 +15,15 @@ static const char *const names[] = {
 };
 
 /* What the file of each stage holds. */
+#define KEPT(what) (1U << LPCA_KEPT_##what)
 static const guint kept_by[] = {
-    [LPCA_REDUCING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_AXES | 1 << LPCA_KEPT_ROWS,
-    [LPCA_REDUCED] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS,
-    [LPCA_CLUSTERING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                        1 << LPCA_KEPT_MEANS | 1 << LPCA_KEPT_BASES,
-    [LPCA_POLISHING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                       1 << LPCA_KEPT_MEANS | 1 << LPCA_KEPT_BASES | 1 << LPCA_KEPT_BRDFS |
-                       1 << LPCA_KEPT_SQUARES,
-    [LPCA_WEIGHING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                      1 << LPCA_KEPT_BRDFS | 1 << LPCA_KEPT_WEIGHTS,
-    [LPCA_MADE] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                  1 << LPCA_KEPT_BRDFS | 1 << LPCA_KEPT_WEIGHTS,
+    [LPCA_REDUCING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(AXES),
+    [LPCA_REDUCED] = KEPT(MEAN) | KEPT(ROWS),
+    [LPCA_CLUSTERING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES),
+    [LPCA_POLISHING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES) |
+                       KEPT(BRDFS) | KEPT(SQUARES),
+    [LPCA_WEIGHING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
+    [LPCA_MADE] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
 };
 
 /* Bytes, of a run in this state. */
@@ -68,7 +65,7 @@ static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *fo
         return FALSE;
     like.state = *found;
     /* Cut off between clustering and polishing there are no eigen-BRDFs yet, nor blocks of them. */
-    const guint begun = 1U << LPCA_KEPT_BRDFS | 1U << LPCA_KEPT_SQUARES;
+    const guint begun = KEPT(BRDFS) | KEPT(SQUARES);
     const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_POLISHING ? begun : 0);
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
         if (needed & 1U << i && !checkpoint_get(checkpoint, names[i],

@@ -241,13 +241,11 @@ static float *read_scales(const struct exr_file *file, const char *name, int clu
 }
 
 static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *file) {
-    const int c = lpca->n_components, n = lpca->n_clusters * c;
-    if (lpca->quantise == LPCA_8BIT_WEIGHTS) {
-        lpca->weight_scales = read_scales(file, "weight_scales", lpca->n_clusters, c);
-        return lpca->weight_scales != NULL;
-    }
-    lpca->weight_scales = lpca_ones((gsize)n);
-    return TRUE;
+    const int c = lpca->n_components;
+    lpca->weight_scales = lpca->quantise == LPCA_8BIT_WEIGHTS
+                              ? read_scales(file, "weight_scales", lpca->n_clusters, c)
+                              : lpca_ones((gsize)lpca->n_clusters * (gsize)c);
+    return lpca->weight_scales != NULL;
 }
 
 /* Those that are not there are 1. */

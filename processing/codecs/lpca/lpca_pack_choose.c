@@ -128,51 +128,12 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
     return best;
 }
 
-static struct lpca *lpca_pack_choose_not_reached(const struct search *search, double exact,
-                                                 int components, GError **error) {
-    const struct lpca_wish *wish = search->wish;
-    if (wish->error > 0)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g %% is not reached: %d components alone make %.3g %%, rounded "
-                    "%.3g %%; allow a larger one",
-                    100 * wish->error, components, 100 * exact,
-                    100 * (isfinite(search->nearest) ? search->nearest : exact));
-    else {
-        g_autofree char *wanted = g_format_size((guint64)wish->bytes);
-        g_autofree char *least = g_format_size((guint64)search->nearest);
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
-    }
-    return NULL;
-}
-
 /* Whether more components would help. */
 static gboolean has_enough(const struct search *search, const struct lpca *exact,
                            const struct lpca *found) {
     if (search->wish->error > 0)
         return exact->error <= ENOUGH * search->wish->error;
     return found && found->n_components < exact->n_components;
-}
-
-/* As the file has it, or made anew; it is kept from now on. */
-static struct lpca *lpca_pack_choose_compute(struct search *search,
-                                             const struct lpca_options *options, GError **error) {
-    struct packing *packing = &search->packing;
-    Checkpoint *checkpoint = options->checkpoint;
-    struct lpca *lpca =
-        checkpoint && packing->made
-            ? lpca_kept_whole(checkpoint, "exact", search->btf, 1, options->n_components)
-            : NULL;
-    if (lpca)
-        lpca->error = packing->exact;
-    else
-        lpca = lpca_compute(search->btf, options, error);
-    if (!lpca || !checkpoint)
-        return lpca;
-    packing->made = TRUE;
-    packing->exact = lpca->error;
-    lpca_keep_whole(checkpoint, "exact", lpca);
-    return lpca;
 }
 
 /* Of n components, which are in *ret_exact before they are rounded. NULL: they reach nothing, or an
@@ -184,8 +145,21 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    struct lpca *exact = *ret_exact = lpca_pack_choose_compute(search, &options, error),
-                *ret = NULL;
+    /* As the file has it, or made anew; it is kept from now on. */
+    struct packing *packing = &search->packing;
+    struct lpca *ret = NULL, *exact = NULL;
+    if (options.checkpoint && packing->made)
+        exact = lpca_kept_whole(options.checkpoint, "exact", search->btf, 1, n);
+    if (exact)
+        exact->error = packing->exact;
+    else
+        exact = lpca_compute(search->btf, &options, error);
+    if (exact && options.checkpoint) {
+        packing->made = TRUE;
+        packing->exact = exact->error;
+        lpca_keep_whole(options.checkpoint, "exact", exact);
+    }
+    *ret_exact = exact;
     if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
         return NULL;
     search->exact = exact->error;
@@ -221,6 +195,7 @@ static int lpca_pack_choose_resume(struct search *search) {
 
 /* Doubles the number of components until more would not help. */
 static struct lpca *lpca_pack_choose_find(struct search *search, GError **error) {
+    const struct lpca_wish *wish = search->wish;
     for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {
         g_autoptr(GError) failed = NULL;
         struct lpca *exact = NULL;
@@ -238,8 +213,21 @@ static struct lpca *lpca_pack_choose_find(struct search *search, GError **error)
         if (lpca && (enough || n == search->most))
             return lpca;
         lpca_free(lpca);
-        if (n == search->most)
-            return lpca_pack_choose_not_reached(search, left, n, error);
+        if (n < search->most)
+            continue;
+        if (wish->error > 0) {
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "an error of %.3g %% is not reached: %d components alone make %.3g %%, "
+                        "rounded %.3g %%; allow a larger one",
+                        100 * wish->error, n, 100 * left,
+                        100 * (isfinite(search->nearest) ? search->nearest : left));
+            return NULL;
+        }
+        g_autofree char *wanted = g_format_size((guint64)wish->bytes);
+        g_autofree char *least = g_format_size((guint64)search->nearest);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
+        return NULL;
     }
 }
 

@@ -330,23 +330,6 @@ static void sum_error(struct polish *polish) {
     polish->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
 
-/* Blocks of weights that are done are kept: they read everything once more. */
-static gboolean lpca_polish_weigh(struct polish *polish, GError **error) {
-    struct lpca_run *run = polish->run;
-    if (!polish->weigh) {
-        work_for_each(run->options->work.n_threads, blocks(run), lpca_polish_turn_weights, polish);
-        sum_error(polish);
-        return TRUE;
-    }
-    lpca_enter(run, LPCA_WEIGHING);
-    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
-    lpca_keep_blocks(run, blocks(run));
-    if (!lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error))
-        return FALSE;
-    lpca_drop_blocks(run);
-    return TRUE;
-}
-
 /* Stages that the run has behind it already are left out. */
 static gboolean lpca_polish_make(struct polish *polish, GError **error) {
     struct lpca_run *run = polish->run;
@@ -356,8 +339,17 @@ static gboolean lpca_polish_make(struct polish *polish, GError **error) {
     if (run->state.stage < LPCA_WEIGHING && !sum_views(polish, error))
         return FALSE;
     if (run->state.stage < LPCA_MADE) {
-        if (!lpca_polish_weigh(polish, error))
-            return FALSE;
+        if (!polish->weigh) {
+            work_for_each(threads, blocks(run), lpca_polish_turn_weights, polish);
+            sum_error(polish);
+        } else { /* blocks of weights that are done are kept: they read everything once more */
+            lpca_enter(run, LPCA_WEIGHING);
+            lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);
+            lpca_keep_blocks(run, blocks(run));
+            if (!lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error))
+                return FALSE;
+            lpca_drop_blocks(run);
+        }
         g_free(polish->turns);
         polish->turns = covariances(polish);
         work_for_each(threads, lpca->n_clusters, turn_axes, polish);

@@ -133,45 +133,43 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
 }
 
 /* Errors add in squares: what rounding adds is taken off the error that the next one is to reach,
- * e² = target² − (e_rounded² − e_exact²). */
-static struct lpca *lpca_codec_refine(const struct lpca_codec_options *asked,
-                                      const struct btf_matrix *btf, struct lpca_options *options,
-                                      struct rounding *rounding, struct codec_result *ret,
-                                      GError **error) {
-    for (; rounding->times < MOST_ROUNDING; rounding->times++) {
-        options->target = rounding->target;
-        struct lpca *lpca = lpca_codec_rounded(asked, btf, options, ret, error);
-        if (!lpca || asked->error <= 0 || ret->error <= asked->error)
-            return lpca;
-        lpca_free(lpca);
-        const double added = ret->error * ret->error - ret->exact_error * ret->exact_error;
-        const double left = asked->error * asked->error - added;
-        if (left <= 0)
-            break;
-        rounding->target = MIN(sqrt(left), ret->exact_error) * (1 - 1e-6);
-    }
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; quantise "
-                "less or use more clusters",
-                100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
-                100 * ret->exact_error);
-    return NULL;
-}
-
-/* Goes on from the checkpoint, whose arrays are borrowed: rounding is one while this runs. */
+ * e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows `rounding`. */
 static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf, struct lpca_options *options,
                                        struct codec_result *ret, GError **error) {
     Checkpoint *checkpoint = options->checkpoint;
     struct rounding rounding = {0, options->target};
-    if (!checkpoint)
-        return lpca_codec_refine(asked, btf, options, &rounding, ret, error);
-    const struct rounding *found = checkpoint_get(checkpoint, "rounding", sizeof rounding);
+    const struct rounding *found =
+        checkpoint ? checkpoint_get(checkpoint, "rounding", sizeof rounding) : NULL;
+    struct lpca *lpca = NULL;
+    gboolean ok = TRUE, reached = FALSE;
     if (found)
         rounding = *found;
-    checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
-    struct lpca *lpca = lpca_codec_refine(asked, btf, options, &rounding, ret, error);
-    checkpoint_drop(checkpoint, "rounding");
+    if (checkpoint)
+        checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
+    while (rounding.times < MOST_ROUNDING) {
+        options->target = rounding.target;
+        lpca = lpca_codec_rounded(asked, btf, options, ret, error);
+        ok = lpca != NULL;
+        reached = ok && (asked->error <= 0 || ret->error <= asked->error);
+        if (!ok || reached)
+            break;
+        g_clear_pointer(&lpca, lpca_free);
+        const double added = ret->error * ret->error - ret->exact_error * ret->exact_error;
+        const double left = asked->error * asked->error - added;
+        if (left <= 0)
+            break;
+        rounding.target = MIN(sqrt(left), ret->exact_error) * (1 - 1e-6);
+        rounding.times++;
+    }
+    if (checkpoint)
+        checkpoint_drop(checkpoint, "rounding");
+    if (ok && !reached)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; "
+                    "quantise less or use more clusters",
+                    100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
+                    100 * ret->exact_error);
     return lpca;
 }
 
@@ -278,15 +276,6 @@ static gpointer lpca_codec_read(const char *path, GError **error) {
     return lpca_read(path, error);
 }
 
-/* Level 0 and those of which there are parts "mip<n>.clusters". */
-static int lpca_codec_count_levels(const struct exr_file *file) {
-    for (int levels = 1;; levels++) {
-        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
-        if (!exr_file_part(file, name))
-            return levels;
-    }
-}
-
 /* From headers alone: size, clusters × components, directions and error. */
 static char *lpca_codec_describe_file(const struct exr_file *file) {
     const struct exr_part *clusters = exr_file_part(file, "clusters");
@@ -302,6 +291,11 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     exr_get_string(clusters, "mesorig.colours", &colours, NULL);
     exr_get_double(clusters, "mesorig.error", &error, NULL);
     exr_get_int(clusters, "mesorig.grid", &grid, NULL);
+    int levels = 1; /* level 0, and those of which there are parts "mip<n>.clusters" */
+    for (gboolean more = TRUE; more; levels += more) {
+        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
+        more = exr_file_part(file, name) != NULL;
+    }
     GString *text = g_string_new(NULL);
     g_string_append_printf(text, "local PCA: %d × %d texels, clusters × components %d × %d in %s, ",
                            clusters->width, clusters->height, scales->width, scales->height - 1,
@@ -311,8 +305,8 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     else
         g_string_append_printf(text, "of %d views × %d lights", views->width, lights->width);
     g_string_append_printf(text, "%s, mip levels: %d; error %.2f %%",
-                           g_str_equal(colours, "log") ? ", in log-luminance" : "",
-                           lpca_codec_count_levels(file), 100 * error);
+                           g_str_equal(colours, "log") ? ", in log-luminance" : "", levels,
+                           100 * error);
     return g_string_free(text, FALSE);
 }
 
@@ -353,28 +347,6 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
     return ok;
 }
 
-/* One point of the curve: packed, rounded to this step. */
-static gboolean lpca_codec_tell_packed(const struct lpca_packer *packer, double step,
-                                       const struct btf_matrix *btf,
-                                       const struct lpca_options *options, CodecPoint tell,
-                                       gpointer data, GError **error) {
-    struct lpca *lpca = lpca_packer_round(packer, step);
-    const gint64 bytes = lpca_packed_bytes(lpca, error);
-    const int n = lpca->n_components;
-    const gboolean ok =
-        bytes > 0 && lpca_error_shared(lpca, btf, options, error) &&
-        tell(&lpca_codec,
-             &(struct codec_point){
-                 .series = "local PCA, packed",
-                 .label = g_strdup_printf(n > 1 ? "%d components" : "%d component", n),
-                 .bytes = bytes,
-                 .error = lpca->error,
-             },
-             data, error);
-    lpca_free(lpca);
-    return ok;
-}
-
 /* One local PCA is rounded to coarser and finer steps. */
 static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const struct work *work,
                                         CodecPoint tell, gpointer data, GError **error) {
@@ -392,9 +364,21 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
     struct lpca_packer *packer = lpca_packer_new(exact, 0);
     const double mean = lpca_mean_size(exact);
     gboolean ok = TRUE;
-    for (double step = COARSEST; ok && step >= FINEST; step /= 2)
-        ok = lpca_codec_tell_packed(packer, mean > 0 ? step * mean : 1, btf, &options, tell, data,
-                                    error);
+    for (double step = COARSEST; ok && step >= FINEST; step /= 2) {
+        struct lpca *lpca = lpca_packer_round(packer, mean > 0 ? step * mean : 1);
+        struct codec_point point = {
+            .series = "local PCA, packed",
+            .bytes = lpca_packed_bytes(lpca, error),
+        };
+        const int n = lpca->n_components;
+        ok = point.bytes > 0 && lpca_error_shared(lpca, btf, &options, error);
+        if (ok) {
+            point.label = g_strdup_printf(n > 1 ? "%d components" : "%d component", n);
+            point.error = lpca->error;
+            ok = tell(&lpca_codec, &point, data, error);
+        }
+        lpca_free(lpca);
+    }
     lpca_packer_free(packer);
     lpca_free(exact);
     return ok;

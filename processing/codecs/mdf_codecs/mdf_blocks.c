@@ -88,22 +88,6 @@ static void mdf_blocks_fit(struct block *best, const double *values) {
     }
 }
 
-/* The first end must be the larger one: the card takes six values else. Equal ends are read as six
- * too, of which the first is that end. */
-static void mdf_blocks_pack(const struct block *block, guint8 *to) {
-    const gboolean swap = block->ends[0] < block->ends[1];
-    const gboolean same = block->ends[0] == block->ends[1];
-    guint64 bits = 0;
-    for (int i = 0; i < TEXELS; i++) {
-        const int at = swap ? STEPS - block->at[i] : block->at[i];
-        bits |= (guint64)(same ? 0 : codes[at]) << (3 * i);
-    }
-    to[0] = (guint8)block->ends[swap];
-    to[1] = (guint8)block->ends[!swap];
-    for (int i = 0; i < 6; i++)
-        to[2 + i] = (guint8)(bits >> (8 * i));
-}
-
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret) {
     const double scale = deepest > least ? MOST / (deepest - least) : 0;
@@ -117,7 +101,19 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
             mdf_blocks_fit(&block, values);
-            mdf_blocks_pack(&block, ret);
+            /* The first end must be the larger one: the card takes six values else. Equal ends are
+             * read as six too, of which the first is that end. */
+            const gboolean swap = block.ends[0] < block.ends[1];
+            const gboolean same = block.ends[0] == block.ends[1];
+            guint64 bits = 0;
+            for (int k = 0; k < TEXELS; k++) {
+                const int at = swap ? STEPS - block.at[k] : block.at[k];
+                bits |= (guint64)(same ? 0 : codes[at]) << (3 * k);
+            }
+            ret[0] = (guint8)block.ends[swap];
+            ret[1] = (guint8)block.ends[!swap];
+            for (int k = 0; k < 6; k++)
+                ret[2 + k] = (guint8)(bits >> (8 * k));
         }
 }
 
