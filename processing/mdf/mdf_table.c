@@ -107,7 +107,7 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
     if (file == NULL)
         return NULL;
     const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
-    struct mdf_table *t = NULL;
+    g_autoptr(MdfTable) t = NULL;
     double texel_mm, reference_mm = 0.0;
     gboolean good = FALSE;
     if (first == NULL ||
@@ -125,9 +125,8 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
         good = mdf_table_add_view(t, k, file->parts->pdata[k], reference_mm, error);
     exr_file_free(file);
     if (good)
-        return t;
+        return g_steal_pointer(&t);
     g_prefix_error(error, "%s: ", path);
-    mdf_table_free(t);
     return NULL;
 }
 

@@ -48,4 +48,6 @@ double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 
 struct mdf_table *mdf_table_copy(const struct mdf_table *table);
+typedef struct mdf_table MdfTable;
 void mdf_table_free(struct mdf_table *table); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTable, mdf_table_free)

@@ -102,7 +102,9 @@ struct lpca_options {
     struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
 };
 
+typedef struct lpca Lpca;
 void lpca_free(struct lpca *lpca); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 
 /* Of a whole matrix of finite values, in memory or in a file; LPCA_FLOAT. Clusters that nothing
  * needs are left out: a constant material has one. Bytes do not depend on the number of threads.

@@ -98,7 +98,7 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     now.n_components = most_components(choosing, choice->clusters);
     now.target = choosing->wish->error;
     now.nearest = &nearest;
-    struct lpca *lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
+    g_autoptr(Lpca) lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
     if (failed && nearest.n_clusters == 0) {
         if (!g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) ||
             choice->best.n_clusters + choice->nearest.n_clusters == 0) {
@@ -110,11 +110,10 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
                         lpca->error < choice->best.error)) {
         /* Of those that reach an error the next is smaller: most_components() sees to it. */
         lpca_free(choosing->best);
-        choosing->best = lpca;
         choice->best = (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
         if (now.checkpoint)
             lpca_keep_whole(now.checkpoint, "best", lpca);
-        lpca = NULL;
+        choosing->best = g_steal_pointer(&lpca);
         worse = 0;
     } else if (nearest.n_clusters > 0 &&
                (choice->nearest.n_clusters == 0 || nearest.error < choice->nearest.error)) {
@@ -123,7 +122,6 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     }
     choice->worse = worse;
     choice->clusters *= 2;
-    lpca_free(lpca);
     return TRUE;
 }
 

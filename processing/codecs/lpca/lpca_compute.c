@@ -312,7 +312,7 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
 
 /* The fewest components of this clustering that reach the target, by bisection: few do not reach
  * it, enough do. */
-static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **error) {
+static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
     if (state->enough == 0) {
@@ -321,7 +321,7 @@ static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **err
     }
     while (ok && state->enough > state->few + 1) {
         const int middle = (state->enough + state->few) / 2;
-        struct lpca *fewer = lpca_truncated(lpca, middle);
+        g_autoptr(Lpca) fewer = lpca_truncated(lpca, middle);
         ok = lpca_run_error(run, fewer, error);
         if (ok && fewer->error <= run->options->target) {
             state->enough = middle;
@@ -329,13 +329,11 @@ static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **err
         } else if (ok) {
             state->few = middle;
         }
-        lpca_free(fewer);
     }
     struct lpca *ret = ok ? lpca_truncated(lpca, state->enough) : NULL;
     if (ret)
         ret->error = state->enough_error;
     lpca_leave(run);
-    lpca_free(lpca);
     return ret;
 }
 
@@ -343,16 +341,14 @@ static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **err
 static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
     const struct lpca_options *options = run->options;
     for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
-        struct lpca *lpca = lpca_compute_make(run, c, error);
+        g_autoptr(Lpca) lpca = lpca_compute_make(run, c, error);
         if (!lpca)
             return NULL;
         if (lpca->error <= options->target)
             return fewest(lpca, run, error);
         lpca_enter(run, LPCA_REDUCED);
-        if (c < options->n_components) {
-            lpca_free(lpca);
+        if (c < options->n_components)
             continue;
-        }
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "an error of %.3g %% is not reached with %d clusters of %d components (%.3g "
                     "%%); allow more of them",
@@ -360,7 +356,6 @@ static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
         if (options->nearest)
             *options->nearest =
                 (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
-        lpca_free(lpca);
         return NULL;
     }
 }

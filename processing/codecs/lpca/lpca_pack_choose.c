@@ -71,32 +71,28 @@ static struct lpca *lpca_pack_choose_by_error(struct search *search,
                                               GError **error) {
     double fine = mean * FINE, coarse = mean * COARSE;
     double step = 4 * search->wish->error * mean;
-    struct lpca *best = NULL;
+    g_autoptr(Lpca) best = NULL;
     search->nearest = INFINITY;
     for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
-        struct lpca *lpca = lpca_packer_round(packer, step);
+        g_autoptr(Lpca) lpca = lpca_packer_round(packer, step);
         lpca->error = search->packing.found[i];
-        if (lpca->error <= 0 && !lpca_error_shared(lpca, search->btf, search->options, error)) {
-            lpca_free(lpca);
-            g_clear_pointer(&best, lpca_free);
+        if (lpca->error <= 0 && !lpca_error_shared(lpca, search->btf, search->options, error))
             return NULL;
-        }
         const double found = search->packing.found[i] = lpca->error;
         search->nearest = MIN(search->nearest, found);
         if (found <= search->wish->error) {
             fine = step;
             lpca_free(best);
-            best = lpca;
+            best = g_steal_pointer(&lpca);
             if (found >= search->wish->error * CLOSE)
                 break;
         } else {
             coarse = step;
-            lpca_free(lpca);
         }
         const double guess = guess_step(search, step, found);
         step = guess > fine * 1.001 && guess < coarse * 0.999 ? guess : sqrt(fine * coarse);
     }
-    return best;
+    return g_steal_pointer(&best);
 }
 
 /* The finest step that is small enough, by bisection of its logarithm. */
@@ -108,7 +104,7 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
     gboolean ok = TRUE;
     for (int i = 0; ok && i < TRIES; i++) {
         const double step = i == 0 ? coarse : (fine + coarse) / 2;
-        struct lpca *lpca = lpca_packer_round(packer, exp(step));
+        g_autoptr(Lpca) lpca = lpca_packer_round(packer, exp(step));
         const gint64 bytes = lpca_packed_bytes(lpca, error);
         ok = bytes > 0;
         if (ok && bytes <= search->wish->bytes) {
@@ -119,7 +115,6 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
             search->nearest = (double)bytes;
             fine = step;
         }
-        lpca_free(lpca);
         if (i == 0 && !best)
             break;
     }
@@ -198,21 +193,19 @@ static struct lpca *lpca_pack_choose_find(struct search *search, GError **error)
     const struct lpca_wish *wish = search->wish;
     for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {
         g_autoptr(GError) failed = NULL;
-        struct lpca *exact = NULL;
-        struct lpca *lpca = try_components(search, n, &exact, &failed);
+        g_autoptr(Lpca) exact = NULL;
+        g_autoptr(Lpca) lpca = try_components(search, n, &exact, &failed);
         const gboolean enough = exact && has_enough(search, exact, lpca);
         const double left = exact ? exact->error : 0;
         search->packing = (struct packing){.wish = *search->wish, .n = MIN(2 * n, search->most)};
         if (search->options->checkpoint) /* what was kept of these components goes */
             lpca_drop_whole(search->options->checkpoint, "exact");
-        lpca_free(exact);
         if (failed) {
             g_propagate_error(error, g_steal_pointer(&failed));
             return NULL;
         }
         if (lpca && (enough || n == search->most))
-            return lpca;
-        lpca_free(lpca);
+            return g_steal_pointer(&lpca);
         if (n < search->most)
             continue;
         if (wish->error > 0) {

@@ -115,21 +115,20 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
     const struct lpca_wish wish = {options->target, asked->size, options->n_components,
                                    (enum lpca_quantise)asked->quantise, asked->grid};
     const gboolean choose = asked->clusters == 0 && (asked->size > 0 || asked->error > 0);
-    struct lpca *lpca =
+    g_autoptr(Lpca) lpca =
         choose ? lpca_choose(btf, options, &wish, error) : lpca_compute(btf, options, error);
     if (!lpca)
         return NULL;
     ret->exact_error = lpca->error;
     if (asked->grid > 0) {
-        struct lpca *resampled = lpca_resample(lpca, asked->grid, error);
-        lpca_free(lpca);
-        lpca = resampled;
+        g_autoptr(Lpca) exact = g_steal_pointer(&lpca);
+        lpca = lpca_resample(exact, asked->grid, error);
+        if (!lpca)
+            return NULL;
     }
-    if (!lpca)
-        return NULL;
     lpca_quantise(lpca, (enum lpca_quantise)asked->quantise);
     ret->error = asked->grid > 0 ? lpca_resample_error(lpca, btf, 0) : lpca_error(lpca, btf, 0);
-    return lpca;
+    return g_steal_pointer(&lpca);
 }
 
 /* Errors add in squares: what rounding adds is taken off the error that the next one is to reach,
@@ -332,7 +331,7 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
                                          "local PCA, 8-bit weights"};
     gboolean ok = TRUE;
     for (gsize i = 0; ok && i < G_N_ELEMENTS(kinds); i++) {
-        struct lpca *fewer = lpca_truncated(lpca, components);
+        g_autoptr(Lpca) fewer = lpca_truncated(lpca, components);
         lpca_quantise(fewer, kinds[i]);
         ok = tell(&lpca_codec,
                   &(struct codec_point){
@@ -342,7 +341,6 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
                       .error = lpca_error(fewer, btf, 0),
                   },
                   data, error);
-        lpca_free(fewer);
     }
     return ok;
 }
@@ -365,7 +363,7 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
     const double mean = lpca_mean_size(exact);
     gboolean ok = TRUE;
     for (double step = COARSEST; ok && step >= FINEST; step /= 2) {
-        struct lpca *lpca = lpca_packer_round(packer, mean > 0 ? step * mean : 1);
+        g_autoptr(Lpca) lpca = lpca_packer_round(packer, mean > 0 ? step * mean : 1);
         struct codec_point point = {
             .series = "local PCA, packed",
             .bytes = lpca_packed_bytes(lpca, error),
@@ -377,7 +375,6 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
             point.error = lpca->error;
             ok = tell(&lpca_codec, &point, data, error);
         }
-        lpca_free(lpca);
     }
     lpca_packer_free(packer);
     lpca_free(exact);
@@ -395,11 +392,10 @@ static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
     for (int k = 1; ok && k <= CURVE_CLUSTERS && (k == 1 || k <= most); k *= 4) {
         const struct lpca_options options = {
             .n_clusters = k, .n_components = MIN(CURVE_MOST, values), .work = *work};
-        struct lpca *lpca = lpca_compute(btf, &options, error);
+        g_autoptr(Lpca) lpca = lpca_compute(btf, &options, error);
         ok = lpca != NULL;
         for (int c = 1; ok && c <= lpca->n_components; c *= 2)
             ok = lpca_codec_tell_quantised(lpca, c, btf, tell, data, error);
-        lpca_free(lpca);
     }
     return ok && lpca_codec_curve_packed(btf, work, tell, data, error);
 }

@@ -59,19 +59,18 @@ struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) 
               : NULL;
     if (!lights)
         return NULL;
-    struct lpca *ret = like(lpca, n_grid);
+    g_autoptr(Lpca) ret = like(lpca, n_grid);
     if (!ret->brdfs) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "a grid of %d for %d clusters of %d components does not fit into memory",
                     n_grid, lpca->n_clusters, lpca->n_components);
-        lpca_free(ret);
         return NULL;
     }
     g_autofree float *between = g_new(float, (gsize)ret->n_views *(gsize)lpca->n_lights *COLOURS);
     for (gsize table = 0; table < (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
          table++)
         resample_table(lpca, ret, table, views, lights, between);
-    return ret;
+    return g_steal_pointer(&ret);
 }
 
 /* Compares at the directions of btf. A texel's reflectances are summed on the grid first, which

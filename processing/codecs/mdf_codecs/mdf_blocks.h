@@ -40,7 +40,9 @@ struct mdf_blocks {
 };
 
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table);
+typedef struct mdf_blocks MdfBlocks;
 void mdf_blocks_free(struct mdf_blocks *blocks); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfBlocks, mdf_blocks_free)
 struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks);
 
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error);

@@ -45,9 +45,8 @@ struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
     for (int view = 0; view < blocks->n_views; view++)
         mdf_blocks_encode(table->depth_mm + (gsize)view * n, table->width, table->height,
                           blocks->least_mm, blocks->deepest_mm, view_of(blocks, view));
-    struct mdf_table *is = mdf_blocks_table(blocks);
+    g_autoptr(MdfTable) is = mdf_blocks_table(blocks);
     blocks->error_mm = mdf_table_difference(table, table->n_views, is, NULL);
-    mdf_table_free(is);
     return blocks;
 }
 
@@ -149,7 +148,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return NULL;
-    struct mdf_blocks *blocks = g_new0(struct mdf_blocks, 1);
+    g_autoptr(MdfBlocks) blocks = g_new0(struct mdf_blocks, 1);
     const char *what = mdf_blocks_file_read_head(blocks, file);
     if (!what) {
         const gsize n = file->parts->len;
@@ -161,12 +160,11 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     for (int view = 0; !what && view < blocks->n_views; view++)
         what = mdf_blocks_file_read_view(blocks, view, file->parts->pdata[view]);
     exr_file_free(file);
-    if (what) {
-        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: these are not whole blocks of an MDF: %s; compress again", path, what);
-        g_clear_pointer(&blocks, mdf_blocks_free);
-    }
-    return blocks;
+    if (!what)
+        return g_steal_pointer(&blocks);
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: these are not whole blocks of an MDF: %s; compress again", path, what);
+    return NULL;
 }
 
 enum mdf_kind mdf_kind(const char *path) {

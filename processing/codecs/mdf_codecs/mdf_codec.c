@@ -35,21 +35,18 @@ static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct md
     mdf_table_add_grazing(job->table);
     if (!work_tell(job->work, "maps", 1, 3, begun_us, error))
         return FALSE;
-    struct mdf_factors *factors =
+    g_autoptr(MdfFactors) factors =
         mdf_factors_compute(job->table, job->n_measured, most, asked->error * job->table->texel_mm,
                             job->work->cancellable, error);
     if (!factors)
         return FALSE;
-    struct mdf_table *is = mdf_factors_table(factors);
+    g_autoptr(MdfTable) is = mdf_factors_table(factors);
     ret->n_terms = factors->n_terms;
     ret->n_traced = factors->n_views - factors->n_measured;
     ret->bytes = mdf_factors_bytes(factors);
     ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->most_mm);
-    mdf_table_free(is);
-    const gboolean ok = work_tell(job->work, "maps", 2, 3, begun_us, error) &&
-                        mdf_factors_write(job->to, factors, error);
-    mdf_factors_free(factors);
-    return ok;
+    return work_tell(job->work, "maps", 2, 3, begun_us, error) &&
+           mdf_factors_write(job->to, factors, error);
 }
 
 static char *mdf_codec_maps_describe(const struct mdf_codec_job *job,
@@ -97,14 +94,13 @@ static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
     const struct mdf_table *table = job->table;
-    struct mdf_table *is = NULL;
+    g_autoptr(MdfTable) is = NULL;
     gboolean ok;
     if (asked->quantise == MDF_CODEC_4BIT) {
-        struct mdf_blocks *blocks = mdf_blocks_new(table);
+        g_autoptr(MdfBlocks) blocks = mdf_blocks_new(table);
         ret->bytes = (gint64)mdf_blocks_bytes(table->width, table->height) * table->n_views;
         ok = mdf_blocks_write(job->to, blocks, error);
         is = mdf_blocks_table(blocks);
-        mdf_blocks_free(blocks);
     } else {
         ok = mdf_pack(job->from, job->to,
                       asked->quantise == MDF_CODEC_HALF ? MDF_PACKED_HALF : MDF_PACKED_8BIT,
@@ -113,7 +109,6 @@ static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
     }
     if (is)
         ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->most_mm);
-    mdf_table_free(is);
     return ok && is != NULL;
 }
 

@@ -165,7 +165,7 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
                                                   GError **error) {
     const struct mdf_table *table = f->table;
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;
-    struct mdf_factors *factors = g_new0(struct mdf_factors, 1);
+    g_autoptr(MdfFactors) factors = g_new0(struct mdf_factors, 1);
     *factors = (struct mdf_factors){
         .width = table->width,
         .height = table->height,
@@ -191,14 +191,11 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
             factors->maps[i * texels + x] =
                 most > least ? (guint8)lroundf((from[x] - least) / (most - least) * MOST_MAP) : 0;
     }
-    if (!fit_weights(factors, f, error)) {
-        mdf_factors_free(factors);
+    if (!fit_weights(factors, f, error))
         return NULL;
-    }
-    struct mdf_table *is = mdf_factors_table(factors);
+    g_autoptr(MdfTable) is = mdf_factors_table(factors);
     factors->error_mm = mdf_table_difference(table, f->n_measured, is, NULL);
-    mdf_table_free(is);
-    return factors;
+    return g_steal_pointer(&factors);
 }
 
 /* The fewest maps that reach the target: first as many as the eigenvalues say, rest = Σ λ_i of
@@ -213,21 +210,18 @@ static struct mdf_factors *mdf_factors_search(const struct factoring *f, int mos
     while (n > 1 && rest + f->values[n - 1] <= target_mm * target_mm * all)
         rest += f->values[--n];
     for (;; n = MIN(most, (int)(n * WIDER) + 1)) {
-        struct mdf_factors *factors = mdf_factors_factors_of(f, n, error);
-        if (!factors || g_cancellable_set_error_if_cancelled(cancellable, error)) {
-            mdf_factors_free(factors);
+        g_autoptr(MdfFactors) factors = mdf_factors_factors_of(f, n, error);
+        if (!factors || g_cancellable_set_error_if_cancelled(cancellable, error))
             return NULL;
-        }
         if (factors->error_mm <= target_mm)
-            return factors;
-        if (n == most)
-            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "an error of %.3g mm is not reached with %d maps of distances (%.3g mm); "
-                        "allow more",
-                        target_mm, n, factors->error_mm);
-        mdf_factors_free(factors);
-        if (n == most)
-            return NULL;
+            return g_steal_pointer(&factors);
+        if (n < most)
+            continue;
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "an error of %.3g mm is not reached with %d maps of distances (%.3g mm); "
+                    "allow more",
+                    target_mm, n, factors->error_mm);
+        return NULL;
     }
 }
 

@@ -118,15 +118,14 @@ struct mdf_factors *mdf_factors_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return NULL;
-    struct mdf_factors *factors = g_new0(struct mdf_factors, 1);
+    g_autoptr(MdfFactors) factors = g_new0(struct mdf_factors, 1);
     const char *what = mdf_factors_file_read_head(factors, file);
     if (!what)
         what = mdf_factors_file_read_values(factors, file);
     exr_file_free(file);
-    if (what) {
-        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: this is not a whole compressed MDF: %s; compress again", path, what);
-        g_clear_pointer(&factors, mdf_factors_free);
-    }
-    return factors;
+    if (!what)
+        return g_steal_pointer(&factors);
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: this is not a whole compressed MDF: %s; compress again", path, what);
+    return NULL;
 }

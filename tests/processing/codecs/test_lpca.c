@@ -18,9 +18,8 @@ static struct lpca *compute(const struct btf_matrix *btf, int k, int c) {
 }
 
 static double error_of(const struct btf_matrix *btf, int k, int c) {
-    struct lpca *lpca = compute(btf, k, c);
+    g_autoptr(Lpca) lpca = compute(btf, k, c);
     const double error = lpca->error;
-    lpca_free(lpca);
     return error;
 }
 
@@ -59,8 +58,8 @@ static void assert_orthonormal(const struct lpca *lpca) {
 
 /* A mixture of planes of low rank is told apart, and nothing is left. */
 static void test_mixture(void) {
-    struct btf_matrix *btf = lpca_fixture_mixture(16, 15, 4, 5, 4, 2, 0);
-    struct lpca *lpca = compute(btf, 4, 2);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(16, 15, 4, 5, 4, 2, 0);
+    g_autoptr(Lpca) lpca = compute(btf, 4, 2);
     g_assert_cmpint(lpca->n_clusters, ==, 4);
     g_assert_cmpfloat(lpca->error, <, 2e-5);
     g_assert_cmpfloat_with_epsilon(residual(lpca, btf), lpca->error, 1e-6);
@@ -70,8 +69,6 @@ static void test_mixture(void) {
         for (int j = 0; j < i; j++)
             g_assert_cmpint(lpca->clusters[i], !=, lpca->clusters[j]);
     assert_orthonormal(lpca);
-    lpca_free(lpca);
-    btf_matrix_free(btf);
 }
 
 /* Of the matrix less its mean row, beyond the first c, relative to the whole. */
@@ -114,7 +111,7 @@ static void test_dense(void) {
 }
 
 static void test_monotone(void) {
-    struct btf_matrix *btf = lpca_fixture_mixture(24, 24, 4, 6, 11, 6, 0.05);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(24, 24, 4, 6, 11, 6, 0.05);
     double row[3] = {G_MAXDOUBLE, G_MAXDOUBLE, G_MAXDOUBLE};
     for (int k = 1; k <= 16; k *= 2) {
         double before = G_MAXDOUBLE;
@@ -125,11 +122,10 @@ static void test_monotone(void) {
             before = row[i] = error;
         }
     }
-    btf_matrix_free(btf);
 }
 
 static void test_threads(void) {
-    struct btf_matrix *btf = lpca_fixture_mixture(30, 27, 5, 9, 6, 5, 0.05);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(30, 27, 5, 9, 6, 5, 0.05);
     struct lpca *first = NULL;
     for (int threads = 1; threads <= 4; threads++) {
         const struct lpca_options options = {6, 4, .work.n_threads = threads};
@@ -144,27 +140,23 @@ static void test_threads(void) {
         }
     }
     lpca_free(first);
-    btf_matrix_free(btf);
 }
 
 static void test_target(void) {
     g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = lpca_fixture_mixture(20, 20, 4, 5, 2, 12, 0.02);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(20, 20, 4, 5, 2, 12, 0.02);
     struct lpca_options options = {.n_clusters = 2, .n_components = 16, .target = 0.1};
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(lpca->error, <=, 0.1);
     g_assert_cmpint(lpca->n_components, >, 1);
-    struct lpca *fewer = lpca_truncated(lpca, lpca->n_components - 1);
+    g_autoptr(Lpca) fewer = lpca_truncated(lpca, lpca->n_components - 1);
     g_assert_cmpfloat(lpca_error(fewer, btf, 0), >, 0.1);
     g_assert_cmpfloat_with_epsilon(residual(fewer, btf), fewer->error, 1e-6);
-    lpca_free(fewer);
-    lpca_free(lpca);
     options.target = 1e-5;
     g_assert_null(lpca_compute(btf, &options, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "is not reached"));
-    btf_matrix_free(btf);
 }
 
 static void test_edges(void) {
@@ -200,7 +192,7 @@ static void test_refused(void) {
     };
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
-    struct btf_matrix *btf = lpca_fixture_mixture(5, 4, 2, 3, 2, 2, 0.1);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(5, 4, 2, 3, 2, 2, 0.1);
     for (guint i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_assert_null(lpca_compute(btf, &bad[i], &error));
         g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
@@ -217,7 +209,6 @@ static void test_refused(void) {
     g_assert_null(lpca_compute(btf, &good, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "view 1, texel (2, 1)"));
-    btf_matrix_free(btf);
 }
 
 /* What rounding may do to a texel: half a step of each eigen-BRDF, and the bits of a half. */
@@ -253,8 +244,8 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
 static void test_quantised(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    struct btf_matrix *btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
-    struct lpca *exact = compute(btf, 3, 4);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
+    g_autoptr(Lpca) exact = compute(btf, 3, 4);
     gint64 bytes = G_MAXINT64;
     for (int kind = LPCA_FLOAT; kind < LPCA_QUANTISE_KINDS; kind++) {
         g_autoptr(GError) error = NULL;
@@ -280,8 +271,6 @@ static void test_quantised(void) {
         lpca_free(back);
         lpca_free(rounded);
     }
-    lpca_free(exact);
-    btf_matrix_free(btf);
     g_unlink(path);
     g_rmdir(folder);
 }
@@ -305,31 +294,26 @@ static double rounding_under(const struct lpca *exact, const struct lpca *rounde
 /* What a light at grazing angles leaves is as well rounded, for its size, as what others do. */
 static void test_dark_light(void) {
     enum { DARK = 2 };
-    struct btf_matrix *btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
     for (int i = 0; i < 17 * 16 * 4 * 5 * 3; i++)
         if (i / 3 % 5 == DARK)
             btf->values[i] *= 0.03F;
-    struct lpca *exact = compute(btf, 3, 4);
+    g_autoptr(Lpca) exact = compute(btf, 3, 4);
     for (int kind = LPCA_8BIT; kind <= LPCA_8BIT_WEIGHTS; kind++) {
-        struct lpca *rounded = lpca_truncated(exact, 4);
+        g_autoptr(Lpca) rounded = lpca_truncated(exact, 4);
         lpca_quantise(rounded, (enum lpca_quantise)kind);
         g_assert_cmpfloat(rounded->light_scales[5 + DARK], <, 0.06);
         g_assert_cmpfloat(rounding_under(exact, rounded, DARK), <,
                           2 * rounding_under(exact, rounded, 0));
-        lpca_free(rounded);
     }
-    lpca_free(exact);
-    btf_matrix_free(btf);
 }
 
 static void write_small(const char *path, enum lpca_quantise quantise) {
-    struct btf_matrix *btf = lpca_fixture_mixture(6, 5, 2, 3, 2, 2, 0.05);
-    struct lpca *lpca = compute(btf, 2, 2);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(6, 5, 2, 3, 2, 2, 0.05);
+    g_autoptr(Lpca) lpca = compute(btf, 2, 2);
     g_autoptr(GError) error = NULL;
     lpca_quantise(lpca, quantise);
     g_assert_true(lpca_write(path, lpca, &error));
-    lpca_free(lpca);
-    btf_matrix_free(btf);
 }
 
 static void test_truncated_file(void) {
