@@ -336,60 +336,50 @@ static void test_truncated_file(void) {
     g_rmdir(folder);
 }
 
-#define BAD_LIGHT 16 /* the last fault */
-
-/* Whole EXR files that are not whole local PCAs. */
-static void spoil(struct exr_file *file, int fault) {
-    static const char *const parts[] = {"clusters", "weights", "scales", "means",
-                                        "E02",      "views",   "lights"};
-    if (fault < (int)G_N_ELEMENTS(parts)) {
-        g_assert_true(g_ptr_array_remove(file->parts, exr_file_part(file, parts[fault])));
-        return;
-    }
-    struct exr_part *clusters = exr_file_part(file, "clusters");
-    switch (fault - (int)G_N_ELEMENTS(parts)) {
-    case 0:
-        exr_part_plane(clusters, "K")[3] = 2;
-        break;
-    case 1:
-        exr_part_plane(clusters, "K")[3] = -1;
-        break;
-    case 2:
-        exr_part_plane(clusters, "K")[3] = 0.5F;
-        break;
-    case 3:
-        exr_part_plane(clusters, "K")[3] = NAN;
-        break;
-    case 4:
-        exr_part_plane(exr_file_part(file, "weights"), "W02")[3] = NAN;
-        break;
-    case 5:
-        exr_part_plane(exr_file_part(file, "E01"), "G")[3] = NAN;
-        break;
-    case 6:
-        exr_set_double(clusters, "texel_mm", 0);
-        break;
-    case 7:
-        exr_set_string(clusters, "mesorig.quantise", "4bit");
-        break;
-    case 8:
-        exr_set_string(clusters, "mesorig.kind", "eigenmaps");
-        break;
-    default:
-        exr_part_plane(exr_file_part(file, "light_scales"), "S")[1] = 0;
-        break;
-    }
-}
+/* Whole EXR files that are not whole local PCAs: a part is gone, a value of a channel or an
+ * attribute of the part is another. */
+static const struct fault {
+    const char *part, *channel;
+    float value;
+    const char *attribute, *text; /* text NULL: the number 0 */
+} faults[] = {
+    {.part = "clusters"},
+    {.part = "weights"},
+    {.part = "scales"},
+    {.part = "means"},
+    {.part = "E02"},
+    {.part = "views"},
+    {.part = "lights"},
+    {"clusters", "K", 2},
+    {"clusters", "K", -1},
+    {"clusters", "K", 0.5F},
+    {"clusters", "K", NAN},
+    {"weights", "W02", NAN},
+    {"E01", "G", NAN},
+    {.part = "clusters", .attribute = "texel_mm"},
+    {.part = "clusters", .attribute = "mesorig.quantise", .text = "4bit"},
+    {.part = "clusters", .attribute = "mesorig.kind", .text = "eigenmaps"},
+    {"light_scales", "S", 0},
+};
 
 static void test_hostile(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    for (int fault = 0; fault < 17; fault++) {
+    for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
+        const struct fault *fault = &faults[i];
         g_autoptr(GError) error = NULL;
-        write_small(path, fault == BAD_LIGHT ? LPCA_8BIT : LPCA_HALF);
+        write_small(path, g_str_equal(fault->part, "light_scales") ? LPCA_8BIT : LPCA_HALF);
         struct exr_file *file = exr_read(path, &error);
         g_assert_no_error(error);
-        spoil(file, fault);
+        struct exr_part *part = exr_file_part(file, fault->part);
+        if (fault->channel)
+            exr_part_plane(part, fault->channel)[1] = fault->value;
+        else if (fault->text)
+            exr_set_string(part, fault->attribute, fault->text);
+        else if (fault->attribute)
+            exr_set_double(part, fault->attribute, 0);
+        else
+            g_assert_true(g_ptr_array_remove(file->parts, part));
         g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
         exr_file_free(file);
         g_assert_null(lpca_read(path, &error));
