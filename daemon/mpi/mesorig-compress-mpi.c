@@ -86,7 +86,7 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
     if (team->rank == 0 && g_access(directory, W_OK) != 0) /* the first rank alone writes */
         return data_error_fail(directory, 0, error, "files cannot be written into that folder");
     struct btf_matrix *btf = btf_matrix_read_shared(team, path, &options.work, error);
-    struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
+    g_autoptr(Lpca) lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     gboolean ok = lpca != NULL;
     if (ok) {
         const double exact = lpca->error;
@@ -97,7 +97,6 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
         if (ok && team->rank == 0)
             mpi_compress_report(lpca, team, exact, MPI_Wtime() - begun);
     }
-    lpca_free(lpca);
     btf_matrix_free(btf);
     return ok;
 }
