@@ -25,6 +25,7 @@ static guint8 *view_of(const struct mdf_blocks *blocks, int view) {
     return blocks->blocks + (gsize)view * mdf_blocks_bytes(blocks->width, blocks->height);
 }
 
+/* The range of the blocks, least_mm … deepest_mm, is that of all views together. */
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
     const gsize n = (gsize)table->width * (gsize)table->height, views = (gsize)table->n_views;
     struct mdf_blocks *blocks = g_new0(struct mdf_blocks, 1);
@@ -61,6 +62,7 @@ struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks) {
     return table;
 }
 
+/* Byte k of block i is pixel i of channel Bk; the first part has the attributes of all views. */
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error) {
     struct exr_file *file = exr_file_new();
     for (int view = 0; view < blocks->n_views; view++) {
@@ -167,6 +169,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     return NULL;
 }
 
+/* From the first part's mesorig.kind, which measured views lack. */
 enum mdf_kind mdf_kind(const char *path) {
     struct exr_file *file = exr_read_headers(path, NULL);
     const struct exr_part *part = file && file->parts->len > 0 ? file->parts->pdata[0] : NULL;

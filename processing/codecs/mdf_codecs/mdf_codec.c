@@ -25,6 +25,8 @@ static const struct option mdf_codec_maps_table[] = {
     {NULL},
 };
 
+/* Adds views at grazing angles, factors all of them and writes the maps. --error is in texels; the
+ * error of the result is that of the measured views in mm. */
 static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
                                       GError **error) {
     const struct mdf_codec_maps_options *asked = job->options;
@@ -90,6 +92,8 @@ static const struct option mdf_codec_views_table[] = {
     {NULL},
 };
 
+/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of what
+ * the file gives back. */
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
@@ -119,6 +123,7 @@ static char *mdf_codec_views_describe(const struct mdf_codec_job *job,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
+/* The size is that of the texels, not of the blocks that are the file's pixels. */
 static char *mdf_codec_blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;

@@ -257,6 +257,7 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
     return factors;
 }
 
+/* depth(x, v) = W_0(v) + Σ_i W_i(v) M_i(x), within 0 … deepest_mm. */
 struct mdf_table *mdf_factors_table(const struct mdf_factors *factors) {
     const gsize n = (gsize)factors->width * (gsize)factors->height, c = (gsize)factors->n_terms;
     struct mdf_table *table =
@@ -277,6 +278,7 @@ struct mdf_table *mdf_factors_table(const struct mdf_factors *factors) {
     return table;
 }
 
+/* c maps of 8 bits and c + 1 floats a view. */
 gint64 mdf_factors_bytes(const struct mdf_factors *factors) {
     return (gint64)factors->n_terms * factors->width * factors->height +
            (gint64)sizeof(float) * (factors->n_terms + 1) * factors->n_views;

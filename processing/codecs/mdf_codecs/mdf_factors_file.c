@@ -7,10 +7,12 @@
 #define MOST_MAP 255
 #define MAX_MM   6e4
 
+/* "M01" …: channels of a part are in alphabetical order. */
 static char *channel_name(int term) {
     return g_strdup_printf("M%02d", term + 1);
 }
 
+/* Weights are views × (c + 1) in memory, and (c + 1) lines of n_views pixels in the file. */
 gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, GError **error) {
     static const char *const weight[] = {"W", NULL};
     static const char *const angles[] = {"phi_deg", "theta_deg", NULL};
