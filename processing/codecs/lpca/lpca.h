@@ -108,7 +108,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 
 /* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
  * Clusters that nothing needs are left out: a constant material has one. Bytes do not depend on the
- * number of threads. Progress stages are "reduce", "cluster", "polish", "weights" if it is to be
+ * number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if it is to be
  * packed, and "check" if errors are measured. With a target it is computed for 1, 2, 4, …
  * components until the target is reached; if it cannot be, the error says how near it came.
  *

@@ -20,8 +20,8 @@ static const guint kept_by[] = {
     [LPCA_REDUCING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(AXES),
     [LPCA_REDUCED] = KEPT(MEAN) | KEPT(ROWS),
     [LPCA_CLUSTERING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES),
-    [LPCA_POLISHING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES) |
-                       KEPT(BRDFS) | KEPT(SQUARES),
+    [LPCA_REFINING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES) |
+                      KEPT(BRDFS) | KEPT(SQUARES),
     [LPCA_WEIGHING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
     [LPCA_MADE] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
 };
@@ -64,9 +64,9 @@ static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *fo
         found->stage < LPCA_REDUCING || found->stage > LPCA_MADE)
         return FALSE;
     like.state = *found;
-    /* Cut off between clustering and polishing there are no eigen-BRDFs yet, nor blocks of them. */
+    /* Cut off between clustering and refining there are no eigen-BRDFs yet, nor blocks of them. */
     const guint begun = KEPT(BRDFS) | KEPT(SQUARES);
-    const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_POLISHING ? begun : 0);
+    const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_REFINING ? begun : 0);
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
         if (needed & 1U << i && !checkpoint_get(checkpoint, names[i],
                                                 lpca_checkpoint_size_of(&like, (enum lpca_kept)i)))

@@ -370,7 +370,7 @@ static gboolean iterate(struct lpca_reduced *reduced, int from, double before, G
     drop_empty(reduced);
     if (reduced->run) {
         reduced->run->state.k = reduced->k;
-        lpca_enter(reduced->run, LPCA_POLISHING);
+        lpca_enter(reduced->run, LPCA_REFINING);
     }
     return lpca_cluster_tell_and_save(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
 }
@@ -395,7 +395,7 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
         reduced->k = run->state.k;
         lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
     }
-    if (run && run->state.stage <= LPCA_POLISHING) {
+    if (run && run->state.stage <= LPCA_REFINING) {
         lpca_keep(run, LPCA_KEPT_MEANS, reduced->means);
         lpca_keep(run, LPCA_KEPT_BASES, reduced->bases);
     }

@@ -39,11 +39,11 @@ static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize 
     memset(rows, 0, sizeof(float) * values);
 }
 
-void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *indices,
                          float *ret) {
     GError *failed = NULL;
     const gsize values = (gsize)n * (gsize)run->columns;
-    if (!btf_matrix_place_rows(run->btf, view, texel - run->first, n, places, ret, &failed))
+    if (!btf_matrix_place_rows(run->btf, view, texel - run->first, n, indices, ret, &failed))
         unreadable(run, failed, ret, values);
     else if (run->options->colours == LPCA_LOG)
         lpca_to_log(ret, values / COLOURS);
@@ -302,7 +302,7 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
                                    .k = run->options->n_clusters,
                                    .c = n_components};
     run->state.c = n_components;
-    struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_polish(run, &reduced, error) : NULL;
+    struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_refine(run, &reduced, error) : NULL;
     /* Logarithms are not orthonormal in R, G, B. */
     if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
         g_clear_pointer(&lpca, lpca_free);
@@ -368,15 +368,15 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
         options->work.n_threads > 0 ? options->work.n_threads : (gint64)g_get_num_processors();
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
-    const gint64 polishing = 2 * k * (c + 1) * d + 2 * n * c;
-    /* Thrice as it is, with what is turned, and two that are rounded, each with its whole numbers.
+    const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
+    /* Thrice as it is, with what is rotated, and two that are rounded, each with its whole numbers.
      */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->n_views + c);
     /* Copied to be written. */
     const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
-           (MAX(r * d + n * r + MAX(MAX(reducing, clustering), polishing), packing) + buffers +
+           (MAX(r * d + n * r + MAX(MAX(reducing, clustering), refining), packing) + buffers +
             kept);
 }
 

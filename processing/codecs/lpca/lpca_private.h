@@ -24,7 +24,7 @@ void lpca_drop_whole(Checkpoint *checkpoint, const char *name);
 /* Frees lpca->packed; NULL is ignored. */
 void lpca_packed_free(struct lpca_packed *packed);
 
-#define LPCA_BLOCK 1024 /* texels polished at a time */
+#define LPCA_BLOCK 1024 /* texels refined at a time */
 
 /* Rows become orthonormal; length ≥ n. What depends on rows before it becomes 0 with drop, else
  * anything that is orthogonal. */
@@ -59,7 +59,7 @@ enum lpca_stage {
     LPCA_REDUCING, /* some blocks of rows */
     LPCA_REDUCED,
     LPCA_CLUSTERING, /* between two iterations */
-    LPCA_POLISHING,  /* clustered; some views */
+    LPCA_REFINING,   /* clustered; some views */
     LPCA_WEIGHING,   /* eigen-BRDFs; some blocks of weights */
     LPCA_MADE,
 };
@@ -129,7 +129,7 @@ const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, flo
                            gsize *ret_stride);
 
 /* The same as btf_matrix_place_rows(). */
-void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *indices,
                          float *ret);
 
 /* Runs a stage of n blocks in all threads. FALSE if it was cancelled or failed; the checkpoint is
@@ -139,7 +139,7 @@ gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlo
 
 /* From a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of all
  * texels and the error in the colours of the options; −1: to be found by lpca_run_error(). */
-struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
+struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
 /* lpca_error() of the run's texels and team. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);

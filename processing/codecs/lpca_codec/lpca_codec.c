@@ -112,11 +112,11 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
                                        GError **error) {
-    const struct lpca_wish wish = {options->target, asked->size, options->n_components,
-                                   (enum lpca_quantise)asked->quantise, asked->grid};
+    const struct lpca_target target = {options->target, asked->size, options->n_components,
+                                       (enum lpca_quantise)asked->quantise, asked->grid};
     const gboolean choose = asked->clusters == 0 && (asked->size > 0 || asked->error > 0);
     g_autoptr(Lpca) lpca =
-        choose ? lpca_choose(btf, options, &wish, error) : lpca_compute(btf, options, error);
+        choose ? lpca_choose(btf, options, &target, error) : lpca_compute(btf, options, error);
     if (!lpca)
         return NULL;
     ret->exact_error = lpca->error;
@@ -176,9 +176,9 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
 static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
                                     const struct btf_matrix *btf, struct lpca_options *options,
                                     struct codec_result *ret, GError **error) {
-    const struct lpca_wish wish = {
+    const struct lpca_target target = {
         .error = asked->error, .bytes = asked->size, .n_components = asked->components};
-    struct lpca *lpca = lpca_pack(btf, options, &wish, error);
+    struct lpca *lpca = lpca_pack(btf, options, &target, error);
     if (lpca)
         ret->exact_error = ret->error = lpca->error;
     return lpca;

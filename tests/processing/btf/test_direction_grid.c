@@ -199,42 +199,42 @@ static void test_choose(void) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(8);
     const struct lpca_options options = {0};
-    struct lpca_wish wish = {.bytes = 300000, .n_components = 8, .quantise = LPCA_8BIT};
-    struct lpca *best = lpca_choose(btf, &options, &wish, &error);
+    struct lpca_target wanted = {.bytes = 300000, .n_components = 8, .quantise = LPCA_8BIT};
+    struct lpca *best = lpca_choose(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     for (int k = 1; k <= 4; k *= 2) {
         const struct lpca_options other = {.n_clusters = k, .n_components = 2};
         struct lpca *lpca = lpca_compute(btf, &other, NULL);
         struct lpca like = *lpca;
         like.quantise = LPCA_8BIT;
-        if (lpca_bytes(&like) <= wish.bytes)
+        if (lpca_bytes(&like) <= wanted.bytes)
             g_assert_cmpfloat(best->error, <=, lpca->error * 1.0001);
         lpca_free(lpca);
     }
     lpca_quantise(best, LPCA_8BIT);
-    g_assert_cmpint(lpca_bytes(best), <=, wish.bytes);
+    g_assert_cmpint(lpca_bytes(best), <=, wanted.bytes);
     lpca_free(best);
-    wish = (struct lpca_wish){.error = 0.05, .n_components = 8, .quantise = LPCA_HALF};
-    best = lpca_choose(btf, &options, &wish, &error);
+    wanted = (struct lpca_target){.error = 0.05, .n_components = 8, .quantise = LPCA_HALF};
+    best = lpca_choose(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(best->error, <=, 0.05);
     lpca_free(best);
-    wish.bytes = 1000;
-    g_assert_null(lpca_choose(btf, &options, &wish, &error));
+    wanted.bytes = 1000;
+    g_assert_null(lpca_choose(btf, &options, &wanted, &error));
     g_assert_nonnull(strstr(error->message, "is too little"));
     g_clear_error(&error);
     for (gsize i = 0; i < (gsize)btf->width * (gsize)btf->height; i++) /* all texels alike */
         memcpy(btf->values + i * 3 * (gsize)(btf->n_views * btf->n_lights), btf->values,
                sizeof(float) * 3 * (gsize)(btf->n_views * btf->n_lights));
-    wish = (struct lpca_wish){.bytes = 300000, .n_components = 8};
-    best = lpca_choose(btf, &options, &wish, &error);
+    wanted = (struct lpca_target){.bytes = 300000, .n_components = 8};
+    best = lpca_choose(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     g_assert_cmpint(best->n_components, ==, 1);
     lpca_free(best);
     btf_matrix_free(btf);
     btf = new_btf(8);
-    wish = (struct lpca_wish){.error = 1e-7, .bytes = 100000, .n_components = 8};
-    g_assert_null(lpca_choose(btf, &options, &wish, &error));
+    wanted = (struct lpca_target){.error = 1e-7, .bytes = 100000, .n_components = 8};
+    g_assert_null(lpca_choose(btf, &options, &wanted, &error));
     g_assert_nonnull(strstr(error->message, "is not reached"));
     btf_matrix_free(btf);
 }

@@ -68,16 +68,16 @@ static void test_numbers(void) {
     static const gint32 values[] = {0,   0,    0,      1,       -1,         127,         -127, 128,
                                     254, -128, 100000, -100000, G_MAXINT32, -G_MAXINT32, 0,    7};
     const gsize n = G_N_ELEMENTS(values);
-    g_autoptr(GByteArray) bytes = lpca_squeeze(values, n);
-    g_autofree gint32 *back = lpca_unsqueeze(bytes->data, bytes->len, n);
+    g_autoptr(GByteArray) bytes = lpca_varint_encode(values, n);
+    g_autofree gint32 *back = lpca_varint_decode(bytes->data, bytes->len, n);
     g_assert_cmpmem(back, n * sizeof *back, values, sizeof values);
-    g_assert_null(lpca_unsqueeze(bytes->data, bytes->len, n + 1));
-    g_assert_null(lpca_unsqueeze(bytes->data, bytes->len, n - 1));
-    g_assert_null(lpca_unsqueeze(bytes->data, bytes->len, (gsize)1 << 40));
+    g_assert_null(lpca_varint_decode(bytes->data, bytes->len, n + 1));
+    g_assert_null(lpca_varint_decode(bytes->data, bytes->len, n - 1));
+    g_assert_null(lpca_varint_decode(bytes->data, bytes->len, (gsize)1 << 40));
     for (guint i = 0; i < bytes->len; i++) {
-        g_assert_null(lpca_unsqueeze(bytes->data, i, n));
+        g_assert_null(lpca_varint_decode(bytes->data, i, n));
         bytes->data[i] ^= 0x10;
-        g_autofree gint32 *damaged = lpca_unsqueeze(bytes->data, bytes->len, n);
+        g_autofree gint32 *damaged = lpca_varint_decode(bytes->data, bytes->len, n);
         g_assert_true(!damaged || memcmp(damaged, values, sizeof values) == 0);
         bytes->data[i] ^= 0x10;
     }
@@ -135,8 +135,8 @@ static void test_wishes(void) {
     const struct lpca_options options = {0};
     gint64 smallest = G_MAXINT64;
     for (double target = 0.01; target < 0.05; target *= 2) {
-        const struct lpca_wish wish = {.error = target};
-        g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &wish, &error);
+        const struct lpca_target wanted = {.error = target};
+        g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &wanted, &error);
         g_assert_no_error(error);
         g_assert_cmpfloat(error_of(lpca, btf), <=, target * (1 + 1e-5));
         g_assert_cmpfloat(error_of(lpca, btf), >, target * 0.9);
@@ -153,7 +153,7 @@ static void test_wishes(void) {
         smallest = file_size(path);
         lpca_free(back);
     }
-    const struct lpca_wish small = {.bytes = 9000};
+    const struct lpca_target small = {.bytes = 9000};
     g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &small, &error);
     g_assert_no_error(error);
     g_assert_true(lpca_write(path, lpca, &error));
@@ -168,19 +168,19 @@ static void test_refused(void) {
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
     g_autoptr(BtfMatrix) btf = waves(0.05, FALSE);
     struct lpca_options options = {0};
-    struct lpca_wish wish = {.error = 0.01, .n_components = 8};
-    g_assert_null(lpca_pack(btf, &options, &wish, &error));
+    struct lpca_target wanted = {.error = 0.01, .n_components = 8};
+    g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "8 components alone"));
     g_clear_error(&error);
-    wish = (struct lpca_wish){.bytes = 20};
-    g_assert_null(lpca_pack(btf, &options, &wish, &error));
+    wanted = (struct lpca_target){.bytes = 20};
+    g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "too little"));
     g_clear_error(&error);
     options.work.cancellable = cancelled;
     g_cancellable_cancel(cancelled);
-    g_assert_null(lpca_pack(btf, &options, &wish, &error));
+    g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
 }
 
@@ -188,15 +188,15 @@ static void test_refused(void) {
 static void test_edges(void) {
     g_autoptr(GError) error = NULL;
     const struct lpca_options options = {0};
-    const struct lpca_wish wish = {.error = 0.02};
+    const struct lpca_target wanted = {.error = 0.02};
     g_autoptr(BtfMatrix) btf = waves(0, TRUE);
-    struct lpca *lpca = lpca_pack(btf, &options, &wish, &error);
+    struct lpca *lpca = lpca_pack(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     g_assert_cmpint(lpca->n_components, ==, 1);
     g_assert_cmpfloat(error_of(lpca, btf), <=, 0.02);
     lpca_free(lpca);
     memset(btf->values, 0, sizeof(float) * SIDE_X * SIDE_Y * VALUES);
-    lpca = lpca_pack(btf, &options, &wish, &error);
+    lpca = lpca_pack(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(lpca->error, ==, 0);
     lpca_free(lpca);
@@ -209,8 +209,8 @@ static void test_damage(void) {
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
     g_autoptr(BtfMatrix) btf = waves(0.01, FALSE);
     const struct lpca_options options = {0};
-    const struct lpca_wish wish = {.bytes = 6500};
-    g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &wish, &error);
+    const struct lpca_target wanted = {.bytes = 6500};
+    g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &wanted, &error);
     gsize size;
     int refused = 0;
     g_assert_true(lpca_write(path, lpca, &error));
@@ -235,8 +235,8 @@ static void test_regroup(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     const struct lpca_options options = {8, 4};
-    const struct lpca_wish wish = {.error = 0.01};
-    g_autoptr(Lpca) packed = lpca_pack(btf, &(struct lpca_options){0}, &wish, &error);
+    const struct lpca_target wanted = {.error = 0.01};
+    g_autoptr(Lpca) packed = lpca_pack(btf, &(struct lpca_options){0}, &wanted, &error);
     g_autoptr(Lpca) drawn = lpca_regroup(packed, &options, &error);
     g_autoptr(Lpca) direct = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
