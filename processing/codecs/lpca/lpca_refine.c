@@ -7,7 +7,7 @@
 #include "lpca_private.h"
 
 #define COLOURS 3
-#define CERTAIN 2e-5 /* of what the mean of all leaves: less is not told from rounding */
+#define CERTAIN 2e-5 /* of ‖X − mean‖²: smaller residuals are no more than rounding */
 
 /* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
 struct groups {
@@ -17,17 +17,20 @@ struct groups {
     int *starts;             /* clusters + 1 */
 };
 
+/* X: the rows of a cluster minus its mean (n × d), P: their coordinates in few dimensions (n × c),
+ * E: eigen-BRDFs (c × d), W: weights (n × c). */
 struct refine {
     struct lpca_run *run;
     const struct lpca_reduced *reduced; /* NULL when its work is done */
-    struct lpca *lpca; /* weights are first products with the axes in few dimensions */
-    gboolean weigh;    /* weights are to be products with the axes in all: reads once more */
-    double *squares;   /* clusters a view: of rows less the run's mean */
-    double *rotations; /* c × c a cluster: of products with each other, then to weights */
-    double *residual;  /* two a cluster: what is missing, and what there is */
-    double *sums;      /* two a block: likewise */
+    struct lpca *lpca;                  /* its weights are first P, then W */
+    gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; else W follows from P */
+    double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
+    double *rotations; /* c × c a cluster: PᵀP, then what makes W of P; at last Σ w wᵀ, then Uᵀ */
+    double *residual; /* two a cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
+    double *sums;     /* two a block: likewise of R, G, B */
 };
 
+/* Counting sort of the block's texels by cluster. */
 static void group(const struct refine *refine, int block, struct groups *ret) {
     const int from = refine->run->first + block * LPCA_BLOCK, k = refine->lpca->n_clusters;
     const int *labels = refine->lpca->clusters + from;
@@ -48,8 +51,8 @@ static int blocks(const struct lpca_run *run) {
     return (run->end - run->first + LPCA_BLOCK - 1) / LPCA_BLOCK;
 }
 
-/* What the block's texels show to a view, in the order of the groups, less what of each cluster
- * lies stride floats behind that of the one before (0: the same of all). */
+/* Rows of the block's texels in a view, in the order of the groups, minus the subtrahend of their
+ * cluster; those of two clusters are stride floats apart (0: one for all). */
 static void lpca_refine_gather(const struct refine *refine, const struct groups *groups, int view,
                                const float *subtrahend, gsize stride, float *ret) {
     struct lpca_run *run = refine->run;
@@ -295,6 +298,7 @@ static void lpca_refine_rotate_weights(int block, gpointer data) {
     }
 }
 
+/* Means and E of all clusters: sums over the views, then what finishes each cluster. */
 static gboolean sum_views(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     const struct lpca *lpca = refine->lpca;
@@ -330,7 +334,7 @@ static void sum_error(struct refine *refine) {
     refine->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
 
-/* Stages that the run has behind it already are left out. */
+/* From P to E and W; skips the stages that the checkpoint has. */
 static gboolean lpca_refine_make(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     struct lpca *lpca = refine->lpca;
