@@ -72,16 +72,6 @@ static void mpi_compress_report(const struct lpca *lpca, const struct team *team
     printf("%s\n", text);
 }
 
-/* Before the work; the first rank alone writes. */
-static gboolean mpi_compress_check_output(const struct team *team, GError **error) {
-    g_autofree char *directory = g_path_get_dirname(output);
-    if (team->rank != 0 || g_access(directory, W_OK) == 0)
-        return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: files cannot be written into that folder", directory);
-    return FALSE;
-}
-
 static gboolean mpi_compress_compress(const char *path, const struct team *team,
                                       enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
@@ -92,10 +82,11 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
-    struct btf_matrix *btf = mpi_compress_check_output(team, error)
-                                 ? btf_matrix_read_shared(team, path, &options.work, error)
-                                 : NULL;
-    struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
+    g_autofree char *directory = g_path_get_dirname(output);
+    if (team->rank == 0 && g_access(directory, W_OK) != 0) /* the first rank alone writes */
+        return data_error_fail(directory, 0, error, "files cannot be written into that folder");
+    struct btf_matrix *btf = btf_matrix_read_shared(team, path, &options.work, error);
+    g_autoptr(Lpca) lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     gboolean ok = lpca != NULL;
     if (ok) {
         const double exact = lpca->error;
@@ -106,7 +97,6 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
         if (ok && team->rank == 0)
             mpi_compress_report(lpca, team, exact, MPI_Wtime() - begun);
     }
-    lpca_free(lpca);
     btf_matrix_free(btf);
     return ok;
 }

@@ -185,7 +185,7 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         pixels[k] = mosaic->bound && mosaic->bound[k]                     ? BTF_FLAG_BOUND
                     : mosaic->shorter > 0 && values[k] >= mosaic->shorter ? BTF_FLAG_SHORTER
                                                                           : 0;
-    rectify_marks(rectify, pixels, found);
+    rectify_flags(rectify, pixels, found);
     for (gsize k = 0; k < n; k++)
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }

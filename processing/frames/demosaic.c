@@ -19,13 +19,10 @@ struct picture {
     float *level; /* ln(green) */
 };
 
-/* Index of (x, y). Beyond the border the picture is mirrored about its outermost pixels, which
- * preserves the phase of the colour filter. */
 static gsize demosaic_pixel_at(const struct picture *picture, int x, int y) {
-    int w = picture->width, h = picture->height;
-    x = abs(x) < w ? abs(x) : MAX(2 * (w - 1) - x, 0);
-    y = abs(y) < h ? abs(y) : MAX(2 * (h - 1) - y, 0);
-    return (gsize)y * (gsize)w + (gsize)x;
+    const int column = demosaic_mirror(x, picture->width),
+              row = demosaic_mirror(y, picture->height);
+    return (gsize)row * (gsize)picture->width + (gsize)column;
 }
 
 static float own_at(const struct picture *picture, int x, int y) {
@@ -44,22 +41,21 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
     return 0.5f * (a + b) + 0.25f * bend;
 }
 
-/* Mean of the horizontal and the vertical interpolation, weighted by 1 / (change² + DARK²): the
- * direction along an edge changes less and dominates. */
-static float green_at(const struct picture *picture, int x, int y) {
-    float across, down;
-    float h = green_along(picture, x, y, 1, 0, &across);
-    float v = green_along(picture, x, y, 0, 1, &down);
-    float wh = 1 / (across * across + DARK * DARK), wv = 1 / (down * down + DARK * DARK);
-    return (wh * h + wv * v) / (wh + wv);
-}
-
+/* Green at red and blue pixels: the mean of the horizontal and the vertical interpolation, weighted
+ * by 1 / (change² + DARK²). The direction along an edge changes less and dominates. */
 static void fill_green(struct picture *picture) {
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             gsize i = demosaic_pixel_at(picture, x, y);
-            gboolean green = picture->colour[i] == DEMOSAIC_GREEN;
-            picture->green[i] = MAX(green ? picture->own[i] : green_at(picture, x, y), DARK);
+            float value = picture->own[i], across, down;
+            if (picture->colour[i] != DEMOSAIC_GREEN) {
+                float h = green_along(picture, x, y, 1, 0, &across);
+                float v = green_along(picture, x, y, 0, 1, &down);
+                float wh = 1 / (across * across + DARK * DARK),
+                      wv = 1 / (down * down + DARK * DARK);
+                value = (wh * h + wv * v) / (wh + wv);
+            }
+            picture->green[i] = MAX(value, DARK);
             picture->level[i] = logf(picture->green[i]);
         }
 }
@@ -105,26 +101,22 @@ static void fill_ratios(const struct picture *picture, const float *scale, float
         }
 }
 
-/* Mean of each colour's finite pixels. Dividing by it brings all colours to one scale. */
-static void demosaic_find_scales(const float *mosaic, const guint8 *colour, gsize n, float *ret) {
+void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
+                     float *ret_ratio) {
+    gsize n = (gsize)width * (gsize)height;
+    /* Dividing by the mean of each colour's finite pixels brings all colours to one scale. */
     double sum[DEMOSAIC_COLOURS] = {0}, count[DEMOSAIC_COLOURS] = {0};
+    float scale[DEMOSAIC_COLOURS];
+    g_autofree float *own = g_new0(float, n), *green = g_new0(float, n);
+    g_autofree float *level = g_new0(float, n);
+    struct picture picture = {colour, width, height, own, green, level};
     for (gsize i = 0; i < n; i++)
         if (isfinite(mosaic[i])) {
             sum[colour[i]] += mosaic[i];
             count[colour[i]]++;
         }
     for (int c = 0; c < DEMOSAIC_COLOURS; c++)
-        ret[c] = count[c] > 0 && sum[c] > 0 ? (float)(sum[c] / count[c]) : 1;
-}
-
-void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
-                     float *ret_ratio) {
-    gsize n = (gsize)width * (gsize)height;
-    float scale[DEMOSAIC_COLOURS];
-    g_autofree float *own = g_new0(float, n), *green = g_new0(float, n);
-    g_autofree float *level = g_new0(float, n);
-    struct picture picture = {colour, width, height, own, green, level};
-    demosaic_find_scales(mosaic, colour, n, scale);
+        scale[c] = count[c] > 0 && sum[c] > 0 ? (float)(sum[c] / count[c]) : 1;
     for (gsize i = 0; i < n; i++)
         own[i] = isfinite(mosaic[i]) ? MAX(mosaic[i] / scale[colour[i]], 0) : 0;
     fill_green(&picture);

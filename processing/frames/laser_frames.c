@@ -52,10 +52,6 @@ static double find_uneven(const struct laser_frames *frames, const int *lines) {
     return spread > chance * error ? sqrt(spread * spread - error * error) : 0;
 }
 
-static double frame_error(const struct laser_frames *frames, int k, double uneven) {
-    return hypot(frames->error[k], uneven);
-}
-
 /* Adds to all levels the mean deviation of the frames from them, weighted by w = biweight(r −
  * mean, e) / e² with e² = error² + uneven². The biweight (Tukey) rejects outlying frames. Sets
  * the sweep's offset, the mean level, and its standard error 1 / √Σw. */
@@ -66,7 +62,7 @@ static void find_offset(struct laser_frames *frames, const int *lines, double un
         weights = 0;
         for (int i = 0; i < frames->lines; i++) {
             const int k = lines[i];
-            const double error = frame_error(frames, k, uneven);
+            const double error = hypot(frames->error[k], uneven);
             const double off = frames->middle[k] - frames->level[k];
             const double weight = robust_biweight(off - shift, error) / (error * error);
             weights += weight;
@@ -82,15 +78,6 @@ static void find_offset(struct laser_frames *frames, const int *lines, double un
     }
     frames->offset = levels;
     frames->offset_error = weights > 0 ? 1 / sqrt(weights) : INFINITY;
-}
-
-/* Frames without a line get the level of the nearest frame with one. */
-static void laser_frames_fill(struct laser_frames *frames, const int *lines) {
-    for (int k = 0, i = 0; k < frames->n; k++) {
-        while (i + 1 < frames->lines && abs(lines[i + 1] - k) < abs(lines[i] - k))
-            i++;
-        frames->level[k] = frames->level[lines[i]];
-    }
 }
 
 /* own: the deviation of a frame from its level, shrunk by u² / (u² + error²); 0 for outliers. */
@@ -109,8 +96,13 @@ void laser_frames_settle(struct laser_frames *frames) {
     for (int i = 0; i < frames->lines; i++) {
         const int k = lines[i];
         const double off = frames->middle[k] - frames->level[k];
-        if (fabs(off) <= MANY * frame_error(frames, k, uneven))
+        if (fabs(off) <= MANY * hypot(frames->error[k], uneven))
             frames->own[k] = robust_shrink(off, frames->error[k], uneven);
     }
-    laser_frames_fill(frames, lines);
+    /* Frames without a line get the level of the nearest frame with one. */
+    for (int k = 0, i = 0; k < frames->n; k++) {
+        while (i + 1 < frames->lines && abs(lines[i + 1] - k) < abs(lines[i] - k))
+            i++;
+        frames->level[k] = frames->level[lines[i]];
+    }
 }

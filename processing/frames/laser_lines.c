@@ -82,24 +82,21 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
     return enter < leave;
 }
 
-/* Whether a point of the plane lies on a fiducial or within MARK_MM of it. */
-static gboolean is_fiducial(const struct rig *rig, struct vec3 point) {
-    for (int i = 0; i < rig->n_fiducials; i++) {
-        const struct rig_fiducial *mark = &rig->fiducials[i];
-        const double x = point.x - mark->centre_mm.x, y = point.y - mark->centre_mm.y;
-        if (hypot(x, y) < mark->radius_mm + MARK_MM + fabs(mark->centre_mm.z))
-            return TRUE;
-    }
-    return FALSE;
-}
-
-/* Whether the camera at eye sees the reference face at a point of the plane (sample frame). */
+/* Whether the camera at eye sees the reference face at a point of the plane (both in the sample
+ * frame): not the sample's hole, nor a fiducial with a margin of MARK_MM, nor behind the sample. */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
         fabs(point.x) <= reference->hole_mm[0] / 2 && fabs(point.y) <= reference->hole_mm[1] / 2;
-    return hypot(point.x, point.y) < reference->radius_mm && !in_hole && !is_fiducial(rig, point) &&
-           !is_behind(reference, point, eye);
+    if (!(hypot(point.x, point.y) < reference->radius_mm) || in_hole)
+        return FALSE;
+    for (int i = 0; i < rig->n_fiducials; i++) {
+        const struct rig_fiducial *mark = &rig->fiducials[i];
+        const double x = point.x - mark->centre_mm.x, y = point.y - mark->centre_mm.y;
+        if (hypot(x, y) < mark->radius_mm + MARK_MM + fabs(mark->centre_mm.z))
+            return FALSE;
+    }
+    return !is_behind(reference, point, eye);
 }
 
 /* Intersects each pixel's ray c + t·d with the plane z = plane_mm: t = (plane_mm − c_z) / d_z. */
@@ -198,38 +195,35 @@ static void laser_lines_collect(const LaserRegion *region, const struct laser_sw
     }
 }
 
-/* Robust mean of off − roll·along over the candidates of a frame: starts at the median, then
+/* Robust mean of off − roll·along over the candidates of each frame: starts at the median, then
  * iterates Tukey's biweight mean. Its standard error is scale / √Σw. */
-static void fit_frame(struct search *search, int frame, double roll) {
-    const int from = search->first[frame], n = search->first[frame + 1] - from;
-    search->middle[frame] = NAN;
-    if (n < LEAST_FRAME)
-        return;
-    struct candidate *candidates = search->candidates + from;
-    g_autofree double *off = g_new(double, n);
-    for (int i = 0; i < n; i++)
-        off[i] = candidates[i].off - roll * candidates[i].along;
-    double middle = robust_median(off, n), weights = n;
-    for (int round = 0; round < ROUNDS && search->scale > 0; round++) {
-        double sum = 0;
-        weights = 0;
-        for (int i = 0; i < n; i++) {
-            const double value = candidates[i].off - roll * candidates[i].along;
-            candidates[i].weight = robust_biweight(value - middle, search->scale);
-            weights += candidates[i].weight;
-            sum += candidates[i].weight * value;
-        }
-        if (!(weights >= 0.5 * LEAST_FRAME))
-            return;
-        middle = sum / weights;
-    }
-    search->middle[frame] = middle;
-    search->error[frame] = search->scale / sqrt(weights);
-}
-
 static void fit_frames(struct search *search, double roll) {
-    for (int k = 0; k < search->n_frames; k++)
-        fit_frame(search, k, roll);
+    g_autofree double *off = g_new(double, search->n + 1);
+    for (int frame = 0; frame < search->n_frames; frame++) {
+        const int from = search->first[frame], n = search->first[frame + 1] - from;
+        struct candidate *candidates = search->candidates + from;
+        search->middle[frame] = NAN;
+        if (n < LEAST_FRAME)
+            continue;
+        for (int i = 0; i < n; i++)
+            off[i] = candidates[i].off - roll * candidates[i].along;
+        double middle = robust_median(off, n), weights = n;
+        for (int round = 0; round < ROUNDS && search->scale > 0 && isfinite(middle); round++) {
+            double sum = 0;
+            weights = 0;
+            for (int i = 0; i < n; i++) {
+                const double value = candidates[i].off - roll * candidates[i].along;
+                candidates[i].weight = robust_biweight(value - middle, search->scale);
+                weights += candidates[i].weight;
+                sum += candidates[i].weight * value;
+            }
+            middle = weights >= 0.5 * LEAST_FRAME ? sum / weights : NAN;
+        }
+        if (!isfinite(middle))
+            continue;
+        search->middle[frame] = middle;
+        search->error[frame] = search->scale / sqrt(weights);
+    }
 }
 
 /* scale: robust standard deviation of the residuals off − roll·along − middle[frame]. */
@@ -334,14 +328,6 @@ static gboolean laser_lines_do_find(struct search *search, const struct laser_kn
     return FALSE;
 }
 
-/* beam: from the source towards the origin, perpendicular to the sweep's axis. */
-static void set_beam(const struct laser_sweep *sweep, struct laser_lines *lines) {
-    const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
-    lines->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
-    const struct vec3 inward = vec3_scale(lines->source_mm, -1);
-    lines->beam = vec3_unit(vec3_sub(inward, vec3_scale(axis, vec3_dot(inward, axis))));
-}
-
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret) {
     const struct laser_known least = {hypot(known->turn_rad, LEAST_KNOWN_RAD),
@@ -353,7 +339,11 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
     search.middle = g_new(double, n_frames);
     search.error = g_new0(double, n_frames);
     laser_lines_collect(region, sweep, &search);
-    set_beam(sweep, ret);
+    /* beam: from the source towards the origin, perpendicular to the sweep's axis. */
+    const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
+    ret->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
+    const struct vec3 inward = vec3_scale(ret->source_mm, -1);
+    ret->beam = vec3_unit(vec3_sub(inward, vec3_scale(axis, vec3_dot(inward, axis))));
     if (search.n >= LEAST_PIXELS && laser_lines_do_find(&search, &least, ret)) {
         laser_lines_combine(&search, &least, fabs(search.per_mm) * region->reference.plane_error_mm,
                             ret);
@@ -369,20 +359,17 @@ void laser_lines_clear(struct laser_lines *lines) {
     g_clear_pointer(&lines->turn_rad, g_free);
 }
 
-/* Linear interpolation between frames. */
-static double turn_at(const struct laser_lines *lines, double frame) {
-    const double at = CLAMP(frame, 0, lines->n_frames - 1);
-    const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
-    const double a = lines->turn_rad[k], b = lines->turn_rad[MIN(k + 1, lines->n_frames - 1)];
-    return a + (b - a) * (at - k);
-}
-
 struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                    double frame) {
     const gboolean has = lines && lines->turn_rad;
-    const double commanded = sweep->from_rad + frame * sweep->step_rad;
-    struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad,
-                                             commanded + (has ? turn_at(lines, frame) : 0));
+    double sweep_rad = sweep->from_rad + frame * sweep->step_rad;
+    if (has) { /* linear interpolation between frames */
+        const double at = CLAMP(frame, 0, lines->n_frames - 1);
+        const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
+        const double a = lines->turn_rad[k], b = lines->turn_rad[MIN(k + 1, lines->n_frames - 1)];
+        sweep_rad += a + (b - a) * (at - k);
+    }
+    struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
     if (!has || lines->roll_rad == 0)
         return sheet;
     /* A larger coordinate along the axis is met at a larger sweep angle, hence the sign of the

@@ -1,7 +1,6 @@
 #include "rectify.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/data_error.h"
@@ -88,10 +87,6 @@ struct footprint {
     int n;
 };
 
-static gboolean in_picture(const struct rig_camera *camera, double x, double y) {
-    return x >= 0 && y >= 0 && x <= camera->width - 1 && y <= camera->height - 1;
-}
-
 /* FALSE if any point lies outside of the picture. */
 static gboolean project_texel(const struct rig_camera *camera, double turntable_rad,
                               const struct session_grid *grid, int column, int row, int side,
@@ -103,7 +98,7 @@ static gboolean project_texel(const struct rig_camera *camera, double turntable_
                 rectify_point_mm(grid, column + (i + 0.5) / side, row + (j + 0.5) / side);
             double *x = &ret->x[ret->n], *y = &ret->y[ret->n++];
             if (!rig_project(camera, rig_turn(p, turntable_rad), x, y) ||
-                !in_picture(camera, *x, *y))
+                !(*x >= 0 && *y >= 0 && *x <= camera->width - 1 && *y <= camera->height - 1))
                 return FALSE;
         }
     return TRUE;
@@ -116,17 +111,6 @@ struct weights {
     GArray *pixels; /* guint32 */
 };
 
-static struct weights new_weights(gsize n_pixels) {
-    return (struct weights){g_new0(float, n_pixels), g_new0(gboolean, n_pixels),
-                            g_array_new(FALSE, FALSE, sizeof(guint32))};
-}
-
-static void free_weights(struct weights *weights) {
-    g_free(weights->sum);
-    g_free(weights->touched);
-    g_array_unref(weights->pixels);
-}
-
 static void add_weight(struct weights *weights, guint32 pixel, float weight) {
     if (!weights->touched[pixel])
         g_array_append_val(weights->pixels, pixel);
@@ -134,24 +118,9 @@ static void add_weight(struct weights *weights, guint32 pixel, float weight) {
     weights->sum[pixel] += weight;
 }
 
-static void clear_weights(struct weights *weights) {
-    for (guint i = 0; i < weights->pixels->len; i++) {
-        guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        weights->sum[pixel] = 0;
-        weights->touched[pixel] = FALSE;
-    }
-    g_array_set_size(weights->pixels, 0);
-}
-
-/* Beyond the border the picture is mirrored about its outermost pixels, which preserves the phase
- * of the colour filter. */
-static int mirror(int i, int n) {
-    i = abs(i);
-    return i < n ? i : MAX(2 * (n - 1) - i, 0);
-}
-
 static guint32 rectify_pixel_at(const Rectify *rectify, int x, int y) {
-    return (guint32)(mirror(y, rectify->height) * rectify->width + mirror(x, rectify->width));
+    return (guint32)(demosaic_mirror(y, rectify->height) * rectify->width +
+                     demosaic_mirror(x, rectify->width));
 }
 
 /* A pixel is the mean over its area. Of three adjacent pixels, this is the parabola that has
@@ -216,43 +185,37 @@ static const float *weights_of(const struct rows *rows, int texel) {
     return (const float *)(void *)rows->weight->data + rows->window[texel].start;
 }
 
-/* The smallest window with all pixels of non-zero weight; n_rows is 0 if there is none. */
-static struct window bounds(const Rectify *rectify, const struct weights *weights) {
-    int x0 = G_MAXINT, x1 = -1, y0 = G_MAXINT, y1 = -1;
-    for (guint i = 0; i < weights->pixels->len; i++) {
-        guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        int x = (int)pixel % rectify->width, y = (int)pixel / rectify->width;
-        if (weights->sum[pixel] == 0)
-            continue;
-        x0 = MIN(x0, x & ~1);
-        x1 = MAX(x1, x);
-        y0 = MIN(y0, y);
-        y1 = MAX(y1, y);
-    }
-    return x1 < 0 ? (struct window){0}
-                  : (struct window){.x = (guint16)x0,
-                                    .y = (guint16)y0,
-                                    .n_rows = (guint16)(y1 - y0 + 1),
-                                    .n_wide = (guint16)((x1 - x0) / LANES + 1)};
-}
-
-/* Moves the weights to the row of a texel and clears them. */
+/* Moves the weights from the accumulator, which is 0 again afterwards, to the row of a texel. Its
+ * window is the smallest with all pixels of non-zero weight; n_rows is 0 if there is none. */
 static void rectify_append_row(const Rectify *rectify, struct rows *rows, int texel,
                                struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
-    *window = bounds(rectify, weights);
-    window->start = rows->weight->len;
+    guint x0 = G_MAXUINT, x1 = 0, y0 = G_MAXUINT, y1 = 0, width = (guint)rectify->width;
+    for (guint i = 0; i < weights->pixels->len; i++) {
+        guint32 pixel = g_array_index(weights->pixels, guint32, i);
+        if (weights->sum[pixel] == 0)
+            continue;
+        x0 = MIN(x0, pixel % width & ~1U);
+        x1 = MAX(x1, pixel % width);
+        y0 = MIN(y0, pixel / width);
+        y1 = MAX(y1, pixel / width);
+    }
+    *window = (struct window){.start = rows->weight->len};
+    if (x0 <= x1)
+        *window = (struct window){rows->weight->len, (guint16)x0, (guint16)y0,
+                                  (guint16)(y1 - y0 + 1), (guint16)((x1 - x0) / LANES + 1)};
     const guint columns = (guint)window->n_wide * LANES;
     g_array_set_size(rows->weight, window->start + window->n_rows * columns);
     float *to = (float *)(void *)rows->weight->data + window->start;
     for (guint i = 0; i < weights->pixels->len; i++) {
         guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        guint x = pixel % (guint)rectify->width - window->x;
-        guint y = pixel / (guint)rectify->width - window->y;
+        guint x = pixel % width - window->x, y = pixel / width - window->y;
         if (weights->sum[pixel] != 0)
             to[y * columns + x] = weights->sum[pixel] * (gain ? gain[pixel] : 1);
+        weights->sum[pixel] = 0;
+        weights->touched[pixel] = FALSE;
     }
-    clear_weights(weights);
+    g_array_set_size(weights->pixels, 0);
 }
 
 /* balance_c = Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights. */
@@ -267,26 +230,6 @@ static void balance(Rectify *rectify, int texel) {
     }
     for (int c = 0; c < 3; c++)
         rectify->balance[texel][c] = own[c] > 0 && all - own[c] > 0 ? (all - own[c]) / own[c] : 0;
-}
-
-/* Factor from a pixel's value to radiance: 1000 / (response · flat field), from DN per ms. The
- * gain of its colour is applied to the texels instead, since every pixel contributes to all
- * colours. */
-static float *pixel_gains(const struct rig_camera *camera,
-                          const struct radiometry_camera *radiometry) {
-    float *gain = g_new(float, (gsize)camera->width *(gsize)camera->height);
-    for (int y = 0, i = 0; y < camera->height; y++)
-        for (int x = 0; x < camera->width; x++, i++)
-            gain[i] =
-                (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, x, y)));
-    return gain;
-}
-
-static void set_colour_gains(Rectify *rectify, const struct radiometry_camera *radiometry) {
-    gboolean known = radiometry && radiometry->known;
-    for (int c = 0; c < 3; c++)
-        rectify->colour_gain[c] =
-            known ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c]) : 1;
 }
 
 /* Sample points per texel and direction so that their distance is at most spacing_px: ⌈longest
@@ -308,27 +251,24 @@ static int points_aside(const struct rig_camera *camera, double turntable_rad,
     return (int)CLAMP(ceil(most / spacing_px), 2, 64);
 }
 
-static gboolean check_outside(const Rectify *rectify, const struct rig_camera *camera,
-                              double turntable_rad, GError **error) {
-    if (rectify->n_outside * 100.0 <= rectify->n_texels)
-        return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "camera %s at turntable %.6g°: %d of %d texels lie outside of its %d × %d pixels; "
-                "point it at the sample and calibrate it, or make [sample] smaller in the session",
-                camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
-                camera->width, camera->height);
-    return FALSE;
-}
-
 static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
                       const struct radiometry_camera *radiometry, double turntable_rad,
                       const struct session_grid *grid) {
+    const gsize n = rectify->n_pixels, width = (gsize)camera->width;
     int side = points_aside(camera, turntable_rad, grid, SPACING_PX);
     int coarse = points_aside(camera, turntable_rad, grid, 4 * SPACING_PX);
     g_autofree double *x = g_new(double, side *side), *y = g_new(double, side *side);
-    g_autofree float *gain = pixel_gains(camera, radiometry);
+    g_autofree float *gain = g_new(float, n), *sum = g_new0(float, n);
+    g_autofree gboolean *touched = g_new0(gboolean, n);
+    g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(guint32));
     struct footprint footprint = {x, y, 0};
-    struct weights weights = new_weights(rectify->n_pixels);
+    struct weights weights = {sum, touched, pixels};
+    /* From DN per ms to radiance: 1000 / (response · flat field). The gain of a pixel's colour is
+     * applied to the texels instead, since every pixel contributes to all colours. */
+    for (gsize i = 0; i < n; i++)
+        gain[i] =
+            (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, (int)(i % width),
+                                                               (int)(i / width))));
     for (int i = 0; i < rectify->n_texels; i++) {
         int column = i % grid->width, row = i / grid->width;
         gboolean inside = project_texel(camera, turntable_rad, grid, column, row, side, &footprint);
@@ -342,7 +282,6 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
         rectify_append_row(rectify, &rectify->around, i, &weights, NULL);
         balance(rectify, i);
     }
-    free_weights(&weights);
 }
 
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
@@ -361,11 +300,20 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
         g_prefix_error(error, "camera %s: ", camera->name);
         return NULL;
     }
-    set_colour_gains(rectify, radiometry);
+    for (int c = 0; c < 3; c++)
+        rectify->colour_gain[c] =
+            radiometry && radiometry->known
+                ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c])
+                : 1;
     fill_rows(rectify, camera, radiometry, turntable_rad, grid);
-    if (!check_outside(rectify, camera, turntable_rad, error))
-        return NULL;
-    return g_steal_pointer(&rectify);
+    if (rectify->n_outside * 100.0 <= rectify->n_texels)
+        return g_steal_pointer(&rectify);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "camera %s at turntable %.6g°: %d of %d texels lie outside of its %d × %d pixels; "
+                "point it at the sample and calibrate it, or make [sample] smaller in the session",
+                camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
+                camera->width, camera->height);
+    return NULL;
 }
 
 void rectify_free(Rectify *rectify) {
@@ -449,33 +397,24 @@ static inline __attribute__((always_inline)) void add_up(const Rectify *rectify,
     }
 }
 
-/* Ratio of the colour that a texel's surround measures to the one that the guide's ratios
- * predict: own·balance / others. It corrects the guide where the light differs: gloss is white on
- * blue cloth too, and light reflected by a red wall is redder than the lamp. */
-static inline float excess(const struct tally *around, int colour, float balance) {
-    float others = around->others[colour];
-    if (!(balance > 0) || !(others > 0))
-        return 1;
-    return CLAMP(around->own[colour] / others * balance, 1 / MOST_EXCESS, MOST_EXCESS);
-}
-
-/* value_c = gain_c · (own_c + others_c · excess_c). */
-static inline __attribute__((always_inline)) void apply_texel(const Rectify *rectify, int texel,
-                                                              const float *mosaic,
-                                                              const float *ratio, float *ret_rgb) {
-    struct tally area, around;
-    add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
-    add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
-    for (int c = 0; c < 3; c++)
-        ret_rgb[c] =
-            rectify->colour_gain[c] *
-            (area.own[c] + area.others[c] * excess(&around, c, rectify->balance[texel][c]));
-}
-
+/* value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others of the
+ * texel's surround: the ratio of the colour that it measures to the one that the guide's ratios
+ * predict. It corrects the guide where the light differs: gloss is white on blue cloth too, and
+ * light reflected by a red wall is redder than the lamp. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
-    for (int texel = 0; texel < rectify->n_texels; texel++)
-        apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
+    for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += 3) {
+        struct tally area, around;
+        add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
+        add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
+        for (int c = 0; c < 3; c++) {
+            const float others = around.others[c], balance = rectify->balance[texel][c];
+            const float excess = balance > 0 && others > 0 ? CLAMP(around.own[c] / others * balance,
+                                                                   1 / MOST_EXCESS, MOST_EXCESS)
+                                                           : 1;
+            ret_rgb[c] = rectify->colour_gain[c] * (area.own[c] + area.others[c] * excess);
+        }
+    }
 }
 
 /* The dispatch is by hand, see sweep.c. */
@@ -554,21 +493,19 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
     return holes;
 }
 
-static guint8 flags_of(const Rectify *rectify, int texel, const guint8 *pixels) {
-    const struct window *window = &rectify->area.window[texel];
-    const float *weight = weights_of(&rectify->area, texel);
-    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
-    float sum = 0;
-    guint8 flags = 0;
-    for (int i = 0; i < n; i++)
-        sum += weight[i];
-    for (int i = 0; i < n; i++)
-        if (weight[i] != 0 && fabsf(weight[i]) >= FLAG_WEIGHT * sum)
-            flags |= pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
-    return flags;
-}
-
-void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
-    for (int texel = 0; texel < rectify->n_texels; texel++)
-        ret_texels[texel] = flags_of(rectify, texel, pixels);
+void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        const struct window *window = &rectify->area.window[texel];
+        const float *weight = weights_of(&rectify->area, texel);
+        const int columns = window->n_wide * LANES, n = window->n_rows * columns;
+        float sum = 0;
+        guint8 flags = 0;
+        for (int i = 0; i < n; i++)
+            sum += weight[i];
+        for (int i = 0; i < n; i++)
+            if (weight[i] != 0 && fabsf(weight[i]) >= FLAG_WEIGHT * sum)
+                flags |=
+                    pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
+        ret_texels[texel] = flags;
+    }
 }

@@ -40,7 +40,7 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
 
 /* Transfers flags from pixels (height × width) to texels: a texel gets (by OR) the bits of every
  * pixel that has a share of 2 % or more in it. */
-void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
+void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
 /* Point of the reference plane in the sample frame; texel (i, j) covers columns i … i+1, rows j …
  * j+1. */

@@ -202,71 +202,39 @@ static void absorb_whole(Sweep *sweep, const guint16 *const *frames, int n) {
     sweep_absorb(sweep, frames, n);
 }
 
-/* The last n_pixels % LANES pixels. */
-static void absorb_rest(Sweep *sweep, const guint16 *const *frames, int n) {
-    const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
-    reserve(sweep, (gsize)n);
-    for (int k = 0; k < n && rest > 0; k++) {
-        guint16 padded[LANES] = {0};
-        memcpy(padded, frames[k] + whole * LANES, rest * sizeof *padded);
-        absorb_some(sweep, padded, whole, 1, sweep->count + k);
-    }
-}
-
 static int sweep_by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
-/* Median of the absolute difference between a frame and the one before, over n sampled pixels,
- * whose values replace those of the frame before. */
-static int median_difference(Sweep *sweep, const guint16 *pixels, gsize n) {
+/* The first pair of frames measures the noise: the median of |a − b| over n sampled pixels, whose
+ * values replace those of the frame before. If a later pair differs much less, one of the earlier
+ * frames was lit differently as a whole: the sweep begins again without those frames, and the next
+ * one is the first that the backgrounds include. */
+static void measure_noise(Sweep *sweep, const guint16 *pixels) {
+    const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
     int size[NOISE_PIXELS];
+    if (n < FEW_PIXELS || sweep->count >= NOISE_FRAMES)
+        return;
     for (gsize i = 0; i < n; i++) {
         const guint16 value = MIN(pixels[i * (sweep->n_pixels / n)], sweep->saturation);
         size[i] = abs((int)value - (int)sweep->sample[i]);
         sweep->sample[i] = value;
     }
     qsort(size, n, sizeof *size, sweep_by_size);
-    return size[n / 2];
-}
-
-/* σ = median |a − b| / MEDIAN; margin = NOISE_MARGIN·σ, pedestal = DARKEST·σ. */
-static void set_margin(Sweep *sweep, int difference) {
-    const double noise = difference / MEDIAN;
-    sweep->difference = difference;
-    sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
-    sweep->pedestal = (float)(DARKEST * noise);
-}
-
-/* Discards all frames so far: the next one is the first that the backgrounds include. */
-static void begin_again(Sweep *sweep) {
-    sweep->first = sweep->count;
-    sweep->n_records = 0;
-    memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
-    memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
-}
-
-/* The first pair of frames measures the noise. If a later pair differs much less, one of the
- * earlier frames was lit differently as a whole: the sweep begins again without those frames. */
-static void measure_noise(Sweep *sweep, const guint16 *pixels) {
-    const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
-    if (n < FEW_PIXELS || sweep->count >= NOISE_FRAMES)
-        return;
-    const int difference = median_difference(sweep, pixels, n);
-    if (sweep->count == 1)
-        set_margin(sweep, difference);
-    if (sweep->count > 1 && sweep->difference > ODD_RATIO * difference + ODD_DN) {
-        begin_again(sweep);
-        set_margin(sweep, difference);
+    const int difference = size[n / 2];
+    const gboolean odd = sweep->count > 1 && sweep->difference > ODD_RATIO * difference + ODD_DN;
+    if (odd) {
+        sweep->first = sweep->count;
+        sweep->n_records = 0;
+        memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
+        memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
     }
-}
-
-/* Whether any pixel of a record is still above the margin over the present background. */
-static gboolean sweep_is_lit(const Sweep *sweep, gsize vector, const struct record *record) {
-    for (gsize i = 0; i < LANES; i++)
-        if (record->value[i] - (int)sweep->darkest[vector * LANES + i] > (int)sweep->margin)
-            return TRUE;
-    return FALSE;
+    if (odd || sweep->count == 1) { /* σ = median |a − b| / MEDIAN */
+        const double noise = difference / MEDIAN;
+        sweep->difference = difference;
+        sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
+        sweep->pedestal = (float)(DARKEST * noise);
+    }
 }
 
 /* There are more records than lines explain: noise, or flickering light. The margin grows by half
@@ -280,9 +248,14 @@ static void sweep_make_room(Sweep *sweep) {
         for (gsize vector = 0; vector < sweep->n_vectors; vector++) {
             guint32 from = sweep->last[vector], *to = &sweep->last[vector];
             for (; from != NOTHING; from = sweep->records[from].previous) {
-                if (!sweep_is_lit(sweep, vector, &sweep->records[from]))
+                const struct record *record = &sweep->records[from];
+                gboolean lit = FALSE; /* still, above the margin over the present background */
+                for (gsize i = 0; i < LANES; i++)
+                    lit |= record->value[i] - (int)sweep->darkest[vector * LANES + i] >
+                           (int)sweep->margin;
+                if (!lit)
                     continue;
-                kept[n] = sweep->records[from];
+                kept[n] = *record;
                 *to = (guint32)n;
                 to = &kept[n++].previous;
             }
@@ -295,20 +268,23 @@ static void sweep_make_room(Sweep *sweep) {
     }
 }
 
-/* Frames to take in one pass. The margin has to grow after the same frame however the caller
- * splits the frames into calls. */
-static int at_a_time(const Sweep *sweep, int n) {
-    const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
-    return n >= TOGETHER && sweep->count >= NOISE_FRAMES && most <= sweep->crowded ? TOGETHER : 1;
-}
-
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
+    const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
     g_return_if_fail(n >= 0 && n <= sweep->n_frames - sweep->count);
     for (int k = 0, some = 0; k < n; k += some) {
-        some = at_a_time(sweep, n - k);
+        /* The margin has to grow after the same frame however the caller splits the frames into
+         * calls. */
+        const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
+        const gboolean many = n - k >= TOGETHER && sweep->count >= NOISE_FRAMES;
+        some = many && most <= sweep->crowded ? TOGETHER : 1;
         measure_noise(sweep, frames[k]);
         absorb_whole(sweep, frames + k, some);
-        absorb_rest(sweep, frames + k, some);
+        reserve(sweep, (gsize)some);
+        for (int i = 0; i < some && rest > 0; i++) { /* the last pixels, fewer than a vector */
+            guint16 padded[LANES] = {0};
+            memcpy(padded, frames[k + i] + whole * LANES, rest * sizeof *padded);
+            absorb_some(sweep, padded, whole, 1, sweep->count + i);
+        }
         if (sweep->count == sweep->first)
             memcpy(sweep->opening, sweep->darkest, sizeof(guint16) * sweep->n_vectors * LANES);
         sweep->count += some;
@@ -436,21 +412,6 @@ static void write_pulse(const Sweep *sweep, gsize i, const struct sweep_pulse *p
         ret->width[i] = is_line ? (float)pulse->width : 0;
 }
 
-/* first and second may be NULL. */
-static void finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, double threshold,
-                         const struct sweep_pulses *first, const struct sweep_pulses *second) {
-    struct sweep_pulse pulse[2];
-    take_samples(sweep, i, pixel);
-    if (sweep->shorter)
-        replace_saturated(sweep, i, pixel);
-    const int n =
-        sweep_pulse_find(&pixel->samples, first ? &pulse[0] : NULL, second ? &pulse[1] : NULL);
-    if (first)
-        write_pulse(sweep, i, n > 0 ? &pulse[0] : NULL, threshold, first);
-    if (second)
-        write_pulse(sweep, i, n > 1 ? &pulse[1] : NULL, threshold, second);
-}
-
 void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                        const struct sweep_pulses *ret_second) {
     const Sweep *shorter = sweep->shorter;
@@ -461,12 +422,21 @@ void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_
     g_autofree float *value = g_new(float, n), *gain = g_new(float, n);
     struct pixel pixel = {{longer_records, 0}, {shorter_records, 0}, frame, value, gain, {0}};
     for (gsize i = 0; i < sweep->n_pixels; i++) {
+        struct sweep_pulse pulse[2];
         if (i % LANES == 0) {
             sweep_gather(sweep, i / LANES, &pixel.longer);
             if (shorter)
                 sweep_gather(shorter, i / LANES, &pixel.shorter);
         }
-        finish_pixel(sweep, i, &pixel, threshold, ret_first, ret_second);
+        take_samples(sweep, i, &pixel);
+        if (shorter)
+            replace_saturated(sweep, i, &pixel);
+        const int found = sweep_pulse_find(&pixel.samples, ret_first ? &pulse[0] : NULL,
+                                           ret_second ? &pulse[1] : NULL);
+        if (ret_first)
+            write_pulse(sweep, i, found > 0 ? &pulse[0] : NULL, threshold, ret_first);
+        if (ret_second)
+            write_pulse(sweep, i, found > 1 ? &pulse[1] : NULL, threshold, ret_second);
     }
 }
 

@@ -16,16 +16,12 @@ struct span {
     int first, last, top;
 };
 
-static gboolean follows(const struct sweep_samples *s, int k) {
-    return s->frame[k] == s->frame[k - 1] + 1;
-}
-
 /* The pulse that begins at a sample: it ends where the frames are not consecutive, or at the
  * minimum before a rise, if that is below VALLEY of both peaks. */
 static struct span span_from(const struct sweep_samples *s, int first) {
     struct span span = {first, first, first};
     int low = first;
-    for (int k = first + 1; k < s->n && follows(s, k); k++) {
+    for (int k = first + 1; k < s->n && s->frame[k] == s->frame[k - 1] + 1; k++) {
         float peak = s->value[span.top];
         if (s->value[k] > peak && s->value[low] >= VALLEY * peak) {
             span.top = low = k;
@@ -38,14 +34,6 @@ static struct span span_from(const struct sweep_samples *s, int first) {
         span.last = k;
     }
     return span;
-}
-
-/* Number of consecutive frames at the maximum. */
-static int plateau_of(const struct sweep_samples *s, const struct span *span) {
-    int k = span->top;
-    while (k < span->last && s->value[k + 1] >= s->value[span->top])
-        k++;
-    return k - span->top + 1;
 }
 
 /* Normal equations of the parabola c0 + c1·t + c2·t² through logarithms: m[i] = Σ w tⁱ, v[i] = Σ
@@ -84,13 +72,6 @@ struct gaussian {
     double time, width, c[3];
 };
 
-/* Whether noise rather than the pulse decides if a sample at t has been recorded: including those
- * that have would bias the fit. */
-static gboolean is_uncertain(const struct gaussian *g, double t, double height, double faint) {
-    double least = MAX(WINGS * height, faint), off = t - g->time;
-    return height * exp(-0.5 * off * off / (g->width * g->width)) < least;
-}
-
 /* The logarithm of a Gaussian is a parabola (Guo 2011). A sample counts by the inverse variance
  * of its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read noise.
  * Saturated samples do not count. */
@@ -99,66 +80,44 @@ static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double
     return value * value / (gain * (value + gain * READ_DN));
 }
 
-static gboolean solve_for(const struct sums *sums, int used, struct gaussian *g) {
-    if (used < 3 || !sweep_pulse_solve(sums, g->c) || !(g->c[2] < 0))
-        return FALSE;
-    g->time = -g->c[1] / (2 * g->c[2]);
-    g->width = sqrt(-0.5 / g->c[2]);
-    return TRUE;
-}
-
-/* First fit: by the logarithms of the samples above the margin. */
-static gboolean fit_first(const struct sweep_samples *s, const struct span *part, double middle,
-                          struct gaussian *g) {
-    struct sums sums = {0};
-    int used = 0;
-    for (int k = part->first; k <= part->last; k++) {
-        const double y = s->value[k];
-        if (y >= s->full || y <= s->margin)
-            continue;
-        add_sample(&sums, s->frame[k] - middle, log(y), sweep_pulse_weight_of(s, k, y));
-        used++;
-    }
-    return solve_for(&sums, used, g);
-}
-
-/* Second fit, one Gauss-Newton step: the logarithm is linearised about the first fit f, y' = ln f
- * + (y − f) / f. Noise does not bias y' as it biases ln y, and dark samples count, too. */
-static gboolean fit_again(const struct sweep_samples *s, const struct span *part, double middle,
-                          struct gaussian *g) {
-    const struct gaussian old = *g;
-    const double height = exp(MIN(old.c[0] - 0.25 * old.c[1] * old.c[1] / old.c[2], MOST_LOG));
+/* Fits the samples of a pulse. old == NULL: the parabola through the logarithms of the samples
+ * above the margin. Else one Gauss-Newton step: the logarithm is linearised about the first fit f,
+ * y' = ln f + (y − f) / f. Noise does not bias y' as it biases ln y, and dark samples count, too;
+ * those of which noise rather than the pulse decides whether they have been recorded do not, since
+ * including the recorded ones would bias the fit. FALSE: no fit, or its time is outside of part. */
+static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
+                                double middle, const struct gaussian *old, struct gaussian *ret) {
+    const double height =
+        old ? exp(MIN(old->c[0] - 0.25 * old->c[1] * old->c[1] / old->c[2], MOST_LOG)) : 0;
     const gboolean known = s->value[part->first] <= s->margin && s->value[part->last] <= s->margin;
     const double faint = (known ? KNOWN : DOUBT) * (double)s->margin;
+    const double least = MAX(WINGS * height, faint);
     struct sums sums = {0};
     int used = 0;
     for (int k = part->first; k <= part->last; k++) {
         const double t = s->frame[k] - middle;
-        if (s->value[k] >= s->full || is_uncertain(&old, t, height, faint))
+        double y = s->value[k], model = y;
+        if (y >= s->full || (!old && y <= s->margin))
             continue;
-        const double level = MIN(old.c[0] + (old.c[1] + old.c[2] * t) * t, MOST_LOG);
-        const double model = exp(level), y = (double)(s->value[k] - s->pedestal);
-        add_sample(&sums, t, level + (y - model) / model, sweep_pulse_weight_of(s, k, model));
+        if (old) {
+            const double off = t - old->time;
+            if (height * exp(-0.5 * off * off / (old->width * old->width)) < least)
+                continue;
+            const double level = MIN(old->c[0] + (old->c[1] + old->c[2] * t) * t, MOST_LOG);
+            model = exp(level);
+            y = level + ((double)(s->value[k] - s->pedestal) - model) / model;
+        } else {
+            y = log(y);
+        }
+        add_sample(&sums, t, y, sweep_pulse_weight_of(s, k, model));
         used++;
     }
-    return solve_for(&sums, used, g);
-}
-
-static gboolean is_inside(const struct sweep_samples *s, const struct span *part, double time) {
-    return s->frame[part->first] - 1 <= time && time <= s->frame[part->last] + 1;
-}
-
-static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
-                                double middle, struct sweep_pulse *ret) {
-    struct gaussian first, better;
-    if (!fit_first(s, part, middle, &first) || !is_inside(s, part, middle + first.time))
+    if (used < 3 || !sweep_pulse_solve(&sums, ret->c) || !(ret->c[2] < 0))
         return FALSE;
-    better = first;
-    if (!fit_again(s, part, middle, &better) || !is_inside(s, part, middle + better.time))
-        better = first;
-    ret->time = middle + better.time;
-    ret->width = better.width;
-    return TRUE;
+    ret->time = -ret->c[1] / (2 * ret->c[2]);
+    ret->width = sqrt(-0.5 / ret->c[2]);
+    return s->frame[part->first] - 1 <= middle + ret->time &&
+           middle + ret->time <= s->frame[part->last] + 1;
 }
 
 /* Value of sample k; outside of the pulse the expected value below the margin, since ln 0 is not
@@ -216,14 +175,23 @@ static struct span bright_part(const struct sweep_samples *s, const struct span 
 
 static void sweep_pulse_measure(const struct sweep_samples *s, const struct span *span,
                                 struct sweep_pulse *ret) {
-    int length = plateau_of(s, span);
+    int length = 1; /* consecutive frames at the maximum */
+    while (span->top + length <= span->last && s->value[span->top + length] >= s->value[span->top])
+        length++;
     int begin = s->frame[span->top], end = begin + length - 1;
     *ret = (struct sweep_pulse){-1, 0, s->value[span->top]};
     if (begin == s->first || end + 1 >= s->count)
         return;
     struct span part = bright_part(s, span, length);
-    if (sweep_pulse_fit(s, &part, 0.5 * (begin + end), ret))
+    struct gaussian first, better;
+    const double middle = 0.5 * (begin + end);
+    if (sweep_pulse_fit(s, &part, middle, NULL, &first)) {
+        if (!sweep_pulse_fit(s, &part, middle, &first, &better))
+            better = first;
+        ret->time = middle + better.time;
+        ret->width = better.width;
         return;
+    }
     /* What is below the first frame's value was taken for background: a flank is missing. */
     if (s->frame[span->first] == s->first)
         return;

@@ -36,33 +36,6 @@ struct MdfView {
     double weight[MDF_MAX_SWEEPS];
 };
 
-static void trace_pixels(MdfView *view) {
-    const struct rig_camera *camera = &view->camera;
-    for (int y = 0; y < camera->height; y++)
-        for (int x = 0; x < camera->width; x++) {
-            gsize i = (gsize)y * camera->width + x;
-            struct vec3 ray = rig_pixel_ray(camera, x, y);
-            view->ray[3 * i] = (float)ray.x;
-            view->ray[3 * i + 1] = (float)ray.y;
-            view->ray[3 * i + 2] = (float)ray.z;
-            view->onset_mm[i] = (float)((view->grid.reference_mm - view->centre_mm.z) / ray.z);
-        }
-}
-
-static void project_texels(MdfView *view, double turntable_rad) {
-    const struct session_grid *grid = &view->grid;
-    for (int i = 0; i < view->n_texels; i++) {
-        int row = i / grid->width, column = i % grid->width;
-        struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
-        double x, y;
-        gboolean inside = rig_project(&view->camera, rig_turn(p, turntable_rad), &x, &y) &&
-                          x >= 0 && y >= 0 && x <= view->camera.width - 1 &&
-                          y <= view->camera.height - 1;
-        view->x_px[i] = inside ? (float)x : -1;
-        view->y_px[i] = inside ? (float)y : -1;
-    }
-}
-
 MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
                       const struct session_grid *grid) {
     gsize n_pixels = (gsize)camera->width * camera->height;
@@ -79,8 +52,22 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->y_px = g_new(float, view->n_texels);
     double slant = view->centre_mm.z / vec3_length(view->centre_mm);
     view->agreement_mm = (float)(grid->width_mm / grid->width / MAX(slant, 0.1));
-    trace_pixels(view);
-    project_texels(view, turntable_rad);
+    for (gsize i = 0; i < n_pixels; i++) {
+        struct vec3 ray = rig_pixel_ray(camera, (int)(i % camera->width), (int)(i / camera->width));
+        view->ray[3 * i] = (float)ray.x;
+        view->ray[3 * i + 1] = (float)ray.y;
+        view->ray[3 * i + 2] = (float)ray.z;
+        view->onset_mm[i] = (float)((grid->reference_mm - view->centre_mm.z) / ray.z);
+    }
+    for (int i = 0; i < view->n_texels; i++) {
+        int row = i / grid->width, column = i % grid->width;
+        struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
+        double x, y;
+        gboolean inside = rig_project(camera, rig_turn(p, turntable_rad), &x, &y) && x >= 0 &&
+                          y >= 0 && x <= camera->width - 1 && y <= camera->height - 1;
+        view->x_px[i] = inside ? (float)x : -1;
+        view->y_px[i] = inside ? (float)y : -1;
+    }
     return view;
 }
 
@@ -142,12 +129,17 @@ static int phase_of(int x, int y) {
     return 2 * (y & 1) + (x & 1);
 }
 
-static struct phases find_phases(const MdfView *view) {
+/* Intersects all pixels' rays with the sheets of their peaks (pixel_mm), and finds the phases that
+ * have them. */
+static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep) {
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
-    for (int y = 0; y < view->camera.height; y++)
-        for (int x = 0; x < width; x++)
-            seen[phase_of(x, y)] += view->pixel_mm[0][(gsize)y * (gsize)width + (gsize)x] >= 0;
+    for (gsize i = 0; i < (gsize)width * (gsize)view->camera.height; i++) {
+        view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
+        if (sweep->second_peak)
+            view->pixel_mm[1][i] = intersect(view, sweep, sweep->second_peak[i], i);
+        seen[phase_of((int)i % width, (int)i / width)] += view->pixel_mm[0][i] >= 0;
+    }
     for (int k = 0; k < 4; k++)
         most = MAX(most, seen[k]);
     for (int k = 0; k < 4; k++) {
@@ -217,39 +209,32 @@ struct side {
     float mm, dn, share;
 };
 
-/* The weight of the near pixels that agree with a distance, and their weighted mean. */
-static struct side find_support(const MdfView *view, const struct nears *all, float mm) {
-    struct side side = {0};
-    for (int k = 0; k < all->n; k++) {
-        const struct near *near = &all->near[k];
-        int rank = next_to(view, near, mm);
-        if (rank < 0)
-            continue;
-        side.mm += near->share * near->mm[rank];
-        side.dn += near->share * near->dn[rank];
-        side.share += near->share;
-    }
-    side.mm /= side.share;
-    side.dn /= side.share;
-    return side;
-}
-
 /* Takes the surface with the largest weight of near pixels out of the set; on a tie, that of the
- * brightest pulses. */
+ * brightest pulses. A surface is the weighted mean of the near pixels that agree with one of them.
+ */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
-    for (int rank = 0; rank < 2; rank++)
+    for (int i = 0; i < 2 * all->n; i++) {
+        const int rank = i / all->n;
+        const float mm = all->near[i % all->n].mm[rank];
+        struct side side = {0};
+        if (mm < 0 || all->near[i % all->n].taken[rank])
+            continue;
         for (int k = 0; k < all->n; k++) {
             const struct near *near = &all->near[k];
-            if (near->mm[rank] < 0 || near->taken[rank])
+            const int next = next_to(view, near, mm);
+            if (next < 0)
                 continue;
-            struct side side = find_support(view, all, near->mm[rank]);
-            if (side.share > best.share * 1.001f) {
-                best = side;
-                centre = near->mm[rank];
-            }
+            side.mm += near->share * near->mm[next];
+            side.dn += near->share * near->dn[next];
+            side.share += near->share;
         }
+        if (side.share > best.share * 1.001f) {
+            best = (struct side){side.mm / side.share, side.dn / side.share, side.share};
+            centre = mm;
+        }
+    }
     for (int k = 0; k < all->n && centre >= 0; k++) {
         int rank = next_to(view, &all->near[k], centre);
         if (rank >= 0)
@@ -258,40 +243,27 @@ static struct side take_side(const MdfView *view, struct nears *all) {
     return best;
 }
 
-/* At a depth edge the near pixels see two surfaces. The texel lies on the one with more weight
- * around it; only its pixels are averaged. If too few pixels have seen the laser, the texel may
- * show something that they do not, and has no value. The other surface is a second candidate:
- * sweeps of other laser positions decide. */
-static void mdf_resample(const MdfView *view, struct nears *all, struct mdf_candidate ret[2]) {
-    ret[0] = ret[1] = (struct mdf_candidate){.mm = -1};
-    if (all->seen < SEEN_SHARE * all->all || all->n == 0)
-        return;
-    struct side first = take_side(view, all), second = take_side(view, all);
-    ret[0] = (struct mdf_candidate){.mm = first.mm, .dn = first.dn};
-    if (second.share >= SEEN_SHARE * all->all)
-        ret[1] = (struct mdf_candidate){.mm = second.mm, .dn = second.dn};
-}
-
-static void intersect_all(MdfView *view, const struct laser_sweep *sweep) {
-    gsize n_pixels = (gsize)view->camera.width * (gsize)view->camera.height;
-    for (gsize i = 0; i < n_pixels; i++) {
-        view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
-        if (sweep->second_peak)
-            view->pixel_mm[1][i] = intersect(view, sweep, sweep->second_peak[i], i);
-    }
-}
-
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    intersect_all(view, sweep);
-    struct phases phases = find_phases(view);
+    struct phases phases = find_phases(view, sweep);
     struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
         struct nears near = {.n = 0};
+        struct side side[2] = {{.mm = -1}, {.mm = -1}};
         if (view->x_px[i] >= 0)
             find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
-        mdf_resample(view, &near, texels + 2 * i);
+        /* At a depth edge the near pixels see two surfaces. The texel lies on the one with more
+         * weight around it; only its pixels are averaged. If too few pixels have seen the laser,
+         * the texel may show something that they do not, and has no value. The other surface is a
+         * second candidate: sweeps of other laser positions decide. */
+        if (near.n > 0 && !(near.seen < SEEN_SHARE * near.all))
+            for (int k = 0; k < 2; k++)
+                side[k] = take_side(view, &near);
+        if (!(side[1].share >= SEEN_SHARE * near.all))
+            side[1] = (struct side){.mm = -1};
+        for (int k = 0; k < 2; k++)
+            texels[2 * i + k] = (struct mdf_candidate){.mm = side[k].mm, .dn = side[k].dn};
         seen += texels[2 * i].mm >= 0;
     }
     view->weight[view->n_sweeps] =
@@ -322,29 +294,9 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
-/* Where too few laser positions agree, a candidate is accepted if it continues the surface of at
- * least CONFIRM neighbouring texels. */
-static struct mdf_merged confirm(const MdfView *view, int texel, const float *distance) {
-    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
-    int n = mdf_collect(view, texel, candidates), kept = 0, width = view->grid.width;
-    for (int i = 0; i < n; i++) {
-        int agree = 0;
-        for (int k = 0; k < 9; k++) {
-            int column = texel % width + k % 3 - 1, row = texel / width + k / 3 - 1;
-            if (column < 0 || row < 0 || column >= width || row >= view->grid.height)
-                continue;
-            float near = distance[row * width + column];
-            agree += near >= 0 && fabsf(near - candidates[i].mm) <= CLOSE * view->agreement_mm;
-        }
-        if (agree >= CONFIRM)
-            candidates[kept++] = candidates[i];
-    }
-    return mdf_merge(candidates, kept, 1);
-}
-
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
-    int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
+    int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1, width = view->grid.width;
     g_autofree float *sure = g_new(float, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
         int n = mdf_collect(view, i, candidates);
@@ -353,10 +305,25 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;
     }
+    /* Where too few laser positions agree, a candidate is accepted if it continues the surface of
+     * at least CONFIRM neighbouring texels. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;
-        struct mdf_merged merged = confirm(view, i, sure);
+        int n = mdf_collect(view, i, candidates), kept = 0;
+        for (int c = 0; c < n; c++) {
+            int agree = 0;
+            for (int k = 0; k < 9; k++) {
+                int column = i % width + k % 3 - 1, row = i / width + k / 3 - 1;
+                if (column < 0 || row < 0 || column >= width || row >= view->grid.height)
+                    continue;
+                float near = sure[row * width + column];
+                agree += near >= 0 && fabsf(near - candidates[c].mm) <= CLOSE * view->agreement_mm;
+            }
+            if (agree >= CONFIRM)
+                candidates[kept++] = candidates[c];
+        }
+        struct mdf_merged merged = mdf_merge(candidates, kept, 1);
         ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;

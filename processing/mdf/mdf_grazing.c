@@ -42,15 +42,6 @@ static void around(const struct relief *r, double x, double y, gsize ret_at[4],
     }
 }
 
-static double depth_at(const struct relief *r, double x, double y) {
-    gsize at[4];
-    double weight[4], depth = 0.0;
-    around(r, x, y, at, weight);
-    for (int k = 0; k < 4; k++)
-        depth += weight[k] * r->depth_mm[at[k]];
-    return depth;
-}
-
 /* Columns and rows per mm of depth of a ray from the viewer: −tan θ (cos φ, −sin φ) / texel_mm. */
 static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, double phi_deg,
                                   double ret[2]) {
@@ -59,36 +50,29 @@ static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, d
     ret[1] = slant * sin(phi_deg * DEG);
 }
 
-/* Splats the points of a view: a texel with depth z at (column, row) shows the point at (column,
- * row) + z·step. */
-static void mdf_grazing_add_view(struct relief *r, const struct mdf_table *t, int view) {
-    gsize n = (gsize)t->width * t->height;
-    double step[2];
-    mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
-    for (gsize k = 0; k < n; k++) {
-        gsize at[4];
-        double weight[4], depth = t->depth_mm[view * n + k];
-        gsize row = k / t->width, column = k % t->width;
-        around(r, (double)column + depth * step[0], (double)row + depth * step[1], at, weight);
-        for (int c = 0; c < 4; c++) {
-            r->depth_mm[at[c]] += weight[c] * depth;
-            r->square[at[c]] += weight[c] * depth * depth;
-            r->weight[at[c]] += weight[c];
-        }
-    }
-}
-
-/* Depth = mean − raised · standard deviation of the points in a texel; holes are filled. */
+/* Splats the points of the steep views: a texel with depth z at (column, row) shows the point at
+ * (column, row) + z·step. Depth = mean − raised · standard deviation of the points in a texel;
+ * holes are filled. */
 static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
-    gsize n = (gsize)t->width * t->height;
-    double steepest = 90.0;
+    gsize n = (gsize)t->width * t->height, at[4];
+    double steepest = 90.0, step[2], share[4];
     *r = (struct relief){t->width,         t->height,        g_new0(float, n),
                          g_new0(float, n), g_new0(float, n), t->texel_mm};
     for (int k = 0; k < t->n_views; k++)
         steepest = MIN(steepest, (double)t->theta_deg[k]);
-    for (int k = 0; k < t->n_views; k++)
-        if (t->theta_deg[k] <= steepest + STEEP_DEG)
-            mdf_grazing_add_view(r, t, k);
+    for (int view = 0; view < t->n_views; view++) {
+        mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
+        for (gsize k = 0; k < n && t->theta_deg[view] <= steepest + STEEP_DEG; k++) {
+            double depth = t->depth_mm[view * n + k];
+            gsize row = k / t->width, column = k % t->width;
+            around(r, (double)column + depth * step[0], (double)row + depth * step[1], at, share);
+            for (int c = 0; c < 4; c++) {
+                r->depth_mm[at[c]] += share[c] * depth;
+                r->square[at[c]] += share[c] * depth * depth;
+                r->weight[at[c]] += share[c];
+            }
+        }
+    }
     for (gsize k = 0; k < n; k++) {
         double weight = r->weight[k], mean = weight > 1e-3 ? r->depth_mm[k] / weight : -1.0;
         double spread = weight > 1e-3 ? sqrt(MAX(r->square[k] / weight - mean * mean, 0.0)) : 0.0;
@@ -97,29 +81,31 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
     mdf_table_fill(r->depth_mm, t->width, t->height);
 }
 
-/* Depth at which a ray from (x, y) on the reference plane first meets the relief: steps of STEP
- * texels, then linear interpolation between the last two. */
-static double trace(const struct relief *r, double x, double y, const double step[2],
-                    double deepest) {
-    double length = hypot(step[0], step[1]), by = STEP / length, before = 0.0, above = 0.0;
-    for (double depth = 0.0; depth < deepest; depth += by) {
-        double over = depth_at(r, x + depth * step[0], y + depth * step[1]) - depth;
-        if (over <= 0.0)
-            return depth > 0.0 ? before + by * above / (above - over) : 0.0;
-        before = depth;
-        above = over;
-    }
-    return deepest;
-}
-
+/* Depths at which the rays from the texels of the reference plane first meet the relief: steps of
+ * STEP texels, then linear interpolation between the last two. */
 static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
-    gsize n = (gsize)t->width * t->height;
-    double step[2];
+    gsize n = (gsize)t->width * t->height, at[4];
+    double step[2], weight[4];
     mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
-    float *out = t->depth_mm + view * n;
-    for (int row = 0; row < t->height; row++)
-        for (int column = 0; column < t->width; column++)
-            *out++ = trace(r, column, row, step, t->deepest_mm);
+    const double by = STEP / hypot(step[0], step[1]);
+    for (gsize k = 0; k < n; k++) {
+        const double row = (double)(k / t->width), column = (double)(k % t->width);
+        double before = 0.0, above = 0.0, met = t->deepest_mm;
+        for (double depth = 0.0; depth < t->deepest_mm; depth += by) {
+            double over = 0.0;
+            around(r, column + depth * step[0], row + depth * step[1], at, weight);
+            for (int c = 0; c < 4; c++)
+                over += weight[c] * r->depth_mm[at[c]];
+            over -= depth;
+            if (over <= 0.0) {
+                met = depth > 0.0 ? before + by * above / (above - over) : 0.0;
+                break;
+            }
+            before = depth;
+            above = over;
+        }
+        t->depth_mm[view * n + k] = met;
+    }
 }
 
 static void clear_relief(struct relief *r) {

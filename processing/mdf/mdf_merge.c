@@ -22,31 +22,6 @@ static double support_of(const struct mdf_candidate *candidates, int n, double m
     return sum + best;
 }
 
-/* The candidate with the largest support. */
-static double find_mode(const struct mdf_candidate *candidates, int n) {
-    double most = -1, mode = 0;
-    for (int i = 0; i < n; i++) {
-        double support = support_of(candidates, n, candidates[i].mm);
-        if (support > most) {
-            most = support;
-            mode = candidates[i].mm;
-        }
-    }
-    return mode;
-}
-
-/* Keeps of each sweep the candidate closest to mm. Returns the number kept. */
-static int keep_next(struct mdf_candidate *candidates, int n, double mm) {
-    int kept = 0;
-    for (int i = 0; i < n; i++) {
-        if (kept == 0 || candidates[i].sweep != candidates[kept - 1].sweep)
-            candidates[kept++] = candidates[i];
-        else if (fabs(candidates[i].mm - mm) < fabs(candidates[kept - 1].mm - mm))
-            candidates[kept - 1] = candidates[i];
-    }
-    return kept;
-}
-
 static int by_mm(const void *a, const void *b) {
     float x = ((const struct mdf_candidate *)a)->mm, y = ((const struct mdf_candidate *)b)->mm;
     return (x > y) - (x < y);
@@ -66,16 +41,6 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
             return 0.5 * ((double)samples[i].mm + (double)samples[i + 1].mm);
     }
     return samples[n - 1].mm;
-}
-
-/* Robust standard deviation: 1.4826 × weighted median of |mm_i − middle|. */
-static double spread_of(const struct mdf_candidate *samples, int n, double middle) {
-    struct mdf_candidate deviation[MOST];
-    for (int i = 0; i < n; i++) {
-        deviation[i] = samples[i];
-        deviation[i].mm = (float)fabs(samples[i].mm - middle);
-    }
-    return 1.4826 * weighted_median(deviation, n);
 }
 
 /* Weighted mean m = Σ w x / Σ w with the standard error √(Σ w (x − m)² / Σ w / (n_eff − 1)),
@@ -100,14 +65,34 @@ static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, 
 
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
     struct mdf_merged nothing = {-1, 0, -1};
+    struct mdf_candidate deviation[MOST];
+    double most = -1, mode = 0; /* the candidate with the largest support */
+    int one_each = 0, kept = 0;
     g_return_val_if_fail(n <= MOST, nothing);
     if (n == 0)
         return nothing;
-    double mode = find_mode(candidates, n);
-    n = keep_next(candidates, n, mode);
-    double limit = MAX(3 * spread_of(candidates, n, mode), AGREEMENT);
-    int kept = 0;
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < n; i++) {
+        double support = support_of(candidates, n, candidates[i].mm);
+        if (support > most) {
+            most = support;
+            mode = candidates[i].mm;
+        }
+    }
+    /* Of each sweep the candidate closest to the mode remains. */
+    for (int i = 0; i < n; i++) {
+        if (one_each == 0 || candidates[i].sweep != candidates[one_each - 1].sweep)
+            candidates[one_each++] = candidates[i];
+        else if (fabs(candidates[i].mm - mode) < fabs(candidates[one_each - 1].mm - mode))
+            candidates[one_each - 1] = candidates[i];
+    }
+    /* Robust standard deviation: 1.4826 × weighted median of |mm_i − mode|. */
+    for (int i = 0; i < one_each; i++) {
+        deviation[i] = candidates[i];
+        deviation[i].mm = (float)fabs(candidates[i].mm - mode);
+    }
+    double spread = 1.4826 * weighted_median(deviation, one_each);
+    double limit = MAX(3 * spread, AGREEMENT);
+    for (int i = 0; i < one_each; i++)
         if (fabs(candidates[i].mm - mode) <= limit)
             candidates[kept++] = candidates[i];
     return kept < least ? nothing : mdf_merge_mean_of(candidates, kept);

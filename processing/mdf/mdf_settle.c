@@ -58,12 +58,20 @@ static void mdf_settle_draw(const struct settling *s, const struct seen *a, cons
         }
 }
 
-/* Projects all points of a view into the view that is completed. */
-static void see_all(const struct settling *s, const struct mdf_eye *from) {
+/* Renders the surface of view `asked` into the view that is completed: projects its points, and
+ * draws the triangles between neighbours whose three corners lie on one surface, that is are
+ * visible and within one step in depth. That step grows with the slant of the asked view. */
+static void mdf_settle_predict(const struct settling *s, int asked) {
     const struct mdf_eye *to = &s->views[s->view];
-    for (int i = 0; i < s->plane->width * s->plane->height; i++) {
+    const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
+    const int width = s->plane->width, n = width * s->plane->height;
+    const double *c = from->centre_mm, up = c[2] - s->plane->reference_mm;
+    const double slant = up / sqrt(c[0] * c[0] + c[1] * c[1] + up * up);
+    const float step = (float)(STEP * s->plane->texel_mm / MAX(slant, 0.1));
+    for (int i = 0; i < n; i++) {
         double column, row, mm;
         s->seen[i].mm = -1;
+        s->front[i] = INFINITY;
         if (!(from->distance[i] >= 0))
             continue;
         const struct vec3 p = mdf_views_point(from, s->plane, i, from->distance[i]);
@@ -72,37 +80,17 @@ static void see_all(const struct settling *s, const struct mdf_eye *from) {
         if (fabs(column) < 1e5 && fabs(row) < 1e5 && mm >= 0)
             s->seen[i] = (struct seen){(float)column, (float)row, (float)mm};
     }
-}
-
-/* Whether the three corners lie on one surface: visible, and within one step in depth. */
-static gboolean is_one(const float *d, const struct seen *seen, const int *corner, float step) {
-    float low = INFINITY, high = -INFINITY;
-    for (int k = 0; k < 3; k++) {
-        if (seen[corner[k]].mm < 0)
-            return FALSE;
-        low = MIN(low, d[corner[k]]);
-        high = MAX(high, d[corner[k]]);
-    }
-    return high - low <= step;
-}
-
-/* Renders the surface of view `asked` into the view that is completed. The step allowed in depth
- * grows with the slant of that view. */
-static void mdf_settle_predict(const struct settling *s, int asked) {
-    const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
-    const int width = s->plane->width, n = width * s->plane->height;
-    const double *c = from->centre_mm, up = c[2] - s->plane->reference_mm;
-    const double slant = up / sqrt(c[0] * c[0] + c[1] * c[1] + up * up);
-    const float step = (float)(STEP * s->plane->texel_mm / MAX(slant, 0.1));
-    see_all(s, from);
-    for (int i = 0; i < n; i++)
-        s->front[i] = INFINITY;
     for (int i = 0; i + width + 1 < n; i++) {
         const int corners[2][3] = {{i, i + 1, i + width}, {i + width + 1, i + width, i + 1}};
-        for (int k = 0; k < 2 && i % width < width - 1; k++)
-            if (is_one(from->distance, s->seen, corners[k], step))
-                mdf_settle_draw(s, &s->seen[corners[k][0]], &s->seen[corners[k][1]],
-                                &s->seen[corners[k][2]]);
+        for (int k = 0; k < 2 && i % width < width - 1; k++) {
+            const int *at = corners[k];
+            const float *d = from->distance;
+            const float low = MIN(d[at[0]], MIN(d[at[1]], d[at[2]]));
+            const float high = MAX(d[at[0]], MAX(d[at[1]], d[at[2]]));
+            if (s->seen[at[0]].mm >= 0 && s->seen[at[1]].mm >= 0 && s->seen[at[2]].mm >= 0 &&
+                high - low <= step)
+                mdf_settle_draw(s, &s->seen[at[0]], &s->seen[at[1]], &s->seen[at[2]]);
+        }
     }
     memcpy(s->predicted + (gsize)asked * (gsize)n, s->front, sizeof(float) * (gsize)n);
 }
@@ -110,18 +98,6 @@ static void mdf_settle_predict(const struct settling *s, int asked) {
 static int mdf_settle_by_size(const void *a, const void *b) {
     const float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
-}
-
-/* Sorted predictions of a texel. Returns their number. */
-static int mdf_settle_collect(const struct settling *s, int texel, float *ret) {
-    const gsize n = (gsize)s->plane->width * (gsize)s->plane->height;
-    int found = 0;
-    for (int k = 0; k < mdf_views_asked(s->n); k++) {
-        ret[found] = s->predicted[(gsize)k * n + (gsize)texel];
-        found += isfinite(ret[found]);
-    }
-    qsort(ret, (gsize)found, sizeof *ret, mdf_settle_by_size);
-    return found;
 }
 
 /* Number of views that confirm (yes) and deny (no) a distance of a texel. */
@@ -150,20 +126,6 @@ static float mdf_settle_nearest(const struct settling *s, int texel, const float
     return -1;
 }
 
-/* Whether other views see a surface at the second most likely distance, and none sees through it.
- */
-static gboolean is_confirmed(const struct settling *s, int texel, float mm, const float *predicted,
-                             int n) {
-    const float agree = (float)(AGREE * s->plane->texel_mm);
-    guint16 yes, no;
-    for (int i = 0; i < n; i++)
-        if (fabsf(predicted[i] - mm) <= agree) {
-            poll(s, texel, mm, &yes, &no);
-            return no == 0;
-        }
-    return FALSE;
-}
-
 /* If a prediction continues the surface of the neighbouring texels, lasers would have reached it
  * as they reach those. If the view measured nothing there, it looks into a gap too narrow for the
  * laser, not at that surface. */
@@ -183,51 +145,57 @@ static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     return alike >= AROUND;
 }
 
-/* Order of preference: the view's own second distance if confirmed, then the prediction. */
-static enum mdf_source mdf_settle_settle(const struct settling *s, int texel, float *ret_mm) {
+/* Order of preference: the view's own second distance, if another view's surface lies there and
+ * none sees through it; then the prediction. */
+static enum mdf_distance_source settle_texel(const struct settling *s, int texel, float *ret_mm) {
     const struct mdf_eye *own = &s->views[s->view];
+    const gsize texels = (gsize)s->plane->width * (gsize)s->plane->height;
+    const float agree = (float)(AGREE * s->plane->texel_mm),
+                other = own->other ? own->other[texel] : -1;
     float predicted[MDF_MOST_ASKED];
-    const int n = mdf_settle_collect(s, texel, predicted);
-    if (own->other && own->other[texel] >= 0 &&
-        is_confirmed(s, texel, own->other[texel], predicted, n)) {
-        *ret_mm = own->other[texel];
-        return MDF_OTHER;
+    gboolean surface = FALSE;
+    int n = 0;
+    for (int k = 0; k < mdf_views_asked(s->n); k++) {
+        predicted[n] = s->predicted[(gsize)k * texels + (gsize)texel];
+        surface |= fabsf(predicted[n] - other) <= agree;
+        n += isfinite(predicted[n]);
     }
+    if (other >= 0 && surface) {
+        guint16 yes, no;
+        poll(s, texel, other, &yes, &no);
+        *ret_mm = other;
+        if (no == 0)
+            return MDF_OTHER;
+    }
+    qsort(predicted, (gsize)n, sizeof *predicted, mdf_settle_by_size);
     *ret_mm = mdf_settle_nearest(s, texel, predicted, n);
     if (!(own->distance[texel] >= 0) && *ret_mm >= 0 && would_be_seen(s, texel, *ret_mm))
         *ret_mm = -1;
     return *ret_mm >= 0 ? MDF_PREDICTED : MDF_UNSEEN;
 }
 
-/* Flags texels without a measurement, or whose measurement the other views refute; returns their
- * number. */
-static int find_open(struct settling *s) {
-    const struct mdf_eye *own = &s->views[s->view];
-    int open = 0;
-    for (int i = 0; i < s->plane->width * s->plane->height; i++) {
-        guint16 yes = 0, no = 0;
-        if (own->distance[i] >= 0)
-            poll(s, i, own->distance[i], &yes, &no);
-        s->open[i] = !(own->distance[i] >= 0) || mdf_views_refuted(yes, no);
-        open += s->open[i];
-    }
-    return open;
-}
-
 void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                       float *ret_distance, guint8 *ret_source) {
     const gsize texels = (gsize)plane->width * (gsize)plane->height;
+    const float *own = views[view].distance;
     struct settling s = {views, n, view, plane, g_new0(gboolean, texels), NULL, NULL, NULL};
-    const int open = find_open(&s), asked = mdf_views_asked(n);
+    int open = 0;
+    for (int i = 0; i < (int)texels; i++) {
+        guint16 yes = 0, no = 0;
+        if (own[i] >= 0)
+            poll(&s, i, own[i], &yes, &no);
+        s.open[i] = !(own[i] >= 0) || mdf_views_refuted(yes, no);
+        open += s.open[i];
+    }
+    const int asked = mdf_views_asked(n);
     s.predicted = g_new0(float, texels *(gsize)MAX(asked, 1));
     s.seen = g_new0(struct seen, texels);
     s.front = g_new0(float, texels);
     for (int k = 0; k < asked && open > 0; k++)
         mdf_settle_predict(&s, k);
     for (int i = 0; i < (int)texels; i++) {
-        ret_distance[i] = views[view].distance[i];
-        ret_source[i] =
-            (guint8)(s.open[i] ? mdf_settle_settle(&s, i, &ret_distance[i]) : MDF_MEASURED);
+        ret_distance[i] = own[i];
+        ret_source[i] = (guint8)(s.open[i] ? settle_texel(&s, i, &ret_distance[i]) : MDF_MEASURED);
     }
     g_free(s.open);
     g_free(s.predicted);

@@ -12,20 +12,23 @@
 
 G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
 
-static gboolean fail(GError **error, const struct exr_part *part, const char *what) {
+static gboolean mdf_table_fail(GError **error, const struct exr_part *part, const char *what) {
     g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "part “%s”: %s", part->name, what);
     return FALSE;
 }
 
-/* One round of hole filling: a hole gets the mean of its known neighbours among eight, with the
- * tile repeated. Holes thus close from their border. Returns how many remain. */
-static int fill_round(float *depth, const float *before, int w, int h) {
-    int missing = 0;
-    for (int j = 0; j < h; j++)
-        for (int i = 0; i < w; i++) {
+/* Rounds: a hole gets the mean of its known neighbours among eight, with the tile repeated. Holes
+ * thus close from their border. */
+void mdf_table_fill(float *depth, int w, int h) {
+    g_autofree float *before = g_new(float, (gsize)w *h);
+    for (int missing = 1; missing > 0;) {
+        memcpy(before, depth, sizeof(float) * (gsize)w * h);
+        missing = 0;
+        for (int hole = 0; hole < w * h; hole++) {
+            const int i = hole % w, j = hole / w;
             float sum = 0.0f;
             int n = 0;
-            if (before[j * w + i] >= 0.0f)
+            if (before[hole] >= 0.0f)
                 continue;
             for (int k = 0; k < 9; k++) {
                 int x = (i + k % 3 - 1 + w) % w, y = (j + k / 3 - 1 + h) % h;
@@ -33,31 +36,14 @@ static int fill_round(float *depth, const float *before, int w, int h) {
                 sum += near >= 0.0f ? near : 0.0f;
                 n += near >= 0.0f;
             }
-            depth[j * w + i] = n > 0 ? sum / n : -1.0f;
+            depth[hole] = n > 0 ? sum / n : -1.0f;
             missing += n == 0;
         }
-    return missing;
+    }
 }
 
-void mdf_table_fill(float *depth, int w, int h) {
-    g_autofree float *before = g_new(float, (gsize)w *h);
-    do
-        memcpy(before, depth, sizeof(float) * (gsize)w * h);
-    while (fill_round(depth, before, w, h) > 0);
-}
-
-/* Cosine of the angle between the normal and the ray through a texel of the reference plane. */
-static double cosine_from(const struct mdf_table *t, gsize texel, const double centre[3],
-                          double reference_mm) {
-    gsize row = texel / t->width, column = texel % t->width;
-    double x = ((double)column + 0.5 - 0.5 * t->width) * t->texel_mm;
-    double y = (0.5 * t->height - (double)row - 0.5) * t->texel_mm;
-    double up = centre[2] - reference_mm;
-    return MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), LEAST_COS);
-}
-
-/* Depth = distance along the ray · cos θ, with θ at the texel where the camera's position is
- * known. */
+/* Depth = distance along the ray · cos θ, with θ the angle between the normal and the ray through
+ * the texel if the camera's position is known, else that of the view. */
 static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct exr_part *part,
                                    double reference_mm, GError **error) {
     const float *distance = exr_part_plane(part, "D");
@@ -65,72 +51,83 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     float *depth = t->depth_mm + view * n;
     double theta, phi, centre[3], scale = 1.0;
     if (distance == NULL)
-        return fail(error, part, "there is no channel D");
+        return mdf_table_fail(error, part, "there is no channel D");
     if (part->width != t->width || part->height != t->height)
-        return fail(error, part, "it has another size than the first view");
+        return mdf_table_fail(error, part, "it has another size than the first view");
     if (!exr_get_double(part, "view.theta_deg", &theta, error) ||
         !exr_get_double(part, "view.phi_deg", &phi, error))
         return FALSE;
     t->theta_deg[view] = theta;
     t->phi_deg[view] = phi;
     if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
-        return fail(error, part, "mesorig.scale_mm is not a size");
+        return mdf_table_fail(error, part, "mesorig.scale_mm is not a size");
     /* Files without a camera position are of a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), LEAST_COS);
     for (gsize k = 0; k < n; k++) {
-        if (near)
-            cosine = cosine_from(t, k, centre, reference_mm);
+        if (near) {
+            const double row = (double)(k / t->width), column = (double)(k % t->width);
+            const double x = (column + 0.5 - 0.5 * t->width) * t->texel_mm;
+            const double y = (0.5 * t->height - row - 0.5) * t->texel_mm;
+            const double up = centre[2] - reference_mm;
+            cosine = MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), LEAST_COS);
+        }
         if (!(fabs(distance[k] * scale) <= MAX_MM))
-            return fail(error, part, "there is a distance that is not a number of millimetres");
+            return mdf_table_fail(error, part,
+                                  "there is a distance that is not a number of millimetres");
         depth[k] = distance[k] >= 0.0f ? distance[k] * scale * cosine : -1.0f;
         t->seen[view * n + k] = distance[k] >= 0.0f;
         seen += distance[k] >= 0.0f;
         t->deepest_mm = MAX(t->deepest_mm, (double)depth[k]);
     }
     if (seen == 0)
-        return fail(error, part, "no laser position saw any of it; capture it again");
+        return mdf_table_fail(error, part, "no laser position saw any of it; capture it again");
     mdf_table_fill(depth, t->width, t->height);
     return TRUE;
 }
 
-static struct mdf_table *mdf_table_make(const struct exr_file *file, GError **error) {
-    const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
-    if (first == NULL ||
-        (gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
-        g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
-                    first == NULL ? "there is no view in it" : "it is too large");
-        return NULL;
-    }
-    double reference_mm;
+struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel_mm,
+                                const float *theta_deg, const float *phi_deg) {
+    const gsize angles = sizeof(float) * (gsize)n_views;
     struct mdf_table *t = g_new0(struct mdf_table, 1);
-    t->width = first->width;
-    t->height = first->height;
-    t->n_views = file->parts->len;
-    t->theta_deg = g_new(float, t->n_views);
-    t->phi_deg = g_new(float, t->n_views);
-    t->depth_mm = g_new(float, (gsize)t->width * t->height * t->n_views);
-    t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
-    gboolean good = exr_get_double(first, "texel_mm", &t->texel_mm, error);
-    if (!exr_get_double(first, "reference_mm", &reference_mm, NULL))
-        reference_mm = 0.0;
-    if (good && !(t->texel_mm > 0.0 && t->texel_mm < MAX_MM))
-        good = fail(error, first, "texel_mm is not a size");
-    for (int k = 0; good && k < t->n_views; k++)
-        good = mdf_table_add_view(t, k, file->parts->pdata[k], reference_mm, error);
-    if (good)
-        return t;
-    mdf_table_free(t);
-    return NULL;
+    *t = (struct mdf_table){
+        .width = width,
+        .height = height,
+        .n_views = n_views,
+        .texel_mm = texel_mm,
+        .theta_deg = theta_deg ? g_memdup2(theta_deg, angles) : g_malloc0(angles),
+        .phi_deg = phi_deg ? g_memdup2(phi_deg, angles) : g_malloc0(angles),
+        .depth_mm = g_new(float, (gsize)width *(gsize)height *(gsize)n_views),
+    };
+    return t;
 }
 
 struct mdf_table *mdf_table_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
-    struct mdf_table *table = file != NULL ? mdf_table_make(file, error) : NULL;
-    if (file != NULL && table == NULL)
-        g_prefix_error(error, "%s: ", path);
+    if (file == NULL)
+        return NULL;
+    const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
+    g_autoptr(MdfTable) t = NULL;
+    double texel_mm, reference_mm = 0.0;
+    gboolean good = FALSE;
+    if (first == NULL ||
+        (gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
+        g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
+                    first == NULL ? "there is no view in it" : "it is too large");
+    } else if (exr_get_double(first, "texel_mm", &texel_mm, error)) {
+        t = mdf_table_new(first->width, first->height, file->parts->len, texel_mm, NULL, NULL);
+        t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
+        exr_get_double(first, "reference_mm", &reference_mm, NULL);
+        good = (texel_mm > 0.0 && texel_mm < MAX_MM) ||
+               mdf_table_fail(error, first, "texel_mm is not a size");
+    }
+    for (int k = 0; good && k < t->n_views; k++)
+        good = mdf_table_add_view(t, k, file->parts->pdata[k], reference_mm, error);
     exr_file_free(file);
-    return table;
+    if (good)
+        return g_steal_pointer(&t);
+    g_prefix_error(error, "%s: ", path);
+    return NULL;
 }
 
 struct mdf_table *mdf_table_copy(const struct mdf_table *t) {

@@ -25,6 +25,10 @@ struct mdf_table {
                      NULL: all */
 };
 
+/* Angles (n_views) are copied, NULL: 0; depths are not set, seen is NULL. */
+struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel_mm,
+                                const float *theta_deg, const float *phi_deg);
+
 /* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
 /* Adds views at grazing angles where none was measured, traced over the relief of the steep
@@ -44,4 +48,6 @@ double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 
 struct mdf_table *mdf_table_copy(const struct mdf_table *table);
+typedef struct mdf_table MdfTable;
 void mdf_table_free(struct mdf_table *table); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTable, mdf_table_free)

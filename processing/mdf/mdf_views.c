@@ -78,10 +78,10 @@ void mdf_views_poll(const struct mdf_eye *views, int n, int view, const struct m
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied) {
     for (int i = 0; i < plane->width * plane->height; i++) {
+        const float mm = views[view].distance[i];
         ret_confirmed[i] = ret_denied[i] = 0;
-        if (views[view].distance[i] >= 0)
-            mdf_views_poll(views, n, view, plane,
-                           mdf_views_point(&views[view], plane, i, views[view].distance[i]),
+        if (mm >= 0)
+            mdf_views_poll(views, n, view, plane, mdf_views_point(&views[view], plane, i, mm),
                            &ret_confirmed[i], &ret_denied[i]);
     }
 }
@@ -90,8 +90,27 @@ gboolean mdf_views_refuted(guint16 confirmed, guint16 denied) {
     return denied > confirmed;
 }
 
-static gboolean eye_of(const char *path, const struct exr_part *part, const struct mdf_plane *plane,
-                       struct mdf_eye *ret, GError **error) {
+static gboolean read_plane(const char *path, const struct exr_file *file, struct mdf_plane *ret,
+                           GError **error) {
+    if (file->parts->len == 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no views", path);
+        return FALSE;
+    }
+    const struct exr_part *first = g_ptr_array_index(file->parts, 0);
+    ret->width = first->width;
+    ret->height = first->height;
+    if (exr_get_double(first, "texel_mm", &ret->texel_mm, error) &&
+        exr_get_double(first, "reference_mm", &ret->reference_mm, error) && ret->texel_mm > 0)
+        return TRUE;
+    if (error && !*error)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: texel_mm is not positive", path);
+    else
+        g_prefix_error(error, "%s: ", path);
+    return FALSE;
+}
+
+static gboolean read_view(const char *path, const struct exr_part *part,
+                          const struct mdf_plane *plane, struct mdf_eye *ret, GError **error) {
     /* Channel M has the view's own measurements. Values that mdf_views_settle() has taken from
      * other views are no independent evidence. */
     ret->distance = exr_part_plane(part, "M");
@@ -113,65 +132,39 @@ static gboolean eye_of(const char *path, const struct exr_part *part, const stru
     return FALSE;
 }
 
-static gboolean plane_of(const char *path, const struct exr_file *file, struct mdf_plane *ret,
-                         GError **error) {
-    if (file->parts->len == 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no views", path);
-        return FALSE;
-    }
-    const struct exr_part *first = g_ptr_array_index(file->parts, 0);
-    ret->width = first->width;
-    ret->height = first->height;
-    if (exr_get_double(first, "texel_mm", &ret->texel_mm, error) &&
-        exr_get_double(first, "reference_mm", &ret->reference_mm, error) && ret->texel_mm > 0)
-        return TRUE;
-    if (error && !*error)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: texel_mm is not positive", path);
-    else
-        g_prefix_error(error, "%s: ", path);
-    return FALSE;
-}
-
-/* said: number of answers, confirmed or denied. */
-static void mdf_views_add_view(const struct mdf_eye *views, int n, int view,
-                               const struct mdf_plane *plane, struct mdf_views_sums *to,
-                               gint64 *said) {
-    int n_texels = plane->width * plane->height;
-    g_autofree guint16 *confirmed = g_new(guint16, n_texels), *denied = g_new(guint16, n_texels);
-    mdf_views_compare(views, n, view, plane, confirmed, denied);
-    for (int i = 0; i < n_texels; i++) {
-        gboolean seen = views[view].distance[i] >= 0;
-        gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
-        to->seen += seen;
-        to->refuted += refuted;
-        to->confirmed += !refuted && confirmed[i] > 0;
-        to->unknown += seen && confirmed[i] == 0 && denied[i] == 0;
-        to->denied_share += denied[i];
-        *said += confirmed[i] + denied[i];
-    }
-    to->texels += n_texels;
-}
-
 gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error) {
     *ret = (struct mdf_views_sums){.lines = {.worst_position = -1}};
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return FALSE;
     struct mdf_plane plane = {0};
-    int n = (int)file->parts->len;
+    const int n = (int)file->parts->len;
     g_autofree struct mdf_eye *views = g_new0(struct mdf_eye, n + 1);
-    gboolean ok = plane_of(path, file, &plane, error);
+    gboolean ok = read_plane(path, file, &plane, error);
     for (int i = 0; ok && i < n; i++)
-        ok = eye_of(path, g_ptr_array_index(file->parts, i), &plane, &views[i], error);
-    gint64 said = 0;
-    for (int i = 0; ok && i < n; i++) {
+        ok = read_view(path, g_ptr_array_index(file->parts, i), &plane, &views[i], error);
+    const int n_texels = plane.width * plane.height;
+    g_autofree guint16 *confirmed = g_new(guint16, n_texels), *denied = g_new(guint16, n_texels);
+    gint64 answers = 0; /* confirmed or denied */
+    for (int view = 0; ok && view < n; view++) {
         struct mdf_lines lines;
-        mdf_views_add_view(views, n, i, &plane, ret, &said);
-        if (mdf_lines_read(g_ptr_array_index(file->parts, i), &lines))
+        mdf_views_compare(views, n, view, &plane, confirmed, denied);
+        for (int i = 0; i < n_texels; i++) {
+            const gboolean seen = views[view].distance[i] >= 0;
+            const gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
+            ret->seen += seen;
+            ret->refuted += refuted;
+            ret->confirmed += !refuted && confirmed[i] > 0;
+            ret->unknown += seen && confirmed[i] == 0 && denied[i] == 0;
+            ret->denied_share += denied[i];
+            answers += confirmed[i] + denied[i];
+        }
+        ret->texels += n_texels;
+        if (mdf_lines_read(g_ptr_array_index(file->parts, view), &lines))
             mdf_lines_add(&ret->lines, &lines);
     }
     ret->n_views = n;
-    ret->denied_share /= (double)MAX(said, 1);
+    ret->denied_share /= (double)MAX(answers, 1);
     exr_file_free(file);
     return ok;
 }

@@ -31,7 +31,7 @@ void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struc
 gboolean mdf_views_refuted(guint16 confirmed, guint16 denied);
 
 /* Source of a texel's final distance. */
-enum mdf_source {
+enum mdf_distance_source {
     MDF_UNSEEN,
     MDF_MEASURED,  /* the view's own */
     MDF_OTHER,     /* the view's own second distance, confirmed by others */
@@ -45,7 +45,7 @@ enum mdf_source {
  * (interpolated between four neighbouring texels on one surface, so that no view's depth edges
  * are bridged) and that hardly any sees through; else they are unknown. This does not assume a
  * height field: a point is looked up along each view's own ray, and views in which it is hidden
- * do not count. ret_source (n_texels): enum mdf_source. */
+ * do not count. ret_source (n_texels): enum mdf_distance_source. */
 void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                       float *ret_distance, guint8 *ret_source);
 

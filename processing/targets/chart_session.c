@@ -61,85 +61,33 @@ static double off_45(const struct session_direction *light) {
     return fabs(light->theta_deg - CHART_DEG);
 }
 
-static int nearest_view(const struct chart *chart) {
-    int best = 0;
-    for (guint i = 1; i < chart->views->len; i++) {
-        const struct session_direction *a = chart->views->pdata[i], *b = chart->views->pdata[best];
-        best = a->theta_deg < b->theta_deg ? (int)i : best;
-    }
-    return best;
-}
-
-/* Chooses the view, and all lights nearly as close to 45° as the closest. */
-static gboolean chart_session_choose(struct chart *chart, const char *path, int *ret_view,
-                                     GError **error) {
+/* Loads the view nearest to the normal, under all lights nearly as close to 45° as the closest. */
+static gboolean chart_session_load(struct chart *chart, Session *session, GError **error) {
+    g_autofree char *text = session_text(session, "calibration.conf", error);
+    const struct session_direction *view = NULL;
     double least = HUGE_VAL;
+    if (!text || !rig_from_text(&chart->rig, text, session_path(session), error) ||
+        !session_grid(session, &chart->grid, error) ||
+        !(chart->views = session_views(session, error)) ||
+        !(chart->lights = session_lights(session, error)))
+        return FALSE;
+    for (guint i = 0; i < chart->views->len; i++) {
+        const struct session_direction *one = chart->views->pdata[i];
+        view = !view || one->theta_deg < view->theta_deg ? one : view;
+    }
     for (guint i = 0; i < chart->lights->len; i++)
         least = MIN(least, off_45(chart->lights->pdata[i]));
     for (guint i = 0; i < chart->lights->len; i++)
         if (off_45(chart->lights->pdata[i]) < least + NEAR_DEG)
             g_array_append_val(chart->near, i);
-    *ret_view = chart->views->len > 0 ? nearest_view(chart) : -1;
-    const struct session_direction *view = *ret_view >= 0 ? chart->views->pdata[*ret_view] : NULL;
-    if (view && view->theta_deg <= FARTHEST_DEG && least <= FARTHEST_DEG)
-        return TRUE;
-    g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                "%s: charts are measured from above under light at 45°; the session has no view "
-                "within %.0f° of the normal, or no light within %.0f° of 45°",
-                path, FARTHEST_DEG, FARTHEST_DEG);
-    return FALSE;
-}
-
-static struct vec3 texel_mm(const struct chart *chart, int texel) {
-    int row = texel / chart->grid.width, column = texel % chart->grid.width;
-    return rectify_point_mm(&chart->grid, column + 0.5, row + 0.5);
-}
-
-/* Adds a texel: the sum over the lights, and that of a perfect white, which is cos θ_l. */
-static void add_texel(const struct chart *chart, int texel, double seen[3], double *white) {
-    int n = chart->grid.width * chart->grid.height;
-    struct vec3 p = texel_mm(chart, texel);
-    for (guint i = 0; i < chart->near->len; i++) {
-        const struct session_direction *light =
-            chart->lights->pdata[g_array_index(chart->near, int, i)];
-        double away = vec3_length(chart->rig.lamps[light->device].position_mm);
-        struct vec3 lamp = vec3_scale(
-            rig_direction(light->theta_deg * G_PI / 180, light->phi_deg * G_PI / 180), away);
-        struct vec3 way = vec3_sub(lamp, p);
-        const float *rgb = chart->rgb + ((gsize)i * (gsize)n + (gsize)texel) * 3;
-        *white += way.z / vec3_length(way);
-        for (int k = 0; k < 3; k++)
-            seen[k] += (double)rgb[k];
-    }
-}
-
-/* Averages the texels within the patch's disc. */
-static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
-                              struct colour_patch *ret) {
-    double seen[3] = {0}, white = 0;
-    for (int t = 0; t < chart->grid.width * chart->grid.height; t++) {
-        struct vec3 p = texel_mm(chart, t);
-        if (hypot(p.x - field->x_mm, p.y - field->y_mm) <= field->radius_mm)
-            add_texel(chart, t, seen, &white);
-    }
-    for (int k = 0; k < 3; k++) {
-        ret->rgb[k] = white > 0 ? seen[k] / white : 0;
-        ret->xyz[k] = field->xyz[k];
-    }
-    return white > 0;
-}
-
-static gboolean chart_session_load(struct chart *chart, Session *session, GError **error) {
-    g_autofree char *text = session_text(session, "calibration.conf", error);
-    int view;
-    if (!text || !rig_from_text(&chart->rig, text, session_path(session), error) ||
-        !session_grid(session, &chart->grid, error) ||
-        !(chart->views = session_views(session, error)) ||
-        !(chart->lights = session_lights(session, error)) ||
-        !chart_session_choose(chart, session_path(session), &view, error))
+    if (!view || !(view->theta_deg <= FARTHEST_DEG) || !(least <= FARTHEST_DEG)) {
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+                    "%s: charts are measured from above under light at 45°; the session has no "
+                    "view within %.0f° of the normal, or no light within %.0f° of 45°",
+                    session_path(session), FARTHEST_DEG, FARTHEST_DEG);
         return FALSE;
-    const struct session_direction *direction = chart->views->pdata[view];
-    g_autofree char *name = g_strdup_printf("products/btf/view_%04d.exr", direction->index);
+    }
+    g_autofree char *name = g_strdup_printf("products/btf/view_%04d.exr", view->index);
     g_autofree char *path = session_file(session, name);
     chart->rgb =
         g_new(float, (gsize)chart->grid.width *(gsize)chart->grid.height * 3 * chart->near->len);
@@ -148,25 +96,50 @@ static gboolean chart_session_load(struct chart *chart, Session *session, GError
                          &chart->grid, chart->rgb, error);
 }
 
-static gboolean chart_session_measure(const struct chart *chart, const GArray *fields,
-                                      struct colour_patch *ret, GError **error) {
-    for (guint i = 0; i < fields->len; i++) {
-        const struct chart_field *field = &g_array_index(fields, struct chart_field, i);
-        if (measure_field(chart, field, &ret[i]))
+/* Averages the texels within the patch's disc, each over the lights: what was seen, and what a
+ * perfect white would show, which is cos θ_l. FALSE: there is none. */
+static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
+                              struct colour_patch *ret) {
+    const int width = chart->grid.width, n = width * chart->grid.height;
+    double seen[3] = {0}, white = 0;
+    for (int t = 0; t < n; t++) {
+        const int row = t / width, column = t % width;
+        struct vec3 p = rectify_point_mm(&chart->grid, column + 0.5, row + 0.5);
+        if (!(hypot(p.x - field->x_mm, p.y - field->y_mm) <= field->radius_mm))
             continue;
-        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
-                    "patch %u at %g, %g mm holds no texel of the session's sample of %g × %g mm",
-                    i + 1, field->x_mm, field->y_mm, chart->grid.width_mm, chart->grid.height_mm);
-        return FALSE;
+        for (guint i = 0; i < chart->near->len; i++) {
+            const struct session_direction *light =
+                chart->lights->pdata[g_array_index(chart->near, int, i)];
+            double away = vec3_length(chart->rig.lamps[light->device].position_mm);
+            struct vec3 lamp = vec3_scale(
+                rig_direction(light->theta_deg * G_PI / 180, light->phi_deg * G_PI / 180), away);
+            struct vec3 to_lamp = vec3_sub(lamp, p);
+            const float *rgb = chart->rgb + ((gsize)i * (gsize)n + (gsize)t) * 3;
+            white += to_lamp.z / vec3_length(to_lamp);
+            for (int k = 0; k < 3; k++)
+                seen[k] += (double)rgb[k];
+        }
     }
-    return TRUE;
+    for (int k = 0; k < 3; k++) {
+        ret->rgb[k] = white > 0 ? seen[k] / white : 0;
+        ret->xyz[k] = field->xyz[k];
+    }
+    return white > 0;
 }
 
 gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
                        GError **error) {
     struct chart chart = {.near = g_array_new(FALSE, FALSE, sizeof(int))};
-    gboolean ok = chart_session_load(&chart, session, error) &&
-                  chart_session_measure(&chart, fields, ret, error);
+    gboolean ok = chart_session_load(&chart, session, error);
+    for (guint i = 0; ok && i < fields->len; i++) {
+        const struct chart_field *field = &g_array_index(fields, struct chart_field, i);
+        ok = measure_field(&chart, field, &ret[i]);
+        if (!ok)
+            g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
+                        "patch %u at %g, %g mm holds no texel of the session's sample of %g × %g "
+                        "mm",
+                        i + 1, field->x_mm, field->y_mm, chart.grid.width_mm, chart.grid.height_mm);
+    }
     g_array_unref(chart.near);
     g_clear_pointer(&chart.views, g_ptr_array_unref);
     g_clear_pointer(&chart.lights, g_ptr_array_unref);

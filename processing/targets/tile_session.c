@@ -9,88 +9,21 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
-/* The frames under lamps in planned order, and the shot of each. */
-struct frames {
-    GPtrArray *shots, *rows;
-    GArray *inputs;     /* of struct input */
-    GArray *camera;     /* of int */
-    GArray *shot;       /* of int: index into tile_shots */
-    GArray *tile_shots; /* of struct tile_shot */
-    GArray *taken_s;    /* of double: time of each shot */
-    GPtrArray *checksums;
+/* A frame under a lamp. */
+struct lit_frame {
+    struct input input;
+    int camera, shot; /* index into tile_shots */
 };
-
-static void clear_input(gpointer input) {
-    input_clear(input);
-}
-
-static void frames_clear(struct frames *frames) {
-    g_clear_pointer(&frames->shots, g_ptr_array_unref);
-    g_clear_pointer(&frames->rows, g_ptr_array_unref);
-    g_array_unref(frames->inputs);
-    g_array_unref(frames->camera);
-    g_array_unref(frames->shot);
-    g_array_unref(frames->tile_shots);
-    g_array_unref(frames->taken_s);
-    g_ptr_array_unref(frames->checksums);
-}
-
-static void add_frame(struct frames *frames, Session *session, const struct session_shot *shot,
-                      const struct session_frame *row, const struct rig *rig) {
-    struct input input = {.path = session_file(session, row->path),
-                          .sha256 = g_strdup(row->sha256),
-                          .shot = shot->id,
-                          .width = rig->cameras[row->camera].width,
-                          .height = rig->cameras[row->camera].height};
-    guint last = frames->inputs->len;
-    if (last == 0 || g_array_index(frames->inputs, struct input, last - 1).shot != shot->id) {
-        struct tile_shot taken = {shot->device, shot->arc_deg * G_PI / 180,
-                                  shot->turntable_deg * G_PI / 180};
-        g_array_append_val(frames->tile_shots, taken);
-        g_array_append_val(frames->taken_s, row->captured_s);
-    }
-    int at = (int)frames->tile_shots->len - 1;
-    g_array_append_val(frames->inputs, input);
-    g_array_append_val(frames->camera, row->camera);
-    g_array_append_val(frames->shot, at);
-    g_ptr_array_add(frames->checksums, input.sha256);
-}
-
-/* Collects the committed frames of lamp shots. */
-static gboolean find_frames(Session *session, const struct rig *rig, struct frames *ret,
-                            GError **error) {
-    *ret = (struct frames){.inputs = g_array_new(FALSE, FALSE, sizeof(struct input)),
-                           .camera = g_array_new(FALSE, FALSE, sizeof(int)),
-                           .shot = g_array_new(FALSE, FALSE, sizeof(int)),
-                           .tile_shots = g_array_new(FALSE, FALSE, sizeof(struct tile_shot)),
-                           .taken_s = g_array_new(FALSE, FALSE, sizeof(double)),
-                           .checksums = g_ptr_array_new()};
-    g_array_set_clear_func(ret->inputs, clear_input);
-    ret->shots = session_shots(session, error);
-    ret->rows = ret->shots ? session_frames(session, error) : NULL;
-    if (!ret->rows)
-        return FALSE;
-    for (guint i = 0; i < ret->rows->len; i++) {
-        const struct session_frame *row = ret->rows->pdata[i];
-        if (row->shot < 1 || row->shot > (gint64)ret->shots->len || row->camera >= rig->n_cameras)
-            continue;
-        const struct session_shot *shot = ret->shots->pdata[row->shot - 1];
-        if (shot->kind == SHOT_LAMP && shot->state == SHOT_DONE && shot->device < rig->n_lamps)
-            add_frame(ret, session, shot, row, rig);
-    }
-    if (ret->inputs->len > 0)
-        return TRUE;
-    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                "%s: no frame under a lamp is there", session_path(session));
-    return FALSE;
-}
 
 struct run {
     Session *session;
     struct calibration *calibration;
     const struct tile_options *options;
     struct tile tile;
-    struct frames frames;
+    GPtrArray *shots;   /* of the session */
+    GArray *frames;     /* of struct lit_frame, in planned order */
+    GArray *tile_shots; /* of struct tile_shot */
+    GArray *taken_s;    /* of double: time of each tile_shot */
     GPtrArray *rejected;
     GArray *cells;
     struct tile_fit fit;
@@ -99,10 +32,52 @@ struct run {
     gboolean stopped;
 };
 
-static gboolean goes_on(struct run *run, const char *stage, guint done) {
-    if (!work_tell(run->options->work, stage, (int)done, (int)run->frames.inputs->len,
-                   run->begun_us, NULL))
-        run->stopped = TRUE;
+static void clear_frame(gpointer frame) {
+    input_clear(&((struct lit_frame *)frame)->input);
+}
+
+/* Collects the committed frames of lamp shots. */
+static gboolean find_frames(struct run *run, GError **error) {
+    const struct rig *rig = &run->calibration->rig;
+    run->shots = session_shots(run->session, error);
+    g_autoptr(GPtrArray) rows = run->shots ? session_frames(run->session, error) : NULL;
+    gint64 last = 0;
+    if (!rows)
+        return FALSE;
+    for (guint i = 0; i < rows->len; i++) {
+        const struct session_frame *row = rows->pdata[i];
+        if (row->shot < 1 || row->shot > (gint64)run->shots->len || row->camera >= rig->n_cameras)
+            continue;
+        const struct session_shot *shot = run->shots->pdata[row->shot - 1];
+        if (shot->kind != SHOT_LAMP || shot->state != SHOT_DONE || shot->device >= rig->n_lamps)
+            continue;
+        if (run->frames->len == 0 || last != shot->id) {
+            struct tile_shot taken = {shot->device, shot->arc_deg * G_PI / 180,
+                                      shot->turntable_deg * G_PI / 180};
+            g_array_append_val(run->tile_shots, taken);
+            g_array_append_val(run->taken_s, row->captured_s);
+        }
+        last = shot->id;
+        struct lit_frame frame = {{.path = session_file(run->session, row->path),
+                                   .sha256 = g_strdup(row->sha256),
+                                   .shot = shot->id,
+                                   .width = rig->cameras[row->camera].width,
+                                   .height = rig->cameras[row->camera].height},
+                                  row->camera,
+                                  (int)run->tile_shots->len - 1};
+        g_array_append_val(run->frames, frame);
+    }
+    if (run->frames->len > 0)
+        return TRUE;
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                "%s: no frame under a lamp is there", session_path(run->session));
+    return FALSE;
+}
+
+/* Reports progress before frame i. FALSE: cancelled. */
+static gboolean tile_session_tell(struct run *run, const char *stage, guint i) {
+    run->stopped |=
+        !work_tell(run->options->work, stage, (int)i, (int)run->frames->len, run->begun_us, NULL);
     return !run->stopped;
 }
 
@@ -113,9 +88,9 @@ static gboolean check_stopped(const struct run *run, GError **error) {
 }
 
 /* NULL: rejected; the reason is recorded. */
-static struct exr_part *tile_session_read_frame(struct run *run, guint i, const char **ret_cfa) {
+static struct exr_part *tile_session_read_frame(struct run *run, const struct input *input,
+                                                const char **ret_cfa) {
     static const char *const channels[] = {"Y", NULL};
-    const struct input *input = &g_array_index(run->frames.inputs, struct input, i);
     g_autoptr(GError) error = NULL;
     int saturated = 0;
     struct exr_part *part = input_read(input, channels, &error);
@@ -131,19 +106,20 @@ static struct exr_part *tile_session_read_frame(struct run *run, guint i, const 
     return NULL;
 }
 
-static void tile_session_measure_tile(struct run *run) {
-    const struct tile_shot *shots = (const struct tile_shot *)(void *)run->frames.tile_shots->data;
-    for (guint i = 0; i < run->frames.inputs->len && goes_on(run, "tile", i); i++) {
+static gboolean tile_session_measure_tile(struct run *run, GError **error) {
+    const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
+    for (guint i = 0; i < run->frames->len && tile_session_tell(run, "tile", i); i++) {
+        const struct lit_frame *frame = &g_array_index(run->frames, struct lit_frame, i);
         const char *cfa = "mono";
-        struct exr_part *part = tile_session_read_frame(run, i, &cfa);
+        struct exr_part *part = tile_session_read_frame(run, &frame->input, &cfa);
         if (!part)
             continue;
-        tile_measure(&run->calibration->rig, g_array_index(run->frames.camera, int, i), cfa,
-                     exr_part_plane(part, "Y"), &run->tile, shots,
-                     g_array_index(run->frames.shot, int, i), run->cells);
+        tile_measure(&run->calibration->rig, frame->camera, cfa, exr_part_plane(part, "Y"),
+                     &run->tile, shots, frame->shot, run->cells);
         run->ret->pictures++;
         exr_part_free(part);
     }
+    return check_stopped(run, error);
 }
 
 /* Fits the cells of all frames and takes over the result. */
@@ -154,10 +130,9 @@ static gboolean fit_tile(struct run *run, GError **error) {
         return FALSE;
     }
     struct calibration *to = run->calibration;
-    if (!tile_fit(&to->rig, (const struct tile_shot *)(void *)run->frames.tile_shots->data,
-                  (int)run->frames.tile_shots->len,
-                  (const struct tile_cell *)(void *)run->cells->data, (int)run->cells->len,
-                  &run->fit, error))
+    if (!tile_fit(&to->rig, (const struct tile_shot *)(void *)run->tile_shots->data,
+                  (int)run->tile_shots->len, (const struct tile_cell *)(void *)run->cells->data,
+                  (int)run->cells->len, &run->fit, error))
         return FALSE;
     memcpy(to->camera_radiometry, run->fit.cameras, sizeof to->camera_radiometry);
     memcpy(to->lamp_radiometry, run->fit.lamps, sizeof to->lamp_radiometry);
@@ -165,7 +140,7 @@ static gboolean fit_tile(struct run *run, GError **error) {
     run->ret->residual = run->fit.residual;
     run->ret->quality = run->fit.quality;
     double least = HUGE_VAL, most = -HUGE_VAL;
-    for (guint s = 0; s < run->frames.tile_shots->len; s++) {
+    for (guint s = 0; s < run->tile_shots->len; s++) {
         least = MIN(least, run->fit.output[s]);
         most = MAX(most, run->fit.output[s]);
     }
@@ -173,53 +148,48 @@ static gboolean fit_tile(struct run *run, GError **error) {
     return TRUE;
 }
 
-static void add_marks(struct run *run, guint i, GArray *seen) {
+static void add_marks(struct run *run, const struct lit_frame *frame, GArray *seen) {
     const struct calibration *known = run->calibration;
-    int camera = g_array_index(run->frames.camera, int, i);
-    int at = g_array_index(run->frames.shot, int, i);
-    const struct tile_shot *shot = &g_array_index(run->frames.tile_shots, struct tile_shot, at);
+    const struct tile_shot *shot = &g_array_index(run->tile_shots, struct tile_shot, frame->shot);
     const char *cfa = "mono";
-    struct exr_part *part = tile_session_read_frame(run, i, &cfa);
+    struct exr_part *part = tile_session_read_frame(run, &frame->input, &cfa);
     if (!part)
         return;
     struct fiducial_scene scene = {&known->rig,
-                                   camera,
+                                   frame->camera,
                                    shot->lamp,
                                    shot->turntable_rad,
                                    shot->arc_rad,
-                                   &known->camera_radiometry[camera],
+                                   &known->camera_radiometry[frame->camera],
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
     fiducials_measure(&scene, cfa, exr_part_plane(part, "Y"), seen);
     for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
-        g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[at];
-        g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[at];
+        g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
+        g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];
     }
     exr_part_free(part);
 }
 
-/* Relative error of the absolute level, which cameras and lamps share. */
-static double level_error(const struct calibration *known) {
-    double squares = 0;
-    int n = 0;
-    for (int l = 0; l < known->rig.n_lamps; l++)
-        if (known->lamp_radiometry[l].known) {
-            squares += known->lamp_radiometry[l].intensity_error *
-                       known->lamp_radiometry[l].intensity_error;
-            n++;
-        }
-    return n > 0 ? sqrt(squares / n) : 0;
-}
-
 /* Estimates each fiducial's position and white from all frames. */
-static void calibrate_marks(struct run *run) {
+static gboolean calibrate_marks(struct run *run, GError **error) {
     struct calibration *to = run->calibration;
     g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
     guint rejected = run->rejected->len;
-    for (guint i = 0; to->rig.n_fiducials > 0 && i < run->frames.inputs->len; i++)
-        if (goes_on(run, "marks", i))
-            add_marks(run, i, seen);
+    double squares = 0;
+    int n = 0;
+    for (guint i = 0; to->rig.n_fiducials > 0 && i < run->frames->len; i++)
+        if (tile_session_tell(run, "marks", i))
+            add_marks(run, &g_array_index(run->frames, struct lit_frame, i), seen);
     g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
+    for (int l = 0; l < to->rig.n_lamps; l++)
+        if (to->lamp_radiometry[l].known) {
+            squares +=
+                to->lamp_radiometry[l].intensity_error * to->lamp_radiometry[l].intensity_error;
+            n++;
+        }
+    /* Relative error of the absolute level, which cameras and lamps share. */
+    const double level_error = n > 0 ? sqrt(squares / n) : 0;
     for (int m = 0; m < to->rig.n_fiducials; m++) {
         struct fiducial_fit fit;
         if (!fiducials_fit(&to->rig, (const struct fiducial_seen *)(void *)seen->data,
@@ -230,11 +200,12 @@ static void calibrate_marks(struct run *run) {
         memcpy(to->fiducials[m].centre_mm, fit.centre_error_mm, sizeof fit.centre_error_mm);
         for (int k = 0; k < 3; k++) {
             to->rig.fiducials[m].reflectance[k] *= fit.white;
-            to->fiducials[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error(to)) *
+            to->fiducials[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error) *
                                               to->rig.fiducials[m].reflectance[k];
         }
         run->ret->marks++;
     }
+    return check_stopped(run, error);
 }
 
 /* Size and height of the tile, from the options or from the session's grid. */
@@ -255,11 +226,10 @@ static void keep_drift(struct run *run) {
     static const char *const keys[] = {"taken_s", "lamp", "output", "output_error"};
     for (guint k = 0; k < G_N_ELEMENTS(keys); k++) {
         g_autoptr(GString) list = g_string_new(NULL);
-        for (guint s = 0; s < run->frames.tile_shots->len; s++) {
-            const double values[] = {
-                g_array_index(run->frames.taken_s, double, s),
-                g_array_index(run->frames.tile_shots, struct tile_shot, s).lamp, run->fit.output[s],
-                run->fit.output_error[s]};
+        for (guint s = 0; s < run->tile_shots->len; s++) {
+            const double values[] = {g_array_index(run->taken_s, double, s),
+                                     g_array_index(run->tile_shots, struct tile_shot, s).lamp,
+                                     run->fit.output[s], run->fit.output_error[s]};
             char text[G_ASCII_DTOSTR_BUF_SIZE];
             g_string_append_printf(list, "%s;",
                                    g_ascii_formatd(text, sizeof text, "%.7g", values[k]));
@@ -270,8 +240,11 @@ static void keep_drift(struct run *run) {
 
 /* Describes the calibration in its part. */
 static void set_part(struct run *run) {
-    g_autofree char *sum = calibration_checksum((const char *const *)run->frames.checksums->pdata,
-                                                (int)run->frames.checksums->len);
+    g_autoptr(GPtrArray) checksums = g_ptr_array_new();
+    for (guint i = 0; i < run->frames->len; i++)
+        g_ptr_array_add(checksums, g_array_index(run->frames, struct lit_frame, i).input.sha256);
+    g_autofree char *sum =
+        calibration_checksum((const char *const *)checksums->pdata, (int)checksums->len);
     struct calibration_part *part = calibration_set_part(
         run->calibration, CALIBRATION_RADIOMETRY, "white tile under every lamp", run->ret->pictures,
         sum, g_steal_pointer(&run->rejected));
@@ -281,38 +254,35 @@ static void set_part(struct run *run) {
     part->degrees_of_freedom = run->fit.degrees;
 }
 
-static gboolean run_all(struct run *run, GError **error) {
-    if (!set_tile(run, error) ||
-        !find_frames(run->session, &run->calibration->rig, &run->frames, error))
-        return FALSE;
-    tile_session_measure_tile(run);
-    if (!check_stopped(run, error) || !fit_tile(run, error) ||
-        !tile_noise(run->session, run->calibration, run->frames.shots, &run->ret->transfers, error))
-        return FALSE;
-    calibrate_marks(run);
-    if (!check_stopped(run, error))
-        return FALSE;
-    keep_drift(run);
-    set_part(run);
-    return TRUE;
-}
-
 gboolean tile_session(Session *session, struct calibration *calibration,
                       const struct tile_options *options, struct tile_result *ret, GError **error) {
     struct run run = {.session = session,
                       .calibration = calibration,
                       .options = options,
+                      .frames = g_array_new(FALSE, FALSE, sizeof(struct lit_frame)),
+                      .tile_shots = g_array_new(FALSE, FALSE, sizeof(struct tile_shot)),
+                      .taken_s = g_array_new(FALSE, FALSE, sizeof(double)),
                       .rejected = g_ptr_array_new_with_free_func(g_free),
                       .cells = g_array_new(FALSE, FALSE, sizeof(struct tile_cell)),
                       .begun_us = g_get_monotonic_time(),
                       .ret = ret};
     struct rig before = calibration->rig;
     memset(ret, 0, sizeof *ret);
-    gboolean ok = run_all(&run, error);
-    if (!ok)
+    g_array_set_clear_func(run.frames, clear_frame);
+    gboolean ok = set_tile(&run, error) && find_frames(&run, error) &&
+                  tile_session_measure_tile(&run, error) && fit_tile(&run, error) &&
+                  tile_noise(session, calibration, run.shots, &ret->transfers, error) &&
+                  calibrate_marks(&run, error);
+    if (ok) {
+        keep_drift(&run);
+        set_part(&run);
+    } else {
         calibration->rig = before;
-    if (run.frames.inputs)
-        frames_clear(&run.frames);
+    }
+    g_clear_pointer(&run.shots, g_ptr_array_unref);
+    g_array_unref(run.frames);
+    g_array_unref(run.tile_shots);
+    g_array_unref(run.taken_s);
     tile_fit_clear(&run.fit);
     g_array_unref(run.cells);
     g_clear_pointer(&run.rejected, g_ptr_array_unref);

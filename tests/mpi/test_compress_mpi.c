@@ -70,23 +70,21 @@ static void test_ranks(void) {
     struct btf_matrix *btf = btf_matrix_read(session, NULL, &error);
     g_assert_no_error(error);
     const struct lpca_options options = {5, 4};
-    struct lpca *alone = lpca_compute(btf, &options, &error);
+    g_autoptr(Lpca) alone = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(alone->error, >, 0.001);
     for (int ranks = 1; ranks <= 4; ranks *= 2) {
         g_autofree char *errors = NULL;
         g_assert_cmpint(run(ranks, session, output, &errors), ==, 0);
-        struct lpca *lpca = lpca_read(output, &error);
+        g_autoptr(Lpca) lpca = lpca_read(output, &error);
         g_assert_no_error(error);
         g_assert_cmpint(lpca->n_clusters, ==, alone->n_clusters);
         for (int i = 0; i < SIDE * SIDE; i++)
             g_assert_cmpint(lpca->clusters[i], ==, alone->clusters[i]);
         g_assert_cmpfloat_with_epsilon(lpca->error, alone->error, 1e-6);
         g_assert_cmpfloat_with_epsilon(lpca_error(lpca, btf, 0), alone->error, 1e-6);
-        lpca_free(lpca);
         g_unlink(output);
     }
-    lpca_free(alone);
     btf_matrix_free(btf);
 }
 

@@ -25,6 +25,7 @@ gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret) {
     return FALSE;
 }
 
+/* Y of linear sRGB (ITU-R BT.709). */
 static float luminance(const float *rgb) {
     return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2];
 }
@@ -125,6 +126,7 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
     return fewer;
 }
 
+/* n values of texel x from value `from` on: E_0 + Σ_i w_i(x) E_i. */
 static void add_components(const struct lpca *lpca, int texel, int from, int n, float *ret) {
     const int k = lpca->clusters[texel], c = lpca->n_components;
     memcpy(ret, lpca_brdf(lpca, k, 0) + from, sizeof(float) * (gsize)n);
@@ -149,7 +151,9 @@ static void lpca_to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-/* One table. light_scales: of its lights, found here; NULL: all have the table's step. */
+/* Rounds one table E_i (views × lights × 3) to whole steps of S_i S_i,l, with S_i = max |E_i| / 127
+ * and S_i,l = max_v |E_i(v, l)| / max |E_i|, at least LEAST_LIGHT. light_scales: S_i,l, found here;
+ * NULL: all are 1. */
 static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_scale,
                           float *light_scales) {
     const int n = n_views * n_lights * COLOURS;
@@ -171,6 +175,7 @@ static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_sca
     }
 }
 
+/* Rounds the weights of each cluster and component to whole steps of max |w| / 127. */
 static void weights_to_steps(struct lpca *lpca) {
     const int c = lpca->n_components, texels = btf_layout_texels(&lpca->layout);
     const int n = lpca->n_clusters * c;

@@ -4,13 +4,13 @@
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
- * The w_i span what the principal axes of a cluster in the reduced space say of its texels, and the
- * E_i are the best for them in all dimensions, so that both are known when all has been read twice.
- * Of packed ones, as the paper has it, w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩: all is read once
- * more. E_{0,k} is the mean of cluster k, with weight 1 (§4 of the paper leaves it out of its sum).
- * Values hold n·l already. The E_{i,k}, i ≥ 1, are orthonormal and in order of what they explain,
- * so that leaving out the last ones is again the best with fewer; those a cluster has no use for
- * are 0.
+ * The w_i span the same space as the texels' coordinates along the principal axes of their cluster
+ * in a reduced space, and the E_i are the best for these weights in all dimensions, so that both
+ * follow from reading the BTF twice. For packed ones, as in the paper, w_i(x) =
+ * ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, which reads it once more. E_{0,k} is the mean of cluster k, with
+ * weight 1 (§4 of the paper leaves it out of its sum). Values hold n·l already. The E_{i,k}, i ≥ 1,
+ * are orthonormal and in order of what they explain, so that leaving out the last ones is again the
+ * best with fewer; those a cluster has no use for are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -79,7 +79,7 @@ struct lpca {
     struct lpca_packed *packed; /* what its file holds if it is packed, see lpca_pack.h; or NULL */
 };
 
-/* What came nearest. */
+/* The result that came nearest to a target that is not reached. */
 struct lpca_nearest {
     int n_clusters, n_components; /* 0: nothing */
     double error;
@@ -90,22 +90,24 @@ struct lpca_options {
     double target; /* 0, or the error to reach: n_components is then the most it may take */
     struct work work;
     enum lpca_colours colours;
-    gint64 memory;           /* 0, or bytes that must do beside the BTF's values */
+    gint64 memory;           /* 0, or bytes that may be used beside the BTF's values */
     const struct team *team; /* NULL: this process is alone */
     gboolean to_pack;        /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
-    /* NULL, or where what is done is kept, now and then and when the work is cancelled or fails.
-     * The same call goes on from there, with the same result. Not with a team. */
+    /* NULL, or a checkpoint, which is saved from time to time and when the work is cancelled or
+     * fails. The same call continues from it, with the same result. Not with a team. */
     Checkpoint *checkpoint;
     struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
 };
 
+typedef struct lpca Lpca;
 void lpca_free(struct lpca *lpca); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 
-/* Of a whole matrix of finite values, in memory or in a file; LPCA_FLOAT. Clusters that nothing
- * needs are left out: a constant material has one. Bytes do not depend on the number of threads.
- * Stages "reduce", "cluster", "polish", "weights" if it is to be packed, now and then "check". With
- * a target the clustering is made for 1, 2, 4, … components until it is reached; if it cannot be,
- * the error says how near it came.
+/* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
+ * Clusters that nothing needs are left out: a constant material has one. Bytes do not depend on the
+ * number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if it is to be
+ * packed, and "check" if errors are measured. With a target it is computed for 1, 2, 4, …
+ * components until the target is reached; if it cannot be, the error says how near it came.
  *
  * With a team every rank calls this, btf->values being the rows of its part of the texels alone
  * (TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;

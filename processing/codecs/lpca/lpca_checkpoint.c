@@ -15,18 +15,15 @@ static const char *const names[] = {
 };
 
 /* What the file of each stage holds. */
+#define KEPT(what) (1U << LPCA_KEPT_##what)
 static const guint kept_by[] = {
-    [LPCA_REDUCING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_AXES | 1 << LPCA_KEPT_ROWS,
-    [LPCA_REDUCED] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS,
-    [LPCA_CLUSTERING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                        1 << LPCA_KEPT_MEANS | 1 << LPCA_KEPT_BASES,
-    [LPCA_POLISHING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                       1 << LPCA_KEPT_MEANS | 1 << LPCA_KEPT_BASES | 1 << LPCA_KEPT_BRDFS |
-                       1 << LPCA_KEPT_SQUARES,
-    [LPCA_WEIGHING] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                      1 << LPCA_KEPT_BRDFS | 1 << LPCA_KEPT_WEIGHTS,
-    [LPCA_MADE] = 1 << LPCA_KEPT_MEAN | 1 << LPCA_KEPT_ROWS | 1 << LPCA_KEPT_LABELS |
-                  1 << LPCA_KEPT_BRDFS | 1 << LPCA_KEPT_WEIGHTS,
+    [LPCA_REDUCING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(AXES),
+    [LPCA_REDUCED] = KEPT(MEAN) | KEPT(ROWS),
+    [LPCA_CLUSTERING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES),
+    [LPCA_REFINING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(MEANS) | KEPT(BASES) |
+                      KEPT(BRDFS) | KEPT(SQUARES),
+    [LPCA_WEIGHING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
+    [LPCA_MADE] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
 };
 
 /* Bytes, of a run in this state. */
@@ -56,7 +53,7 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     }
 }
 
-/* Whether the file is of this call, and all of it is there. */
+/* Whether the state that was found is of this call, and the file holds all that its stage needs. */
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;
@@ -67,9 +64,9 @@ static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *fo
         found->stage < LPCA_REDUCING || found->stage > LPCA_MADE)
         return FALSE;
     like.state = *found;
-    /* Cut off between clustering and polishing there are no eigen-BRDFs yet, nor blocks of them. */
-    const guint begun = 1U << LPCA_KEPT_BRDFS | 1U << LPCA_KEPT_SQUARES;
-    const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_POLISHING ? begun : 0);
+    /* Cut off between clustering and refining there are no eigen-BRDFs yet, nor blocks of them. */
+    const guint begun = KEPT(BRDFS) | KEPT(SQUARES);
+    const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_REFINING ? begun : 0);
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
         if (needed & 1U << i && !checkpoint_get(checkpoint, names[i],
                                                 lpca_checkpoint_size_of(&like, (enum lpca_kept)i)))

@@ -8,7 +8,7 @@
 
 /* How far a choice is; in the checkpoint as it is. */
 struct choice {
-    struct lpca_wish wish;
+    struct lpca_target target;
     gint32 clusters, worse;            /* to be tried next, and how often that did not help */
     struct lpca_nearest best, nearest; /* the best so far; of those that do not reach the error */
 };
@@ -16,22 +16,22 @@ struct choice {
 struct choosing {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
-    const struct lpca_wish *wish;
+    const struct lpca_target *target;
     struct choice choice;
     struct lpca *best;
 };
 
 /* What it would take as a file of that kind. */
-static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_wish *wish,
+static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_target *target,
                                   int clusters, int components) {
     const struct lpca like = {
         .layout.width = btf->layout.width,
         .layout.height = btf->layout.height,
-        .layout.views.n = wish->n_grid ? wish->n_grid * wish->n_grid : btf->layout.views.n,
-        .layout.lights.n = wish->n_grid ? wish->n_grid * wish->n_grid : btf->layout.lights.n,
+        .layout.views.n = target->n_grid ? target->n_grid * target->n_grid : btf->layout.views.n,
+        .layout.lights.n = target->n_grid ? target->n_grid * target->n_grid : btf->layout.lights.n,
         .n_clusters = clusters,
         .n_components = components,
-        .quantise = wish->quantise,
+        .quantise = target->quantise,
     };
     return lpca_bytes(&like);
 }
@@ -44,79 +44,51 @@ static gint64 raw_bytes(const struct btf_matrix *btf) {
  * components as hold everything. */
 static gint64 most_bytes(const struct choosing *choosing) {
     const struct btf_matrix *btf = choosing->btf;
-    const struct lpca_wish *wish = choosing->wish;
+    const struct lpca_target *target = choosing->target;
     const struct lpca_nearest *best = &choosing->choice.best;
-    gint64 most = wish->bytes > 0 ? wish->bytes : G_MAXINT64;
-    if (wish->error <= 0)
+    gint64 most = target->bytes > 0 ? target->bytes : G_MAXINT64;
+    if (target->error <= 0)
         return most;
     if (best->n_clusters > 0)
-        return MIN(most, lpca_choose_size_of(btf, wish, best->n_clusters, best->n_components) - 1);
+        return MIN(most,
+                   lpca_choose_size_of(btf, target, best->n_clusters, best->n_components) - 1);
     const gint64 texels = btf_layout_texels(&btf->layout);
     const int all = (int)MIN(texels, LPCA_MAX_COMPONENTS);
-    return MIN(most, MAX(raw_bytes(btf), lpca_choose_size_of(btf, wish, 1, all)));
+    return MIN(most, MAX(raw_bytes(btf), lpca_choose_size_of(btf, target, 1, all)));
 }
 
 /* 0 if not even one component fits. */
 static int most_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
-    int c = MIN(choosing->wish->n_components, LPCA_MAX_COMPONENTS);
+    int c = MIN(choosing->target->n_components, LPCA_MAX_COMPONENTS);
     c = MIN(c, btf_layout_values(&btf->layout));
-    while (c > 0 && lpca_choose_size_of(btf, choosing->wish, clusters, c) > bytes)
+    while (c > 0 && lpca_choose_size_of(btf, choosing->target, clusters, c) > bytes)
         c--;
     return c;
 }
 
-static struct lpca *too_small(const struct btf_matrix *btf, const struct lpca_wish *wish,
-                              GError **error) {
-    g_autofree char *wanted = g_format_size((guint64)wish->bytes);
-    g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, wish, 1, 1));
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s is too little: one cluster of one component takes %s", wanted, least);
-    return NULL;
-}
-
 static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GError **error) {
     const struct lpca_nearest *nearest = &choosing->choice.nearest;
-    const struct lpca_wish *wish = choosing->wish;
+    const struct lpca_target *target = choosing->target;
     const gint64 takes =
-        lpca_choose_size_of(choosing->btf, wish, nearest->n_clusters, nearest->n_components);
+        lpca_choose_size_of(choosing->btf, target, nearest->n_clusters, nearest->n_components);
     g_autofree char *size = g_format_size((guint64)takes);
     g_autofree char *limit =
-        g_format_size((guint64)(wish->bytes > 0 ? wish->bytes : raw_bytes(choosing->btf)));
+        g_format_size((guint64)(target->bytes > 0 ? target->bytes : raw_bytes(choosing->btf)));
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached within %s%s: what came nearest is %.3g %%, by "
                 "%d %s of %d %s, which take %s; allow a larger error (that of the values as they "
                 "are, with the capture's noise)",
-                100 * wish->error, limit, wish->bytes > 0 ? "" : ", which the BTF itself takes",
+                100 * target->error, limit, target->bytes > 0 ? "" : ", which the BTF itself takes",
                 100 * nearest->error, nearest->n_clusters,
                 nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
                 nearest->n_components == 1 ? "component" : "components", size);
     return NULL;
 }
 
-/* Sizes are compared by the limit that each has. */
-static gboolean is_better(const struct choosing *choosing, const struct lpca *one) {
-    return choosing->choice.best.n_clusters == 0 || choosing->wish->error > 0 ||
-           one->error < choosing->choice.best.error;
-}
-
-static void lpca_choose_keep_best(struct choosing *choosing) {
-    const struct lpca *best = choosing->best;
-    Checkpoint *checkpoint = choosing->options->checkpoint;
-    choosing->choice.best =
-        (struct lpca_nearest){best->n_clusters, best->n_components, best->error};
-    if (checkpoint)
-        lpca_keep_whole(checkpoint, "best", best);
-}
-
-/* Limits of memory end the search where something was found already. */
-static gboolean may_end(const struct choosing *choosing, const GError *failed) {
-    return g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) &&
-           choosing->choice.best.n_clusters + choosing->choice.nearest.n_clusters > 0;
-}
-
-/* What is kept of the choice changes only once the try is over. */
+/* Tries choice->clusters clusters. What is kept of the choice changes only once the try is over.
+ * Limits of memory end the search where something was found already. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;
@@ -125,19 +97,24 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     int worse = choice->worse + 1;
     now.n_clusters = choice->clusters;
     now.n_components = most_components(choosing, choice->clusters);
-    now.target = choosing->wish->error;
+    now.target = choosing->target->error;
     now.nearest = &nearest;
-    struct lpca *lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
-    if (failed && nearest.n_clusters == 0 && !may_end(choosing, failed)) {
-        g_propagate_error(error, g_steal_pointer(&failed));
-        return FALSE;
-    }
+    g_autoptr(Lpca) lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
     if (failed && nearest.n_clusters == 0) {
+        if (!g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) ||
+            choice->best.n_clusters + choice->nearest.n_clusters == 0) {
+            g_propagate_error(error, g_steal_pointer(&failed));
+            return FALSE;
+        }
         worse = PATIENCE;
-    } else if (lpca && is_better(choosing, lpca)) {
+    } else if (lpca && (choice->best.n_clusters == 0 || choosing->target->error > 0 ||
+                        lpca->error < choice->best.error)) {
+        /* Of those that reach an error the next is smaller: most_components() sees to it. */
         lpca_free(choosing->best);
+        choice->best = (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
+        if (now.checkpoint)
+            lpca_keep_whole(now.checkpoint, "best", lpca);
         choosing->best = g_steal_pointer(&lpca);
-        lpca_choose_keep_best(choosing);
         worse = 0;
     } else if (nearest.n_clusters > 0 &&
                (choice->nearest.n_clusters == 0 || nearest.error < choice->nearest.error)) {
@@ -146,23 +123,22 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     }
     choice->worse = worse;
     choice->clusters *= 2;
-    lpca_free(lpca);
     return TRUE;
 }
 
 /* From what the file has, or from the beginning. */
 static void lpca_choose_resume(struct choosing *choosing) {
     Checkpoint *checkpoint = choosing->options->checkpoint;
-    const struct lpca_wish *wish = choosing->wish;
-    choosing->choice = (struct choice){.wish = *wish, .clusters = 1};
+    const struct lpca_target *target = choosing->target;
+    choosing->choice = (struct choice){.target = *target, .clusters = 1};
     if (!checkpoint)
         return;
     g_autofree char *what =
-        g_strdup_printf("choose %.17g, %" G_GINT64_FORMAT ", %d, %d, %d", wish->error, wish->bytes,
-                        wish->n_components, (int)wish->quantise, wish->n_grid);
+        g_strdup_printf("choose %.17g, %" G_GINT64_FORMAT ", %d, %d, %d", target->error,
+                        target->bytes, target->n_components, (int)target->quantise, target->n_grid);
     btf_checkpoint_begin(checkpoint, choosing->btf, what);
     const struct choice *found = checkpoint_get(checkpoint, "choice", sizeof *found);
-    if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes) {
+    if (found && found->target.error == target->error && found->target.bytes == target->bytes) {
         const struct lpca_nearest *best = &found->best;
         choosing->best = lpca_kept_whole(checkpoint, "best", choosing->btf, best->n_clusters,
                                          best->n_components);
@@ -177,13 +153,7 @@ static void lpca_choose_resume(struct choosing *choosing) {
     checkpoint_keep(checkpoint, "choice", &choosing->choice, sizeof choosing->choice);
 }
 
-static void lpca_choose_leave(const struct choosing *choosing) {
-    if (!choosing->options->checkpoint)
-        return;
-    checkpoint_drop(choosing->options->checkpoint, "choice");
-    lpca_drop_whole(choosing->options->checkpoint, "best");
-}
-
+/* Whether a cluster's eigen-BRDF of that number is not 0. */
 static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     const gsize d = btf_layout_values(&lpca->layout);
     for (int k = 0; k < lpca->n_clusters; k++) {
@@ -209,16 +179,24 @@ static struct lpca *without_unused(struct lpca *lpca) {
 }
 
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
-                         const struct lpca_wish *wish, GError **error) {
+                         const struct lpca_target *target, GError **error) {
     const gint64 most = MIN(btf_layout_texels(&btf->layout), LPCA_MAX_CLUSTERS);
-    struct choosing choosing = {btf, options, wish, {.wish = *wish}, NULL};
+    struct choosing choosing = {btf, options, target, {.target = *target}, NULL};
     gboolean ok = TRUE;
-    if (wish->bytes > 0 && most_components(&choosing, 1) == 0)
-        return too_small(btf, wish, error);
+    if (target->bytes > 0 && most_components(&choosing, 1) == 0) {
+        g_autofree char *wanted = g_format_size((guint64)target->bytes);
+        g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, target, 1, 1));
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s is too little: one cluster of one component takes %s", wanted, least);
+        return NULL;
+    }
     lpca_choose_resume(&choosing);
     while (ok && choosing.choice.clusters <= most && choosing.choice.worse < PATIENCE)
         ok = try_clusters(&choosing, error);
-    lpca_choose_leave(&choosing);
+    if (options->checkpoint) {
+        checkpoint_drop(options->checkpoint, "choice");
+        lpca_drop_whole(options->checkpoint, "best");
+    }
     if (!ok)
         g_clear_pointer(&choosing.best, lpca_free);
     else if (!choosing.best)

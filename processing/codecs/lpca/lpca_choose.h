@@ -4,7 +4,7 @@
 
 #include "lpca.h"
 
-struct lpca_wish {
+struct lpca_target {
     double error;     /* to reach, or 0 */
     gint64 bytes;     /* lpca_bytes() once rounded, at most; or 0 */
     int n_components; /* at most */
@@ -16,4 +16,4 @@ struct lpca_wish {
  * target. With an error the smallest that reaches it (and is not too large); else the best. The
  * result is LPCA_FLOAT. An error of what cannot be says how near it came. */
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
-                         const struct lpca_wish *wish, GError **error);
+                         const struct lpca_target *target, GError **error);

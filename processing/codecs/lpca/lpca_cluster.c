@@ -19,13 +19,7 @@ void lpca_reduced_clear(struct lpca_reduced *reduced) {
     g_clear_pointer(&reduced->members, g_ptr_array_unref);
 }
 
-static double distance(const float *a, const float *b, int n) {
-    double sum = 0;
-    for (int i = 0; i < n; i++)
-        sum += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
-    return sum;
-}
-
+/* An index, drawn in proportion to its share of all = Σ shares. */
 static int lpca_cluster_draw(GRand *random, const double *shares, int n, double all) {
     double left = g_rand_double(random) * all;
     int last = 0;
@@ -40,6 +34,31 @@ static int lpca_cluster_draw(GRand *random, const double *shares, int n, double 
     return last;
 }
 
+void lpca_share(const struct team *team, void *values, int n, int step, gsize size) {
+    if (!team)
+        return;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        team_part(team, i, n, step, &first, &end);
+        starts[i + 1] = (gsize)end * size;
+    }
+    team->share(team, values, starts);
+}
+
+void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels, int from, int end,
+                          float *weights) {
+    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
+    g_autofree float *row = g_new(float, r);
+    for (int x = from; x < end; x++) {
+        const gsize k = (gsize)labels[x];
+        for (gsize j = 0; j < r; j++)
+            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
+        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
+                    reduced->bases + k * c * r, reduced->r, row, 1, 0, weights + (gsize)x * c, 1);
+    }
+}
+
 /* Ranks do blocks from *ret_first to before *ret_end, and then tell each other. */
 static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
     const struct team *team = reduced->options->team;
@@ -47,24 +66,10 @@ static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *r
     team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
 }
 
-/* An array of a value of size bytes a row, which ranks have filled in their blocks. */
-static void lpca_cluster_share_rows(const struct lpca_reduced *reduced, void *values, gsize size) {
-    const struct team *team = reduced->options->team;
-    const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
-    if (!team)
-        return;
-    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
-    for (int i = 0; i < team->n_ranks; i++) {
-        int first, end;
-        team_part(team, i, blocks, 1, &first, &end);
-        starts[i + 1] = (gsize)MIN(end * BLOCK, reduced->n) * size;
-    }
-    team->share(team, values, starts);
-}
-
+/* nearest[x] = min over the seeds so far of ‖r_x − seed‖². */
 struct seeding {
     const struct lpca_reduced *reduced;
-    const float *seed;
+    const float *seed; /* the newest */
     gboolean first;
     int from;        /* block */
     double *nearest; /* n */
@@ -75,12 +80,15 @@ static void seed_block(int block, gpointer data) {
     const int r = seeding->reduced->r, from = (seeding->from + block) * BLOCK;
     for (int i = from; i < MIN(from + BLOCK, seeding->reduced->n); i++) {
         const float *row = seeding->reduced->rows + (gsize)i * (gsize)r;
-        const double d = distance(row, seeding->seed, r);
+        double d = 0;
+        for (int j = 0; j < r; j++)
+            d += ((double)row[j] - seeding->seed[j]) * ((double)row[j] - seeding->seed[j]);
         seeding->nearest[i] = seeding->first ? d : MIN(seeding->nearest[i], d);
     }
 }
 
-/* k-means++: as many seeds as there are rows that differ, at most. */
+/* k-means++ (Arthur & Vassilvitskii 2007): each further seed is row x with a probability in
+ * proportion to nearest[x]. As many seeds as there are rows that differ, at most. */
 static void seed_means(struct lpca_reduced *reduced) {
     g_autofree double *nearest = g_new(double, reduced->n);
     GRand *random = g_rand_new_with_seed(SEED);
@@ -94,7 +102,7 @@ static void seed_means(struct lpca_reduced *reduced) {
         double all = 0;
         memcpy(mean, reduced->rows + (gsize)next * r, sizeof(float) * r);
         work_for_each(reduced->options->work.n_threads, end - from, seed_block, &seeding);
-        lpca_cluster_share_rows(reduced, nearest, sizeof *nearest);
+        lpca_share(reduced->options->team, nearest, reduced->n, BLOCK, sizeof *nearest);
         for (int i = 0; i < reduced->n; i++)
             all += nearest[i];
         if (seeds++ == 0)
@@ -107,7 +115,10 @@ static void seed_means(struct lpca_reduced *reduced) {
     g_rand_free(random);
 }
 
-/* One multiplication gives all products of rows with means and axes. */
+/* Assigns each row r to the cluster whose affine subspace is nearest (Kambhatla & Leen 1997): with
+ * p_i = ⟨r, f_i⟩ and o_i = ⟨m, f_i⟩ of a cluster's factors f_0 = m and f_i, its axes,
+ *   ‖r − m‖² − Σ_i ⟨r − m, f_i⟩² = ‖r‖² − 2 p_0 + o_0 − Σ_{i≥1} (p_i − o_i)².
+ * One multiplication gives all products. */
 struct assignment {
     const struct lpca_reduced *reduced;
     int c;          /* axes in use; 0: k-means */
@@ -150,38 +161,29 @@ static void assign_block(int block, gpointer data) {
         assign_row(to, from + i, products + (gsize)i * (gsize)columns);
 }
 
-static void lpca_cluster_prepare(struct assignment *to) {
-    const struct lpca_reduced *reduced = to->reduced;
-    const gsize r = (gsize)reduced->r;
-    for (int k = 0; k < reduced->k; k++) {
-        const float *mean = reduced->means + (gsize)k * r;
-        const gsize first = (gsize)k * (gsize)(to->c + 1);
-        memcpy(to->factors + first * r, mean, sizeof(float) * r);
-        memcpy(to->factors + (first + 1) * r, reduced->bases + (gsize)(k * reduced->c) * r,
-               sizeof(float) * r * (gsize)to->c);
-        for (int i = 0; i <= to->c; i++)
-            to->offsets[first + (gsize)i] =
-                cblas_sdot((int)r, mean, 1, to->factors + (first + (gsize)i) * r, 1);
-    }
-}
-
-/* The sum of squared errors. */
+/* Assigns all rows; returns the sum of squared errors. */
 static double lpca_cluster_assign(struct lpca_reduced *reduced, int c, float *errors) {
-    const gsize factors = (gsize)reduced->k * (gsize)(c + 1);
-    struct assignment to = {reduced, c, NULL, NULL, errors, reduced->labels};
+    const struct team *team = reduced->options->team;
+    const gsize n_factors = (gsize)reduced->k * (gsize)(c + 1), r = (gsize)reduced->r;
+    g_autofree float *factors = g_new(float, n_factors *r), *offsets = g_new(float, n_factors);
+    struct assignment to = {reduced, c, factors, offsets, errors, reduced->labels};
     double sum = 0;
     int end;
     blocks_of(reduced, &to.from, &end);
-    to.factors = g_new(float, factors *(gsize)reduced->r);
-    to.offsets = g_new(float, factors);
-    lpca_cluster_prepare(&to);
+    for (gsize k = 0; k < (gsize)reduced->k; k++) {
+        const float *mean = reduced->means + k * r;
+        const gsize first = k * (gsize)(c + 1);
+        memcpy(factors + first * r, mean, sizeof(float) * r);
+        memcpy(factors + (first + 1) * r, reduced->bases + k * (gsize)reduced->c * r,
+               sizeof(float) * r * (gsize)c);
+        for (gsize i = first; i <= first + (gsize)c; i++)
+            offsets[i] = cblas_sdot((int)r, mean, 1, factors + i * r, 1);
+    }
     work_for_each(reduced->options->work.n_threads, end - to.from, assign_block, &to);
-    lpca_cluster_share_rows(reduced, errors, sizeof *errors);
-    lpca_cluster_share_rows(reduced, reduced->labels, sizeof *reduced->labels);
+    lpca_share(team, errors, reduced->n, BLOCK, sizeof *errors);
+    lpca_share(team, reduced->labels, reduced->n, BLOCK, sizeof *reduced->labels);
     for (int i = 0; i < reduced->n; i++)
         sum += errors[i];
-    g_free(to.factors);
-    g_free(to.offsets);
     return sum;
 }
 
@@ -229,7 +231,8 @@ static float *centred(const struct lpca_reduced *reduced, int k) {
     return rows;
 }
 
-/* All axes from the covariance; what has no extent is 0. */
+/* All axes from the covariance RᵀR of n centred rows: its c largest eigenvectors, descending; what
+ * has no extent is 0. */
 static void exact_axes(const struct lpca_reduced *reduced, const float *rows, int n, float *axes) {
     const int r = reduced->r, c = reduced->c;
     g_autofree float *covariance = g_new0(float, (gsize)r *(gsize)r);
@@ -248,6 +251,8 @@ static void exact_axes(const struct lpca_reduced *reduced, const float *rows, in
                    sizeof(float) * (gsize)r);
 }
 
+/* What is made of a cluster's axes A: nothing; the exact ones; or better ones by POWER_STEPS of
+ * subspace iteration, A ← orth (A RᵀR), which costs less than the covariance. */
 enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
 
 struct update {
@@ -282,30 +287,16 @@ static void update_cluster(int block, gpointer data) {
     }
 }
 
-/* An array of size floats a cluster, likewise. */
-static void share_clusters(const struct lpca_reduced *reduced, float *values, gsize size) {
-    const struct team *team = reduced->options->team;
-    if (!team)
-        return;
-    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
-    for (int i = 0; i < team->n_ranks; i++) {
-        int first, end;
-        team_part(team, i, reduced->k, 1, &first, &end);
-        starts[i + 1] = (gsize)end * size * sizeof(float);
-    }
-    team->share(team, values, starts);
-}
-
 static void update(struct lpca_reduced *reduced, enum axes axes) {
     const struct team *team = reduced->options->team;
-    const gsize r = (gsize)reduced->r;
+    const gsize row = sizeof(float) * (gsize)reduced->r; /* bytes */
     struct update all = {reduced, axes};
     int end;
     team_part(team, team ? team->rank : 0, reduced->k, 1, &all.from, &end);
     work_for_each(reduced->options->work.n_threads, end - all.from, update_cluster, &all);
-    share_clusters(reduced, reduced->means, r);
+    lpca_share(team, reduced->means, reduced->k, 1, row);
     if (axes != NO_AXES)
-        share_clusters(reduced, reduced->bases, (gsize)reduced->c * r);
+        lpca_share(team, reduced->bases, reduced->k, 1, (gsize)reduced->c * row);
 }
 
 static void drop_empty(struct lpca_reduced *reduced) {
@@ -327,17 +318,6 @@ static void drop_empty(struct lpca_reduced *reduced) {
     reduced->k = kept;
 }
 
-static gboolean lpca_cluster_tell(const struct lpca_reduced *reduced, int done, gint64 begun,
-                                  GError **error) {
-    const int total = MEANS_ITERATIONS + MOST_ITERATIONS;
-    const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
-    const struct work_progress progress = {"cluster", done, total,
-                                           done > 0 ? spent / done * (total - done) : -1};
-    if (reduced->options->work.progress)
-        reduced->options->work.progress(&progress, reduced->options->work.data);
-    return !g_cancellable_set_error_if_cancelled(reduced->options->work.cancellable, error);
-}
-
 /* Between two iterations. */
 static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration, double before) {
     struct lpca_run *run = reduced->run;
@@ -351,13 +331,21 @@ static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration,
 /* FALSE when cancelled. */
 static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, int done,
                                            gint64 begun, GError **error) {
-    Checkpoint *checkpoint = reduced->run ? reduced->options->checkpoint : NULL;
-    const gboolean ok = lpca_cluster_tell(reduced, done, begun, error);
-    if (checkpoint)
-        (ok ? checkpoint_save_if_due : checkpoint_save)(checkpoint);
+    const struct work *work = &reduced->options->work;
+    const int total = MEANS_ITERATIONS + MOST_ITERATIONS;
+    const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
+    const struct work_progress progress = {"cluster", done, total,
+                                           done > 0 ? spent / done * (total - done) : -1};
+    if (work->progress)
+        work->progress(&progress, work->data);
+    const gboolean ok = !g_cancellable_set_error_if_cancelled(work->cancellable, error);
+    if (reduced->run && reduced->options->checkpoint)
+        (ok ? checkpoint_save_if_due : checkpoint_save)(reduced->options->checkpoint);
     return ok;
 }
 
+/* Lloyd's iteration from k-means to local PCA: assigns rows, then finds means and axes, until the
+ * error falls by less than SETTLED. from and before: 0 and G_MAXDOUBLE, or where it was cut off. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();
@@ -382,27 +370,13 @@ static gboolean iterate(struct lpca_reduced *reduced, int from, double before, G
     drop_empty(reduced);
     if (reduced->run) {
         reduced->run->state.k = reduced->k;
-        lpca_enter(reduced->run, LPCA_POLISHING);
+        lpca_enter(reduced->run, LPCA_REFINING);
     }
     return lpca_cluster_tell_and_save(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
 }
 
-/* As the run's file has it, if it has; what is seeded is kept from now on. */
-static void restore(struct lpca_reduced *reduced) {
-    struct lpca_run *run = reduced->run;
-    if (run->state.stage < LPCA_CLUSTERING) {
-        lpca_cluster_keep(reduced, 0, G_MAXDOUBLE);
-        lpca_enter(run, LPCA_CLUSTERING);
-    }
-    reduced->k = run->state.k;
-    lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
-    if (run->state.stage > LPCA_POLISHING)
-        return;
-    lpca_keep(run, LPCA_KEPT_MEANS, reduced->means);
-    lpca_keep(run, LPCA_KEPT_BASES, reduced->bases);
-}
-
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
+    struct lpca_run *run = reduced->run;
     const gsize k = (gsize)reduced->k, r = (gsize)reduced->r;
     reduced->labels = g_new0(int, reduced->n);
     reduced->means = g_new0(float, k *r);
@@ -410,17 +384,26 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
     reduced->members = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     for (gsize i = 0; i < k; i++)
         g_ptr_array_add(reduced->members, g_array_new(FALSE, FALSE, sizeof(int)));
-    const int stage = reduced->run ? reduced->run->state.stage : LPCA_REDUCED;
+    const int stage = run ? run->state.stage : LPCA_REDUCED;
     if (stage < LPCA_CLUSTERING)
         seed_means(reduced);
-    if (reduced->run)
-        restore(reduced);
+    if (run && stage < LPCA_CLUSTERING) {
+        lpca_cluster_keep(reduced, 0, G_MAXDOUBLE);
+        lpca_enter(run, LPCA_CLUSTERING);
+    }
+    if (run) { /* as the run's file has it, if it has; what is seeded is kept from now on */
+        reduced->k = run->state.k;
+        lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
+    }
+    if (run && run->state.stage <= LPCA_REFINING) {
+        lpca_keep(run, LPCA_KEPT_MEANS, reduced->means);
+        lpca_keep(run, LPCA_KEPT_BASES, reduced->bases);
+    }
     g_ptr_array_set_size(reduced->members, reduced->k);
     if (stage >= LPCA_CLUSTERING)
         lpca_cluster_collect(reduced);
     if (stage > LPCA_CLUSTERING)
         return TRUE;
-    const struct lpca_state *state = reduced->run ? &reduced->run->state : NULL;
-    return iterate(reduced, state ? state->iteration : 0, state ? state->before : G_MAXDOUBLE,
+    return iterate(reduced, run ? run->state.iteration : 0, run ? run->state.before : G_MAXDOUBLE,
                    error);
 }

@@ -14,6 +14,7 @@
 #define STRIP   256 /* columns of the axes made at a time */
 #define COLOURS 3
 
+/* QR by Householder: rows = R Q, so that |R_ii| is what row i has beside the rows before it. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
     float largest = 0;
@@ -38,11 +39,11 @@ static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize 
     memset(rows, 0, sizeof(float) * values);
 }
 
-void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *indices,
                          float *ret) {
     GError *failed = NULL;
     const gsize values = (gsize)n * (gsize)run->columns;
-    if (!btf_matrix_place_rows(run->btf, view, texel - run->first, n, places, ret, &failed))
+    if (!btf_matrix_place_rows(run->btf, view, texel - run->first, n, indices, ret, &failed))
         unreadable(run, failed, ret, values);
     else if (run->options->colours == LPCA_LOG)
         lpca_to_log(ret, values / COLOURS);
@@ -154,20 +155,6 @@ static void lpca_compute_read_sample(const struct sample *sample, const int *tex
     }
 }
 
-static void centre_sample(const struct sample *sample) {
-    struct lpca_run *run = sample->run;
-    const gsize d = (gsize)run->d;
-    g_autofree double *sums = g_new0(double, d);
-    for (int i = 0; i < sample->n; i++)
-        for (gsize j = 0; j < d; j++)
-            sums[j] += sample->rows[(gsize)i * d + j];
-    for (gsize j = 0; j < d; j++)
-        run->mean[j] = (float)(sums[j] / sample->n);
-    for (int i = 0; i < sample->n; i++)
-        for (gsize j = 0; j < d; j++)
-            sample->rows[(gsize)i * d + j] -= run->mean[j];
-}
-
 static void gram_tile(int block, gpointer data) {
     const struct sample *sample = data;
     const int n = sample->n, tiles = (n + TILE - 1) / TILE, d = sample->run->d;
@@ -187,7 +174,8 @@ static void axes_strip(int block, gpointer data) {
                 sample->run->axes + from, d);
 }
 
-/* The principal axes of the sample: those of its Gram matrix, carried over. */
+/* The principal axes of the sample X (n × d, n ≪ d): with X Xᵀ = U diag (λ) Uᵀ they are the rows of
+ * diag (λ)^−½ Uᵀ X. vectors: diag (λ)^−½ Uᵀ, the largest λ first. */
 static gboolean solve_gram(struct sample *sample, GError **error) {
     const int m = sample->n, wanted = MIN(sample->run->r, m);
     g_autofree float *values = g_new0(float, m);
@@ -213,21 +201,6 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
     return TRUE;
 }
 
-static gboolean lpca_compute_find_axes(struct sample *sample, GError **error) {
-    struct lpca_run *run = sample->run;
-    const int tiles = (sample->n + TILE - 1) / TILE;
-    sample->gram = g_new0(float, (gsize)sample->n *(gsize)sample->n);
-    work_for_each(run->options->work.n_threads, tiles * tiles, gram_tile, sample);
-    if (!solve_gram(sample, error))
-        return FALSE;
-    if (sample->found > 0) {
-        work_for_each(run->options->work.n_threads, (run->d + STRIP - 1) / STRIP, axes_strip,
-                      sample);
-        lpca_orthonormalise(run->axes, sample->found, run->d, TRUE);
-    }
-    return TRUE;
-}
-
 /* More than components, which are not all among the axes of a sample; of it three times as many. */
 static int reduced_to(int d, int n_components) {
     return MIN(d, MAX(REDUCED, n_components + n_components / 4));
@@ -237,22 +210,42 @@ static int lpca_compute_samples_of(int texels, int r) {
     return MIN(texels, MAX(SAMPLES, 3 * r));
 }
 
+/* Mean and axes (r × d) of a sample of the texels, in run. */
 static gboolean lpca_compute_draw_axes(struct lpca_run *run, GError **error) {
+    const struct team *team = run->options->team;
+    const int threads = run->options->work.n_threads;
     struct sample sample = {run, lpca_compute_samples_of(run->n, run->r)};
-    g_autofree int *texels = draw_texels(run, sample.n);
-    sample.rows = g_new0(float, (gsize)sample.n *(gsize)run->d);
+    const int n = sample.n, tiles = (n + TILE - 1) / TILE;
+    const gsize d = (gsize)run->d;
+    g_autofree int *texels = draw_texels(run, n);
+    g_autofree double *sums = g_new0(double, d);
+    sample.rows = g_new0(float, (gsize)n *d);
+    sample.gram = g_new0(float, (gsize)n *(gsize)n);
     lpca_compute_read_sample(&sample, texels);
-    if (run->options->team)
-        run->options->team->sum_floats(run->options->team, sample.rows,
-                                       (gsize)sample.n * (gsize)run->d);
-    centre_sample(&sample);
-    const gboolean ok = lpca_compute_find_axes(&sample, error);
+    if (team)
+        team->sum_floats(team, sample.rows, (gsize)n * d);
+    for (int i = 0; i < n; i++)
+        for (gsize j = 0; j < d; j++)
+            sums[j] += sample.rows[(gsize)i * d + j];
+    for (gsize j = 0; j < d; j++)
+        run->mean[j] = (float)(sums[j] / n);
+    for (int i = 0; i < n; i++)
+        for (gsize j = 0; j < d; j++)
+            sample.rows[(gsize)i * d + j] -= run->mean[j];
+    work_for_each(threads, tiles * tiles, gram_tile, &sample);
+    const gboolean ok = solve_gram(&sample, error);
+    if (sample.found > 0) {
+        work_for_each(threads, (run->d + STRIP - 1) / STRIP, axes_strip, &sample);
+        lpca_orthonormalise(run->axes, sample.found, run->d, TRUE);
+    }
     g_free(sample.rows);
     g_free(sample.gram);
     g_free(sample.vectors);
     return ok;
 }
 
+/* Rows of the reduced space: A (x − mean) = A x − offsets, with the axes A, for a block of texels
+ * x. */
 static void reduce_block(int block, gpointer data) {
     struct lpca_run *run = data;
     const int from = run->first + block * TEAM_ROWS, n = MIN(TEAM_ROWS, run->end - from);
@@ -271,18 +264,7 @@ static void reduce_block(int block, gpointer data) {
             to[(gsize)i * r + j] -= run->offsets[j];
 }
 
-/* All ranks get the rows of all. */
-static void lpca_compute_share_rows(const struct lpca_run *run) {
-    const struct team *team = run->options->team;
-    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
-    for (int i = 0; i < team->n_ranks; i++) {
-        int first, end;
-        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
-        starts[i + 1] = (gsize)end * (gsize)run->r * sizeof(float);
-    }
-    team->share(team, run->rows, starts);
-}
-
+/* From n × d values to rows of r dimensions, n × r. */
 static gboolean reduce(struct lpca_run *run, GError **error) {
     const int blocks = (run->end - run->first + TEAM_ROWS - 1) / TEAM_ROWS;
     run->mean = g_new(float, run->d);
@@ -307,8 +289,7 @@ static gboolean reduce(struct lpca_run *run, GError **error) {
     lpca_drop_blocks(run);
     lpca_enter(run, LPCA_REDUCED);
     g_clear_pointer(&run->axes, g_free);
-    if (run->options->team)
-        lpca_compute_share_rows(run);
+    lpca_share(run->options->team, run->rows, run->n, TEAM_ROWS, sizeof(float) * (gsize)run->r);
     return TRUE;
 }
 
@@ -321,7 +302,7 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
                                    .k = run->options->n_clusters,
                                    .c = n_components};
     run->state.c = n_components;
-    struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_polish(run, &reduced, error) : NULL;
+    struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_refine(run, &reduced, error) : NULL;
     /* Logarithms are not orthonormal in R, G, B. */
     if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
         g_clear_pointer(&lpca, lpca_free);
@@ -329,8 +310,9 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
     return lpca;
 }
 
-/* The fewest components of this clustering that reach the target. */
-static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **error) {
+/* The fewest components of this clustering that reach the target, by bisection: few do not reach
+ * it, enough do. */
+static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
     if (state->enough == 0) {
@@ -339,7 +321,7 @@ static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **err
     }
     while (ok && state->enough > state->few + 1) {
         const int middle = (state->enough + state->few) / 2;
-        struct lpca *fewer = lpca_truncated(lpca, middle);
+        g_autoptr(Lpca) fewer = lpca_truncated(lpca, middle);
         ok = lpca_run_error(run, fewer, error);
         if (ok && fewer->error <= run->options->target) {
             state->enough = middle;
@@ -347,42 +329,34 @@ static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **err
         } else if (ok) {
             state->few = middle;
         }
-        lpca_free(fewer);
     }
     struct lpca *ret = ok ? lpca_truncated(lpca, state->enough) : NULL;
     if (ret)
         ret->error = state->enough_error;
     lpca_leave(run);
-    lpca_free(lpca);
     return ret;
 }
 
-static struct lpca *lpca_compute_not_reached(const struct lpca_run *run, struct lpca *lpca,
-                                             GError **error) {
-    const struct lpca_options *options = run->options;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached with %d clusters of %d components (%.3g %%); "
-                "allow more of them",
-                100 * options->target, lpca->n_clusters, lpca->n_components, 100 * lpca->error);
-    if (options->nearest)
-        *options->nearest =
-            (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
-    lpca_free(lpca);
-    return NULL;
-}
-
+/* Doubles the number of components until the target is reached. */
 static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
     const struct lpca_options *options = run->options;
     for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
-        struct lpca *lpca = lpca_compute_make(run, c, error);
+        g_autoptr(Lpca) lpca = lpca_compute_make(run, c, error);
         if (!lpca)
             return NULL;
         if (lpca->error <= options->target)
             return fewest(lpca, run, error);
         lpca_enter(run, LPCA_REDUCED);
-        if (c == options->n_components)
-            return lpca_compute_not_reached(run, lpca, error);
-        lpca_free(lpca);
+        if (c < options->n_components)
+            continue;
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "an error of %.3g %% is not reached with %d clusters of %d components (%.3g "
+                    "%%); allow more of them",
+                    100 * options->target, lpca->n_clusters, lpca->n_components, 100 * lpca->error);
+        if (options->nearest)
+            *options->nearest =
+                (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
+        return NULL;
     }
 }
 
@@ -394,15 +368,15 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
         options->work.n_threads > 0 ? options->work.n_threads : (gint64)g_get_num_processors();
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
-    const gint64 polishing = 2 * k * (c + 1) * d + 2 * n * c;
-    /* Thrice as it is, with what is turned, and two that are rounded, each with its whole numbers.
+    const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
+    /* Thrice as it is, with what is rotated, and two that are rounded, each with its whole numbers.
      */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
     /* Copied to be written. */
     const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
-           (MAX(r * d + n * r + MAX(MAX(reducing, clustering), polishing), packing) + buffers +
+           (MAX(r * d + n * r + MAX(MAX(reducing, clustering), refining), packing) + buffers +
             kept);
 }
 

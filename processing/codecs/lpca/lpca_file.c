@@ -32,6 +32,7 @@ static float weight_scale(const struct lpca *lpca, int texel, int component) {
     return lpca->weight_scales[lpca->clusters[texel] * lpca->n_components + component];
 }
 
+/* Whole steps, w / s, if weights have 8 bits; else w. */
 static float stored_weight(const struct lpca *lpca, int texel, int component) {
     const float weight = lpca->weights[(gsize)texel * (gsize)lpca->n_components + (gsize)component];
     return lpca->quantise == LPCA_8BIT_WEIGHTS
@@ -87,6 +88,7 @@ static float step_of(const struct lpca *lpca, gsize table, gsize i) {
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
 }
 
+/* E_i of all clusters (i = 0: the means), or with 8 bits whole steps, E_i / (S_i S_i,l). */
 static struct exr_part *table_part(const struct lpca *lpca, int component) {
     static const char *const channels[] = {"B", "G", "R", NULL};
     const gsize tables = (gsize)lpca->n_components + 1;
@@ -208,15 +210,11 @@ static float *read_scales(const struct exr_file *file, const char *name, int clu
 }
 
 static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *file) {
-    const int c = lpca->n_components, n = lpca->n_clusters * c;
-    if (lpca->quantise == LPCA_8BIT_WEIGHTS) {
-        lpca->weight_scales = read_scales(file, "weight_scales", lpca->n_clusters, c);
-        return lpca->weight_scales != NULL;
-    }
-    lpca->weight_scales = g_new(float, n);
-    for (int i = 0; i < n; i++)
-        lpca->weight_scales[i] = 1;
-    return TRUE;
+    const int c = lpca->n_components;
+    lpca->weight_scales = lpca->quantise == LPCA_8BIT_WEIGHTS
+                              ? read_scales(file, "weight_scales", lpca->n_clusters, c)
+                              : lpca_ones((gsize)lpca->n_clusters * (gsize)c);
+    return lpca->weight_scales != NULL;
 }
 
 /* Those that are not there are 1. */
@@ -269,6 +267,7 @@ static gboolean lpca_file_read_texels(struct lpca *lpca, const struct exr_file *
     return TRUE;
 }
 
+/* Back from how table_part() has it. */
 static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
     const gsize tables = (gsize)lpca->n_components + 1;
     const gsize size = table_size(lpca);
@@ -339,18 +338,12 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
-static gboolean lpca_file_read_values(struct lpca *lpca, const struct exr_file *file,
-                                      const char *path, GError **error) {
-    if (lpca->quantise == LPCA_PACKED)
-        return read_packed(lpca, file, path, error);
-    return lpca_file_read_texels(lpca, file, path, error) &&
-           lpca_file_read_tables(lpca, file, path, error);
-}
-
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error) {
     struct lpca *lpca = g_new0(struct lpca, 1);
     if (!lpca_file_read_head(lpca, file, path, error) || !read_clusters(lpca, file, path, error) ||
-        !lpca_file_read_values(lpca, file, path, error))
+        !(lpca->quantise == LPCA_PACKED ? read_packed(lpca, file, path, error)
+                                        : lpca_file_read_texels(lpca, file, path, error) &&
+                                              lpca_file_read_tables(lpca, file, path, error)))
         g_clear_pointer(&lpca, lpca_free);
     return lpca;
 }

@@ -7,12 +7,14 @@
 #include "exr/mip_parts.h"
 #include "lpca_private.h"
 
-/* Adds share × row of a source texel where intervals [i, i + 1) · n/half and [j, j + 1) overlap. */
+/* The share of [j, j + 1) in the interval [i, i + 1) · n/half of a side. */
 static double overlap(int i, int half, int j, int n) {
     const double size = (double)n / half;
     return MAX(0, MIN((i + 1) * size, j + 1.0) - MAX(i * size, j)) / size;
 }
 
+/* Texel (x, y) of half becomes the mean of btf over its area, Σ share · row with shares that sum to
+ * 1. row: values of a texel. */
 static void average(const struct btf_matrix *btf, const struct btf_matrix *half, int x, int y,
                     gsize row) {
     float *to = half->values + ((gsize)y * half->layout.width + (gsize)x) * row;
@@ -58,45 +60,14 @@ gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, 
     return ok;
 }
 
-/* 0 with an error. */
-static int lpca_levels_count_levels(const struct exr_file *file, const char *path, GError **error) {
-    const int n = file ? mip_parts_count(file, "clusters", path, error) : 0;
-    return MIN(n, LPCA_MAX_LEVELS);
-}
-
-int lpca_count_levels(const char *path, GError **error) {
-    struct exr_file *file = exr_read_headers(path, error);
-    const int n = lpca_levels_count_levels(file, path, error);
-    exr_file_free(file);
-    return n;
-}
-
-static struct lpca *take_level(struct exr_file *file, int level, const char *path, GError **error) {
-    struct exr_file *one = mip_parts_take(file, level);
-    struct lpca *lpca = lpca_from_exr(one, path, error);
-    exr_file_free(one);
-    return lpca;
-}
-
-struct lpca *lpca_read_level(const char *path, int level, GError **error) {
-    struct exr_file *file = exr_read(path, error);
-    const int n = lpca_levels_count_levels(file, path, error);
-    struct lpca *lpca = NULL;
-    if (n > 0 && (level < 0 || level >= n))
-        g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING, "%s: there is no mip level %d, but %d",
-                    path, level, n);
-    else if (n > 0)
-        lpca = take_level(file, level, path, error);
-    exr_file_free(file);
-    return lpca;
-}
-
 int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error) {
     struct exr_file *file = exr_read(path, error);
-    const int n = lpca_levels_count_levels(file, path, error);
+    const int n = file ? MIN(mip_parts_count(file, "clusters", path, error), LPCA_MAX_LEVELS) : 0;
     int level = 0;
     for (; level < n; level++) {
-        ret_levels[level] = take_level(file, level, path, error);
+        struct exr_file *one = mip_parts_take(file, level);
+        ret_levels[level] = lpca_from_exr(one, path, error);
+        exr_file_free(one);
         if (!ret_levels[level])
             break;
     }

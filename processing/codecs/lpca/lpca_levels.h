@@ -12,9 +12,5 @@ struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf);
  * them, are named "mip<n>.clusters", "mip<n>.weights" and so on. */
 gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, GError **error);
 
-/* How many there are, 1 at least; 0 with an error if the file cannot be read. */
-int lpca_count_levels(const char *path, GError **error);
-struct lpca *lpca_read_level(const char *path, int level, GError **error);
-
-/* All of them, at one reading: how many, or 0 with an error. */
+/* Reads all of them: how many, 1 at least; 0 with an error. */
 int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error);

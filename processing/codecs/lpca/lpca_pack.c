@@ -11,7 +11,7 @@
 #define ROUND   0.38 /* not a half: what is small is more often noise, and cheaper as 0 */
 
 /* Those of a file once they are straight. */
-struct turns {
+struct rotations {
     float *views, *lights;
     float colours[9];
 };
@@ -20,8 +20,8 @@ struct lpca_packer {
     struct lpca *lpca; /* a copy */
     int n_threads;
     struct lpca_packed axes; /* all of them, and scales; no numbers */
-    struct turns turns;
-    float *tables, *maps; /* turned */
+    struct rotations rotations;
+    float *tables, *maps; /* rotated */
 };
 
 struct lpca_packed *lpca_packed_new(void) {
@@ -60,7 +60,7 @@ static gsize dimensions(const struct lpca *lpca) {
     return btf_layout_values(&lpca->layout);
 }
 
-/* What an error in a table counts for. */
+/* S of each table, what an error in it counts for: the root of Σ_x w_i(x)², of a mean of Σ_x 1. */
 static float *lpca_pack_find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
@@ -77,33 +77,32 @@ static float *lpca_pack_find_scales(const struct lpca *lpca) {
     return scales;
 }
 
-/* Lines of views become lines of views and colours, each of lights. */
-static void lpca_pack_split_colours(const float *from, int views, int lights, float *to) {
+/* split: lines of views (of lights and colours) become lines of views and colours (of lights); else
+ * back. */
+static void lpca_pack_move_colours(const float *from, int views, int lights, gboolean split,
+                                   float *to) {
     for (int v = 0; v < views; v++)
         for (int l = 0; l < lights; l++)
-            for (int c = 0; c < COLOURS; c++)
-                to[(v * COLOURS + c) * lights + l] = from[(v * lights + l) * COLOURS + c];
+            for (int c = 0; c < COLOURS; c++) {
+                const int joined = (v * lights + l) * COLOURS + c;
+                const int apart = (v * COLOURS + c) * lights + l;
+                to[split ? apart : joined] = from[split ? joined : apart];
+            }
 }
 
-static void join_colours(const float *from, int views, int lights, float *to) {
-    for (int v = 0; v < views; v++)
-        for (int l = 0; l < lights; l++)
-            for (int c = 0; c < COLOURS; c++)
-                to[(v * lights + l) * COLOURS + c] = from[(v * COLOURS + c) * lights + l];
-}
-
-/* Sums over tables of products of each way with itself. */
-struct ways {
+/* Sums over tables S_i E_i of the products of each dimension with itself, whose eigenvectors are
+ * the axes (Tucker): T Tᵀ of the table unfolded with views, lights or colours as rows. */
+struct scatter {
     float *views, *lights;
     double colours[9];
 };
 
-static void add_table(const struct lpca *lpca, const float *scales, int table, struct ways *to) {
+static void add_table(const struct lpca *lpca, const float *scales, int table, struct scatter *to) {
     const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
     const float *values = lpca->brdfs + (gsize)table * dimensions(lpca);
     const float scale = scales[table] * scales[table];
     g_autofree float *split = g_new(float, dimensions(lpca));
-    lpca_pack_split_colours(values, v, l, split);
+    lpca_pack_move_colours(values, v, l, TRUE, split);
     cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, v, l * COLOURS, scale, values, l * COLOURS,
                 1, to->views, v);
     cblas_ssyrk(CblasRowMajor, CblasUpper, CblasTrans, l, v * COLOURS, scale, split, l, 1,
@@ -130,8 +129,8 @@ static void principal(const float *sums, int n, float *ret) {
     exr_half_to_floats(ret, halves, (gsize)n * (gsize)n);
 }
 
-/* Rows become orthonormal, each as little other than it was as can be. */
-static void lpca_pack_straighten(float *rows, int n, int length) {
+/* Rows become orthonormal by Gram and Schmidt, each as little other than it was as can be. */
+static void lpca_pack_orthonormalise(float *rows, int n, int length) {
     for (int i = 0; i < n; i++) {
         float *row = rows + (gsize)i * (gsize)length;
         for (int j = 0; j < i; j++) {
@@ -150,42 +149,46 @@ static void lpca_pack_straighten(float *rows, int n, int length) {
     }
 }
 
-static struct turns make_turns(const struct lpca_packed *packed, int n_views, int n_lights) {
-    struct turns turns;
-    turns.views = g_memdup2(packed->views, sizeof(float) * (gsize)(packed->n_views * n_views));
-    turns.lights = g_memdup2(packed->lights, sizeof(float) * (gsize)(packed->n_lights * n_lights));
-    memcpy(turns.colours, packed->colours, sizeof turns.colours);
-    lpca_pack_straighten(turns.views, packed->n_views, n_views);
-    lpca_pack_straighten(turns.lights, packed->n_lights, n_lights);
-    lpca_pack_straighten(turns.colours, COLOURS, COLOURS);
-    return turns;
+static struct rotations make_rotations(const struct lpca_packed *packed, int n_views,
+                                       int n_lights) {
+    struct rotations rotations;
+    rotations.views = g_memdup2(packed->views, sizeof(float) * (gsize)(packed->n_views * n_views));
+    rotations.lights =
+        g_memdup2(packed->lights, sizeof(float) * (gsize)(packed->n_lights * n_lights));
+    memcpy(rotations.colours, packed->colours, sizeof rotations.colours);
+    lpca_pack_orthonormalise(rotations.views, packed->n_views, n_views);
+    lpca_pack_orthonormalise(rotations.lights, packed->n_lights, n_lights);
+    lpca_pack_orthonormalise(rotations.colours, COLOURS, COLOURS);
+    return rotations;
 }
 
-static void clear_turns(struct turns *turns) {
-    g_free(turns->views);
-    g_free(turns->lights);
+static void clear_rotations(struct rotations *rotations) {
+    g_free(rotations->views);
+    g_free(rotations->lights);
 }
 
 static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
     const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
-    struct ways ways = {g_new0(float, v *v), g_new0(float, l *l), {0}};
+    struct scatter scatter = {g_new0(float, v *v), g_new0(float, l *l), {0}};
     float colours[9];
     packed->n_views = v;
     packed->n_lights = l;
     packed->views = g_new(float, v *v);
     packed->lights = g_new(float, l *l);
     for (int i = 0; i < n_tables(lpca); i++)
-        add_table(lpca, packed->scales, i, &ways);
+        add_table(lpca, packed->scales, i, &scatter);
     for (int i = 0; i < 9; i++)
-        colours[i] = (float)ways.colours[i];
-    principal(ways.views, v, packed->views);
-    principal(ways.lights, l, packed->lights);
+        colours[i] = (float)scatter.colours[i];
+    principal(scatter.views, v, packed->views);
+    principal(scatter.lights, l, packed->lights);
     principal(colours, COLOURS, packed->colours);
-    g_free(ways.views);
-    g_free(ways.lights);
+    g_free(scatter.views);
+    g_free(scatter.lights);
 }
 
-static void turn_colours(const float *turn, gboolean back, int lines, int n, float *values) {
+/* Each triple of colours times the 3 × 3 rotation, or back times its transpose; values: lines × 3 ×
+ * n. */
+static void rotate_colours(const float *rotation, gboolean back, int lines, int n, float *values) {
     for (int line = 0; line < lines; line++)
         for (int i = 0; i < n; i++) {
             float *at = values + (gsize)(line * COLOURS * n + i), old[COLOURS];
@@ -194,45 +197,49 @@ static void turn_colours(const float *turn, gboolean back, int lines, int n, flo
             for (int c = 0; c < COLOURS; c++) {
                 at[c * n] = 0;
                 for (int o = 0; o < COLOURS; o++)
-                    at[c * n] += turn[back ? o * COLOURS + c : c * COLOURS + o] * old[o];
+                    at[c * n] += rotation[back ? o * COLOURS + c : c * COLOURS + o] * old[o];
             }
         }
 }
 
-static void turn_table(int table, gpointer data) {
+/* Core of table E (views × lights × colours): S V E with the axes V of views, then times those of
+ * lights, then of colours. */
+static void rotate_table(int table, gpointer data) {
     const struct lpca_packer *packer = data;
     const struct lpca *lpca = packer->lpca;
     const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
     const gsize d = dimensions(lpca);
     float *to = packer->tables + (gsize)table * d;
-    g_autofree float *turned = g_new(float, d), *split = g_new(float, d);
+    g_autofree float *rotated = g_new(float, d), *split = g_new(float, d);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, v, l * COLOURS, v,
-                packer->axes.scales[table], packer->turns.views, v, lpca->brdfs + (gsize)table * d,
-                l * COLOURS, 0, turned, l * COLOURS);
-    lpca_pack_split_colours(turned, v, l, split);
+                packer->axes.scales[table], packer->rotations.views, v,
+                lpca->brdfs + (gsize)table * d, l * COLOURS, 0, rotated, l * COLOURS);
+    lpca_pack_move_colours(rotated, v, l, TRUE, split);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, v * COLOURS, l, l, 1, split, l,
-                packer->turns.lights, l, 0, to, l);
-    turn_colours(packer->turns.colours, FALSE, v, l, to);
+                packer->rotations.lights, l, 0, to, l);
+    rotate_colours(packer->rotations.colours, FALSE, v, l, to);
 }
 
-/* forward: B · picture · Bᵀ of the cosines of its sides, else the way back. */
-static void turn_map(const float *rows, int height, const float *columns, int width,
-                     gboolean forward, const float *from, float *to) {
+/* A picture P (height × width) with the cosines R of its rows and C of its columns: forward R P Cᵀ,
+ * else the way back, Rᵀ P C. */
+static void transform_map(const float *rows, int height, const float *columns, int width,
+                          gboolean forward, const float *from, float *to) {
     g_autofree float *half = g_new(float, (gsize)width *(gsize)height);
-    const CBLAS_TRANSPOSE plain = CblasNoTrans, turned = CblasTrans;
-    cblas_sgemm(CblasRowMajor, forward ? plain : turned, plain, height, width, height, 1, rows,
+    const CBLAS_TRANSPOSE plain = CblasNoTrans, rotated = CblasTrans;
+    cblas_sgemm(CblasRowMajor, forward ? plain : rotated, plain, height, width, height, 1, rows,
                 height, from, width, 0, half, width);
-    cblas_sgemm(CblasRowMajor, plain, forward ? turned : plain, height, width, width, 1, half,
+    cblas_sgemm(CblasRowMajor, plain, forward ? rotated : plain, height, width, width, 1, half,
                 width, columns, width, 0, to, width);
 }
 
 struct mapping {
     const struct lpca *lpca;
     const float *rows, *columns; /* cosines */
-    float *maps;                 /* turned */
+    float *maps;                 /* rotated */
     gboolean forward;
 };
 
+/* The weights of one component, to or from its map. */
 static void map_weights(int component, gpointer data) {
     const struct mapping *mapping = data;
     const struct lpca *lpca = mapping->lpca;
@@ -241,8 +248,9 @@ static void map_weights(int component, gpointer data) {
     g_autofree float *picture = g_new(float, n);
     for (gsize x = 0; mapping->forward && x < n; x++)
         picture[x] = weights[x * c];
-    turn_map(mapping->rows, lpca->layout.height, mapping->columns, lpca->layout.width,
-             mapping->forward, mapping->forward ? picture : map, mapping->forward ? map : picture);
+    transform_map(mapping->rows, lpca->layout.height, mapping->columns, lpca->layout.width,
+                  mapping->forward, mapping->forward ? picture : map,
+                  mapping->forward ? map : picture);
     for (gsize x = 0; !mapping->forward && x < n; x++)
         weights[x * c] = picture[x];
 }
@@ -263,8 +271,8 @@ struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
     packer->tables = g_new(float, (gsize)n_tables(lpca) * dimensions(lpca));
     packer->maps = g_new(float, (gsize)lpca->n_components *btf_layout_texels(&lpca->layout));
     lpca_pack_find_axes(lpca, &packer->axes);
-    packer->turns = make_turns(&packer->axes, lpca->layout.views.n, lpca->layout.lights.n);
-    work_for_each(n_threads, n_tables(lpca), turn_table, packer);
+    packer->rotations = make_rotations(&packer->axes, lpca->layout.views.n, lpca->layout.lights.n);
+    work_for_each(n_threads, n_tables(lpca), rotate_table, packer);
     map_all(packer->lpca, packer->maps, TRUE, n_threads);
     return packer;
 }
@@ -273,13 +281,14 @@ void lpca_packer_free(struct lpca_packer *packer) {
     if (!packer)
         return;
     lpca_pack_clear(&packer->axes);
-    clear_turns(&packer->turns);
+    clear_rotations(&packer->rotations);
     lpca_free(packer->lpca);
     g_free(packer->tables);
     g_free(packer->maps);
     g_free(packer);
 }
 
+/* Quantisation with a dead zone: sign (v) ⌊|v| / step + ROUND⌋. */
 static gint32 lpca_pack_steps(float value, double step) {
     const double n = floor(fabs((double)value) / step + ROUND);
     return (gint32)copysign(MIN(n, 1e9), (double)value);
@@ -363,12 +372,13 @@ struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step) {
 
 struct unpacking {
     struct lpca *lpca;
-    struct turns turns;
+    struct rotations rotations;
 };
 
+/* The way back of rotate_table(), from rounded numbers and the axes kept. */
 static void unpack_table(int table, gpointer data) {
     const struct unpacking *unpacking = data;
-    const struct turns *turns = &unpacking->turns;
+    const struct rotations *rotations = &unpacking->rotations;
     const struct lpca *lpca = unpacking->lpca;
     const struct lpca_packed *packed = lpca->packed;
     const int v = lpca->layout.views.n, l = lpca->layout.lights.n, kept = packed->n_views;
@@ -379,12 +389,12 @@ static void unpack_table(int table, gpointer data) {
     g_autofree float *joined = g_new(float, (gsize)(kept * COLOURS * l));
     for (gsize i = 0; i < n; i++)
         core[i] = (float)(from[i] * packed->step / packed->scales[table]);
-    turn_colours(turns->colours, TRUE, kept, packed->n_lights, core);
+    rotate_colours(rotations->colours, TRUE, kept, packed->n_lights, core);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, kept * COLOURS, l, packed->n_lights, 1,
-                core, packed->n_lights, turns->lights, l, 0, split, l);
-    join_colours(split, kept, l, joined);
-    cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, v, l * COLOURS, kept, 1, turns->views, v,
-                joined, l * COLOURS, 0, to, l * COLOURS);
+                core, packed->n_lights, rotations->lights, l, 0, split, l);
+    lpca_pack_move_colours(split, kept, l, FALSE, joined);
+    cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, v, l * COLOURS, kept, 1, rotations->views,
+                v, joined, l * COLOURS, 0, to, l * COLOURS);
 }
 
 void lpca_unpack(struct lpca *lpca, int n_threads) {
@@ -394,7 +404,7 @@ void lpca_unpack(struct lpca *lpca, int n_threads) {
         maps[i] = (float)(lpca->packed->maps[i] * lpca->packed->step);
     map_all(lpca, maps, FALSE, n_threads);
     struct unpacking unpacking = {
-        lpca, make_turns(lpca->packed, lpca->layout.views.n, lpca->layout.lights.n)};
+        lpca, make_rotations(lpca->packed, lpca->layout.views.n, lpca->layout.lights.n)};
     work_for_each(n_threads, n_tables(lpca), unpack_table, &unpacking);
-    clear_turns(&unpacking.turns);
+    clear_rotations(&unpacking.rotations);
 }

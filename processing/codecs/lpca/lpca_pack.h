@@ -1,12 +1,12 @@
 /*
  * Packed local PCAs: for a disk, not for a renderer, which draws them once they are unpacked.
  *
- * After Tucker: every way of the table of eigen-BRDFs is turned to its own principal axes (views,
- * lights, colours; they lie in the file), weights are pictures and turned by a cosine transform.
- * All turns keep lengths, so that one step rounds everything where the error it makes costs the
- * same: E_i is first multiplied with S_i = (Σ w_i²)^½ over its cluster, the mean with the square
- * root of the cluster's texels. Most of what is left is 0, and noise of a capture is mostly lost.
- * The whole numbers are coded by xz, small ones in a byte.
+ * After Tucker: every dimension of the table of eigen-BRDFs is rotated to its own principal axes
+ * (views, lights, colours; they lie in the file); weights are pictures, and a cosine transform
+ * rotates them. Rotations keep lengths, so that one step rounds everything where its error costs
+ * the same: E_i is first multiplied with S_i = (Σ w_i²)^½ over its cluster, the mean with the
+ * square root of the cluster's texels. Most of what is left is 0, and noise of a capture is mostly
+ * lost. The whole numbers are coded by xz, small ones in a byte.
  *
  * On disk: the parts of lpca.h but for "weights", "scales", "means" and "E…", and mesorig.quantise
  * = "packed", mesorig.step (double) of "clusters"; further
@@ -45,13 +45,13 @@ double lpca_mean_size(const struct lpca *lpca);
  * LPCA_PACKED. */
 gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error);
 
-/* One cluster of as many components as it takes: the coarsest step that reaches the error of wish,
- * or the finest that fits into its bytes (of the file); the other fields of wish are not used but
- * for n_components (at most; 0: LPCA_MAX_PACKED). lpca->error is set. An error of what cannot be
- * says how near it came. */
-struct lpca_wish;
+/* One cluster of as many components as it takes: the coarsest step that reaches the error of
+ * target, or the finest that fits into its bytes (of the file); the other fields of target are not
+ * used but for n_components (at most; 0: LPCA_MAX_PACKED). lpca->error is set. An error of what
+ * cannot be says how near it came. */
+struct lpca_target;
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
-                       const struct lpca_wish *wish, GError **error);
+                       const struct lpca_target *target, GError **error);
 
 /* What a renderer draws: clustered by what components hold, at most LPCA_MAX_COMPONENTS of them;
  * LPCA_FLOAT. Of one cluster alone. */

@@ -17,7 +17,7 @@
 
 /* How far it is; in the checkpoint as it is. */
 struct packing {
-    struct lpca_wish wish;
+    struct lpca_target target;
     gint32 n, made;      /* components in work; whether they are there, unrounded */
     double exact;        /* error of those */
     double found[TRIES]; /* of each step tried, 0: none yet */
@@ -26,7 +26,7 @@ struct packing {
 struct search {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
-    const struct lpca_wish *wish;
+    const struct lpca_target *target;
     int most;       /* components */
     double exact;   /* error before rounding */
     double nearest; /* errors or sizes that were not good enough: the best of them */
@@ -56,56 +56,46 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     return status.st_size;
 }
 
-/* FALSE: cancelled, or its file cannot be read. */
-static gboolean lpca_pack_choose_measure(const struct search *search, struct lpca *lpca,
-                                         GError **error) {
-    return lpca_error_shared(lpca, search->btf, search->options, error);
-}
-
-/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step.
- */
+/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step:
+ * e² = exact² + (a · step)², hence step' = step · √((target² − exact²) / (found² − exact²)). */
 static double guess_step(const struct search *search, double step, double found) {
-    const double target = search->wish->error * 0.998, exact = search->exact;
+    const double target = search->target->error * 0.998, exact = search->exact;
     const double should = sqrt(MAX(target * target - exact * exact, 0));
     const double is = sqrt(MAX(found * found - exact * exact, 0));
     return is > 0 ? step * CLAMP(should / is, 0.1, 10) : step * 10;
 }
 
-/* The coarsest step that reaches the error. */
+/* The coarsest step that reaches the error: guesses, bracketed by steps fine and coarse. */
 static struct lpca *lpca_pack_choose_by_error(struct search *search,
                                               const struct lpca_packer *packer, double mean,
                                               GError **error) {
     double fine = mean * FINE, coarse = mean * COARSE;
-    double step = 4 * search->wish->error * mean;
-    struct lpca *best = NULL;
+    double step = 4 * search->target->error * mean;
+    g_autoptr(Lpca) best = NULL;
     search->nearest = INFINITY;
     for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
-        struct lpca *lpca = lpca_packer_round(packer, step);
+        g_autoptr(Lpca) lpca = lpca_packer_round(packer, step);
         lpca->error = search->packing.found[i];
-        if (lpca->error <= 0 && !lpca_pack_choose_measure(search, lpca, error)) {
-            lpca_free(lpca);
-            g_clear_pointer(&best, lpca_free);
+        if (lpca->error <= 0 && !lpca_error_shared(lpca, search->btf, search->options, error))
             return NULL;
-        }
         const double found = search->packing.found[i] = lpca->error;
         search->nearest = MIN(search->nearest, found);
-        if (found <= search->wish->error) {
+        if (found <= search->target->error) {
             fine = step;
             lpca_free(best);
-            best = lpca;
-            if (found >= search->wish->error * CLOSE)
+            best = g_steal_pointer(&lpca);
+            if (found >= search->target->error * CLOSE)
                 break;
         } else {
             coarse = step;
-            lpca_free(lpca);
         }
         const double guess = guess_step(search, step, found);
         step = guess > fine * 1.001 && guess < coarse * 0.999 ? guess : sqrt(fine * coarse);
     }
-    return best;
+    return g_steal_pointer(&best);
 }
 
-/* The finest step that is small enough. */
+/* The finest step that is small enough, by bisection of its logarithm. */
 static struct lpca *lpca_pack_choose_by_size(struct search *search,
                                              const struct lpca_packer *packer, double mean,
                                              GError **error) {
@@ -114,10 +104,10 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
     gboolean ok = TRUE;
     for (int i = 0; ok && i < TRIES; i++) {
         const double step = i == 0 ? coarse : (fine + coarse) / 2;
-        struct lpca *lpca = lpca_packer_round(packer, exp(step));
+        g_autoptr(Lpca) lpca = lpca_packer_round(packer, exp(step));
         const gint64 bytes = lpca_packed_bytes(lpca, error);
         ok = bytes > 0;
-        if (ok && bytes <= search->wish->bytes) {
+        if (ok && bytes <= search->target->bytes) {
             coarse = step;
             lpca_free(best);
             best = g_steal_pointer(&lpca);
@@ -125,62 +115,24 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
             search->nearest = (double)bytes;
             fine = step;
         }
-        lpca_free(lpca);
         if (i == 0 && !best)
             break;
     }
-    if (best && (!ok || !lpca_pack_choose_measure(search, best, error)))
+    if (best && (!ok || !lpca_error_shared(best, search->btf, search->options, error)))
         g_clear_pointer(&best, lpca_free);
     return best;
-}
-
-static struct lpca *lpca_pack_choose_not_reached(const struct search *search, double exact,
-                                                 int components, GError **error) {
-    const struct lpca_wish *wish = search->wish;
-    if (wish->error > 0)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g %% is not reached: %d components alone make %.3g %%, rounded "
-                    "%.3g %%; allow a larger one",
-                    100 * wish->error, components, 100 * exact,
-                    100 * (isfinite(search->nearest) ? search->nearest : exact));
-    else {
-        g_autofree char *wanted = g_format_size((guint64)wish->bytes);
-        g_autofree char *least = g_format_size((guint64)search->nearest);
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
-    }
-    return NULL;
 }
 
 /* Whether more components would help. */
 static gboolean has_enough(const struct search *search, const struct lpca *exact,
                            const struct lpca *found) {
-    if (search->wish->error > 0)
-        return exact->error <= ENOUGH * search->wish->error;
+    if (search->target->error > 0)
+        return exact->error <= ENOUGH * search->target->error;
     return found && found->n_components < exact->n_components;
 }
 
-/* As the file has it, or made anew; it is kept from now on. */
-static struct lpca *lpca_pack_choose_compute(struct search *search,
-                                             const struct lpca_options *options, GError **error) {
-    struct packing *packing = &search->packing;
-    Checkpoint *checkpoint = options->checkpoint;
-    struct lpca *lpca =
-        checkpoint && packing->made
-            ? lpca_kept_whole(checkpoint, "exact", search->btf, 1, options->n_components)
-            : NULL;
-    if (lpca)
-        lpca->error = packing->exact;
-    else
-        lpca = lpca_compute(search->btf, options, error);
-    if (!lpca || !checkpoint)
-        return lpca;
-    packing->made = TRUE;
-    packing->exact = lpca->error;
-    lpca_keep_whole(checkpoint, "exact", lpca);
-    return lpca;
-}
-
+/* Of n components, which are in *ret_exact before they are rounded. NULL: they reach nothing, or an
+ * error. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;
@@ -188,9 +140,23 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    struct lpca *exact = *ret_exact = lpca_pack_choose_compute(search, &options, error),
-                *ret = NULL;
-    if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
+    /* As the file has it, or made anew; it is kept from now on. */
+    struct packing *packing = &search->packing;
+    struct lpca *ret = NULL, *exact = NULL;
+    if (options.checkpoint && packing->made)
+        exact = lpca_kept_whole(options.checkpoint, "exact", search->btf, 1, n);
+    if (exact)
+        exact->error = packing->exact;
+    else
+        exact = lpca_compute(search->btf, &options, error);
+    if (exact && options.checkpoint) {
+        packing->made = TRUE;
+        packing->exact = exact->error;
+        lpca_keep_whole(options.checkpoint, "exact", exact);
+    }
+    *ret_exact = exact;
+    if (!exact ||
+        (search->target->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
         return NULL;
     search->exact = exact->error;
     struct lpca_packer *packer = lpca_packer_new(exact, options.work.n_threads);
@@ -198,8 +164,8 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     if (mean <= 0) /* black: any step will do */
         ret = lpca_packer_round(packer, 1);
     else
-        ret = (search->wish->error > 0 ? lpca_pack_choose_by_error
-                                       : lpca_pack_choose_by_size)(search, packer, mean, error);
+        ret = (search->target->error > 0 ? lpca_pack_choose_by_error
+                                         : lpca_pack_choose_by_size)(search, packer, mean, error);
     lpca_packer_free(packer);
     return ret;
 }
@@ -208,57 +174,67 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
 static int lpca_pack_choose_resume(struct search *search) {
     struct packing *packing = &search->packing;
     Checkpoint *checkpoint = search->options->checkpoint;
-    const struct lpca_wish *wish = search->wish;
-    *packing = (struct packing){.wish = *wish, .n = MIN(FIRST, search->most)};
+    const struct lpca_target *target = search->target;
+    *packing = (struct packing){.target = *target, .n = MIN(FIRST, search->most)};
     if (!checkpoint)
         return packing->n;
-    g_autofree char *what = g_strdup_printf("pack %.17g, %" G_GINT64_FORMAT ", %d", wish->error,
-                                            wish->bytes, wish->n_components);
+    g_autofree char *what = g_strdup_printf("pack %.17g, %" G_GINT64_FORMAT ", %d", target->error,
+                                            target->bytes, target->n_components);
     btf_checkpoint_begin(checkpoint, search->btf, what);
     const struct packing *found = checkpoint_get(checkpoint, "packing", sizeof *found);
-    if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes &&
-        found->wish.n_components == wish->n_components && found->n >= 1 && found->n <= search->most)
+    if (found && found->target.error == target->error && found->target.bytes == target->bytes &&
+        found->target.n_components == target->n_components && found->n >= 1 &&
+        found->n <= search->most)
         *packing = *found;
     checkpoint_keep(checkpoint, "packing", packing, sizeof *packing);
     return packing->n;
 }
 
-/* What was kept of these components goes. */
-static void next(struct search *search, int n) {
-    struct packing *packing = &search->packing;
-    *packing = (struct packing){.wish = packing->wish, .n = n};
-    if (search->options->checkpoint)
-        lpca_drop_whole(search->options->checkpoint, "exact");
-}
-
+/* Doubles the number of components until more would not help. */
 static struct lpca *lpca_pack_choose_find(struct search *search, GError **error) {
+    const struct lpca_target *target = search->target;
     for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {
         g_autoptr(GError) failed = NULL;
-        struct lpca *exact = NULL;
-        struct lpca *lpca = try_components(search, n, &exact, &failed);
+        g_autoptr(Lpca) exact = NULL;
+        g_autoptr(Lpca) lpca = try_components(search, n, &exact, &failed);
         const gboolean enough = exact && has_enough(search, exact, lpca);
         const double left = exact ? exact->error : 0;
-        next(search, MIN(2 * n, search->most));
-        lpca_free(exact);
+        search->packing =
+            (struct packing){.target = *search->target, .n = MIN(2 * n, search->most)};
+        if (search->options->checkpoint) /* what was kept of these components goes */
+            lpca_drop_whole(search->options->checkpoint, "exact");
         if (failed) {
             g_propagate_error(error, g_steal_pointer(&failed));
             return NULL;
         }
         if (lpca && (enough || n == search->most))
-            return lpca;
-        lpca_free(lpca);
-        if (n == search->most)
-            return lpca_pack_choose_not_reached(search, left, n, error);
+            return g_steal_pointer(&lpca);
+        if (n < search->most)
+            continue;
+        if (target->error > 0) {
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "an error of %.3g %% is not reached: %d components alone make %.3g %%, "
+                        "rounded %.3g %%; allow a larger one",
+                        100 * target->error, n, 100 * left,
+                        100 * (isfinite(search->nearest) ? search->nearest : left));
+            return NULL;
+        }
+        g_autofree char *wanted = g_format_size((guint64)target->bytes);
+        g_autofree char *least = g_format_size((guint64)search->nearest);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
+        return NULL;
     }
 }
 
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
-                       const struct lpca_wish *wish, GError **error) {
+                       const struct lpca_target *target, GError **error) {
     const gint64 texels = btf_layout_texels(&btf->layout);
     const gint64 values = btf_layout_values(&btf->layout);
     const int asked =
-        wish->n_components > 0 ? MIN(wish->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
-    struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), 0, INFINITY};
+        target->n_components > 0 ? MIN(target->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
+    struct search search = {btf, options, target, (int)MIN(MIN(texels, values), asked),
+                            0,   INFINITY};
     g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
     struct lpca *lpca = lpca_pack_choose_find(&search, error);
     if (options->checkpoint)

@@ -12,6 +12,7 @@
 #define LARGE_BYTES  4
 #define MOST_TABLES  ((gint64)1 << 26) /* numbers of them */
 
+/* Numbers 0, −1, 1, −2 … as 0, 1, 2, 3 …, and back. */
 static guint32 folded(gint32 value) {
     return value >= 0 ? 2 * (guint32)value : 2 * (guint32)(-(gint64)value) - 1;
 }
@@ -20,7 +21,8 @@ static gint32 unfolded(guint32 value) {
     return value % 2 ? (gint32)(-(gint64)(value / 2) - 1) : (gint32)(value / 2);
 }
 
-GByteArray *lpca_squeeze(const gint32 *values, gsize n) {
+/* A byte each number, then LARGE_BYTES of each large one, less LARGE; as a stream of xz. */
+GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     g_autoptr(GByteArray) plain = g_byte_array_new();
     for (gsize i = 0; i < n; i++) {
         const guint8 byte = (guint8)MIN(folded(values[i]), LARGE);
@@ -46,7 +48,7 @@ GByteArray *lpca_squeeze(const gint32 *values, gsize n) {
 }
 
 /* NULL if they are not the bytes of n numbers. */
-gint32 *lpca_unsqueeze(const guint8 *bytes, gsize size, gsize n) {
+gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n) {
     guint64 memory = MOST_MEMORY;
     gsize read = 0, found = 0, larger = 0, at = n;
     const gsize most = n * (1 + LARGE_BYTES);
@@ -72,28 +74,28 @@ gint32 *lpca_unsqueeze(const guint8 *bytes, gsize size, gsize n) {
     return ret;
 }
 
-struct place {
+struct axis_pair {
     int key, view, light;
 };
 
 static int lpca_pack_code_by_key(gconstpointer a, gconstpointer b) {
-    const struct place *p = a, *q = b;
+    const struct axis_pair *p = a, *q = b;
     return p->key != q->key ? p->key - q->key : p->view - q->view;
 }
 
 /* Where in packed->tables the numbers lie, in the order of the file; all of them. */
 static gsize *table_order(const struct lpca_packed *packed, int tables, gsize *ret_n) {
     const int v = packed->n_views, l = packed->n_lights;
-    g_autofree struct place *places = g_new(struct place, v * l);
+    g_autofree struct axis_pair *pairs = g_new(struct axis_pair, v * l);
     gsize *ret = g_new(gsize, (gsize)(v * l) * COLOURS * (gsize)tables), n = 0;
     for (int i = 0; i < v * l; i++)
-        places[i] = (struct place){(i / l + 3) * (i % l + 3), i / l, i % l};
-    qsort(places, (gsize)v * (gsize)l, sizeof *places, lpca_pack_code_by_key);
+        pairs[i] = (struct axis_pair){(i / l + 3) * (i % l + 3), i / l, i % l};
+    qsort(pairs, (gsize)v * (gsize)l, sizeof *pairs, lpca_pack_code_by_key);
     for (int i = 0; i < v * l; i++)
         for (int c = 0; c < COLOURS; c++)
             for (int table = 0; table < tables; table++)
-                ret[n++] = ((gsize)(table * v + places[i].view) * COLOURS + (gsize)c) * (gsize)l +
-                           (gsize)places[i].light;
+                ret[n++] = ((gsize)(table * v + pairs[i].view) * COLOURS + (gsize)c) * (gsize)l +
+                           (gsize)pairs[i].light;
     *ret_n = n;
     return ret;
 }
@@ -112,24 +114,25 @@ static gsize *tables_of(const struct lpca *lpca, gsize *ret_n) {
     return table_order(lpca->packed, lpca->n_clusters * (lpca->n_components + 1), ret_n);
 }
 
-static GByteArray *squeeze_tables(const struct lpca *lpca) {
-    gsize n = 0;
-    g_autofree gsize *order = tables_of(lpca, &n);
-    g_autofree gint32 *values = g_new0(gint32, n);
-    for (gsize i = 0; i < n; i++)
-        values[i] = lpca->packed->tables[order[i]];
-    return lpca_squeeze(values, n);
+/* The coded bytes of count numbers: number i is values[order[i % n] + i / n · n]. */
+static GByteArray *encode(const gint32 *values, const gsize *order, gsize n, gsize count) {
+    g_autofree gint32 *ordered = g_new0(gint32, count);
+    for (gsize i = 0; i < count; i++)
+        ordered[i] = values[order[i % n] + i / n * n];
+    return lpca_varint_encode(ordered, count);
 }
 
-static GByteArray *squeeze_maps(const struct lpca *lpca) {
+static GByteArray *encode_tables(const struct lpca *lpca) {
+    gsize n = 0;
+    g_autofree gsize *order = tables_of(lpca, &n);
+    return encode(lpca->packed->tables, order, n, n);
+}
+
+static GByteArray *encode_maps(const struct lpca *lpca) {
     gsize size = 0;
     g_autofree gsize *order = map_order(lpca->layout.width, lpca->layout.height, &size);
     const gsize c = (gsize)lpca->n_components;
-    g_autofree gint32 *values = g_new0(gint32, size * c);
-    for (gsize i = 0; i < c; i++)
-        for (gsize j = 0; j < size; j++)
-            values[i * size + j] = lpca->packed->maps[i * size + order[j]];
-    return lpca_squeeze(values, size * c);
+    return encode(lpca->packed->maps, order, size, size * c);
 }
 
 static struct exr_part *one_channel(const char *name, const char *channel, int width, int height,
@@ -162,8 +165,8 @@ void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca) {
                                    EXR_HALF, packed->lights));
     exr_file_add(file,
                  one_channel("colour_axes", "A", COLOURS, COLOURS, EXR_FLOAT, packed->colours));
-    exr_file_add(file, bits_part("tables", squeeze_tables(lpca)));
-    exr_file_add(file, bits_part("maps", squeeze_maps(lpca)));
+    exr_file_add(file, bits_part("tables", encode_tables(lpca)));
+    exr_file_add(file, bits_part("maps", encode_maps(lpca)));
 }
 
 /* Axes of width values; NULL if there are none or too many. */
@@ -182,7 +185,9 @@ static float *read_axes(const struct exr_file *file, const char *name, int width
     return ret;
 }
 
-static gint32 *read_bits(const struct exr_file *file, const char *name, gsize n) {
+/* The way back of encode(), from a part of the file. NULL: it is not there, or is damaged. */
+static gint32 *read_bits(const struct exr_file *file, const char *name, const gsize *order, gsize n,
+                         gsize count) {
     const struct exr_part *part = exr_file_part(file, name);
     const float *plane = part ? exr_part_plane(part, "BITS") : NULL;
     int bytes = 0;
@@ -192,7 +197,11 @@ static gint32 *read_bits(const struct exr_file *file, const char *name, gsize n)
     g_autofree guint32 *words = g_memdup2(plane, sizeof(float) * (gsize)part->width);
     for (int i = 0; i < part->width; i++)
         words[i] = GUINT32_TO_LE(words[i]);
-    return lpca_unsqueeze((const guint8 *)words, (gsize)bytes, n);
+    g_autofree gint32 *ordered = lpca_varint_decode((const guint8 *)words, (gsize)bytes, count);
+    gint32 *ret = ordered ? g_new0(gint32, count) : NULL;
+    for (gsize i = 0; ret && i < count; i++)
+        ret[order[i % n] + i / n * n] = ordered[i];
+    return ret;
 }
 
 static gboolean lpca_pack_code_read_colours(struct lpca_packed *packed,
@@ -207,27 +216,16 @@ static gboolean lpca_pack_code_read_colours(struct lpca_packed *packed,
 static gboolean lpca_pack_code_read_tables(const struct lpca *lpca, const struct exr_file *file) {
     gsize n = 0;
     g_autofree gsize *order = tables_of(lpca, &n);
-    g_autofree gint32 *values = read_bits(file, "tables", n);
-    if (!values)
-        return FALSE;
-    lpca->packed->tables = g_new0(gint32, n);
-    for (gsize i = 0; i < n; i++)
-        lpca->packed->tables[order[i]] = values[i];
-    return TRUE;
+    lpca->packed->tables = read_bits(file, "tables", order, n, n);
+    return lpca->packed->tables != NULL;
 }
 
 static gboolean lpca_pack_code_read_maps(const struct lpca *lpca, const struct exr_file *file) {
     gsize size = 0;
     g_autofree gsize *order = map_order(lpca->layout.width, lpca->layout.height, &size);
     const gsize c = (gsize)lpca->n_components;
-    g_autofree gint32 *values = read_bits(file, "maps", size * c);
-    if (!values)
-        return FALSE;
-    lpca->packed->maps = g_new0(gint32, size * c);
-    for (gsize i = 0; i < c; i++)
-        for (gsize j = 0; j < size; j++)
-            lpca->packed->maps[i * size + order[j]] = values[i * size + j];
-    return TRUE;
+    lpca->packed->maps = read_bits(file, "maps", order, size, size * c);
+    return lpca->packed->maps != NULL;
 }
 
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file) {

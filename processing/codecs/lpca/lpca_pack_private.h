@@ -29,5 +29,5 @@ void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca);
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file);
 
 /* Numbers in the order in which they are coded, and back; g_free() what comes back. */
-GByteArray *lpca_squeeze(const gint32 *values, gsize n);
-gint32 *lpca_unsqueeze(const guint8 *bytes, gsize size, gsize n);
+GByteArray *lpca_varint_encode(const gint32 *values, gsize n);
+gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n);

@@ -8,17 +8,22 @@ float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */
 
-/* A whole one, which stays where it is until it is dropped; and one of the same BTF as the file has
- * it but for its colours and error, or NULL. */
+/* Gathers n things of size bytes each to all ranks, which have those of their parts of whole steps
+ * (team_part()). Nothing without a team. */
+void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
+
+/* Keeps the arrays of a local PCA, borrowed, in the checkpoint until they are dropped. A kept one
+ * is a new local PCA of the same BTF with the arrays that the file has, but not its colours and
+ * error; NULL if the file has none of this size. */
 void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
 struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components);
 void lpca_drop_whole(Checkpoint *checkpoint, const char *name);
 
-/* Of lpca->packed; NULL is ignored. */
+/* Frees lpca->packed; NULL is ignored. */
 void lpca_packed_free(struct lpca_packed *packed);
 
-#define LPCA_BLOCK 1024 /* texels polished at a time */
+#define LPCA_BLOCK 1024 /* texels refined at a time */
 
 /* Rows become orthonormal; length ≥ n. What depends on rows before it becomes 0 with drop, else
  * anything that is orthogonal. */
@@ -42,6 +47,10 @@ struct lpca_reduced {
 /* FALSE when cancelled. Fills labels … members, which lpca_reduced_clear() frees. */
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
 void lpca_reduced_clear(struct lpca_reduced *reduced);
+/* Coordinates of rows from … end − 1 in their clusters: row x of weights (n × c) becomes
+ * A_k (r_x − m_k) with the axes A_k (c × r) and the mean m_k of k = labels[x]. */
+void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels, int from, int end,
+                          float *weights);
 
 /* How far lpca_compute() is; what is kept of it (lpca_options.checkpoint) depends on that. */
 enum lpca_stage {
@@ -49,12 +58,12 @@ enum lpca_stage {
     LPCA_REDUCING, /* some blocks of rows */
     LPCA_REDUCED,
     LPCA_CLUSTERING, /* between two iterations */
-    LPCA_POLISHING,  /* clustered; some views */
+    LPCA_REFINING,   /* clustered; some views */
     LPCA_WEIGHING,   /* eigen-BRDFs; some blocks of weights */
     LPCA_MADE,
 };
 
-/* Numbers of that, in the file as they are. */
+/* The state of lpca_compute() as the checkpoint has it, byte by byte. */
 struct lpca_state {
     gint32 form, n_clusters, n_components, colours, to_pack; /* of the call */
     gint32 stage;                                            /* enum lpca_stage */
@@ -99,41 +108,41 @@ struct lpca_run {
     int *done; /* of the stage's blocks, or NULL: nothing is kept */
 };
 
-/* lpca_checkpoint.c, which does nothing where options->checkpoint is NULL. run->state becomes that
- * of the file, if it is of this call, or that of one that begins. */
+/* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
+ * run->state to that of the file if it is of the same call, else to that of a new computation. */
 void lpca_resume(struct lpca_run *run);
-/* From now on nothing is kept: what lpca_keep() was given may be freed. */
+/* Drops everything from the checkpoint: what lpca_keep() was given may be freed. */
 void lpca_leave(struct lpca_run *run);
-/* What a stage has no more is dropped. */
+/* Begins a stage: arrays that it does not need are dropped from the checkpoint. */
 void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
-/* Values of the size that run->state asks for: if the file has them they become what it has, and
- * from now on they are kept. */
+/* Registers an array of the size that follows from run->state with the checkpoint; if the file has
+ * it, its values are restored first. */
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
-/* Likewise which of n blocks of the stage are done, which lpca_run_blocks() leaves out. */
+/* Likewise flags of n blocks of the stage: lpca_run_blocks() skips those that are done. */
 void lpca_keep_blocks(struct lpca_run *run, int n);
 void lpca_drop_blocks(struct lpca_run *run);
 
-/* As btf_matrix_rows(), in the colours of the options; texel counts from the BTF's first. Of what
- * cannot be read 0, and run->failed. buffer: n × columns. */
+/* As btf_matrix_rows(), in the colours of the options; texel counts from the BTF's first. If rows
+ * cannot be read they are 0, and run->failed is set. buffer: n × columns. */
 const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
                            gsize *ret_stride);
 
 /* The same as btf_matrix_place_rows(). */
-void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *indices,
                          float *ret);
 
-/* A stage of n blocks in all threads: FALSE if it was cancelled or failed; what is kept is saved.
- */
+/* Runs a stage of n blocks in all threads. FALSE if it was cancelled or failed; the checkpoint is
+ * then saved. */
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error);
 
 /* From a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of all
  * texels and the error in the colours of the options; −1: to be found by lpca_run_error(). */
-struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
+struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
 /* lpca_error() of the run's texels and team. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
 
-/* A file in memory, and what it holds; path is for errors. */
+/* To and from a file in memory; path is for errors. */
 struct exr_file *lpca_to_exr(const struct lpca *lpca);
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);

@@ -3,14 +3,16 @@
 #include <cblas.h>
 #include <string.h>
 
-/* Weights of one cluster are coordinates: to cluster them is to cluster the texels. */
+/* Weights of one cluster are coordinates in its orthonormal eigen-BRDFs E (r × d), so that to
+ * cluster them is to cluster the texels. A cluster of weights with mean m and axes A has the mean
+ * E_0 + m E and the eigen-BRDFs A E. */
 struct regroup {
     const struct lpca *from;
     struct lpca *to;
     const struct lpca_reduced *reduced;
 };
 
-static void turn_cluster(int k, gpointer data) {
+static void regroup_cluster(int k, gpointer data) {
     const struct regroup *regroup = data;
     const struct lpca_reduced *reduced = regroup->reduced;
     const struct lpca *from = regroup->from;
@@ -24,19 +26,11 @@ static void turn_cluster(int k, gpointer data) {
                 lpca_brdf(regroup->to, k, 1), d);
 }
 
-static void lpca_regroup_turn_weights(int block, gpointer data) {
+static void regroup_weights(int block, gpointer data) {
     const struct regroup *regroup = data;
     const struct lpca_reduced *reduced = regroup->reduced;
-    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
-    g_autofree float *row = g_new(float, r);
-    for (int x = block * LPCA_BLOCK; x < MIN((block + 1) * LPCA_BLOCK, reduced->n); x++) {
-        const gsize k = (gsize)reduced->labels[x];
-        for (gsize j = 0; j < r; j++)
-            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
-        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
-                    reduced->bases + k * c * r, reduced->r, row, 1, 0,
-                    regroup->to->weights + (gsize)x * c, 1);
-    }
+    const int from = block * LPCA_BLOCK, end = MIN(from + LPCA_BLOCK, reduced->n);
+    lpca_reduced_weights(reduced, reduced->labels, from, end, regroup->to->weights);
 }
 
 struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
@@ -59,9 +53,9 @@ struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *op
     struct regroup regroup = {lpca, ret, &reduced};
     ret->colours = lpca->colours;
     memcpy(ret->clusters, reduced.labels, sizeof(int) * (gsize)n);
-    work_for_each(options->work.n_threads, reduced.k, turn_cluster, &regroup);
-    work_for_each(options->work.n_threads, (n + LPCA_BLOCK - 1) / LPCA_BLOCK,
-                  lpca_regroup_turn_weights, &regroup);
+    work_for_each(options->work.n_threads, reduced.k, regroup_cluster, &regroup);
+    work_for_each(options->work.n_threads, (n + LPCA_BLOCK - 1) / LPCA_BLOCK, regroup_weights,
+                  &regroup);
     lpca_reduced_clear(&reduced);
     return ret;
 }

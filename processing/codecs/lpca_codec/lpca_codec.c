@@ -81,6 +81,7 @@ static const struct option lpca_codec_table[] = {
     {NULL},
 };
 
+/* What contradicts what among the options. */
 static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
@@ -104,77 +105,70 @@ struct rounding {
     double target;
 };
 
-static struct lpca *lpca_codec_exact(const struct lpca_codec_options *asked,
-                                     const struct btf_matrix *btf,
-                                     const struct lpca_options *options, GError **error) {
-    const struct lpca_wish wish = {options->target, asked->size, options->n_components,
-                                   (enum lpca_quantise)asked->quantise, asked->grid};
-    if (asked->clusters == 0 && (asked->size > 0 || asked->error > 0))
-        return lpca_choose(btf, options, &wish, error);
-    return lpca_compute(btf, options, error);
-}
-
-/* Put on a grid, if one is asked for, and rounded; its errors before and after. */
+/* A local PCA of as many clusters and components as options ask for, or as the error or the size
+ * asked for needs; put on a grid, if one is asked for, and rounded. ret: its errors before and
+ * after. */
 static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
                                        GError **error) {
-    struct lpca *lpca = lpca_codec_exact(asked, btf, options, error);
+    const struct lpca_target target = {options->target, asked->size, options->n_components,
+                                       (enum lpca_quantise)asked->quantise, asked->grid};
+    const gboolean choose = asked->clusters == 0 && (asked->size > 0 || asked->error > 0);
+    g_autoptr(Lpca) lpca =
+        choose ? lpca_choose(btf, options, &target, error) : lpca_compute(btf, options, error);
     if (!lpca)
         return NULL;
     ret->exact_error = lpca->error;
     if (asked->grid > 0) {
-        struct lpca *resampled = lpca_resample(lpca, asked->grid, error);
-        lpca_free(lpca);
-        lpca = resampled;
+        g_autoptr(Lpca) exact = g_steal_pointer(&lpca);
+        lpca = lpca_resample(exact, asked->grid, error);
+        if (!lpca)
+            return NULL;
     }
-    if (!lpca)
-        return NULL;
     lpca_quantise(lpca, (enum lpca_quantise)asked->quantise);
     ret->error = asked->grid > 0 ? lpca_resample_error(lpca, btf, 0) : lpca_error(lpca, btf, 0);
-    return lpca;
+    return g_steal_pointer(&lpca);
 }
 
 /* Errors add in squares: what rounding adds is taken off the error that the next one is to reach,
- * e² = target² − (e_rounded² − e_exact²). */
-static struct lpca *lpca_codec_refine(const struct lpca_codec_options *asked,
-                                      const struct btf_matrix *btf, struct lpca_options *options,
-                                      struct rounding *rounding, struct codec_result *ret,
-                                      GError **error) {
-    for (; rounding->times < MOST_ROUNDING; rounding->times++) {
-        options->target = rounding->target;
-        struct lpca *lpca = lpca_codec_rounded(asked, btf, options, ret, error);
-        if (!lpca || asked->error <= 0 || ret->error <= asked->error)
-            return lpca;
-        lpca_free(lpca);
-        const double added = ret->error * ret->error - ret->exact_error * ret->exact_error;
-        const double left = asked->error * asked->error - added;
-        if (left <= 0)
-            break;
-        rounding->target = MIN(sqrt(left), ret->exact_error) * (1 - 1e-6);
-    }
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; quantise "
-                "less or use more clusters",
-                100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
-                100 * ret->exact_error);
-    return NULL;
-}
-
-/* Goes on from the checkpoint, whose arrays are borrowed: rounding is one while this runs. */
+ * e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows `rounding`. */
 static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf, struct lpca_options *options,
                                        struct codec_result *ret, GError **error) {
     Checkpoint *checkpoint = options->checkpoint;
     struct rounding rounding = {0, options->target};
-    if (!checkpoint)
-        return lpca_codec_refine(asked, btf, options, &rounding, ret, error);
-    const struct rounding *found = checkpoint_get(checkpoint, "rounding", sizeof rounding);
+    const struct rounding *found =
+        checkpoint ? checkpoint_get(checkpoint, "rounding", sizeof rounding) : NULL;
+    struct lpca *lpca = NULL;
+    gboolean ok = TRUE, reached = FALSE;
     if (found)
         rounding = *found;
-    checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
-    struct lpca *lpca = lpca_codec_refine(asked, btf, options, &rounding, ret, error);
-    checkpoint_drop(checkpoint, "rounding");
+    if (checkpoint)
+        checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
+    while (rounding.times < MOST_ROUNDING) {
+        options->target = rounding.target;
+        lpca = lpca_codec_rounded(asked, btf, options, ret, error);
+        ok = lpca != NULL;
+        reached = ok && (asked->error <= 0 || ret->error <= asked->error);
+        if (!ok || reached)
+            break;
+        g_clear_pointer(&lpca, lpca_free);
+        const double added = ret->error * ret->error - ret->exact_error * ret->exact_error;
+        const double left = asked->error * asked->error - added;
+        if (left <= 0)
+            break;
+        rounding.target = MIN(sqrt(left), ret->exact_error) * (1 - 1e-6);
+        rounding.times++;
+    }
+    if (checkpoint)
+        checkpoint_drop(checkpoint, "rounding");
+    if (ok && !reached)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; "
+                    "quantise less or use more clusters",
+                    100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
+                    100 * ret->exact_error);
     return lpca;
 }
 
@@ -182,9 +176,9 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
 static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
                                     const struct btf_matrix *btf, struct lpca_options *options,
                                     struct codec_result *ret, GError **error) {
-    const struct lpca_wish wish = {
+    const struct lpca_target target = {
         .error = asked->error, .bytes = asked->size, .n_components = asked->components};
-    struct lpca *lpca = lpca_pack(btf, options, &wish, error);
+    struct lpca *lpca = lpca_pack(btf, options, &target, error);
     if (lpca)
         ret->exact_error = ret->error = lpca->error;
     return lpca;
@@ -221,6 +215,8 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
+/* Computes, packs or chooses by the options; without an error or a size to keep to, COMPONENTS
+ * components. What the BTF's values take counts as memory used. */
 static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   const struct codec_job *job, struct codec_result *ret,
                                   GError **error) {
@@ -255,6 +251,7 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
     return !asked->mips || lpca_codec_add_levels(asked, btf, &options, ret, error);
 }
 
+/* "32 clusters of 8 components on a grid of 12, 6 mip levels" */
 static char *lpca_codec_describe(const struct codec *codec G_GNUC_UNUSED,
                                  const struct codec_result *result) {
     const int k = result->clusters, c = result->components;
@@ -277,14 +274,7 @@ static gpointer lpca_codec_read(const char *path, GError **error) {
     return lpca_read(path, error);
 }
 
-static int lpca_codec_count_levels(const struct exr_file *file) {
-    for (int levels = 1;; levels++) {
-        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
-        if (!exr_file_part(file, name))
-            return levels;
-    }
-}
-
+/* From headers alone: size, clusters × components, directions and error. */
 static char *lpca_codec_describe_file(const struct exr_file *file) {
     const struct exr_part *clusters = exr_file_part(file, "clusters");
     const struct exr_part *scales = exr_file_part(file, "scales");
@@ -299,6 +289,11 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     exr_get_string(clusters, "mesorig.colours", &colours, NULL);
     exr_get_double(clusters, "mesorig.error", &error, NULL);
     exr_get_int(clusters, "mesorig.grid", &grid, NULL);
+    int levels = 1; /* level 0, and those of which there are parts "mip<n>.clusters" */
+    for (gboolean more = TRUE; more; levels += more) {
+        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
+        more = exr_file_part(file, name) != NULL;
+    }
     GString *text = g_string_new(NULL);
     g_string_append_printf(text, "local PCA: %d × %d texels, clusters × components %d × %d in %s, ",
                            clusters->width, clusters->height, scales->width, scales->height - 1,
@@ -308,8 +303,8 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     else
         g_string_append_printf(text, "of %d views × %d lights", views->width, lights->width);
     g_string_append_printf(text, "%s, mip levels: %d; error %.2f %%",
-                           g_str_equal(colours, "log") ? ", in log-luminance" : "",
-                           lpca_codec_count_levels(file), 100 * error);
+                           g_str_equal(colours, "log") ? ", in log-luminance" : "", levels,
+                           100 * error);
     return g_string_free(text, FALSE);
 }
 
@@ -321,6 +316,7 @@ static void lpca_codec_reconstruct(gconstpointer model, int texel, float *ret) {
     lpca_reconstruct(model, texel, ret);
 }
 
+/* One point of the curve for each way to round it. */
 static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int components,
                                           const struct btf_matrix *btf, CodecPoint tell,
                                           gpointer data, GError **error) {
@@ -329,7 +325,7 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
                                          "local PCA, 8-bit weights"};
     gboolean ok = TRUE;
     for (gsize i = 0; ok && i < G_N_ELEMENTS(kinds); i++) {
-        struct lpca *fewer = lpca_truncated(lpca, components);
+        g_autoptr(Lpca) fewer = lpca_truncated(lpca, components);
         lpca_quantise(fewer, kinds[i]);
         ok = tell(&lpca_codec,
                   &(struct codec_point){
@@ -339,29 +335,7 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
                       .error = lpca_error(fewer, btf, 0),
                   },
                   data, error);
-        lpca_free(fewer);
     }
-    return ok;
-}
-
-static gboolean lpca_codec_tell_packed(const struct lpca_packer *packer, double step,
-                                       const struct btf_matrix *btf,
-                                       const struct lpca_options *options, CodecPoint tell,
-                                       gpointer data, GError **error) {
-    struct lpca *lpca = lpca_packer_round(packer, step);
-    const gint64 bytes = lpca_packed_bytes(lpca, error);
-    const int n = lpca->n_components;
-    const gboolean ok =
-        bytes > 0 && lpca_error_shared(lpca, btf, options, error) &&
-        tell(&lpca_codec,
-             &(struct codec_point){
-                 .series = "local PCA, packed",
-                 .label = g_strdup_printf(n > 1 ? "%d components" : "%d component", n),
-                 .bytes = bytes,
-                 .error = lpca->error,
-             },
-             data, error);
-    lpca_free(lpca);
     return ok;
 }
 
@@ -382,14 +356,27 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
     struct lpca_packer *packer = lpca_packer_new(exact, 0);
     const double mean = lpca_mean_size(exact);
     gboolean ok = TRUE;
-    for (double step = COARSEST; ok && step >= FINEST; step /= 2)
-        ok = lpca_codec_tell_packed(packer, mean > 0 ? step * mean : 1, btf, &options, tell, data,
-                                    error);
+    for (double step = COARSEST; ok && step >= FINEST; step /= 2) {
+        g_autoptr(Lpca) lpca = lpca_packer_round(packer, mean > 0 ? step * mean : 1);
+        struct codec_point point = {
+            .series = "local PCA, packed",
+            .bytes = lpca_packed_bytes(lpca, error),
+        };
+        const int n = lpca->n_components;
+        ok = point.bytes > 0 && lpca_error_shared(lpca, btf, &options, error);
+        if (ok) {
+            point.label = g_strdup_printf(n > 1 ? "%d components" : "%d component", n);
+            point.error = lpca->error;
+            ok = tell(&lpca_codec, &point, data, error);
+        }
+    }
     lpca_packer_free(packer);
     lpca_free(exact);
     return ok;
 }
 
+/* 1, 4, 16, 64 clusters, each of 1, 2, 4, 8, 16 components in each way to round, then packed ones.
+ */
 static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
                                  const struct btf_matrix *btf, const struct work *work,
                                  CodecPoint tell, gpointer data, GError **error) {
@@ -399,11 +386,10 @@ static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
     for (int k = 1; ok && k <= CURVE_CLUSTERS && (k == 1 || k <= most); k *= 4) {
         const struct lpca_options options = {
             .n_clusters = k, .n_components = MIN(CURVE_MOST, values), .work = *work};
-        struct lpca *lpca = lpca_compute(btf, &options, error);
+        g_autoptr(Lpca) lpca = lpca_compute(btf, &options, error);
         ok = lpca != NULL;
         for (int c = 1; ok && c <= lpca->n_components; c *= 2)
             ok = lpca_codec_tell_quantised(lpca, c, btf, tell, data, error);
-        lpca_free(lpca);
     }
     return ok && lpca_codec_curve_packed(btf, work, tell, data, error);
 }

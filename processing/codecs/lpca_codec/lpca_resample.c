@@ -11,6 +11,7 @@
 #define COLOURS 3
 #define BLOCK   8 /* texels a thread compares at a time */
 
+/* A copy with room for eigen-BRDFs on the grid; brdfs is NULL if there is no memory for them. */
 static struct lpca *like(const struct lpca *lpca, int n_grid) {
     const gsize texels = btf_layout_texels(&lpca->layout);
     const gsize tables = (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
@@ -31,7 +32,8 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
     return ret;
 }
 
-/* Views, then the lights of each view, whose colours lie side by side. */
+/* A table E (views × lights × 3) becomes V E Lᵀ (n² × n² × 3) with the operators V (n² × views) and
+ * L (n² × lights): first views, then the lights of each view, whose colours lie side by side. */
 static void resample_table(const struct lpca *from, const struct lpca *to, gsize table,
                            const float *views, const float *lights, float *between) {
     const int samples = to->layout.views.n, row = from->layout.lights.n * COLOURS;
@@ -54,30 +56,31 @@ struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) 
         views ? direction_grid_operator(&lpca->layout.lights, n_grid, TRUE, error) : NULL;
     if (!lights)
         return NULL;
-    struct lpca *ret = like(lpca, n_grid);
+    g_autoptr(Lpca) ret = like(lpca, n_grid);
     if (!ret->brdfs) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "a grid of %d for %d clusters of %d components does not fit into memory",
                     n_grid, lpca->n_clusters, lpca->n_components);
-        lpca_free(ret);
         return NULL;
     }
     g_autofree float *between = g_new(float, ret->layout.views.n * lpca->layout.lights.n * COLOURS);
     for (gsize table = 0; table < (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
          table++)
         resample_table(lpca, ret, table, views, lights, between);
-    return ret;
+    return g_steal_pointer(&ret);
 }
 
-/* A texel's reflectances are mixed on the grid first: that costs least. */
+/* Compares at the directions of btf. A texel's reflectances are summed on the grid first, which
+ * costs least, and then interpolated. */
 struct comparison {
     const struct lpca *lpca;
     const struct btf_matrix *btf;
-    int *view_index, *light_index; /* × 4 */
-    float *view_weight, *light_weight;
-    double *sums; /* × 2 a block */
+    int *view_index, *light_index;     /* views × 4, lights × 4: samples around each direction */
+    float *view_weight, *light_weight; /* their weights */
+    double *sums;                      /* two a block: ‖X − X̂‖² and ‖X‖² */
 };
 
+/* The four samples around each of n directions, and their weights: n × 4 each. */
 static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const float *phi_deg,
                                        int n, int **ret_index, float **ret_weight) {
     *ret_index = g_new(int, 4 * n);
@@ -90,6 +93,7 @@ static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const
     }
 }
 
+/* Σ_a Σ_b v_a l_b G(a, b) over the four samples around the view and the four around the light. */
 static void interpolate(const struct comparison *to, const float *grid, int view, int light,
                         float ret[COLOURS]) {
     const gsize samples = to->lpca->layout.lights.n;
@@ -105,7 +109,7 @@ static void interpolate(const struct comparison *to, const float *grid, int view
         }
 }
 
-/* What a view shows of a texel, whose samples are on the grid. */
+/* Adds the squares of a texel in one view. grid: n² × n² × 3, truth: lights × 3. */
 static void compare_view(const struct comparison *to, const float *grid, const float *truth,
                          int view, double *sums) {
     for (gsize light = 0; light < to->btf->layout.lights.n; light++, truth += COLOURS) {

@@ -18,7 +18,7 @@ struct block {
     double error;
 };
 
-static int mdf_blocks_across(int n) {
+int mdf_blocks_across(int n) {
     return (n + SIDE - 1) / SIDE;
 }
 
@@ -26,6 +26,7 @@ gsize mdf_blocks_bytes(int width, int height) {
     return (gsize)mdf_blocks_across(width) * (gsize)mdf_blocks_across(height) * MDF_BLOCK_BYTES;
 }
 
+/* The index of each depth: the nearest of the eight values. error: Σ of squares. */
 static void mdf_blocks_assign(struct block *block, const double *values) {
     const double from = block->ends[0], along = block->ends[1] - from;
     block->error = 0;
@@ -41,7 +42,8 @@ static int whole_end(double value) {
     return (int)CLAMP(round(value), 0, MOST);
 }
 
-/* The ends that are best for the indices. */
+/* The ends e that are best for the indices t = i / 7: min Σ ((1 − t) e_0 + t e_1 − d)² by its
+ * normal equations [a b; b c] e = [x; y]. FALSE: all indices are alike. */
 static gboolean fit_ends(struct block *block, const double *values) {
     double a = 0, b = 0, c = 0, x = 0, y = 0;
     for (int i = 0; i < TEXELS; i++) {
@@ -60,6 +62,7 @@ static gboolean fit_ends(struct block *block, const double *values) {
     return TRUE;
 }
 
+/* Lloyd's alternation from the largest and the least depth, as long as the error falls. */
 static void mdf_blocks_fit(struct block *best, const double *values) {
     double least = values[0], most = values[0];
     for (int i = 1; i < TEXELS; i++) {
@@ -85,22 +88,6 @@ static void mdf_blocks_fit(struct block *best, const double *values) {
     }
 }
 
-/* The first end must be the larger one: the card takes six values else. Equal ends are read as six
- * too, of which the first is that end. */
-static void mdf_blocks_pack(const struct block *block, guint8 *to) {
-    const gboolean swap = block->ends[0] < block->ends[1];
-    const gboolean same = block->ends[0] == block->ends[1];
-    guint64 bits = 0;
-    for (int i = 0; i < TEXELS; i++) {
-        const int at = swap ? STEPS - block->at[i] : block->at[i];
-        bits |= (guint64)(same ? 0 : codes[at]) << (3 * i);
-    }
-    to[0] = (guint8)block->ends[swap];
-    to[1] = (guint8)block->ends[!swap];
-    for (int i = 0; i < 6; i++)
-        to[2 + i] = (guint8)(bits >> (8 * i));
-}
-
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret) {
     const double scale = deepest > least ? MOST / (deepest - least) : 0;
@@ -114,31 +101,33 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
             mdf_blocks_fit(&block, values);
-            mdf_blocks_pack(&block, ret);
+            /* The first end must be the larger one: the card takes six values else. Equal ends are
+             * read as six too, of which the first is that end. */
+            const gboolean swap = block.ends[0] < block.ends[1];
+            const gboolean same = block.ends[0] == block.ends[1];
+            guint64 bits = 0;
+            for (int k = 0; k < TEXELS; k++) {
+                const int at = swap ? STEPS - block.at[k] : block.at[k];
+                bits |= (guint64)(same ? 0 : codes[at]) << (3 * k);
+            }
+            ret[0] = (guint8)block.ends[swap];
+            ret[1] = (guint8)block.ends[!swap];
+            for (int k = 0; k < 6; k++)
+                ret[2 + k] = (guint8)(bits >> (8 * k));
         }
-}
-
-/* The eight values of a block, as the format says. */
-static void palette(const guint8 *from, double ret[STEPS + 1]) {
-    const double a = from[0], b = from[1];
-    const int steps = from[0] > from[1] ? STEPS : STEPS - 2;
-    ret[0] = a;
-    ret[1] = b;
-    for (int i = 1; i < steps; i++)
-        ret[i + 1] = ((steps - i) * a + i * b) / steps;
-    if (steps < STEPS) {
-        ret[6] = 0;
-        ret[7] = MOST;
-    }
 }
 
 void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,
                        float *ret_depth) {
     for (int j = 0; j < height; j += SIDE)
         for (int i = 0; i < width; i += SIDE, blocks += MDF_BLOCK_BYTES) {
-            double values[STEPS + 1];
+            /* The eight values of a block, as the format says: with equal or rising ends there are
+             * six, then 0 and 1. */
+            const int steps = blocks[0] > blocks[1] ? STEPS : STEPS - 2;
+            double values[STEPS + 1] = {blocks[0], blocks[1], [6] = 0, [7] = MOST};
             guint64 bits = 0;
-            palette(blocks, values);
+            for (int k = 1; k < steps; k++)
+                values[k + 1] = ((steps - k) * values[0] + k * values[1]) / steps;
             for (int k = 0; k < 6; k++)
                 bits |= (guint64)blocks[2 + k] << (8 * k);
             for (int k = 0; k < TEXELS; k++)

@@ -19,12 +19,13 @@
 #define MDF_BLOCK_BYTES 8
 #define MDF_BLOCK_SIDE  4
 
-/* Of width × height texels; those at the edges may be partly beyond them. */
+/* Blocks along a side of n texels; the last one may be partly beyond them. */
+int mdf_blocks_across(int n);
+/* Of all blocks of width × height texels. */
 gsize mdf_blocks_bytes(int width, int height);
 
-/* depth: height × width, from least to deepest. Ends and indices are found by turns, each best for
- * the other.
- */
+/* depth: height × width, from least to deepest. Ends and indices are found in alternation, each
+ * best for the other. */
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret);
 void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,
@@ -39,7 +40,9 @@ struct mdf_blocks {
 };
 
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table);
+typedef struct mdf_blocks MdfBlocks;
 void mdf_blocks_free(struct mdf_blocks *blocks); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfBlocks, mdf_blocks_free)
 struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks);
 
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error);

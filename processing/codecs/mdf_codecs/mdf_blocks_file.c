@@ -25,6 +25,7 @@ static guint8 *view_of(const struct mdf_blocks *blocks, int view) {
     return blocks->blocks + (gsize)view * mdf_blocks_bytes(blocks->width, blocks->height);
 }
 
+/* The range of the blocks, least_mm … deepest_mm, is that of all views together. */
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
     const gsize n = (gsize)table->width * (gsize)table->height, views = (gsize)table->n_views;
     struct mdf_blocks *blocks = g_new0(struct mdf_blocks, 1);
@@ -45,59 +46,43 @@ struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
     for (int view = 0; view < blocks->n_views; view++)
         mdf_blocks_encode(table->depth_mm + (gsize)view * n, table->width, table->height,
                           blocks->least_mm, blocks->deepest_mm, view_of(blocks, view));
-    struct mdf_table *is = mdf_blocks_table(blocks);
+    g_autoptr(MdfTable) is = mdf_blocks_table(blocks);
     blocks->error_mm = mdf_table_difference(table, table->n_views, is, NULL);
-    mdf_table_free(is);
     return blocks;
 }
 
 struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks) {
-    const gsize n = (gsize)blocks->width * (gsize)blocks->height, views = (gsize)blocks->n_views;
-    struct mdf_table *table = g_new0(struct mdf_table, 1);
-    *table = (struct mdf_table){
-        .width = blocks->width,
-        .height = blocks->height,
-        .n_views = blocks->n_views,
-        .texel_mm = blocks->texel_mm,
-        .theta_deg = g_memdup2(blocks->theta_deg, sizeof(float) * views),
-        .phi_deg = g_memdup2(blocks->phi_deg, sizeof(float) * views),
-        .depth_mm = g_new(float, views *n),
-        .deepest_mm = blocks->deepest_mm,
-    };
+    const gsize n = (gsize)blocks->width * (gsize)blocks->height;
+    struct mdf_table *table = mdf_table_new(blocks->width, blocks->height, blocks->n_views,
+                                            blocks->texel_mm, blocks->theta_deg, blocks->phi_deg);
+    table->deepest_mm = blocks->deepest_mm;
     for (int view = 0; view < blocks->n_views; view++)
         mdf_blocks_decode(view_of(blocks, view), blocks->width, blocks->height, blocks->least_mm,
                           blocks->deepest_mm, table->depth_mm + (gsize)view * n);
     return table;
 }
 
-static void mdf_blocks_file_set_head(struct exr_part *part, const struct mdf_blocks *blocks) {
-    exr_set_string(part, "mesorig.kind", KIND);
-    exr_set_int(part, "mesorig.width", blocks->width);
-    exr_set_int(part, "mesorig.height", blocks->height);
-    exr_set_double(part, "texel_mm", blocks->texel_mm);
-    exr_set_double(part, "least_mm", blocks->least_mm);
-    exr_set_double(part, "deepest_mm", blocks->deepest_mm);
-    exr_set_double(part, "mesorig.error_mm", blocks->error_mm);
-}
-
-static int mdf_blocks_file_across(int texels) {
-    return (texels + MDF_BLOCK_SIDE - 1) / MDF_BLOCK_SIDE;
-}
-
+/* Byte k of block i is pixel i of channel Bk; the first part has the attributes of all views. */
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error) {
     struct exr_file *file = exr_file_new();
     for (int view = 0; view < blocks->n_views; view++) {
         g_autofree char *name = g_strdup_printf("view_%04d", view);
-        struct exr_part *part =
-            exr_part_new(name, mdf_blocks_file_across(blocks->width),
-                         mdf_blocks_file_across(blocks->height), channels, EXR_HALF);
+        struct exr_part *part = exr_part_new(name, mdf_blocks_across(blocks->width),
+                                             mdf_blocks_across(blocks->height), channels, EXR_HALF);
         const guint8 *from = view_of(blocks, view);
         for (gsize i = 0; i < mdf_blocks_bytes(blocks->width, blocks->height); i++)
             part->planes[i % MDF_BLOCK_BYTES][i / MDF_BLOCK_BYTES] = from[i];
         exr_set_double(part, "view.theta_deg", blocks->theta_deg[view]);
         exr_set_double(part, "view.phi_deg", blocks->phi_deg[view]);
-        if (view == 0)
-            mdf_blocks_file_set_head(part, blocks);
+        if (view == 0) {
+            exr_set_string(part, "mesorig.kind", KIND);
+            exr_set_int(part, "mesorig.width", blocks->width);
+            exr_set_int(part, "mesorig.height", blocks->height);
+            exr_set_double(part, "texel_mm", blocks->texel_mm);
+            exr_set_double(part, "least_mm", blocks->least_mm);
+            exr_set_double(part, "deepest_mm", blocks->deepest_mm);
+            exr_set_double(part, "mesorig.error_mm", blocks->error_mm);
+        }
         exr_file_add(file, part);
     }
     const gboolean ok = exr_write(path, file, EXR_ZIP, TRUE, error);
@@ -105,7 +90,7 @@ gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GEr
     return ok;
 }
 
-/* Why it is none; NULL: it is. */
+/* Returns what is wrong with the attributes of the first part; NULL: nothing. */
 static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
                                              const struct exr_file *file) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
@@ -117,8 +102,8 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
         blocks->height < 1 || blocks->width > G_MAXINT - MDF_BLOCK_SIDE ||
         blocks->height > G_MAXINT - MDF_BLOCK_SIDE)
         return "mesorig.width or mesorig.height makes no sense";
-    if (mdf_blocks_file_across(blocks->width) != part->width ||
-        mdf_blocks_file_across(blocks->height) != part->height)
+    if (mdf_blocks_across(blocks->width) != part->width ||
+        mdf_blocks_across(blocks->height) != part->height)
         return "its blocks are not those of its texels";
     if ((gint64)blocks->width * blocks->height * file->parts->len > MDF_TABLE_MAX_TEXELS)
         return "it is too large";
@@ -134,12 +119,13 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
     return NULL;
 }
 
+/* Likewise with a view: its directions, and its blocks as channels B0 … B7. */
 static const char *mdf_blocks_file_read_view(struct mdf_blocks *blocks, int view,
                                              const struct exr_part *part) {
     guint8 *to = view_of(blocks, view);
     double theta, phi;
-    if (mdf_blocks_file_across(blocks->width) != part->width ||
-        mdf_blocks_file_across(blocks->height) != part->height)
+    if (mdf_blocks_across(blocks->width) != part->width ||
+        mdf_blocks_across(blocks->height) != part->height)
         return "a view has another size than the first";
     if (!exr_get_double(part, "view.theta_deg", &theta, NULL) ||
         !exr_get_double(part, "view.phi_deg", &phi, NULL) || !(theta >= 0 && theta <= 90) ||
@@ -164,7 +150,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return NULL;
-    struct mdf_blocks *blocks = g_new0(struct mdf_blocks, 1);
+    g_autoptr(MdfBlocks) blocks = g_new0(struct mdf_blocks, 1);
     const char *what = mdf_blocks_file_read_head(blocks, file);
     if (!what) {
         const gsize n = file->parts->len;
@@ -176,14 +162,14 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     for (int view = 0; !what && view < blocks->n_views; view++)
         what = mdf_blocks_file_read_view(blocks, view, file->parts->pdata[view]);
     exr_file_free(file);
-    if (what) {
-        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: these are not whole blocks of an MDF: %s; compress again", path, what);
-        g_clear_pointer(&blocks, mdf_blocks_free);
-    }
-    return blocks;
+    if (!what)
+        return g_steal_pointer(&blocks);
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: these are not whole blocks of an MDF: %s; compress again", path, what);
+    return NULL;
 }
 
+/* From the first part's mesorig.kind, which measured views lack. */
 enum mdf_kind mdf_kind(const char *path) {
     struct exr_file *file = exr_read_headers(path, NULL);
     const struct exr_part *part = file && file->parts->len > 0 ? file->parts->pdata[0] : NULL;

@@ -25,35 +25,30 @@ static const struct option mdf_codec_maps_table[] = {
     {NULL},
 };
 
-static struct mdf_factors *mdf_codec_factor(const struct mdf_codec_job *job, gint64 begun_us,
-                                            GError **error) {
+/* Adds views at grazing angles, factors all of them and writes the maps. --error is in texels; the
+ * error of the result is that of the measured views in mm. */
+static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
+                                      GError **error) {
     const struct mdf_codec_maps_options *asked = job->options;
     const int most = asked->components > 0 ? asked->components
                      : asked->error > 0    ? MDF_FACTORS_MAX_TERMS
                                            : TERMS;
+    const gint64 begun_us = g_get_monotonic_time();
     mdf_table_add_grazing(job->table);
     if (!work_tell(job->work, "maps", 1, 3, begun_us, error))
-        return NULL;
-    return mdf_factors_compute(job->table, job->n_measured, most,
-                               asked->error * job->table->texel_mm, job->work->cancellable, error);
-}
-
-static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
-                                      GError **error) {
-    const gint64 begun_us = g_get_monotonic_time();
-    struct mdf_factors *factors = mdf_codec_factor(job, begun_us, error);
+        return FALSE;
+    g_autoptr(MdfFactors) factors =
+        mdf_factors_compute(job->table, job->n_measured, most, asked->error * job->table->texel_mm,
+                            job->work->cancellable, error);
     if (!factors)
         return FALSE;
-    struct mdf_table *is = mdf_factors_table(factors);
+    g_autoptr(MdfTable) is = mdf_factors_table(factors);
     ret->n_terms = factors->n_terms;
     ret->n_traced = factors->n_views - factors->n_measured;
     ret->bytes = mdf_factors_bytes(factors);
     ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->most_mm);
-    mdf_table_free(is);
-    const gboolean ok = work_tell(job->work, "maps", 2, 3, begun_us, error) &&
-                        mdf_factors_write(job->to, factors, error);
-    mdf_factors_free(factors);
-    return ok;
+    return work_tell(job->work, "maps", 2, 3, begun_us, error) &&
+           mdf_factors_write(job->to, factors, error);
 }
 
 static char *mdf_codec_maps_describe(const struct mdf_codec_job *job,
@@ -97,37 +92,28 @@ static const struct option mdf_codec_views_table[] = {
     {NULL},
 };
 
-static gboolean mdf_codec_pack(const struct mdf_codec_job *job, enum mdf_packed kind,
-                               struct mdf_codec_result *ret, GError **error) {
-    if (!mdf_pack(job->from, job->to, kind, &ret->bytes, error))
-        return FALSE;
-    struct mdf_table *is = mdf_table_read(job->to, error);
-    if (is)
-        ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->most_mm);
-    mdf_table_free(is);
-    return is != NULL;
-}
-
-static gboolean mdf_codec_block(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
-                                GError **error) {
-    const struct mdf_table *table = job->table;
-    struct mdf_blocks *blocks = mdf_blocks_new(table);
-    struct mdf_table *is = mdf_blocks_table(blocks);
-    ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->most_mm);
-    ret->bytes = (gint64)mdf_blocks_bytes(table->width, table->height) * table->n_views;
-    const gboolean ok = mdf_blocks_write(job->to, blocks, error);
-    mdf_table_free(is);
-    mdf_blocks_free(blocks);
-    return ok;
-}
-
+/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of what
+ * the file gives back. */
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
-    if (asked->quantise == MDF_CODEC_4BIT)
-        return mdf_codec_block(job, ret, error);
-    return mdf_codec_pack(
-        job, asked->quantise == MDF_CODEC_HALF ? MDF_PACKED_HALF : MDF_PACKED_8BIT, ret, error);
+    const struct mdf_table *table = job->table;
+    g_autoptr(MdfTable) is = NULL;
+    gboolean ok;
+    if (asked->quantise == MDF_CODEC_4BIT) {
+        g_autoptr(MdfBlocks) blocks = mdf_blocks_new(table);
+        ret->bytes = (gint64)mdf_blocks_bytes(table->width, table->height) * table->n_views;
+        ok = mdf_blocks_write(job->to, blocks, error);
+        is = mdf_blocks_table(blocks);
+    } else {
+        ok = mdf_pack(job->from, job->to,
+                      asked->quantise == MDF_CODEC_HALF ? MDF_PACKED_HALF : MDF_PACKED_8BIT,
+                      &ret->bytes, error);
+        is = ok ? mdf_table_read(job->to, error) : NULL;
+    }
+    if (is)
+        ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->most_mm);
+    return ok && is != NULL;
 }
 
 static char *mdf_codec_views_describe(const struct mdf_codec_job *job,
@@ -137,6 +123,7 @@ static char *mdf_codec_views_describe(const struct mdf_codec_job *job,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
+/* The size is that of the texels, not of the blocks that are the file's pixels. */
 static char *mdf_codec_blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;

@@ -39,7 +39,9 @@ struct mdf_factors {
     double error_mm;            /* RMS of what was measured and seen; mdf_table_difference() */
 };
 
+typedef struct mdf_factors MdfFactors;
 void mdf_factors_free(struct mdf_factors *factors); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfFactors, mdf_factors_free)
 
 /* The first n_measured views of the table were measured, the others are mdf_table_add_grazing()'s.
  * n_terms maps; or, with target_mm > 0, as few as reach that error, n_terms at most: an error says

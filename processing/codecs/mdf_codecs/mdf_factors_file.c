@@ -7,40 +7,37 @@
 #define MOST_MAP 255
 #define MAX_MM   6e4
 
+/* "M01" …: channels of a part are in alphabetical order. */
 static char *channel_name(int term) {
     return g_strdup_printf("M%02d", term + 1);
 }
 
-static struct exr_part *maps_part(const struct mdf_factors *factors) {
-    const gsize n = (gsize)factors->width * (gsize)factors->height;
-    g_auto(GStrv) channels = g_new0(char *, factors->n_terms + 1);
-    for (int i = 0; i < factors->n_terms; i++)
-        channels[i] = channel_name(i);
-    struct exr_part *part = exr_part_new("maps", factors->width, factors->height,
-                                         (const char *const *)channels, EXR_HALF);
-    for (int i = 0; i < factors->n_terms; i++)
-        for (gsize x = 0; x < n; x++)
-            part->planes[i][x] = factors->maps[(gsize)i * n + x];
-    exr_set_string(part, "mesorig.kind", MDF_FACTORS_KIND);
-    exr_set_int(part, "mesorig.measured", factors->n_measured);
-    exr_set_double(part, "mesorig.error_mm", factors->error_mm);
-    exr_set_double(part, "texel_mm", factors->texel_mm);
-    exr_set_double(part, "deepest_mm", factors->deepest_mm);
-    return part;
-}
-
+/* Weights are views × (c + 1) in memory, and (c + 1) lines of n_views pixels in the file. */
 gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, GError **error) {
     static const char *const weight[] = {"W", NULL};
     static const char *const angles[] = {"phi_deg", "theta_deg", NULL};
-    const int n = factors->n_views, m = factors->n_terms + 1;
+    const int n = factors->n_views, c = factors->n_terms, m = c + 1;
+    const gsize texels = (gsize)factors->width * (gsize)factors->height;
+    g_auto(GStrv) channels = g_new0(char *, m);
+    for (int i = 0; i < c; i++)
+        channels[i] = channel_name(i);
     struct exr_file *file = exr_file_new();
+    struct exr_part *maps = exr_part_new("maps", factors->width, factors->height,
+                                         (const char *const *)channels, EXR_HALF);
     struct exr_part *weights = exr_part_new("weights", n, m, weight, EXR_FLOAT);
     struct exr_part *views = exr_part_new("views", n, 1, angles, EXR_FLOAT);
+    for (gsize i = 0; i < (gsize)c * texels; i++)
+        maps->planes[i / texels][i % texels] = factors->maps[i];
+    exr_set_string(maps, "mesorig.kind", MDF_FACTORS_KIND);
+    exr_set_int(maps, "mesorig.measured", factors->n_measured);
+    exr_set_double(maps, "mesorig.error_mm", factors->error_mm);
+    exr_set_double(maps, "texel_mm", factors->texel_mm);
+    exr_set_double(maps, "deepest_mm", factors->deepest_mm);
     for (int i = 0; i < n * m; i++)
         weights->planes[0][i % m * n + i / m] = factors->weights[i];
     memcpy(views->planes[0], factors->phi_deg, sizeof(float) * (gsize)n);
     memcpy(views->planes[1], factors->theta_deg, sizeof(float) * (gsize)n);
-    exr_file_add(file, maps_part(factors));
+    exr_file_add(file, maps);
     exr_file_add(file, weights);
     exr_file_add(file, views);
     const gboolean ok = exr_write(path, file, EXR_ZIP, TRUE, error);
@@ -48,7 +45,7 @@ gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, 
     return ok;
 }
 
-/* Why it is not one; NULL: it is. */
+/* Returns what is wrong with sizes and attributes; NULL: nothing. */
 static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
                                               const struct exr_file *file) {
     const struct exr_part *maps = exr_file_part(file, "maps"),
@@ -83,8 +80,10 @@ static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
     return NULL;
 }
 
-static const char *mdf_factors_file_read_views(struct mdf_factors *factors,
-                                               const struct exr_file *file) {
+/* Likewise with directions, weights and maps. */
+static const char *mdf_factors_file_read_values(struct mdf_factors *factors,
+                                                const struct exr_file *file) {
+    const gsize texels = (gsize)factors->width * (gsize)factors->height;
     const float *theta = exr_part_plane(exr_file_part(file, "views"), "theta_deg");
     const float *phi = exr_part_plane(exr_file_part(file, "views"), "phi_deg");
     const float *weights = exr_part_plane(exr_file_part(file, "weights"), "W");
@@ -102,22 +101,16 @@ static const char *mdf_factors_file_read_views(struct mdf_factors *factors,
     factors->weights = g_new(float, (gsize)n *(gsize)m);
     for (int i = 0; i < n * m; i++)
         factors->weights[i] = weights[i % m * n + i / m];
-    return NULL;
-}
-
-static const char *mdf_factors_file_read_maps(struct mdf_factors *factors,
-                                              const struct exr_file *file) {
-    const gsize n = (gsize)factors->width * (gsize)factors->height;
-    factors->maps = g_new(guint8, n * (gsize)factors->n_terms);
+    factors->maps = g_new(guint8, texels * (gsize)factors->n_terms);
     for (int i = 0; i < factors->n_terms; i++) {
         g_autofree char *name = channel_name(i);
         const float *from = exr_part_plane(exr_file_part(file, "maps"), name);
         if (!from)
             return "a map is missing";
-        for (gsize x = 0; x < n; x++) {
+        for (gsize x = 0; x < texels; x++) {
             if (!(from[x] >= 0 && from[x] <= MOST_MAP) || from[x] != floorf(from[x]))
                 return "a map has a value that is not a whole number of 0 to 255";
-            factors->maps[(gsize)i * n + x] = (guint8)from[x];
+            factors->maps[(gsize)i * texels + x] = (guint8)from[x];
         }
     }
     return NULL;
@@ -127,17 +120,14 @@ struct mdf_factors *mdf_factors_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return NULL;
-    struct mdf_factors *factors = g_new0(struct mdf_factors, 1);
+    g_autoptr(MdfFactors) factors = g_new0(struct mdf_factors, 1);
     const char *what = mdf_factors_file_read_head(factors, file);
     if (!what)
-        what = mdf_factors_file_read_views(factors, file);
-    if (!what)
-        what = mdf_factors_file_read_maps(factors, file);
+        what = mdf_factors_file_read_values(factors, file);
     exr_file_free(file);
-    if (what) {
-        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: this is not a whole compressed MDF: %s; compress again", path, what);
-        g_clear_pointer(&factors, mdf_factors_free);
-    }
-    return factors;
+    if (!what)
+        return g_steal_pointer(&factors);
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: this is not a whole compressed MDF: %s; compress again", path, what);
+    return NULL;
 }

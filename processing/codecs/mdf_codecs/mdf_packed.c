@@ -8,61 +8,51 @@
 #define MOST   255
 #define MAX_MM 6e4
 
-static gboolean mdf_packed_fail(GError **error, const char *path, const struct exr_part *part,
-                                const char *what) {
-    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: part “%s”: %s", path, part->name, what);
-    return FALSE;
-}
-
-static void copy_attributes(const struct exr_part *from, struct exr_part *to) {
-    for (guint i = 0; i < from->attributes->len; i++) {
-        const struct exr_attribute *a = from->attributes->pdata[i];
-        if (a->kind == EXR_KIND_STRING)
-            exr_set_string(to, a->name, a->string);
-        else if (a->kind == EXR_KIND_INT)
-            exr_set_int(to, a->name, a->integer);
-        else if (a->kind == EXR_KIND_DOUBLE)
-            exr_set_double(to, a->name, a->v[0]);
-        else
-            exr_set_v3d(to, a->name, a->v[0], a->v[1], a->v[2]);
-    }
-}
-
-static void mdf_packed_to_steps(struct exr_part *part, gsize n) {
-    float *d = part->planes[0], most = 0;
-    for (gsize i = 0; i < n; i++)
-        most = MAX(most, d[i]);
-    const double scale = most > 0 ? (double)most / MOST : 1;
-    for (gsize i = 0; i < n; i++)
-        d[i] = d[i] >= 0 ? (float)round(d[i] / scale) : -1;
-    exr_set_double(part, "mesorig.scale_mm", scale);
-}
-
+/* One view: halves, or n = round (d / s) of distances d with the scale s = max d / 255. */
 static struct exr_part *mdf_packed_pack(const struct exr_part *from, enum mdf_packed kind,
                                         const char *path, GError **error) {
     static const char *const channel[] = {"D", NULL};
     const float *distance = exr_part_plane(from, "D");
     const gsize n = (gsize)from->width * (gsize)from->height;
     double scale;
+    float most = 0;
     const char *what = !distance ? "there is no channel D: it is no MDF"
                        : exr_get_double(from, "mesorig.scale_mm", &scale, NULL)
                            ? "it was packed already"
                            : NULL;
-    for (gsize i = 0; !what && i < n; i++)
+    for (gsize i = 0; !what && i < n; i++) {
+        most = MAX(most, distance[i]);
         if (!(fabsf(distance[i]) <= MAX_MM))
             what = "there is a distance that is not a number of millimetres";
+    }
     if (what) {
-        mdf_packed_fail(error, path, from, what);
+        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: part “%s”: %s", path, from->name,
+                    what);
         return NULL;
     }
     struct exr_part *part = exr_part_new(from->name, from->width, from->height, channel, EXR_HALF);
+    for (guint i = 0; i < from->attributes->len; i++) {
+        const struct exr_attribute *a = from->attributes->pdata[i];
+        if (a->kind == EXR_KIND_STRING)
+            exr_set_string(part, a->name, a->string);
+        else if (a->kind == EXR_KIND_INT)
+            exr_set_int(part, a->name, a->integer);
+        else if (a->kind == EXR_KIND_DOUBLE)
+            exr_set_double(part, a->name, a->v[0]);
+        else
+            exr_set_v3d(part, a->name, a->v[0], a->v[1], a->v[2]);
+    }
     memcpy(part->planes[0], distance, sizeof(float) * n);
-    copy_attributes(from, part);
-    if (kind == MDF_PACKED_8BIT)
-        mdf_packed_to_steps(part, n);
+    if (kind == MDF_PACKED_HALF)
+        return part;
+    scale = most > 0 ? (double)most / MOST : 1;
+    for (gsize i = 0; i < n; i++)
+        part->planes[0][i] = distance[i] >= 0 ? (float)round(distance[i] / scale) : -1;
+    exr_set_double(part, "mesorig.scale_mm", scale);
     return part;
 }
 
+/* ret_bytes: two a texel as halves, else one a texel and a float a view for its scale. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error) {
     struct exr_file *file = exr_read(from, error), *packed = exr_file_new();

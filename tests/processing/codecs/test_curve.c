@@ -73,8 +73,8 @@ static void assert_packed(const struct btf_matrix *btf, const GArray *points,
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", &error);
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
-    const struct lpca_wish wish = {.error = point->error * 1.0001};
-    struct lpca *lpca = lpca_pack(btf, &(struct lpca_options){0}, &wish, &error);
+    const struct lpca_target wanted = {.error = point->error * 1.0001};
+    struct lpca *lpca = lpca_pack(btf, &(struct lpca_options){0}, &wanted, &error);
     g_assert_no_error(error);
     g_assert_true(lpca_write(path, lpca, &error));
     lpca_free(lpca);

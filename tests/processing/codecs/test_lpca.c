@@ -18,9 +18,8 @@ static struct lpca *compute(const struct btf_matrix *btf, int k, int c) {
 }
 
 static double error_of(const struct btf_matrix *btf, int k, int c) {
-    struct lpca *lpca = compute(btf, k, c);
+    g_autoptr(Lpca) lpca = compute(btf, k, c);
     const double error = lpca->error;
-    lpca_free(lpca);
     return error;
 }
 
@@ -59,8 +58,8 @@ static void assert_orthonormal(const struct lpca *lpca) {
 
 /* A mixture of planes of low rank is told apart, and nothing is left. */
 static void test_mixture(void) {
-    struct btf_matrix *btf = lpca_fixture_mixture(16, 15, 4, 5, 4, 2, 0);
-    struct lpca *lpca = compute(btf, 4, 2);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(16, 15, 4, 5, 4, 2, 0);
+    g_autoptr(Lpca) lpca = compute(btf, 4, 2);
     g_assert_cmpint(lpca->n_clusters, ==, 4);
     g_assert_cmpfloat(lpca->error, <, 2e-5);
     g_assert_cmpfloat_with_epsilon(residual(lpca, btf), lpca->error, 1e-6);
@@ -70,8 +69,6 @@ static void test_mixture(void) {
         for (int j = 0; j < i; j++)
             g_assert_cmpint(lpca->clusters[i], !=, lpca->clusters[j]);
     assert_orthonormal(lpca);
-    lpca_free(lpca);
-    btf_matrix_free(btf);
 }
 
 /* Of the matrix less its mean row, beyond the first c, relative to the whole. */
@@ -115,7 +112,7 @@ static void test_dense(void) {
 }
 
 static void test_monotone(void) {
-    struct btf_matrix *btf = lpca_fixture_mixture(24, 24, 4, 6, 11, 6, 0.05);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(24, 24, 4, 6, 11, 6, 0.05);
     double row[3] = {G_MAXDOUBLE, G_MAXDOUBLE, G_MAXDOUBLE};
     for (int k = 1; k <= 16; k *= 2) {
         double before = G_MAXDOUBLE;
@@ -126,11 +123,10 @@ static void test_monotone(void) {
             before = row[i] = error;
         }
     }
-    btf_matrix_free(btf);
 }
 
 static void test_threads(void) {
-    struct btf_matrix *btf = lpca_fixture_mixture(30, 27, 5, 9, 6, 5, 0.05);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(30, 27, 5, 9, 6, 5, 0.05);
     struct lpca *first = NULL;
     for (int threads = 1; threads <= 4; threads++) {
         const struct lpca_options options = {6, 4, .work.n_threads = threads};
@@ -145,27 +141,23 @@ static void test_threads(void) {
         }
     }
     lpca_free(first);
-    btf_matrix_free(btf);
 }
 
 static void test_target(void) {
     g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = lpca_fixture_mixture(20, 20, 4, 5, 2, 12, 0.02);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(20, 20, 4, 5, 2, 12, 0.02);
     struct lpca_options options = {.n_clusters = 2, .n_components = 16, .target = 0.1};
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(lpca->error, <=, 0.1);
     g_assert_cmpint(lpca->n_components, >, 1);
-    struct lpca *fewer = lpca_truncated(lpca, lpca->n_components - 1);
+    g_autoptr(Lpca) fewer = lpca_truncated(lpca, lpca->n_components - 1);
     g_assert_cmpfloat(lpca_error(fewer, btf, 0), >, 0.1);
     g_assert_cmpfloat_with_epsilon(residual(fewer, btf), fewer->error, 1e-6);
-    lpca_free(fewer);
-    lpca_free(lpca);
     options.target = 1e-5;
     g_assert_null(lpca_compute(btf, &options, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "is not reached"));
-    btf_matrix_free(btf);
 }
 
 static void test_edges(void) {
@@ -201,7 +193,7 @@ static void test_refused(void) {
     };
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
-    struct btf_matrix *btf = lpca_fixture_mixture(5, 4, 2, 3, 2, 2, 0.1);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(5, 4, 2, 3, 2, 2, 0.1);
     for (guint i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_assert_null(lpca_compute(btf, &bad[i], &error));
         g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
@@ -218,7 +210,6 @@ static void test_refused(void) {
     g_assert_null(lpca_compute(btf, &good, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "view 1, texel (2, 1)"));
-    btf_matrix_free(btf);
 }
 
 /* What rounding may do to a texel: half a step of each eigen-BRDF, and the bits of a half. */
@@ -255,8 +246,8 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
 static void test_quantised(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    struct btf_matrix *btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
-    struct lpca *exact = compute(btf, 3, 4);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
+    g_autoptr(Lpca) exact = compute(btf, 3, 4);
     gint64 bytes = G_MAXINT64;
     for (int kind = LPCA_FLOAT; kind < LPCA_QUANTISE_KINDS; kind++) {
         g_autoptr(GError) error = NULL;
@@ -282,8 +273,6 @@ static void test_quantised(void) {
         lpca_free(back);
         lpca_free(rounded);
     }
-    lpca_free(exact);
-    btf_matrix_free(btf);
     g_unlink(path);
     g_rmdir(folder);
 }
@@ -307,31 +296,26 @@ static double rounding_under(const struct lpca *exact, const struct lpca *rounde
 /* What a light at grazing angles leaves is as well rounded, for its size, as what others do. */
 static void test_dark_light(void) {
     enum { DARK = 2 };
-    struct btf_matrix *btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
     for (int i = 0; i < 17 * 16 * 4 * 5 * 3; i++)
         if (i / 3 % 5 == DARK)
             btf->values[i] *= 0.03F;
-    struct lpca *exact = compute(btf, 3, 4);
+    g_autoptr(Lpca) exact = compute(btf, 3, 4);
     for (int kind = LPCA_8BIT; kind <= LPCA_8BIT_WEIGHTS; kind++) {
-        struct lpca *rounded = lpca_truncated(exact, 4);
+        g_autoptr(Lpca) rounded = lpca_truncated(exact, 4);
         lpca_quantise(rounded, (enum lpca_quantise)kind);
         g_assert_cmpfloat(rounded->light_scales[5 + DARK], <, 0.06);
         g_assert_cmpfloat(rounding_under(exact, rounded, DARK), <,
                           2 * rounding_under(exact, rounded, 0));
-        lpca_free(rounded);
     }
-    lpca_free(exact);
-    btf_matrix_free(btf);
 }
 
 static void write_small(const char *path, enum lpca_quantise quantise) {
-    struct btf_matrix *btf = lpca_fixture_mixture(6, 5, 2, 3, 2, 2, 0.05);
-    struct lpca *lpca = compute(btf, 2, 2);
+    g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(6, 5, 2, 3, 2, 2, 0.05);
+    g_autoptr(Lpca) lpca = compute(btf, 2, 2);
     g_autoptr(GError) error = NULL;
     lpca_quantise(lpca, quantise);
     g_assert_true(lpca_write(path, lpca, &error));
-    lpca_free(lpca);
-    btf_matrix_free(btf);
 }
 
 static void test_truncated_file(void) {
@@ -354,60 +338,50 @@ static void test_truncated_file(void) {
     g_rmdir(folder);
 }
 
-#define BAD_LIGHT 16 /* the last fault */
-
-/* Whole EXR files that are not whole local PCAs. */
-static void spoil(struct exr_file *file, int fault) {
-    static const char *const parts[] = {"clusters", "weights", "scales", "means",
-                                        "E02",      "views",   "lights"};
-    if (fault < (int)G_N_ELEMENTS(parts)) {
-        g_assert_true(g_ptr_array_remove(file->parts, exr_file_part(file, parts[fault])));
-        return;
-    }
-    struct exr_part *clusters = exr_file_part(file, "clusters");
-    switch (fault - (int)G_N_ELEMENTS(parts)) {
-    case 0:
-        exr_part_plane(clusters, "K")[3] = 2;
-        break;
-    case 1:
-        exr_part_plane(clusters, "K")[3] = -1;
-        break;
-    case 2:
-        exr_part_plane(clusters, "K")[3] = 0.5F;
-        break;
-    case 3:
-        exr_part_plane(clusters, "K")[3] = NAN;
-        break;
-    case 4:
-        exr_part_plane(exr_file_part(file, "weights"), "W02")[3] = NAN;
-        break;
-    case 5:
-        exr_part_plane(exr_file_part(file, "E01"), "G")[3] = NAN;
-        break;
-    case 6:
-        exr_set_double(clusters, "texel_mm", 0);
-        break;
-    case 7:
-        exr_set_string(clusters, "mesorig.quantise", "4bit");
-        break;
-    case 8:
-        exr_set_string(clusters, "mesorig.kind", "eigenmaps");
-        break;
-    default:
-        exr_part_plane(exr_file_part(file, "light_scales"), "S")[1] = 0;
-        break;
-    }
-}
+/* Whole EXR files that are not whole local PCAs: a part is gone, a value of a channel or an
+ * attribute of the part is another. */
+static const struct fault {
+    const char *part, *channel;
+    float value;
+    const char *attribute, *text; /* text NULL: the number 0 */
+} faults[] = {
+    {.part = "clusters"},
+    {.part = "weights"},
+    {.part = "scales"},
+    {.part = "means"},
+    {.part = "E02"},
+    {.part = "views"},
+    {.part = "lights"},
+    {"clusters", "K", 2},
+    {"clusters", "K", -1},
+    {"clusters", "K", 0.5F},
+    {"clusters", "K", NAN},
+    {"weights", "W02", NAN},
+    {"E01", "G", NAN},
+    {.part = "clusters", .attribute = "texel_mm"},
+    {.part = "clusters", .attribute = "mesorig.quantise", .text = "4bit"},
+    {.part = "clusters", .attribute = "mesorig.kind", .text = "eigenmaps"},
+    {"light_scales", "S", 0},
+};
 
 static void test_hostile(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    for (int fault = 0; fault < 17; fault++) {
+    for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
+        const struct fault *fault = &faults[i];
         g_autoptr(GError) error = NULL;
-        write_small(path, fault == BAD_LIGHT ? LPCA_8BIT : LPCA_HALF);
+        write_small(path, g_str_equal(fault->part, "light_scales") ? LPCA_8BIT : LPCA_HALF);
         struct exr_file *file = exr_read(path, &error);
         g_assert_no_error(error);
-        spoil(file, fault);
+        struct exr_part *part = exr_file_part(file, fault->part);
+        if (fault->channel)
+            exr_part_plane(part, fault->channel)[1] = fault->value;
+        else if (fault->text)
+            exr_set_string(part, fault->attribute, fault->text);
+        else if (fault->attribute)
+            exr_set_double(part, fault->attribute, 0);
+        else
+            g_assert_true(g_ptr_array_remove(file->parts, part));
         g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
         exr_file_free(file);
         g_assert_null(lpca_read(path, &error));

@@ -68,16 +68,16 @@ static void test_numbers(void) {
     static const gint32 values[] = {0,   0,    0,      1,       -1,         127,         -127, 128,
                                     254, -128, 100000, -100000, G_MAXINT32, -G_MAXINT32, 0,    7};
     const gsize n = G_N_ELEMENTS(values);
-    g_autoptr(GByteArray) bytes = lpca_squeeze(values, n);
-    g_autofree gint32 *back = lpca_unsqueeze(bytes->data, bytes->len, n);
+    g_autoptr(GByteArray) bytes = lpca_varint_encode(values, n);
+    g_autofree gint32 *back = lpca_varint_decode(bytes->data, bytes->len, n);
     g_assert_cmpmem(back, n * sizeof *back, values, sizeof values);
-    g_assert_null(lpca_unsqueeze(bytes->data, bytes->len, n + 1));
-    g_assert_null(lpca_unsqueeze(bytes->data, bytes->len, n - 1));
-    g_assert_null(lpca_unsqueeze(bytes->data, bytes->len, (gsize)1 << 40));
+    g_assert_null(lpca_varint_decode(bytes->data, bytes->len, n + 1));
+    g_assert_null(lpca_varint_decode(bytes->data, bytes->len, n - 1));
+    g_assert_null(lpca_varint_decode(bytes->data, bytes->len, (gsize)1 << 40));
     for (guint i = 0; i < bytes->len; i++) {
-        g_assert_null(lpca_unsqueeze(bytes->data, i, n));
+        g_assert_null(lpca_varint_decode(bytes->data, i, n));
         bytes->data[i] ^= 0x10;
-        g_autofree gint32 *damaged = lpca_unsqueeze(bytes->data, bytes->len, n);
+        g_autofree gint32 *damaged = lpca_varint_decode(bytes->data, bytes->len, n);
         g_assert_true(!damaged || memcmp(damaged, values, sizeof values) == 0);
         bytes->data[i] ^= 0x10;
     }
@@ -103,15 +103,15 @@ static void test_cosines(void) {
 /* A fine step gives back what was packed; a coarser one is smaller and worse, by about as much as
  * a uniform error of its width makes. */
 static void test_steps(void) {
-    struct btf_matrix *btf = waves(0.002, FALSE);
+    g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     for (int k = 1; k <= 4; k += 3) {
-        struct lpca *exact = compute(btf, k, 12);
+        g_autoptr(Lpca) exact = compute(btf, k, 12);
         struct lpca_packer *packer = lpca_packer_new(exact, 0);
         const double left = error_of(exact, btf);
         double before = 0;
         gint64 larger = G_MAXINT64;
         for (double step = 1e-4; step < 0.5; step *= 4) {
-            struct lpca *lpca = lpca_packer_round(packer, step);
+            g_autoptr(Lpca) lpca = lpca_packer_round(packer, step);
             const double error = error_of(lpca, btf);
             g_assert_cmpint(lpca->quantise, ==, LPCA_PACKED);
             g_assert_cmpint(lpca_packed_bytes(lpca, NULL), <, larger);
@@ -121,12 +121,9 @@ static void test_steps(void) {
                 g_assert_cmpfloat_with_epsilon(error, left, 0.01 * left);
             larger = lpca_packed_bytes(lpca, NULL);
             before = error;
-            lpca_free(lpca);
         }
         lpca_packer_free(packer);
-        lpca_free(exact);
     }
-    btf_matrix_free(btf);
 }
 
 /* What is wished is had, on disk, and read back. */
@@ -134,12 +131,12 @@ static void test_wishes(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("pack-XXXXXX", &error);
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
-    struct btf_matrix *btf = waves(0.002, FALSE);
+    g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     const struct lpca_options options = {0};
     gint64 smallest = G_MAXINT64;
     for (double target = 0.01; target < 0.05; target *= 2) {
-        const struct lpca_wish wish = {.error = target};
-        struct lpca *lpca = lpca_pack(btf, &options, &wish, &error);
+        const struct lpca_target wanted = {.error = target};
+        g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &wanted, &error);
         g_assert_no_error(error);
         g_assert_cmpfloat(error_of(lpca, btf), <=, target * (1 + 1e-5));
         g_assert_cmpfloat(error_of(lpca, btf), >, target * 0.9);
@@ -155,59 +152,54 @@ static void test_wishes(void) {
         g_assert_cmpint(file_size(path), <, smallest);
         smallest = file_size(path);
         lpca_free(back);
-        lpca_free(lpca);
     }
-    const struct lpca_wish small = {.bytes = 9000};
-    struct lpca *lpca = lpca_pack(btf, &options, &small, &error);
+    const struct lpca_target small = {.bytes = 9000};
+    g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &small, &error);
     g_assert_no_error(error);
     g_assert_true(lpca_write(path, lpca, &error));
     g_assert_cmpint(file_size(path), <=, 9000);
     g_assert_cmpint(file_size(path), >, 8500);
     g_assert_cmpint(file_size(path), ==, lpca_packed_bytes(lpca, NULL));
-    lpca_free(lpca);
-    btf_matrix_free(btf);
     remove_tree(folder);
 }
 
 static void test_refused(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
-    struct btf_matrix *btf = waves(0.05, FALSE);
+    g_autoptr(BtfMatrix) btf = waves(0.05, FALSE);
     struct lpca_options options = {0};
-    struct lpca_wish wish = {.error = 0.01, .n_components = 8};
-    g_assert_null(lpca_pack(btf, &options, &wish, &error));
+    struct lpca_target wanted = {.error = 0.01, .n_components = 8};
+    g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "8 components alone"));
     g_clear_error(&error);
-    wish = (struct lpca_wish){.bytes = 20};
-    g_assert_null(lpca_pack(btf, &options, &wish, &error));
+    wanted = (struct lpca_target){.bytes = 20};
+    g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "too little"));
     g_clear_error(&error);
     options.work.cancellable = cancelled;
     g_cancellable_cancel(cancelled);
-    g_assert_null(lpca_pack(btf, &options, &wish, &error));
+    g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
-    btf_matrix_free(btf);
 }
 
 /* A constant material and a black one have nothing that counts but a mean, if that. */
 static void test_edges(void) {
     g_autoptr(GError) error = NULL;
     const struct lpca_options options = {0};
-    const struct lpca_wish wish = {.error = 0.02};
-    struct btf_matrix *btf = waves(0, TRUE);
-    struct lpca *lpca = lpca_pack(btf, &options, &wish, &error);
+    const struct lpca_target wanted = {.error = 0.02};
+    g_autoptr(BtfMatrix) btf = waves(0, TRUE);
+    struct lpca *lpca = lpca_pack(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     g_assert_cmpint(lpca->n_components, ==, 1);
     g_assert_cmpfloat(error_of(lpca, btf), <=, 0.02);
     lpca_free(lpca);
     memset(btf->values, 0, sizeof(float) * SIDE_X * SIDE_Y * VALUES);
-    lpca = lpca_pack(btf, &options, &wish, &error);
+    lpca = lpca_pack(btf, &options, &wanted, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(lpca->error, ==, 0);
     lpca_free(lpca);
-    btf_matrix_free(btf);
 }
 
 /* Damage of any byte is an error or harmless, never more. */
@@ -215,10 +207,10 @@ static void test_damage(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("pack-XXXXXX", &error), *bytes = NULL;
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
-    struct btf_matrix *btf = waves(0.01, FALSE);
+    g_autoptr(BtfMatrix) btf = waves(0.01, FALSE);
     const struct lpca_options options = {0};
-    const struct lpca_wish wish = {.bytes = 6500};
-    struct lpca *lpca = lpca_pack(btf, &options, &wish, &error);
+    const struct lpca_target wanted = {.bytes = 6500};
+    g_autoptr(Lpca) lpca = lpca_pack(btf, &options, &wanted, &error);
     gsize size;
     int refused = 0;
     g_assert_true(lpca_write(path, lpca, &error));
@@ -226,9 +218,8 @@ static void test_damage(void) {
     for (gsize i = 0; i < size; i += 37) {
         bytes[i] ^= 0x55;
         g_assert_true(g_file_set_contents(path, bytes, (gssize)size, &error));
-        struct lpca *back = lpca_read(path, NULL);
+        g_autoptr(Lpca) back = lpca_read(path, NULL);
         refused += back == NULL;
-        lpca_free(back);
         bytes[i] ^= 0x55;
         if (i % 5 == 0) {
             g_assert_true(g_file_set_contents(path, bytes, (gssize)i, &error));
@@ -236,30 +227,24 @@ static void test_damage(void) {
         }
     }
     g_assert_cmpint(refused, >, (int)(size / 37) / 3);
-    lpca_free(lpca);
-    btf_matrix_free(btf);
     remove_tree(folder);
 }
 
 /* Drawn, it has few components in many clusters, and is as good as a local PCA of that size. */
 static void test_regroup(void) {
     g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = waves(0.002, FALSE);
+    g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     const struct lpca_options options = {8, 4};
-    const struct lpca_wish wish = {.error = 0.01};
-    struct lpca *packed = lpca_pack(btf, &(struct lpca_options){0}, &wish, &error);
-    struct lpca *drawn = lpca_regroup(packed, &options, &error);
-    struct lpca *direct = lpca_compute(btf, &options, &error);
+    const struct lpca_target wanted = {.error = 0.01};
+    g_autoptr(Lpca) packed = lpca_pack(btf, &(struct lpca_options){0}, &wanted, &error);
+    g_autoptr(Lpca) drawn = lpca_regroup(packed, &options, &error);
+    g_autoptr(Lpca) direct = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
     g_assert_cmpint(drawn->quantise, ==, LPCA_FLOAT);
     g_assert_cmpint(drawn->n_clusters, ==, 8);
     g_assert_cmpint(drawn->n_components, ==, 4);
     g_assert_cmpfloat(error_of(drawn, btf), <, hypot(direct->error, 0.01) * 1.1);
     g_assert_cmpfloat(error_of(drawn, btf), >, packed->error);
-    lpca_free(direct);
-    lpca_free(drawn);
-    lpca_free(packed);
-    btf_matrix_free(btf);
 }
 
 int main(int argc, char **argv) {

@@ -59,22 +59,18 @@ static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
 }
 
 static void test_file(void) {
-    struct btf_matrix *btf = bumps(40), *file = bumps(40);
+    g_autoptr(BtfMatrix) btf = bumps(40), file = bumps(40);
     const struct lpca_options options = {6, 4};
     g_autoptr(GError) error = NULL;
     move_to_file(file);
-    struct lpca *a = lpca_compute(btf, &options, &error);
-    struct lpca *b = lpca_compute(file, &options, &error);
+    g_autoptr(Lpca) a = lpca_compute(btf, &options, &error);
+    g_autoptr(Lpca) b = lpca_compute(file, &options, &error);
     g_assert_no_error(error);
     g_assert_cmpmem(a->clusters, 1600 * sizeof(int), b->clusters, 1600 * sizeof(int));
     g_assert_cmpfloat(a->error, >, 0.005);
     g_assert_cmpfloat_with_epsilon(a->error, b->error, 1e-6);
     g_assert_cmpfloat_with_epsilon(residual(b, btf), b->error, 1e-6);
     g_assert_cmpfloat_with_epsilon(lpca_error(a, file, 0), b->error, 1e-6);
-    lpca_free(a);
-    lpca_free(b);
-    btf_matrix_free(btf);
-    btf_matrix_free(file);
 }
 
 /* Rows in another order, of few values and of more than are converted at a time. */
@@ -101,7 +97,7 @@ static void test_places(void) {
 }
 
 static void test_memory(void) {
-    struct btf_matrix *btf = bumps(12);
+    g_autoptr(BtfMatrix) btf = bumps(12);
     struct lpca_options options = {2, 2, .memory = 1000};
     g_autoptr(GError) error = NULL;
     g_assert_null(lpca_compute(btf, &options, &error));
@@ -109,10 +105,8 @@ static void test_memory(void) {
     g_assert_nonnull(strstr(error->message, "allow more, or ask for fewer"));
     g_clear_error(&error);
     options.memory = lpca_memory(btf, &options);
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
-    lpca_free(lpca);
-    btf_matrix_free(btf);
 }
 
 /* Threads in place of processes: each with the rows of its part alone. */
@@ -198,9 +192,9 @@ static gpointer work(gpointer data) {
 
 /* Five blocks of rows: of four ranks one has two, and none is like another. */
 static void test_team(void) {
-    struct btf_matrix *btf = bumps(35);
+    g_autoptr(BtfMatrix) btf = bumps(35);
     const struct lpca_options options = {6, 4};
-    struct lpca *alone = lpca_compute(btf, &options, NULL);
+    g_autoptr(Lpca) alone = lpca_compute(btf, &options, NULL);
     for (int n = 1; n <= MOST_RANKS; n *= 2) {
         struct member members[MOST_RANKS] = {0};
         struct table table = {.n = n};
@@ -226,8 +220,6 @@ static void test_team(void) {
         g_mutex_clear(&table.lock);
         g_cond_clear(&table.all);
     }
-    lpca_free(alone);
-    btf_matrix_free(btf);
 }
 
 static void test_log(void) {
@@ -248,7 +240,7 @@ static void test_log(void) {
 static void test_log_compute(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    struct btf_matrix *btf = bumps(16);
+    g_autoptr(BtfMatrix) btf = bumps(16);
     const int d = VIEWS * LIGHTS * 3;
     for (int i = 0; i < 256 * d; i++) {
         const double size = exp(-2 + 0.015 * (i / d)), y = 0.3 + 0.2 * sin(i % d / 3);
@@ -256,20 +248,17 @@ static void test_log_compute(void) {
     }
     const struct lpca_options options = {1, 1, .colours = LPCA_LOG};
     g_autoptr(GError) error = NULL;
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(lpca->error, <, 0.02);
     g_assert_cmpfloat_with_epsilon(residual(lpca, btf), lpca->error, 1e-6);
     lpca_quantise(lpca, LPCA_8BIT_WEIGHTS);
     lpca_error(lpca, btf, 0);
     g_assert_true(lpca_write(path, lpca, &error));
-    struct lpca *back = lpca_read(path, &error);
+    g_autoptr(Lpca) back = lpca_read(path, &error);
     g_assert_no_error(error);
     g_assert_cmpint(back->colours, ==, LPCA_LOG);
     g_assert_cmpfloat_with_epsilon(residual(back, btf), lpca->error, 1e-6);
-    lpca_free(back);
-    lpca_free(lpca);
-    btf_matrix_free(btf);
     g_unlink(path);
     g_rmdir(folder);
 }

@@ -66,18 +66,17 @@ static struct mdf_factors *factors(const struct mdf_table *t, int terms) {
 }
 
 static double worst(const struct mdf_factors *f) {
-    struct mdf_table *is = mdf_factors_table(f);
+    g_autoptr(MdfTable) is = mdf_factors_table(f);
     double most = 0;
     for (int i = 0; i < N_VIEWS * TEXELS; i++)
         most = fmax(most, fabs(is->depth_mm[i] - exact(i / TEXELS, i % TEXELS)));
-    mdf_table_free(is);
     return most;
 }
 
 /* As many maps as there are: what is left is the rounding of three of 8 bits. */
 static void test_enough(void) {
-    struct mdf_table *t = new_table();
-    struct mdf_factors *f = factors(t, 3), *more = factors(t, 16), *fewer = factors(t, 2);
+    g_autoptr(MdfTable) t = new_table();
+    g_autoptr(MdfFactors) f = factors(t, 3), more = factors(t, 16), fewer = factors(t, 2);
     g_test_message("3 maps: %.4f mm RMS, at most %.4f; 2: %.4f", f->error_mm, worst(f),
                    fewer->error_mm);
     /* Each map reaches over about 4 mm: half a step of it is 0.008 mm, for each of them. */
@@ -86,22 +85,18 @@ static void test_enough(void) {
     g_assert_cmpint(mdf_factors_bytes(f), ==, 3 * TEXELS + 4 * 4 * N_VIEWS);
     g_assert_cmpfloat(more->error_mm, <=, f->error_mm * 1.01);
     g_assert_cmpfloat(fewer->error_mm, >, 20 * f->error_mm);
-    mdf_factors_free(f);
-    mdf_factors_free(more);
-    mdf_factors_free(fewer);
-    mdf_table_free(t);
 }
 
 /* Texels that were not seen count nothing, and take what the others say of them. */
 static void test_unseen(void) {
-    struct mdf_table *t = new_table();
+    g_autoptr(MdfTable) t = new_table();
     for (int i = 0; i < N_VIEWS * TEXELS; i++)
         if ((i * 7919) % 101 < 8) {
             t->seen[i] = 0;
             t->depth_mm[i] = (float)(3.4 + noise(i, 9)); /* as filled from around */
         }
-    struct mdf_factors *f = factors(t, 3);
-    struct mdf_table *is = mdf_factors_table(f);
+    g_autoptr(MdfFactors) f = factors(t, 3);
+    g_autoptr(MdfTable) is = mdf_factors_table(f);
     double squares = 0, before = 0;
     int n = 0;
     for (int i = 0; i < N_VIEWS * TEXELS; i++)
@@ -115,15 +110,12 @@ static void test_unseen(void) {
                    sqrt(before / n), f->error_mm);
     g_assert_cmpfloat(squares, <, 0.01 * before);
     g_assert_cmpfloat(f->error_mm, <, 0.05);
-    mdf_table_free(is);
-    mdf_factors_free(f);
-    mdf_table_free(t);
 }
 
 static void test_target(void) {
     g_autoptr(GError) none = NULL, error = NULL;
-    struct mdf_table *t = new_table();
-    struct mdf_factors *f = mdf_factors_compute(t, N_VIEWS, 16, 0.1, NULL, &error);
+    g_autoptr(MdfTable) t = new_table();
+    g_autoptr(MdfFactors) f = mdf_factors_compute(t, N_VIEWS, 16, 0.1, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpint(f->n_terms, ==, 3);
     g_assert_cmpfloat(f->error_mm, <=, 0.1);
@@ -134,8 +126,6 @@ static void test_target(void) {
     g_cancellable_cancel(cancelled);
     g_assert_null(mdf_factors_compute(t, N_VIEWS, 4, 0, cancelled, &stopped));
     g_assert_error(stopped, G_IO_ERROR, G_IO_ERROR_CANCELLED);
-    mdf_factors_free(f);
-    mdf_table_free(t);
 }
 
 /* No relief; one view; and what makes no sense. */
@@ -143,17 +133,15 @@ static void test_odd(void) {
     struct mdf_table *t = new_table();
     for (int i = 0; i < N_VIEWS * TEXELS; i++)
         t->depth_mm[i] = 2.5F;
-    struct mdf_factors *flat = factors(t, 8);
+    g_autoptr(MdfFactors) flat = factors(t, 8);
     g_assert_cmpfloat(flat->error_mm, <, 1e-5);
     g_assert_cmpint(flat->n_terms, ==, 1);
-    mdf_factors_free(flat);
     mdf_table_free(t);
     t = new_table();
     t->n_views = 1;
-    struct mdf_factors *one = factors(t, 8);
+    g_autoptr(MdfFactors) one = factors(t, 8);
     g_assert_cmpint(one->n_terms, ==, 1);
     g_assert_cmpfloat(one->error_mm, <, 0.008);
-    mdf_factors_free(one);
     static const int bad[][2] = {{0, 1}, {MDF_FACTORS_MAX_TERMS + 1, 1}, {4, 0}, {4, 2}};
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
@@ -230,10 +218,10 @@ static void test_factors_file(void) {
     };
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(world_fixture_folder(), "factors.exr", NULL);
-    struct mdf_table *t = new_table();
-    struct mdf_factors *f = factors(t, 5);
+    g_autoptr(MdfTable) t = new_table();
+    g_autoptr(MdfFactors) f = factors(t, 5);
     g_assert_true(mdf_factors_write(path, f, &error));
-    struct mdf_factors *again = mdf_factors_read(path, &error);
+    g_autoptr(MdfFactors) again = mdf_factors_read(path, &error);
     g_assert_no_error(error);
     g_assert_cmpmem(f->maps, (gsize)f->n_terms * TEXELS, again->maps,
                     (gsize)again->n_terms * TEXELS);
@@ -244,9 +232,6 @@ static void test_factors_file(void) {
     assert_cut_refused(path, FALSE);
     for (gsize i = 0; i < G_N_ELEMENTS(changes); i++)
         assert_changed_refused(path, FALSE, &changes[i]);
-    mdf_factors_free(f);
-    mdf_factors_free(again);
-    mdf_table_free(t);
 }
 
 static void test_blocks_file(void) {
@@ -261,10 +246,10 @@ static void test_blocks_file(void) {
     };
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(world_fixture_folder(), "blocks.exr", NULL);
-    struct mdf_table *t = new_table();
-    struct mdf_blocks *b = mdf_blocks_new(t);
+    g_autoptr(MdfTable) t = new_table();
+    g_autoptr(MdfBlocks) b = mdf_blocks_new(t);
     g_assert_true(mdf_blocks_write(path, b, &error));
-    struct mdf_blocks *again = mdf_blocks_read(path, &error);
+    g_autoptr(MdfBlocks) again = mdf_blocks_read(path, &error);
     g_assert_no_error(error);
     const gsize n = N_VIEWS * mdf_blocks_bytes(SIDE, SIDE);
     g_assert_cmpmem(b->blocks, n, again->blocks, n);
@@ -273,9 +258,6 @@ static void test_blocks_file(void) {
     assert_cut_refused(path, TRUE);
     for (gsize i = 0; i < G_N_ELEMENTS(changes); i++)
         assert_changed_refused(path, TRUE, &changes[i]);
-    mdf_blocks_free(b);
-    mdf_blocks_free(again);
-    mdf_table_free(t);
 }
 
 /* Eight values between two ends that are whole steps come back as they are; others to half a
@@ -354,25 +336,23 @@ static void test_packed(void) {
     const double most[] = {8.0 / 2048, 8.0 / 255 / 2 + 1e-6}; /* half a step of each */
     gint64 bytes;
     write_views(from, FALSE);
-    struct mdf_table *t = mdf_table_read(from, &error);
+    g_autoptr(MdfTable) t = mdf_table_read(from, &error);
     g_assert_no_error(error);
     for (int kind = 0; kind < 2; kind++) {
         g_assert_true(mdf_pack(from, to, (enum mdf_packed)kind, &bytes, &error));
         g_assert_cmpint(bytes, ==,
                         kind ? N_VIEWS * (TEXELS + (gint64)sizeof(float)) : 2 * N_VIEWS * TEXELS);
-        struct mdf_table *is = mdf_table_read(to, &error);
+        g_autoptr(MdfTable) is = mdf_table_read(to, &error);
         g_assert_no_error(error);
         g_assert_cmpmem(t->seen, N_VIEWS * TEXELS, is->seen, N_VIEWS * TEXELS);
         for (int i = 0; i < N_VIEWS * TEXELS; i++)
             g_assert_cmpfloat_with_epsilon(is->depth_mm[i], t->depth_mm[i], most[kind]);
-        mdf_table_free(is);
     }
     g_assert_false(mdf_pack(to, from, MDF_PACKED_8BIT, &bytes, &twice));
     g_assert_nonnull(strstr(twice->message, "packed already"));
     write_views(from, TRUE);
     g_assert_false(mdf_pack(from, to, MDF_PACKED_8BIT, &bytes, &none));
     g_assert_nonnull(strstr(none->message, "no channel D"));
-    mdf_table_free(t);
 }
 
 static struct eigenmaps *grey(void) {
@@ -436,12 +416,12 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     g_autoptr(Viewer) view = viewer_new(material, &error);
     g_assert_no_error(error);
     g_assert_true(viewer_set_mesh(view, mesh, &error));
-    struct mdf_table *t = waves();
-    struct mdf_blocks *blocks = mdf_blocks_new(t);
+    g_autoptr(MdfTable) t = waves();
+    g_autoptr(MdfBlocks) blocks = mdf_blocks_new(t);
     g_autofree gboolean *smooth = outline(view, FALSE);
     g_autofree char *path = g_build_filename(world_fixture_folder(), "drawn.exr", NULL);
 
-    struct mdf_table *flat = mdf_blocks_table(blocks);
+    g_autoptr(MdfTable) flat = mdf_blocks_table(blocks);
     mdf_table_add_grazing(flat);
     g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = flat}, &error));
     g_autofree gboolean *raw = outline(view, TRUE);
@@ -450,9 +430,9 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     g_autofree gboolean *in_blocks = outline(view, TRUE);
 
     mdf_table_add_grazing(t);
-    struct mdf_factors *few = mdf_factors_compute(t, N_VIEWS, 6, 0, NULL, &error);
+    g_autoptr(MdfFactors) few = mdf_factors_compute(t, N_VIEWS, 6, 0, NULL, &error);
     g_assert_no_error(error);
-    struct mdf_table *of_few = mdf_factors_table(few);
+    g_autoptr(MdfTable) of_few = mdf_factors_table(few);
     g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = of_few}, &error));
     g_autofree gboolean *raw_few = outline(view, TRUE);
     g_assert_true(mdf_factors_write(path, few, &error));
@@ -464,11 +444,6 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     g_assert_cmpint(differ(raw, smooth), >, 400);
     g_assert_cmpint(differ(raw, in_blocks), <=, differ(raw, smooth) / 50);
     g_assert_cmpint(differ(raw_few, drawn_few), <=, differ(raw, smooth) / 50);
-    mdf_factors_free(few);
-    mdf_table_free(of_few);
-    mdf_table_free(flat);
-    mdf_table_free(t);
-    mdf_blocks_free(blocks);
     eigenmaps_free(material);
     mesh_free(mesh);
 }

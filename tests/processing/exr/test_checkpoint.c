@@ -168,14 +168,14 @@ static struct lpca *to_target(const struct btf_matrix *btf, struct lpca_options 
 
 static struct lpca *choose(const struct btf_matrix *btf, struct lpca_options *options,
                            GError **error) {
-    const struct lpca_wish wish = {0.15, 0, 16, LPCA_HALF, 0};
-    return lpca_choose(btf, options, &wish, error);
+    const struct lpca_target wanted = {0.15, 0, 16, LPCA_HALF, 0};
+    return lpca_choose(btf, options, &wanted, error);
 }
 
 static struct lpca *pack(const struct btf_matrix *btf, struct lpca_options *options,
                          GError **error) {
-    const struct lpca_wish wish = {.error = 0.1};
-    return lpca_pack(btf, options, &wish, error);
+    const struct lpca_target wanted = {.error = 0.1};
+    return lpca_pack(btf, options, &wanted, error);
 }
 
 /* How many runs it takes if each is cut off at its at-th word of a stage. */
@@ -251,13 +251,13 @@ static void check_once(const struct fixture *fixture, Work work, const char *sta
 
 static void test_stages(struct fixture *fixture, gconstpointer unused) {
     check_once(fixture, plain, "reduce", 1);
-    check_once(fixture, plain, "polish", 1);
-    check_once(fixture, weighed, "polish", 1);
+    check_once(fixture, plain, "refine", 1);
+    check_once(fixture, weighed, "refine", 1);
     check_once(fixture, weighed, "weights", 1);
     check_once(fixture, pack, "weights", 1);
     check_once(fixture, logarithms, "check", 1);
     check_once(fixture, to_target, "check", 1);
-    check_once(fixture, choose, "polish", 9);
+    check_once(fixture, choose, "refine", 9);
     check_once(fixture, pack, "reduce", 1);
     check_once(fixture, pack, "check", 2);
 }
@@ -349,8 +349,8 @@ static void check_middle(const struct fixture *fixture, Work work, const char *s
 static void test_middle(struct fixture *fixture, gconstpointer unused) {
     static const char *const views[] = {"lpca.brdfs", "lpca.squares", NULL};
     static const char *const weights[] = {"lpca.weights", NULL};
-    check_middle(fixture, plain, "polish", 5, views);
-    check_middle(fixture, weighed, "polish", 5, views);
+    check_middle(fixture, plain, "refine", 5, views);
+    check_middle(fixture, weighed, "refine", 5, views);
     check_middle(fixture, weighed, "weights", 2, weights);
 }
 
@@ -370,7 +370,7 @@ static void work_and_die(const struct fixture *fixture) {
 }
 
 static void test_killed(struct fixture *fixture, gconstpointer unused) {
-    static const char *const stages[] = {"cluster", "polish", "weights"};
+    static const char *const stages[] = {"cluster", "refine", "weights"};
     struct lpca_options options = {.work.n_threads = 1};
     if (g_test_subprocess()) {
         work_and_die(fixture);

@@ -30,7 +30,15 @@ struct sweep {
     double uneven;     /* of the sheet from frame to frame: rad, up and down */
     gboolean glow;     /* frames of two runs show nothing of the sheet, but what it lit elsewhere */
     float peak[N_PIXELS], width[N_PIXELS], intensity[N_PIXELS];
+    struct laser_lines lines; /* what find() found */
 };
+
+typedef struct sweep TestSweep;
+static void free_sweep(struct sweep *sweep) {
+    laser_lines_clear(&sweep->lines);
+    g_free(sweep);
+}
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(TestSweep, free_sweep)
 
 static struct sweep *new_sweep(void) {
     struct sweep *sweep = g_new0(struct sweep, 1);
@@ -132,34 +140,34 @@ static struct laser_sweep seen_by(const struct sweep *sweep, const struct rig *r
                                 .intensity = sweep->intensity};
 }
 
-static void find(const struct sweep *sweep, const struct laser_reference *reference,
-                 const struct laser_known *known, struct laser_lines *ret) {
+static const struct laser_lines *find(struct sweep *sweep, const struct laser_reference *reference,
+                                      const struct laser_known *known) {
     const struct rig rig = rig_of(sweep);
     g_autoptr(LaserRegion) region =
         laser_region_new(&rig, &rig.cameras[0], sweep->turntable, reference);
     const struct laser_sweep seen = seen_by(sweep, &rig);
-    laser_lines_find(region, &seen, N_STEPS, known, ret);
+    laser_lines_clear(&sweep->lines);
+    laser_lines_find(region, &seen, N_STEPS, known, &sweep->lines);
+    return &sweep->lines;
 }
 
 static const struct laser_known well = {2e-4, 2e-4};
 
 /* Nothing is wrong: it is not said to be, and what is added stays far below the noise of pixels. */
 static void test_agrees(void) {
-    g_autofree struct sweep *sweep = new_sweep();
-    struct laser_lines lines;
+    g_autoptr(TestSweep) sweep = new_sweep();
     shoot(sweep);
-    find(sweep, &flat, &well, &lines);
-    g_assert_nonnull(lines.turn_rad);
-    g_assert_false(lines.disagrees);
-    g_assert_cmpint(lines.pixels, >, 1000);
-    g_assert_cmpint(lines.frames, >, N_STEPS * 2 / 3);
-    g_assert_cmpfloat(fabs(lines.offset_rad), <, 4 * lines.offset_error_rad);
-    g_assert_cmpfloat(fabs(lines.roll_seen_rad), <, 4 * lines.roll_error_rad);
+    const struct laser_lines *lines = find(sweep, &flat, &well);
+    g_assert_nonnull(lines->turn_rad);
+    g_assert_false(lines->disagrees);
+    g_assert_cmpint(lines->pixels, >, 1000);
+    g_assert_cmpint(lines->frames, >, N_STEPS * 2 / 3);
+    g_assert_cmpfloat(fabs(lines->offset_rad), <, 4 * lines->offset_error_rad);
+    g_assert_cmpfloat(fabs(lines->roll_seen_rad), <, 4 * lines->roll_error_rad);
     for (int k = 0; k < N_STEPS; k++)
-        g_assert_cmpfloat(fabsf(lines.turn_rad[k]), <, 0.02 * step_deg * DEGREE);
+        g_assert_cmpfloat(fabsf(lines->turn_rad[k]), <, 0.02 * step_deg * DEGREE);
     /* A tenth of a frame is 0.01°: 0.084 mm at 480 mm. */
-    g_assert_cmpfloat_with_epsilon(lines.scatter_mm, 0.084, 0.015);
-    laser_lines_clear(&lines);
+    g_assert_cmpfloat_with_epsilon(lines->scatter_mm, 0.084, 0.015);
 }
 
 /* Standard errors are what errors are, over sweeps of other noise. */
@@ -167,17 +175,15 @@ static void test_error(void) {
     double squares = 0;
     const int n = 30;
     for (int i = 0; i < n; i++) {
-        g_autofree struct sweep *sweep = new_sweep();
-        struct laser_lines lines;
+        g_autoptr(TestSweep) sweep = new_sweep();
         shoot(sweep);
         GRand *random = g_rand_new_with_seed((guint32)i + 100);
         for (int k = 0; k < N_PIXELS; k++)
             sweep->peak[k] += sweep->peak[k] > 0 ? (float)(0.2 * normal_deviate(random)) : 0;
         g_rand_free(random);
         const struct laser_reference exact = {1, 0, {30, 32}, 5, 40};
-        find(sweep, &exact, &well, &lines);
-        squares += pow(lines.offset_rad / lines.offset_error_rad, 2);
-        laser_lines_clear(&lines);
+        const struct laser_lines *lines = find(sweep, &exact, &well);
+        squares += pow(lines->offset_rad / lines->offset_error_rad, 2);
     }
     g_test_message("chi² %.2f", squares / n);
     g_assert_cmpfloat(squares / n, >, 0.3);
@@ -228,125 +234,113 @@ static void test_wrong(void) {
     } wrongs[] = {{0.3, 0, 0}, {-0.2, 0, 0},   {0.3, 0, N_STEPS / 2}, {0.3, 0, N_STEPS * 7 / 20},
                   {0, 0.6, 0}, {-0.2, -0.5, 0}};
     for (guint i = 0; i < G_N_ELEMENTS(wrongs); i++) {
-        g_autofree struct sweep *sweep = new_sweep();
-        struct laser_lines lines;
+        g_autoptr(TestSweep) sweep = new_sweep();
         sweep->noise = 0.02;
         sweep->slip = wrongs[i].slip_deg * DEGREE;
         sweep->slips_at = wrongs[i].at;
         sweep->roll = wrongs[i].roll_deg * DEGREE;
         shoot(sweep);
-        find(sweep, &flat, &well, &lines);
-        g_assert_nonnull(lines.turn_rad);
-        g_assert_true(lines.disagrees);
-        const struct merged by_lines = measure(sweep, &lines), alone = measure(sweep, NULL);
+        const struct laser_lines *lines = find(sweep, &flat, &well);
+        g_assert_nonnull(lines->turn_rad);
+        g_assert_true(lines->disagrees);
+        const struct merged by_lines = measure(sweep, lines), alone = measure(sweep, NULL);
         g_test_message("%u: worst %.3f mm by lines, %.3f by calibration; roll %.4f°", i,
-                       by_lines.worst, alone.worst, lines.roll_rad / DEGREE);
+                       by_lines.worst, alone.worst, lines->roll_rad / DEGREE);
         g_assert_cmpint(by_lines.missing, <=, N_TEXELS / 6); /* what the slip leaves out */
         g_assert_cmpfloat(by_lines.worst, <, 0.15);
         g_assert_true(alone.missing > N_TEXELS / 2 || alone.worst > 4 * by_lines.worst);
-        g_assert_cmpfloat_with_epsilon(lines.roll_rad, wrongs[i].roll_deg * DEGREE, 0.01 * DEGREE);
-        laser_lines_clear(&lines);
+        g_assert_cmpfloat_with_epsilon(lines->roll_rad, wrongs[i].roll_deg * DEGREE, 0.01 * DEGREE);
     }
 }
 
 /* Frames in a row that show light thrown on the face, at the edge of the lit ones too, are no
  * sheets that leapt; nor are those without a line. */
 static void test_glow(void) {
-    g_autofree struct sweep *sweep = new_sweep();
-    struct laser_lines lines;
+    g_autoptr(TestSweep) sweep = new_sweep();
     sweep->glow = TRUE;
     shoot(sweep);
-    find(sweep, &flat, &well, &lines);
-    g_assert_nonnull(lines.turn_rad);
-    g_assert_false(lines.disagrees);
-    g_assert_cmpint(lines.frames_off, ==, 0);
-    g_assert_cmpfloat(fabs(lines.offset_rad), <, 4 * lines.offset_error_rad);
+    const struct laser_lines *lines = find(sweep, &flat, &well);
+    g_assert_nonnull(lines->turn_rad);
+    g_assert_false(lines->disagrees);
+    g_assert_cmpint(lines->frames_off, ==, 0);
+    g_assert_cmpfloat(fabs(lines->offset_rad), <, 4 * lines->offset_error_rad);
     for (int k = 0; k < N_STEPS; k++)
-        g_assert_cmpfloat(fabsf(lines.turn_rad[k]), <, 0.02 * step_deg * DEGREE);
-    laser_lines_clear(&lines);
+        g_assert_cmpfloat(fabsf(lines->turn_rad[k]), <, 0.02 * step_deg * DEGREE);
 }
 
 /* An axis that steps unevenly is followed frame by frame. */
 static void test_uneven(void) {
-    g_autofree struct sweep *sweep = new_sweep();
-    struct laser_lines lines;
+    g_autoptr(TestSweep) sweep = new_sweep();
     double squares = 0, left = 0;
     int n = 0;
     sweep->noise = 0.05;
     sweep->uneven = 0.02 * DEGREE;
     shoot(sweep);
-    find(sweep, &flat, &well, &lines);
-    g_assert_nonnull(lines.turn_rad);
+    const struct laser_lines *lines = find(sweep, &flat, &well);
+    g_assert_nonnull(lines->turn_rad);
     for (int k = 25; k < 75; k++, n++) {
         squares += pow(turned(sweep, k), 2);
-        left += pow(turned(sweep, k) - (double)lines.turn_rad[k], 2);
+        left += pow(turned(sweep, k) - (double)lines->turn_rad[k], 2);
     }
     g_test_message("uneven by %.5f°, %.5f° left", sqrt(squares / n) / DEGREE,
                    sqrt(left / n) / DEGREE);
     g_assert_cmpfloat(left, <, 0.1 * squares);
-    laser_lines_clear(&lines);
 }
 
 /* By their errors: where the face's height is hardly known, the calibration counts. */
 static void test_weights(void) {
     static const struct laser_reference vague = {1, 1.0, {30, 32}, 5, 40};
     static const struct laser_known hardly = {0.02, 0.02};
-    g_autofree struct sweep *sweep = new_sweep();
-    struct laser_lines lines;
+    g_autoptr(TestSweep) sweep = new_sweep();
     sweep->slip = 0.02 * DEGREE;
     shoot(sweep);
-    find(sweep, &vague, &well, &lines);
-    g_assert_false(lines.disagrees);
-    g_assert_cmpfloat(fabsf(lines.turn_rad[N_STEPS / 2]), <, 0.004 * DEGREE);
-    laser_lines_clear(&lines);
-    find(sweep, &flat, &hardly, &lines);
-    g_assert_false(lines.disagrees);
-    g_assert_cmpfloat_with_epsilon(lines.turn_rad[N_STEPS / 2], 0.02 * DEGREE, 0.003 * DEGREE);
-    laser_lines_clear(&lines);
+    const struct laser_lines *lines = find(sweep, &vague, &well);
+    g_assert_false(lines->disagrees);
+    g_assert_cmpfloat(fabsf(lines->turn_rad[N_STEPS / 2]), <, 0.004 * DEGREE);
+    find(sweep, &flat, &hardly);
+    g_assert_false(lines->disagrees);
+    g_assert_cmpfloat_with_epsilon(lines->turn_rad[N_STEPS / 2], 0.02 * DEGREE, 0.003 * DEGREE);
 }
 
 /* A fifth of the pixels saw something else. */
 static void test_astray(void) {
-    g_autofree struct sweep *sweep = new_sweep();
-    struct laser_lines lines;
+    g_autoptr(TestSweep) sweep = new_sweep();
     sweep->astray = 0.2;
     sweep->slip = 0.3 * DEGREE;
     shoot(sweep);
-    find(sweep, &flat, &well, &lines);
-    g_assert_true(lines.disagrees);
+    const struct laser_lines *lines = find(sweep, &flat, &well);
+    g_assert_true(lines->disagrees);
     for (int k = 10; k < N_STEPS - 10; k++)
-        g_assert_cmpfloat_with_epsilon(lines.turn_rad[k], 0.3 * DEGREE, 0.01 * DEGREE);
-    laser_lines_clear(&lines);
+        g_assert_cmpfloat_with_epsilon(lines->turn_rad[k], 0.3 * DEGREE, 0.01 * DEGREE);
 }
 
 /* Without a face, without light, with what is no time: the calibration alone, never a crash. */
 static void test_nothing(void) {
     static const struct laser_reference none = {0}, hole = {1, 0.01, {80, 80}, 5, 40};
     static const float bad[] = {-1, NAN, INFINITY, -INFINITY, 1e30F};
-    g_autofree struct sweep *sweep = new_sweep();
+    g_autoptr(TestSweep) sweep = new_sweep();
     const struct rig rig = rig_of(sweep);
     const struct laser_sweep seen = seen_by(sweep, &rig);
-    struct laser_lines lines;
     shoot(sweep);
-    find(sweep, &none, &well, &lines);
-    g_assert_null(lines.turn_rad);
-    find(sweep, &hole, &well, &lines);
-    g_assert_null(lines.turn_rad);
-    const struct rig_plane sheet = laser_lines_sheet(&lines, &seen, 7.5),
+    const struct laser_lines *lines = find(sweep, &none, &well);
+    g_assert_null(lines->turn_rad);
+    find(sweep, &hole, &well);
+    g_assert_null(lines->turn_rad);
+    const struct rig_plane sheet = laser_lines_sheet(lines, &seen, 7.5),
                            same = rig_laser_sheet(NULL, &rig.lasers[0], sweep->arc,
                                                   (from_deg + 7.5 * step_deg) * DEGREE);
     g_assert_cmpfloat(sheet.offset_mm, ==, same.offset_mm);
     for (guint k = 0; k < G_N_ELEMENTS(bad); k++) {
         for (int i = 0; i < N_PIXELS; i++)
             sweep->peak[i] = bad[k];
-        find(sweep, &flat, &well, &lines);
-        g_assert_null(lines.turn_rad);
+        find(sweep, &flat, &well);
+        g_assert_null(lines->turn_rad);
     }
 }
 
 /* Pixels that see the sample, its side, or a mark are none of the region's. */
 static void test_region(void) {
-    g_autofree struct sweep *sweep = new_sweep();
+    g_autoptr(TestSweep) sweep = new_sweep();
     struct rig rig = rig_of(sweep);
     g_autoptr(LaserRegion) all = laser_region_new(&rig, &rig.cameras[0], 0, &flat);
     rig.n_fiducials = 1;

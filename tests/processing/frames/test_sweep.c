@@ -46,6 +46,14 @@ static Sweep *feed(const struct pulses *pulses, GRand *random) {
     return sweep;
 }
 
+/* A sweep of one pixel with these values. */
+static Sweep *feed_values(const guint16 *values, int n, int saturation) {
+    Sweep *sweep = sweep_new(1, 1, n, saturation);
+    for (int i = 0; i < n; i++)
+        sweep_add(sweep, &values[i]);
+    return sweep;
+}
+
 struct result {
     double rms, bias, mean_width;
     int missing;
@@ -116,22 +124,30 @@ static void test_odd_first(void) {
         }
 }
 
-static void test_many_frames(void) {
-    g_autofree double *centre = random_centres(50 * 3, 5, 995);
-    struct pulses pulses = {50, 3, 1000, 4095, 2, 1500, 70, 5, centre};
-    struct result result = measure(&pulses, 100);
-    g_assert_cmpint(result.missing, ==, 0);
-    g_assert_cmpfloat(result.rms, <, 0.03);
-}
+/* Wide lines: all samples of a pulse count, not the three around its peak, which alone would give
+ * 0.135 frames. */
+#define WIDE_BOUND 0.0368 /* frames: Cramér and Rao, for a pulse of this size, width and noise */
 
-static void test_saturated(void) {
-    g_autofree double *centre = random_centres(64 * 32, 8, 50);
-    struct pulses pulses = {64, 32, 60, 1023, 2, 3000, 60, 5, centre};
+/* Bounds in frames of the errors of pulses with random centres between from and to. */
+static const struct accuracy {
+    struct pulses pulses;
+    double from, to, rms, bias, width;
+} many_frames = {{50, 3, 1000, 4095, 2, 1500, 70, 5}, 5, 995, 0.03, INFINITY, INFINITY},
+  saturated = {{64, 32, 60, 1023, 2, 3000, 60, 5}, 8, 50, 0.02, 0.02, INFINITY}, /* middle: .28 */
+    wide_lines = {{64, 64, 60, 4095, 3, 300, 70, 6}, 10, 50, 1.3 * WIDE_BOUND, INFINITY, 0.2};
+
+static void test_bounds(gconstpointer data) {
+    const struct accuracy *bound = data;
+    struct pulses pulses = bound->pulses;
+    g_autofree double *centre =
+        random_centres(pulses.width * pulses.height, bound->from, bound->to);
+    pulses.centre = centre;
     struct result result = measure(&pulses, 100);
-    g_test_message("RMS %.4f frames, saturated", result.rms);
+    g_test_message("RMS %.4f frames", result.rms);
     g_assert_cmpint(result.missing, ==, 0);
-    g_assert_cmpfloat(result.rms, <, 0.02); /* the middle of the plateau errs by .28 */
-    g_assert_cmpfloat(fabs(result.bias), <, 0.02);
+    g_assert_cmpfloat(result.rms, <, bound->rms);
+    g_assert_cmpfloat(fabs(result.bias), <, bound->bias);
+    g_assert_cmpfloat(fabs(result.mean_width - pulses.sigma), <, bound->width);
 }
 
 /* A shorter exposure of the same pulses, with noise of its own. */
@@ -181,13 +197,9 @@ static void test_shorter_lacks(void) {
     static const guint16 lacks[][9] = {{10, 10, 10, 10, 10, 10, 10, 10, 10},
                                        {10, 10, 30, 300, 10, 200, 20, 10, 10}};
     for (guint k = 0; k < G_N_ELEMENTS(lacks); k++) {
-        g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
-        g_autoptr(Sweep) shorter = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+        g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
+        g_autoptr(Sweep) shorter = feed_values(lacks[k], G_N_ELEMENTS(values), 900);
         float peak[2], width[2], bright[2];
-        for (guint i = 0; i < G_N_ELEMENTS(values); i++) {
-            sweep_add(sweep, &values[i]);
-            sweep_add(shorter, &lacks[k][i]);
-        }
         sweep_finish(sweep, 20, &peak[0], &width[0], &bright[0]);
         sweep_set_shorter(sweep, shorter, 10);
         sweep_finish(sweep, 20, &peak[1], &width[1], &bright[1]);
@@ -203,13 +215,9 @@ static void test_shorter_lacks(void) {
 static void test_shorter_parts(void) {
     static const guint16 values[] = {10, 10, 300, 900, 900, 900, 900, 900, 200, 10, 10};
     static const guint16 parts[] = {10, 10, 40, 300, 50, 20, 60, 400, 30, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
-    g_autoptr(Sweep) shorter = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
+    g_autoptr(Sweep) shorter = feed_values(parts, G_N_ELEMENTS(parts), 900);
     float peak, width, bright;
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++) {
-        sweep_add(sweep, &values[i]);
-        sweep_add(shorter, &parts[i]);
-    }
     sweep_finish(sweep, 20, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 5, 0.3);
     sweep_set_shorter(sweep, shorter, 10);
@@ -223,9 +231,7 @@ static void test_shorter_parts(void) {
 /* Values above the saturation given are as good as equal. */
 static void test_above_saturation(void) {
     static const guint16 values[] = {10, 10, 50, 900, 1000, 950, 50, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
     float peak, width, bright;
     sweep_finish(sweep, 20, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 4, 1e-6);
@@ -233,9 +239,7 @@ static void test_above_saturation(void) {
 }
 
 static float peak_of(const guint16 *values, int n, double threshold) {
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, n, 65535);
-    for (int i = 0; i < n; i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, n, 65535);
     float peak, width, bright;
     sweep_finish(sweep, threshold, &peak, &width, &bright);
     g_assert_false(isnan(width) || isnan(bright));
@@ -289,20 +293,6 @@ static void test_shapes(void) {
     g_assert_cmpfloat(tilted, <, 3.5);
 }
 
-/* Wide lines: all samples of a pulse count, not the three around its peak, which alone would give
- * 0.135 frames. */
-#define WIDE_BOUND 0.0368 /* frames: Cramér and Rao, for a pulse of this size, width and noise */
-
-static void test_wide(void) {
-    g_autofree double *centre = random_centres(64 * 64, 10, 50);
-    struct pulses pulses = {64, 64, 60, 4095, 3, 300, 70, 6, centre};
-    struct result result = measure(&pulses, 100);
-    g_test_message("RMS %.4f frames", result.rms);
-    g_assert_cmpint(result.missing, ==, 0);
-    g_assert_cmpfloat(result.rms, <, 1.3 * WIDE_BOUND);
-    g_assert_cmpfloat(fabs(result.mean_width - 3), <, 0.2);
-}
-
 /* Cramér's and Rao's, of a pulse in the middle of the sweep; rounding is noise as well. */
 static double bound_of(const struct pulses *pulses) {
     double sum = 0;
@@ -329,9 +319,7 @@ static void test_faint(void) {
 static void test_second(void) {
     static const guint16 values[] = {10, 10, 40, 60, 40, 10, 10, 50,
                                      90, 50, 10, 10, 10, 30, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 4000);
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 4000);
     float peak, width, bright;
     sweep_finish(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 8, 1e-6);
@@ -344,9 +332,7 @@ static void test_second(void) {
 
 static void test_no_second(void) {
     static const guint16 values[] = {10, 10, 50, 90, 50, 10, 10, 10};
-    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 4000);
-    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
-        sweep_add(sweep, &values[i]);
+    g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 4000);
     float peak, width, bright;
     finish_second(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat(peak, ==, -1);
@@ -440,8 +426,8 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/sweep/accuracy", test_accuracy);
     g_test_add_func("/sweep/odd-first", test_odd_first);
-    g_test_add_func("/sweep/many-frames", test_many_frames);
-    g_test_add_func("/sweep/saturated", test_saturated);
+    g_test_add_data_func("/sweep/many-frames", &many_frames, test_bounds);
+    g_test_add_data_func("/sweep/saturated", &saturated, test_bounds);
     g_test_add_func("/sweep/shorter", test_shorter);
     g_test_add_func("/sweep/shorter/lacks", test_shorter_lacks);
     g_test_add_func("/sweep/shorter/parts", test_shorter_parts);
@@ -449,7 +435,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/sweep/no-peak", test_no_peak);
     g_test_add_func("/sweep/at-the-start", test_at_the_start);
     g_test_add_func("/sweep/shapes", test_shapes);
-    g_test_add_func("/sweep/wide", test_wide);
+    g_test_add_data_func("/sweep/wide", &wide_lines, test_bounds);
     g_test_add_func("/sweep/faint", test_faint);
     g_test_add_func("/sweep/second", test_second);
     g_test_add_func("/sweep/no-second", test_no_second);

@@ -156,6 +156,46 @@ static void test_noise(void) {
     g_assert_cmpfloat(errors.rms, <, 0.05);
 }
 
+struct merged {
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+};
+
+/* Elevations from theta_deg in steps of 5° (three of them) or none, azimuths in steps of
+ * arc_step_deg. */
+struct lasers {
+    int n;
+    double theta_deg, theta_step_deg, arc_deg, arc_step_deg;
+};
+static const struct lasers nine = {9, 30, 5, 70, 30}, five = {5, 45, 0, 75, 50};
+
+/* Merges sweeps of these lasers; before and after (may be NULL) change the world before each sweep
+ * and what it leaves. */
+static struct merged *merge(struct world *world, const struct lasers *lasers,
+                            void (*before)(struct world *world, int laser),
+                            void (*after)(struct world *world, int laser)) {
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    struct merged *merged = g_new(struct merged, 1);
+    for (int i = 0; i < lasers->n; i++) {
+        struct line_laser laser = {(lasers->theta_deg + lasers->theta_step_deg * (i % 3)) * DEGREE,
+                                   480};
+        double arc = (lasers->arc_deg + lasers->arc_step_deg * i) * DEGREE;
+        if (before)
+            before(world, i);
+        sweep(world, &laser, arc, 0, NULL);
+        if (after)
+            after(world, i);
+        add(view, world, &laser, arc);
+    }
+    mdf_view_merge(view, merged->mm, merged->n, merged->s);
+    return merged;
+}
+
+static void assert_surface(const struct world *world, const struct merged *merged, double most) {
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat_with_epsilon(merged->mm[i], expected_mm(world, i), most);
+}
+
 /* At a step each texel shows one side or the other, never the middle. */
 static void test_step(void) {
     struct surface step = {1, 0, 0, 3, 0.2};
@@ -175,80 +215,51 @@ static void test_step(void) {
     g_assert_cmpint(wrong, <=, 20); /* one texel a row, at the edge */
 }
 
+static void reflect_a_third(struct world *world, int i) {
+    world->surface.height = i % 3 == 1 ? 0.3 + 0.2 * i : 2;
+}
+
 /* Some lasers see a reflection instead: they are outvoted, not averaged. */
 static void test_outliers(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
-    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
-    for (int i = 0; i < 9; i++) {
-        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
-        double arc = (70 + 30 * i) * DEGREE;
-        world->surface.height = i % 3 == 1 ? 0.3 + 0.2 * i : 2;
-        sweep(world, &laser, arc, 0, NULL);
-        add(view, world, &laser, arc);
-    }
+    g_autofree struct merged *merged = merge(world, &nine, reflect_a_third, NULL);
     world->surface.height = 2;
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
-    for (int i = 0; i < N_TEXELS; i++)
-        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+    assert_surface(world, merged, 0.05);
 }
 
-/* What is in a damaged sweep's file, instead of peaks, widths and intensities. */
-static void spoil(struct world *world, int how) {
+/* What is in the files of some damaged sweeps, instead of peaks, widths or intensities. */
+static void spoil_a_third(struct world *world, int laser) {
     const float nothing[] = {NAN, INFINITY, -INFINITY, 1e30F};
-    for (int i = 0; i < SIDE * SIDE; i++) {
-        const float value = nothing[i % 4];
-        if (how == 0)
-            world->peak[i] = value;
-        else if (how == 1)
-            world->width[i] = value;
-        else
-            world->intensity[i] = value;
-    }
+    float *const planes[] = {world->peak, world->width, world->intensity};
+    for (int i = 0; i < SIDE * SIDE && laser % 3 == 1; i++)
+        planes[laser / 3][i] = nothing[i % 4];
 }
 
 /* Some sweeps are of values that are no numbers, or of impossible ones: the others tell. */
 static void test_not_numbers(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
-    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
-    for (int i = 0; i < 9; i++) {
-        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
-        double arc = (70 + 30 * i) * DEGREE;
-        sweep(world, &laser, arc, 0, NULL);
-        if (i % 3 == 1)
-            spoil(world, i / 3);
-        add(view, world, &laser, arc);
-    }
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
-    for (int i = 0; i < N_TEXELS; i++) {
-        g_assert_true(isfinite(n[i]) && isfinite(s[i]));
-        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
-    }
+    g_autofree struct merged *merged = merge(world, &nine, NULL, spoil_a_third);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_true(isfinite(merged->n[i]) && isfinite(merged->s[i]));
+    assert_surface(world, merged, 0.05);
+}
+
+static void raise_most(struct world *world, int i) {
+    world->surface.height = i < 6 ? 2.6 : 2;
+}
+
+static void dim_most(struct world *world, int i) {
+    for (int k = 0; k < SIDE * SIDE; k++)
+        world->intensity[k] = i < 5 ? 30 : i == 5 ? (k % 2 ? NAN : -INFINITY) : 900;
 }
 
 /* Most lasers do not reach a place and see what others throw back there, faintly and elsewhere: the
  * few that are bright are believed. Brightness that is no number counts for nothing. */
 static void test_faint(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
-    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
-    for (int i = 0; i < 9; i++) {
-        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
-        double arc = (70 + 30 * i) * DEGREE;
-        world->surface.height = i < 6 ? 2.6 : 2;
-        sweep(world, &laser, arc, 0, NULL);
-        for (int k = 0; k < SIDE * SIDE; k++)
-            world->intensity[k] = i < 5 ? 30 : i == 5 ? (k % 2 ? NAN : -INFINITY) : 900;
-        add(view, world, &laser, arc);
-    }
+    g_autofree struct merged *merged = merge(world, &nine, raise_most, dim_most);
     world->surface.height = 2;
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
-    for (int i = 0; i < N_TEXELS; i++)
-        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+    assert_surface(world, merged, 0.05);
 }
 
 /* A ghost of each laser is brighter than its line, at a place of its own: second pulses, which
@@ -278,37 +289,30 @@ static void test_ghosts(void) {
                                    .second_intensity = world->intensity};
         mdf_view_add(view, &seen);
     }
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
-    for (int i = 0; i < N_TEXELS; i++) {
-        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
-        g_assert_cmpfloat(n[i], >=, 6);
-    }
+    struct merged merged;
+    mdf_view_merge(view, merged.mm, merged.n, merged.s);
+    assert_surface(world, &merged, 0.05);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat(merged.n[i], >=, 6);
+}
+
+static void hide_strip_of_others(struct world *world, int laser) {
+    for (int i = 0; i < SIDE * SIDE && laser > 0; i++)
+        if (i % SIDE >= SIDE / 2 && i % SIDE < SIDE / 2 + 4)
+            world->peak[i] = -1;
 }
 
 /* Seen by one laser alone, but the surface around goes on there: believed, and said to be one. */
 static void test_continued(void) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
-    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
-    for (int k = 0; k < 5; k++) {
-        struct line_laser laser = {45 * DEGREE, 480};
-        double arc = (75 + 50 * k) * DEGREE;
-        sweep(world, &laser, arc, 0, NULL);
-        for (int i = 0; i < SIDE * SIDE && k > 0; i++)
-            if (i % SIDE >= SIDE / 2 && i % SIDE < SIDE / 2 + 4)
-                world->peak[i] = -1;
-        add(view, world, &laser, arc);
-    }
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
+    g_autofree struct merged *merged = merge(world, &five, NULL, hide_strip_of_others);
     int alone = 0;
     for (int i = 0; i < N_TEXELS; i++) {
-        if (n[i] == 0)
+        if (merged->n[i] == 0)
             continue;
-        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
-        alone += n[i] == 1;
-        g_assert_true(n[i] > 1 || s[i] == -1);
+        g_assert_cmpfloat_with_epsilon(merged->mm[i], expected_mm(world, i), 0.05);
+        alone += merged->n[i] == 1;
+        g_assert_true(merged->n[i] > 1 || merged->s[i] == -1);
     }
     g_assert_cmpint(alone, >, 0);
 }
@@ -341,43 +345,31 @@ static void test_unseen(void) {
     g_assert_cmpint(seen, <, N_TEXELS * 3 / 5);
 }
 
+static void keep_one_phase(struct world *world, int laser G_GNUC_UNUSED) {
+    for (int i = 0; i < SIDE * SIDE; i++)
+        if (i % SIDE % 2 != 1 || i / SIDE % 2 != 0)
+            world->peak[i] = -1;
+}
+
 /* A red laser on a colour sensor: one pixel in four sees it, and that is enough. */
 static void test_one_phase(void) {
+    static const struct lasers six = {6, 45, 0, 75, 50};
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.05, 0});
-    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
-    for (int k = 0; k < 6; k++) {
-        struct line_laser laser = {45 * DEGREE, 480};
-        double arc = (75 + 50 * k) * DEGREE;
-        sweep(world, &laser, arc, 0, NULL);
-        for (int i = 0; i < SIDE * SIDE; i++)
-            if (i % SIDE % 2 != 1 || i / SIDE % 2 != 0)
-                world->peak[i] = -1;
-        add(view, world, &laser, arc);
-    }
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
-    for (int i = 0; i < N_TEXELS; i++)
-        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.02);
+    g_autofree struct merged *merged = merge(world, &six, NULL, keep_one_phase);
+    assert_surface(world, merged, 0.02);
+}
+
+static void hide_others(struct world *world, int laser) {
+    for (int i = 0; i < SIDE * SIDE && laser > 0; i++)
+        world->peak[i] = -1;
 }
 
 /* Of many sweeps one alone saw something: a reflection more likely than the surface. */
 static void test_alone(void) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
-    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
-    for (int k = 0; k < 5; k++) {
-        struct line_laser laser = {45 * DEGREE, 480};
-        double arc = (75 + 50 * k) * DEGREE;
-        sweep(world, &laser, arc, 0, NULL);
-        for (int i = 0; i < SIDE * SIDE && k > 0; i++)
-            world->peak[i] = -1;
-        add(view, world, &laser, arc);
-    }
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-    mdf_view_merge(view, mm, n, s);
+    g_autofree struct merged *merged = merge(world, &five, NULL, hide_others);
     for (int i = 0; i < N_TEXELS; i++)
-        g_assert_true(mm[i] == -1 && n[i] == 0 && s[i] == -1);
+        g_assert_true(merged->mm[i] == -1 && merged->n[i] == 0 && merged->s[i] == -1);
 }
 
 /* Peaks that would put the surface above the reference plane or below the turntable. */

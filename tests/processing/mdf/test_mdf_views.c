@@ -121,7 +121,7 @@ static void free_spoilt(struct spoilt *s) {
 }
 
 /* All spoilt texels have this source; what stands is near the truth. */
-static void check_spoilt(const struct spoilt *s, enum mdf_source source) {
+static void check_spoilt(const struct spoilt *s, enum mdf_distance_source source) {
     for (int i = 0; i < SPOILT; i++) {
         g_assert_cmpint(s->source[spoilt[i]], ==, source);
         if (source != MDF_UNSEEN)
@@ -252,28 +252,23 @@ static void test_file(void) {
 }
 
 static void test_damaged(void) {
+    static const struct {
+        const char *channel;
+        double texel_mm;
+        float mm;
+    } cases[] = {{"N", 0.5, 1},   {"D", 0, 1},          {"D", NAN, 1},
+                 {"D", 0.5, NAN}, {"D", 0.5, INFINITY}, {"D", 0.5, -INFINITY}};
     g_autofree struct scene *scene = new_scene(FALSE);
-    const double texel_mm[] = {plane.texel_mm, 0, NAN};
-    for (int i = 0; i < 3; i++) {
+    struct mdf_views_sums sums;
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autoptr(GError) error = NULL;
-        g_autofree char *path = write_mdf(scene, texel_mm[i], i == 0 ? "N" : "D");
-        struct mdf_views_sums sums;
-        g_assert_false(mdf_views_check(path, &sums, &error));
-        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-        g_unlink(path);
-    }
-    static const float no_numbers[] = {NAN, INFINITY, -INFINITY};
-    for (int i = 0; i < 3; i++) {
-        g_autoptr(GError) error = NULL;
-        scene->distance[1][7] = no_numbers[i];
-        g_autofree char *path = write_mdf(scene, plane.texel_mm, "D");
-        struct mdf_views_sums sums;
+        scene->distance[1][7] = cases[i].mm;
+        g_autofree char *path = write_mdf(scene, cases[i].texel_mm, cases[i].channel);
         g_assert_false(mdf_views_check(path, &sums, &error));
         g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
         g_unlink(path);
     }
     g_autoptr(GError) error = NULL;
-    struct mdf_views_sums sums;
     g_assert_false(mdf_views_check("/nonexistent.exr", &sums, &error));
     g_assert_nonnull(error);
 }

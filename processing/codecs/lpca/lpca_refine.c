@@ -7,40 +7,43 @@
 #include "lpca_private.h"
 
 #define COLOURS 3
-#define CERTAIN 2e-5 /* of what the mean of all leaves: less is not told from rounding */
+#define CERTAIN 2e-5 /* of ‖X − mean‖²: smaller residuals are no more than rounding */
 
 /* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
 struct groups {
     int from, n;
     int texels[LPCA_BLOCK];
-    int places[LPCA_BLOCK]; /* of from, from + 1, … among the texels */
-    int *starts;            /* clusters + 1 */
+    int indices[LPCA_BLOCK]; /* of from, from + 1, … among the texels */
+    int *starts;             /* clusters + 1 */
 };
 
-struct polish {
+/* X: the rows of a cluster minus its mean (n × d), P: their coordinates in few dimensions (n × c),
+ * E: eigen-BRDFs (c × d), W: weights (n × c). */
+struct refine {
     struct lpca_run *run;
     const struct lpca_reduced *reduced; /* NULL when its work is done */
-    struct lpca *lpca; /* weights are first products with the axes in few dimensions */
-    gboolean weigh;    /* weights are to be products with the axes in all: reads once more */
-    double *squares;   /* clusters a view: of rows less the run's mean */
-    double *turns;     /* c × c a cluster: of products with each other, then to weights */
-    double *held;      /* two a cluster: what is missing, and what there is */
-    double *sums;      /* two a block: likewise */
+    struct lpca *lpca;                  /* its weights are first P, then W */
+    gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; else W follows from P */
+    double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
+    double *rotations; /* c × c a cluster: PᵀP, then what makes W of P; at last Σ w wᵀ, then Uᵀ */
+    double *residual; /* two a cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
+    double *sums;     /* two a block: likewise of R, G, B */
 };
 
-static void group(const struct polish *polish, int block, struct groups *ret) {
-    const int from = polish->run->first + block * LPCA_BLOCK, k = polish->lpca->n_clusters;
-    const int *labels = polish->lpca->clusters + from;
+/* Counting sort of the block's texels by cluster. */
+static void group(const struct refine *refine, int block, struct groups *ret) {
+    const int from = refine->run->first + block * LPCA_BLOCK, k = refine->lpca->n_clusters;
+    const int *labels = refine->lpca->clusters + from;
     ret->from = from;
-    ret->n = MIN(LPCA_BLOCK, polish->run->end - from);
+    ret->n = MIN(LPCA_BLOCK, refine->run->end - from);
     ret->starts = g_new0(int, k + 2);
     for (int i = 0; i < ret->n; i++)
         ret->starts[labels[i] + 2]++;
     for (int i = 0; i < k; i++)
         ret->starts[i + 2] += ret->starts[i + 1];
     for (int i = 0; i < ret->n; i++) {
-        ret->places[i] = ret->starts[labels[i] + 1]++;
-        ret->texels[ret->places[i]] = from + i;
+        ret->indices[i] = ret->starts[labels[i] + 1]++;
+        ret->texels[ret->indices[i]] = from + i;
     }
 }
 
@@ -48,17 +51,17 @@ static int blocks(const struct lpca_run *run) {
     return (run->end - run->first + LPCA_BLOCK - 1) / LPCA_BLOCK;
 }
 
-/* What the block's texels show to a view, in the order of the groups, less what of each cluster
- * lies stride floats behind that of the one before (0: the same of all). */
-static void lpca_polish_gather(const struct polish *polish, const struct groups *groups, int view,
-                               const float *less, gsize stride, float *ret) {
-    struct lpca_run *run = polish->run;
+/* Rows of the block's texels in a view, in the order of the groups, minus the subtrahend of their
+ * cluster; those of two clusters are stride floats apart (0: one for all). */
+static void lpca_refine_gather(const struct refine *refine, const struct groups *groups, int view,
+                               const float *subtrahend, gsize stride, float *ret) {
+    struct lpca_run *run = refine->run;
     const gsize columns = (gsize)run->columns;
-    lpca_run_place_rows(run, view, groups->from, groups->n, groups->places, ret);
+    lpca_run_place_rows(run, view, groups->from, groups->n, groups->indices, ret);
     for (int i = 0; i < groups->n; i++) {
         float *row = ret + (gsize)i * columns;
-        const float *minus = less + (gsize)view * columns +
-                             (gsize)polish->lpca->clusters[groups->texels[i]] * stride;
+        const float *minus = subtrahend + (gsize)view * columns +
+                             (gsize)refine->lpca->clusters[groups->texels[i]] * stride;
         for (gsize j = 0; j < columns; j++)
             row[j] -= minus[j];
     }
@@ -66,19 +69,10 @@ static void lpca_polish_gather(const struct polish *polish, const struct groups 
 
 /* Products of the texels' rows with their cluster's axes in few dimensions. */
 static void reduced_block(int block, gpointer data) {
-    const struct polish *polish = data;
-    const struct lpca_reduced *reduced = polish->reduced;
-    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
-    const int from = polish->run->first + block * LPCA_BLOCK;
-    g_autofree float *row = g_new(float, r);
-    for (int x = from; x < MIN(from + LPCA_BLOCK, polish->run->end); x++) {
-        const gsize k = (gsize)polish->lpca->clusters[x];
-        for (gsize j = 0; j < r; j++)
-            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
-        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
-                    reduced->bases + k * c * r, reduced->r, row, 1, 0,
-                    polish->lpca->weights + (gsize)x * c, 1);
-    }
+    const struct refine *refine = data;
+    const int from = refine->run->first + block * LPCA_BLOCK;
+    lpca_reduced_weights(refine->reduced, refine->lpca->clusters, from,
+                         MIN(from + LPCA_BLOCK, refine->run->end), refine->lpca->weights);
 }
 
 /* Sums of n rows, and of their squares. */
@@ -98,16 +92,16 @@ static void add_rows(const float *rows, int n, gsize columns, float *part, doubl
 /* Sums of a view's columns over the rows of each cluster: as they are, and times the products.
  * Those have no mean, so that rows need not be less their cluster's. */
 static void sum_view(int view, gpointer data) {
-    const struct polish *polish = data;
-    struct lpca_run *run = polish->run;
-    struct lpca *lpca = polish->lpca;
+    const struct refine *refine = data;
+    struct lpca_run *run = refine->run;
+    struct lpca *lpca = refine->lpca;
     const int c = lpca->n_components;
     const gsize columns = (gsize)run->columns, at = (gsize)view * columns;
     g_autofree float *rows = g_new(float, LPCA_BLOCK *columns);
     g_autofree float *factors = g_new(float, LPCA_BLOCK *(gsize)c);
     g_autofree float *part = g_new(float, columns);
     g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
-    double *squares = polish->squares + (gsize)view * (gsize)lpca->n_clusters;
+    double *squares = refine->squares + (gsize)view * (gsize)lpca->n_clusters;
     /* Of a view that was begun before something may be there. */
     if (run->done)
         memset(squares, 0, sizeof(double) * (gsize)lpca->n_clusters);
@@ -115,8 +109,8 @@ static void sum_view(int view, gpointer data) {
         memset(lpca_brdf(lpca, 0, i) + at, 0, sizeof(float) * columns);
     for (int block = 0; block < blocks(run); block++) {
         struct groups groups;
-        group(polish, block, &groups);
-        lpca_polish_gather(polish, &groups, view, run->mean, 0, rows);
+        group(refine, block, &groups);
+        lpca_refine_gather(refine, &groups, view, run->mean, 0, rows);
         for (int i = 0; i < groups.n; i++)
             memcpy(factors + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
                    sizeof(float) * (gsize)c);
@@ -137,25 +131,27 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-/* The cluster's mean, and what its rows are off by it and by nothing. */
-static void finish_mean(const struct polish *polish, int k) {
-    const GArray *members = g_ptr_array_index(polish->reduced->members, k);
-    const struct lpca_run *run = polish->run;
+/* The cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off. Of its n
+ * rows Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖², and Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩. */
+static void finish_mean(const struct refine *refine, int k) {
+    const GArray *members = g_ptr_array_index(refine->reduced->members, k);
+    const struct lpca_run *run = refine->run;
     const double n = members->len;
-    float *mean = lpca_brdf(polish->lpca, k, 0);
-    double *held = polish->held + (gsize)(2 * k), squares = 0;
+    float *mean = lpca_brdf(refine->lpca, k, 0);
+    double *residual = refine->residual + (gsize)(2 * k), squares = 0;
     for (gsize view = 0; view < run->btf->layout.views.n; view++)
-        squares += polish->squares[view * polish->lpca->n_clusters + k];
-    held[0] = held[1] = squares;
+        squares += refine->squares[view * refine->lpca->n_clusters + k];
+    residual[0] = residual[1] = squares;
     for (int j = 0; j < run->d; j++) {
         const double all = run->mean[j], off = mean[j] / n;
-        held[0] -= n * off * off;
-        held[1] += n * all * (2 * off + all);
+        residual[0] -= n * off * off;
+        residual[1] += n * all * (2 * off + all);
         mean[j] = (float)(all + off);
     }
 }
 
-/* P Pᵀ x = y of c products, of which those that have no extent are left out. */
+/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place; products that have no
+ * extent are left out. */
 static void solve_products(double *squares, double *y, int c) {
     double largest = 0;
     for (int i = 0; i < c; i++)
@@ -172,13 +168,13 @@ static void solve_products(double *squares, double *y, int c) {
 
 /* Of the products P of the cluster's rows X there is PᵀX; the best that P can give of X is
  * P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). Finds E, how P becomes W, and what is missing. */
-static void solve_cluster(const struct polish *polish, int k) {
-    const int c = polish->lpca->n_components, d = polish->run->d;
+static void solve_cluster(const struct refine *refine, int k) {
+    const int c = refine->lpca->n_components, d = refine->run->d;
     const gsize square = (gsize)c * (gsize)c;
-    float *axes = lpca_brdf(polish->lpca, k, 1);
-    double *turn = polish->turns + (gsize)k * square;
+    float *axes = lpca_brdf(refine->lpca, k, 1);
+    double *rotation = refine->rotations + (gsize)k * square;
     g_autofree float *sums = g_memdup2(axes, sizeof(float) * (gsize)c * (gsize)d);
-    g_autofree double *inverted = g_memdup2(turn, sizeof(double) * square);
+    g_autofree double *inverted = g_memdup2(rotation, sizeof(double) * square);
     g_autofree double *onto = g_new0(double, square), *solved = g_new0(double, square);
     lpca_orthonormalise(axes, c, d, TRUE);
     for (int i = 0; i < c; i++)
@@ -188,41 +184,41 @@ static void solve_cluster(const struct polish *polish, int k) {
     memcpy(solved, onto, sizeof(double) * square);
     solve_products(inverted, solved, c);
     /* 2 ⟨X, WE⟩ − ‖WE‖²: a small fault of W counts in its square. */
-    double *missing = polish->held + (gsize)(2 * k);
+    double *missing = refine->residual + (gsize)(2 * k);
     g_autofree double *half = g_new(double, square);
-    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, turn, c, solved, c, 0, half,
-                c);
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, rotation, c, solved, c, 0,
+                half, c);
     for (gsize i = 0; i < square; i++)
         *missing -= solved[i] * (2 * onto[i] - half[i]);
     for (int i = 0; i < c; i++)
         for (int j = 0; j < c; j++)
-            turn[i * c + j] = solved[j * c + i];
+            rotation[i * c + j] = solved[j * c + i];
 }
 
 static void finish_cluster(int k, gpointer data) {
-    const struct polish *polish = data;
-    finish_mean(polish, k);
-    if (polish->weigh)
-        lpca_orthonormalise(lpca_brdf(polish->lpca, k, 1), polish->lpca->n_components,
-                            polish->run->d, TRUE);
+    const struct refine *refine = data;
+    finish_mean(refine, k);
+    if (refine->weigh)
+        lpca_orthonormalise(lpca_brdf(refine->lpca, k, 1), refine->lpca->n_components,
+                            refine->run->d, TRUE);
     else
-        solve_cluster(polish, k);
+        solve_cluster(refine, k);
 }
 
 /* Products of the rows less their cluster's mean with its eigen-BRDFs. */
 static void weigh_block(int block, gpointer data) {
-    const struct polish *polish = data;
-    struct lpca_run *run = polish->run;
-    struct lpca *lpca = polish->lpca;
+    const struct refine *refine = data;
+    struct lpca_run *run = refine->run;
+    struct lpca *lpca = refine->lpca;
     const int c = lpca->n_components;
     const gsize columns = (gsize)run->columns;
     const gsize stride = (gsize)(c + 1) * (gsize)run->d;
     struct groups groups;
-    group(polish, block, &groups);
+    group(refine, block, &groups);
     g_autofree float *rows = g_new(float, (gsize)groups.n *columns);
     g_autofree float *weights = g_new0(float, groups.n *c);
     for (gsize view = 0; view < run->btf->layout.views.n; view++) {
-        lpca_polish_gather(polish, &groups, view, lpca->brdfs, stride, rows);
+        lpca_refine_gather(refine, &groups, view, lpca->brdfs, stride, rows);
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
             if (n > 0)
@@ -239,12 +235,12 @@ static void weigh_block(int block, gpointer data) {
 }
 
 /* Σ w wᵀ of each cluster. */
-static double *covariances(const struct polish *polish) {
-    const struct lpca *lpca = polish->lpca;
+static double *covariances(const struct refine *refine) {
+    const struct lpca *lpca = refine->lpca;
     const gsize c = (gsize)lpca->n_components, n = (gsize)lpca->n_clusters * c * c;
-    const struct team *team = polish->run->options->team;
+    const struct team *team = refine->run->options->team;
     double *ret = g_new0(double, n);
-    for (int x = polish->run->first; x < polish->run->end; x++) {
+    for (int x = refine->run->first; x < refine->run->end; x++) {
         double *to = ret + (gsize)lpca->clusters[x] * c * c;
         const float *w = lpca->weights + (gsize)x * c;
         for (gsize i = 0; i < c; i++)
@@ -256,14 +252,15 @@ static double *covariances(const struct polish *polish) {
     return ret;
 }
 
-/* Turned so that the components are uncorrelated and descend; 0 where weights are. */
-static void turn_axes(int k, gpointer data) {
-    const struct polish *polish = data;
-    struct lpca *lpca = polish->lpca;
-    const int c = lpca->n_components, d = polish->run->d;
-    double *turn = polish->turns + (gsize)(k * c * c);
+/* Rotates the axes E of cluster k so that the components are uncorrelated and descend: with the
+ * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; 0 where weights are. */
+static void rotate_axes(int k, gpointer data) {
+    const struct refine *refine = data;
+    struct lpca *lpca = refine->lpca;
+    const int c = lpca->n_components, d = refine->run->d;
+    double *rotation = refine->rotations + (gsize)(k * c * c);
     float *axes = lpca_brdf(lpca, k, 1);
-    g_autofree double *vectors = g_memdup2(turn, sizeof(double) * (gsize)(c * c));
+    g_autofree double *vectors = g_memdup2(rotation, sizeof(double) * (gsize)(c * c));
     g_autofree double *values = g_new0(double, c);
     g_autofree float *rows = g_new0(float, c *c);
     g_autofree float *old = g_memdup2(axes, sizeof(float) * (gsize)c * (gsize)d);
@@ -273,161 +270,131 @@ static void turn_axes(int k, gpointer data) {
     for (int i = 0; i < c; i++)
         for (int j = 0; j < c; j++) {
             const gboolean used = values[c - 1 - i] > 1e-12 * values[c - 1];
-            turn[i * c + j] = used ? vectors[(c - 1 - i) * c + j] : 0;
-            rows[i * c + j] = (float)turn[i * c + j];
+            rotation[i * c + j] = used ? vectors[(c - 1 - i) * c + j] : 0;
+            rows[i * c + j] = (float)rotation[i * c + j];
         }
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, c, 1, rows, c, old, d, 0, axes, d);
 }
 
-static void lpca_polish_turn_weights(int block, gpointer data) {
-    const struct polish *polish = data;
-    const struct lpca_run *run = polish->run;
-    struct lpca *lpca = polish->lpca;
+/* w ← T w with the c × c matrix T of the texel's cluster. */
+static void lpca_refine_rotate_weights(int block, gpointer data) {
+    const struct refine *refine = data;
+    const struct lpca_run *run = refine->run;
+    struct lpca *lpca = refine->lpca;
     const gsize c = (gsize)lpca->n_components;
     const int from = run->first + block * LPCA_BLOCK;
     double old[LPCA_MAX_PACKED];
     for (int x = from; x < MIN(from + LPCA_BLOCK, run->end); x++) {
-        const double *turn = polish->turns + (gsize)lpca->clusters[x] * c * c;
+        const double *rotation = refine->rotations + (gsize)lpca->clusters[x] * c * c;
         float *w = lpca->weights + (gsize)x * c;
         for (gsize i = 0; i < c; i++)
             old[i] = w[i];
         for (gsize i = 0; i < c; i++) {
             double sum = 0;
             for (gsize j = 0; j < c; j++)
-                sum += turn[i * c + j] * old[j];
+                sum += rotation[i * c + j] * old[j];
             w[i] = (float)sum;
         }
     }
 }
 
-static void lpca_polish_turn(struct polish *polish) {
-    const struct lpca_options *options = polish->run->options;
-    g_free(polish->turns);
-    polish->turns = covariances(polish);
-    work_for_each(options->work.n_threads, polish->lpca->n_clusters, turn_axes, polish);
-    work_for_each(options->work.n_threads, blocks(polish->run), lpca_polish_turn_weights, polish);
-}
-
-/* All ranks get the weights of all. */
-static void share_weights(const struct polish *polish) {
-    const struct lpca_run *run = polish->run;
+/* Means and E of all clusters: sums over the views, then what finishes each cluster. */
+static gboolean sum_views(struct refine *refine, GError **error) {
+    struct lpca_run *run = refine->run;
+    const struct lpca *lpca = refine->lpca;
     const struct team *team = run->options->team;
-    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
-    for (int i = 0; i < team->n_ranks; i++) {
-        int first, end;
-        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
-        starts[i + 1] = (gsize)end * (gsize)polish->lpca->n_components * sizeof(float);
-    }
-    team->share(team, polish->lpca->weights, starts);
-}
-
-static gboolean sum_views(struct polish *polish, GError **error) {
-    struct lpca_run *run = polish->run;
-    const struct lpca *lpca = polish->lpca;
-    const struct team *team = run->options->team;
-    lpca_keep(run, LPCA_KEPT_SQUARES, polish->squares);
+    lpca_keep(run, LPCA_KEPT_SQUARES, refine->squares);
     lpca_keep_blocks(run, run->btf->layout.views.n);
-    work_for_each(run->options->work.n_threads, blocks(run), reduced_block, polish);
-    if (!lpca_run_blocks(run, "polish", run->btf->layout.views.n, sum_view, polish, error))
+    work_for_each(run->options->work.n_threads, blocks(run), reduced_block, refine);
+    if (!lpca_run_blocks(run, "refine", run->btf->layout.views.n, sum_view, refine, error))
         return FALSE;
     lpca_drop_blocks(run);
     if (team) {
         team->sum_floats(team, lpca->brdfs,
                          (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)run->d);
-        team->sum_doubles(team, polish->squares,
-                          run->btf->layout.views.n * (gsize)lpca->n_clusters);
+        team->sum_doubles(team, refine->squares,
+                          (gsize)run->btf->layout.views.n * (gsize)lpca->n_clusters);
     }
-    if (!polish->weigh)
-        polish->turns = covariances(polish);
-    work_for_each(run->options->work.n_threads, lpca->n_clusters, finish_cluster, polish);
+    if (!refine->weigh)
+        refine->rotations = covariances(refine);
+    work_for_each(run->options->work.n_threads, lpca->n_clusters, finish_cluster, refine);
     return TRUE;
 }
 
-/* Saves reading everything once more; but where next to nothing is missing, that is not told from
- * rounding. */
-static void sum_error(struct polish *polish) {
+/* The relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster, which saves reading
+ * everything once more; but where next to nothing is missing, that is not told from rounding. */
+static void sum_error(struct refine *refine) {
     double missing = 0, sum = 0, all = 0;
-    for (int k = 0; k < polish->lpca->n_clusters; k++) {
-        missing += polish->held[2 * k];
-        sum += polish->held[2 * k + 1];
+    for (int k = 0; k < refine->lpca->n_clusters; k++) {
+        missing += refine->residual[2 * k];
+        sum += refine->residual[2 * k + 1];
     }
-    for (gsize i = 0; i < polish->run->btf->layout.views.n * polish->lpca->n_clusters; i++)
-        all += polish->squares[i];
-    polish->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
+    for (gsize i = 0; i < refine->run->btf->layout.views.n * refine->lpca->n_clusters; i++)
+        all += refine->squares[i];
+    refine->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
 
-/* Blocks of weights that are done are kept: they read everything once more. */
-static gboolean lpca_polish_weigh(struct polish *polish, GError **error) {
-    struct lpca_run *run = polish->run;
-    if (!polish->weigh) {
-        work_for_each(run->options->work.n_threads, blocks(run), lpca_polish_turn_weights, polish);
-        sum_error(polish);
-        return TRUE;
-    }
-    lpca_enter(run, LPCA_WEIGHING);
-    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
-    lpca_keep_blocks(run, blocks(run));
-    if (!lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error))
-        return FALSE;
-    lpca_drop_blocks(run);
-    return TRUE;
-}
-
-/* Stages that the run has behind it already are left out. */
-static gboolean lpca_polish_make(struct polish *polish, GError **error) {
-    struct lpca_run *run = polish->run;
-    lpca_keep(run, LPCA_KEPT_BRDFS, polish->lpca->brdfs);
-    if (run->state.stage < LPCA_WEIGHING && !sum_views(polish, error))
+/* From P to E and W; skips the stages that the checkpoint has. */
+static gboolean lpca_refine_make(struct refine *refine, GError **error) {
+    struct lpca_run *run = refine->run;
+    struct lpca *lpca = refine->lpca;
+    const int threads = run->options->work.n_threads;
+    lpca_keep(run, LPCA_KEPT_BRDFS, lpca->brdfs);
+    if (run->state.stage < LPCA_WEIGHING && !sum_views(refine, error))
         return FALSE;
     if (run->state.stage < LPCA_MADE) {
-        if (!lpca_polish_weigh(polish, error))
-            return FALSE;
-        lpca_polish_turn(polish);
-        if (run->options->team)
-            share_weights(polish);
-        run->state.error = polish->lpca->error;
+        if (!refine->weigh) {
+            work_for_each(threads, blocks(run), lpca_refine_rotate_weights, refine);
+            sum_error(refine);
+        } else { /* blocks of weights that are done are kept: they read everything once more */
+            lpca_enter(run, LPCA_WEIGHING);
+            lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);
+            lpca_keep_blocks(run, blocks(run));
+            if (!lpca_run_blocks(run, "weights", blocks(run), weigh_block, refine, error))
+                return FALSE;
+            lpca_drop_blocks(run);
+        }
+        g_free(refine->rotations);
+        refine->rotations = covariances(refine);
+        work_for_each(threads, lpca->n_clusters, rotate_axes, refine);
+        work_for_each(threads, blocks(run), lpca_refine_rotate_weights, refine);
+        lpca_share(run->options->team, lpca->weights, run->n, TEAM_ROWS,
+                   sizeof(float) * (gsize)lpca->n_components);
+        run->state.error = lpca->error;
         lpca_enter(run, LPCA_MADE);
     }
-    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
-    polish->lpca->error = run->state.error;
+    lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);
+    lpca->error = run->state.error;
     return TRUE;
 }
 
-struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
-    struct polish polish = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
+struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
+    struct refine refine = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
     /* The last of many axes are not yet those of all rows. */
-    polish.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
-    polish.lpca->error = -1;
-    polish.lpca->colours = run->options->colours;
-    memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
-    lpca_keep(run, LPCA_KEPT_LABELS, polish.lpca->clusters);
-    polish.squares = g_new0(double, reduced->k * run->btf->layout.views.n);
-    polish.held = g_new0(double, 2 * reduced->k);
-    if (!lpca_polish_make(&polish, error))
-        g_clear_pointer(&polish.lpca, lpca_free);
-    g_free(polish.squares);
-    g_free(polish.held);
-    g_free(polish.turns);
-    return polish.lpca;
+    refine.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
+    refine.lpca->error = -1;
+    refine.lpca->colours = run->options->colours;
+    memcpy(refine.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
+    lpca_keep(run, LPCA_KEPT_LABELS, refine.lpca->clusters);
+    refine.squares = g_new0(double, reduced->k * run->btf->layout.views.n);
+    refine.residual = g_new0(double, 2 * reduced->k);
+    if (!lpca_refine_make(&refine, error))
+        g_clear_pointer(&refine.lpca, lpca_free);
+    g_free(refine.squares);
+    g_free(refine.residual);
+    g_free(refine.rotations);
+    return refine.lpca;
 }
 
-/* Of rows in R, G, B: what the sum is off by, and what there is. */
-static void add_squares(const float *is, const float *should, gsize n, double *sums) {
-    for (gsize i = 0; i < n; i++) {
-        const double rest = (double)is[i] - should[i];
-        sums[0] += rest * rest;
-        sums[1] += (double)should[i] * should[i];
-    }
-}
-
-static void lpca_polish_compare_block(int block, gpointer data) {
-    const struct polish *polish = data;
-    struct lpca_run *run = polish->run;
-    const struct lpca *lpca = polish->lpca;
+/* ‖X − X̂‖² and ‖X‖² of a block's texels, with X̂ = E_0 + W E cluster by cluster. */
+static void lpca_refine_compare_block(int block, gpointer data) {
+    const struct refine *refine = data;
+    struct lpca_run *run = refine->run;
+    const struct lpca *lpca = refine->lpca;
     const int c = lpca->n_components;
     const gsize columns = (gsize)run->columns;
     struct groups groups;
-    group(polish, block, &groups);
+    group(refine, block, &groups);
     g_autofree float *buffer = g_new(float, (gsize)groups.n *columns);
     g_autofree float *sum = g_new0(float, (gsize)groups.n *columns);
     g_autofree float *weights = g_new0(float, groups.n *c);
@@ -451,9 +418,14 @@ static void lpca_polish_compare_block(int block, gpointer data) {
         gsize stride;
         const int from = run->first + block * LPCA_BLOCK;
         const float *rows = lpca_run_rows(run, view, from, groups.n, buffer, &stride);
+        double *sums = refine->sums + (gsize)(2 * block); /* of R, G, B: of errors, of values */
         for (int i = 0; i < groups.n; i++)
-            add_squares(sum + (gsize)i * columns, rows + (gsize)(groups.texels[i] - from) * stride,
-                        columns, polish->sums + (gsize)(2 * block));
+            for (gsize j = 0; j < columns; j++) {
+                const double should = rows[(gsize)(groups.texels[i] - from) * stride + j];
+                const double rest = (double)sum[(gsize)i * columns + j] - should;
+                sums[0] += rest * rest;
+                sums[1] += should * should;
+            }
     }
     g_free(groups.starts);
 }
@@ -461,20 +433,20 @@ static void lpca_polish_compare_block(int block, gpointer data) {
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error) {
     const struct lpca_options *options = run->options;
     struct lpca_options plain = *options; /* they are compared as R, G, B */
-    struct polish polish = {run, NULL, lpca};
+    struct refine refine = {run, NULL, lpca};
     double sums[2] = {0};
-    polish.sums = g_new0(double, 2 * blocks(run) + 1);
+    refine.sums = g_new0(double, 2 * blocks(run) + 1);
     plain.colours = LPCA_RGB;
     run->options = &plain;
     const gboolean ok =
-        lpca_run_blocks(run, "check", blocks(run), lpca_polish_compare_block, &polish, error);
+        lpca_run_blocks(run, "check", blocks(run), lpca_refine_compare_block, &refine, error);
     run->options = options;
     for (int i = 0; i < 2 * blocks(run); i++)
-        sums[i % 2] += polish.sums[i];
+        sums[i % 2] += refine.sums[i];
     if (options->team)
         options->team->sum_doubles(options->team, sums, 2);
     lpca->error = sums[1] > 0 ? sqrt(sums[0] / sums[1]) : 0;
-    g_free(polish.sums);
+    g_free(refine.sums);
     return ok;
 }
 
