@@ -4,18 +4,17 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <glib/gstdio.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "base/new_file.h"
 #include "exr/exr_half.h"
 
 #define CHUNK_BYTES ((gsize)64 << 20) /* of a chunk, unless a single line has more */
 
-/* A temporary file until it is complete. */
 struct output {
-    char *path, *beside;
-    int fd;
+    char *path;
+    struct new_file file; /* its name is NULL before it is begun and when it is finished */
 };
 
 struct BonnWriter {
@@ -34,21 +33,14 @@ static gboolean bonn_write_fail_errno(const char *path, GError **error) {
 }
 
 static gboolean open_output(struct output *output, const char *path, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
     output->path = g_strdup(path);
-    output->beside = g_strdup_printf("%s.XXXXXX", path);
-    output->fd = g_mkstemp_full(output->beside, O_RDWR | O_CLOEXEC, 0666);
-    if (output->fd >= 0)
-        return TRUE;
-    g_clear_pointer(&output->beside, g_free);
-    return bonn_write_fail_errno(path, error);
+    return new_file_begin(&output->file, folder, name) || bonn_write_fail_errno(path, error);
 }
 
 static void clear_output(struct output *output) {
-    if (output->fd >= 0)
-        close(output->fd);
-    if (output->beside)
-        g_unlink(output->beside);
-    g_free(output->beside);
+    if (output->file.name)
+        new_file_abandon(&output->file);
     g_free(output->path);
 }
 
@@ -56,7 +48,7 @@ static gboolean bonn_write_put(const struct output *output, const void *data, gs
                                GError **error) {
     const guint8 *from = data;
     while (n > 0) {
-        const gssize done = pwrite(output->fd, from, n, (off_t)at);
+        const gssize done = pwrite(output->file.fd, from, n, (off_t)at);
         if (done < 0 && errno == EINTR)
             continue;
         if (done <= 0)
@@ -67,20 +59,11 @@ static gboolean bonn_write_put(const struct output *output, const void *data, gs
 }
 
 static gboolean finish_output(struct output *output, GError **error) {
-    if (fsync(output->fd) != 0 || g_rename(output->beside, output->path) != 0)
-        return bonn_write_fail_errno(output->path, error);
-    g_clear_pointer(&output->beside, g_free);
-    return TRUE;
+    return new_file_commit(&output->file, TRUE) || bonn_write_fail_errno(output->path, error);
 }
 
 static gsize bonn_write_abrdf_bytes(const BonnWriter *writer) {
     return (gsize)writer->n_views * (gsize)writer->n_lights * BONN_CHANNELS * sizeof(guint16);
-}
-
-static void bonn_write_place_texels(BonnWriter *writer, const guint8 *mask, gboolean sparse) {
-    writer->places.of_texel = g_new(gint32, writer->n_texels);
-    for (int i = 0; i < writer->n_texels; i++)
-        writer->places.of_texel[i] = sparse && mask && !mask[i] ? -1 : writer->places.n_stored++;
 }
 
 static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, const guint8 *mask,
@@ -105,7 +88,7 @@ static gboolean put_chunks(BonnWriter *writer, GError **error) {
     const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->places.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
     const gsize size = writer->chunks_at + n_chunks * sizeof(guint32) + stored * each;
-    errno = posix_fallocate(writer->output.fd, 0, (off_t)size);
+    errno = posix_fallocate(writer->output.file.fd, 0, (off_t)size);
     if (errno != 0)
         return bonn_write_fail_errno(writer->output.path, error);
     for (gsize i = 0; i < n_chunks; i++) {
@@ -119,35 +102,33 @@ static gboolean put_chunks(BonnWriter *writer, GError **error) {
     return TRUE;
 }
 
-static gboolean bonn_write_begin(BonnWriter *writer, const struct bonn_header *header,
-                                 const guint8 *mask, GError **error) {
+BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
+                            GError **error) {
+    g_return_val_if_fail(header->kind == BONN_BDI || header->kind == BONN_BDI_SPARSE, NULL);
+    g_autoptr(BonnWriter) writer = g_new0(BonnWriter, 1);
+    writer->n_views = header->n_views;
+    writer->n_lights = header->n_lights;
+    writer->n_texels = header->width * header->height;
+    writer->places.of_texel = g_new(gint32, writer->n_texels);
+    for (int i = 0; i < writer->n_texels; i++)
+        writer->places.of_texel[i] =
+            header->kind == BONN_BDI_SPARSE && mask && !mask[i] ? -1 : writer->places.n_stored++;
+    if (!open_output(&writer->output, path, error))
+        return NULL;
     const gsize line = (gsize)header->width * bonn_write_abrdf_bytes(writer);
     if (line > G_MAXUINT32) {
         g_set_error(
             error, BONN_ERROR, BONN_ERROR_UNSUPPORTED,
             "%s: a line of %d texels with %d views and %d lights is longer than 4 GiB, which "
             "this format cannot hold",
-            writer->output.path, header->width, header->n_views, header->n_lights);
-        return FALSE;
+            path, header->width, header->n_views, header->n_lights);
+        return NULL;
     }
     const guint32 lines = (guint32)CLAMP(CHUNK_BYTES / line, 1, (gsize)header->height);
     writer->per_chunk = (gsize)lines * (gsize)header->width;
-    return put_front(writer, header, mask, lines, error) && put_chunks(writer, error);
-}
-
-BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
-                            GError **error) {
-    g_return_val_if_fail(header->kind == BONN_BDI || header->kind == BONN_BDI_SPARSE, NULL);
-    g_autoptr(BonnWriter) writer = g_new0(BonnWriter, 1);
-    writer->output.fd = -1;
-    writer->n_views = header->n_views;
-    writer->n_lights = header->n_lights;
-    writer->n_texels = header->width * header->height;
-    bonn_write_place_texels(writer, mask, header->kind == BONN_BDI_SPARSE);
-    if (!open_output(&writer->output, path, error) ||
-        !bonn_write_begin(writer, header, mask, error))
-        return NULL;
-    return g_steal_pointer(&writer);
+    return put_front(writer, header, mask, lines, error) && put_chunks(writer, error)
+               ? g_steal_pointer(&writer)
+               : NULL;
 }
 
 void bonn_writer_free(BonnWriter *writer) {
@@ -249,7 +230,7 @@ gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
     for (int i = 0; i < n; i++)
         most = MAX(most, factors[i].n_components);
     g_autoptr(GByteArray) front = factors_front(header, most);
-    struct output output = {.fd = -1};
+    struct output output = {0};
     gsize at = front->len;
     gboolean ok = open_output(&output, path, error) &&
                   bonn_write_put(&output, front->data, front->len, 0, error);
