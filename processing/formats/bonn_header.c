@@ -291,7 +291,7 @@ void bonn_put_u32(GByteArray *to, guint32 value) {
     g_byte_array_append(to, (const guint8 *)&value, sizeof value);
 }
 
-static void bonn_header_put_float(GByteArray *to, double value) {
+void bonn_put_float(GByteArray *to, double value) {
     const float narrow = (float)value;
     guint32 bits;
     memcpy(&bits, &narrow, sizeof bits);
@@ -323,9 +323,9 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     put_fixed(to, header->setup);
     put_fixed(to, header->sensor);
     put_fixed(to, header->light_source);
-    bonn_header_put_float(to, header->texels_a_mm);
+    bonn_put_float(to, header->texels_a_mm);
     for (int i = 0; i < BONN_CHANNELS; i++)
-        bonn_header_put_float(to, header->rgb_scale[i]);
+        bonn_put_float(to, header->rgb_scale[i]);
     bonn_put_u32(to, header->cosine);
     put_text(to, header->xml);
     bonn_put_u32(to, BONN_CHANNELS);
@@ -336,12 +336,12 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     memcpy(to->data + BONN_SIGNATURE, &size, sizeof size);
     bonn_put_u32(to, (guint32)header->n_views);
     for (int v = 0; v < header->n_views; v++) {
-        bonn_header_put_float(to, bonn_header_radians(header->view_theta_deg[v]));
-        bonn_header_put_float(to, bonn_header_radians(header->view_phi_deg[v]));
+        bonn_put_float(to, bonn_header_radians(header->view_theta_deg[v]));
+        bonn_put_float(to, bonn_header_radians(header->view_phi_deg[v]));
         bonn_put_u32(to, (guint32)header->n_lights);
         for (int l = 0; l < header->n_lights; l++) {
-            bonn_header_put_float(to, bonn_header_radians(header->light_theta_deg[l]));
-            bonn_header_put_float(to, bonn_header_radians(header->light_phi_deg[l]));
+            bonn_put_float(to, bonn_header_radians(header->light_theta_deg[l]));
+            bonn_put_float(to, bonn_header_radians(header->light_phi_deg[l]));
         }
     }
     bonn_put_u32(to, (guint32)header->width);

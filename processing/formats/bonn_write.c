@@ -198,30 +198,6 @@ static gboolean put_matrix(const struct output *output, const struct bonn_factor
            put_halves(output, factors->sv, (gsize)factors->n_columns * k, at, error);
 }
 
-static GByteArray *factors_front(const struct bonn_header *header, int n_components) {
-    static const float identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    GByteArray *front = g_byte_array_new();
-    bonn_put_header(front, header);
-    bonn_put_u32(front, 0); /* rotations */
-    if (header->kind == BONN_FMF) {
-        const guint8 version = 2;
-        g_byte_array_append(front, &version, 1);
-        for (int i = 0; i < 3; i++)
-            bonn_put_u32(front, 0); /* no transformation of the range; no height map */
-        bonn_put_u32(front, (guint32)n_components);
-        return front;
-    }
-    bonn_put_u32(front, (guint32)n_components);
-    for (int i = 0; i < 4; i++)
-        bonn_put_u32(front, 0); /* untransformed colours; their mean */
-    for (int i = 0; i < 9; i++) {
-        guint32 bits;
-        memcpy(&bits, &identity[i], sizeof bits);
-        bonn_put_u32(front, bits);
-    }
-    return front;
-}
-
 gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
                             const struct bonn_factors *factors, GError **error) {
     g_return_val_if_fail(header->kind == BONN_FMF || header->kind == BONN_DFMF, FALSE);
@@ -229,7 +205,22 @@ gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
     int most = 0;
     for (int i = 0; i < n; i++)
         most = MAX(most, factors[i].n_components);
-    g_autoptr(GByteArray) front = factors_front(header, most);
+    g_autoptr(GByteArray) front = g_byte_array_new();
+    bonn_put_header(front, header);
+    bonn_put_u32(front, 0); /* rotations */
+    if (header->kind == BONN_FMF) {
+        const guint8 version = 2;
+        g_byte_array_append(front, &version, 1);
+        for (int i = 0; i < 3; i++)
+            bonn_put_u32(front, 0); /* no transformation of the range; no height map */
+    }
+    bonn_put_u32(front, (guint32)most);
+    if (header->kind == BONN_DFMF) {
+        for (int i = 0; i < 4; i++)
+            bonn_put_u32(front, 0); /* untransformed colours; their mean */
+        for (int i = 0; i < 9; i++)
+            bonn_put_float(front, i % 4 == 0); /* their matrix: identity */
+    }
     struct output output = {0};
     gsize at = front->len;
     gboolean ok = open_output(&output, path, error) &&

@@ -173,30 +173,24 @@ static gboolean write_lpca(const char *file, const struct bonn_header *header,
                                     : write_split(file, header, &all, error);
 }
 
-static gboolean write_factored(const char *session, const struct source *source, const char *file,
-                               int n_components, const struct work *work, double *ret_error,
-                               GError **error) {
-    const struct lpca_options options = {
-        .n_clusters = 1, .n_components = n_components, .work = *work};
-    struct btf_matrix *btf = btf_matrix_read(session, work, error);
-    struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
-    if (lpca)
-        *ret_error = lpca_error(lpca, btf, 0);
-    btf_matrix_free(btf);
-    const gboolean ok = lpca && write_lpca(file, &source->header, lpca, error);
-    lpca_free(lpca);
-    return ok;
-}
-
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
                      const struct work *work, struct export_bonn_result *ret, GError **error) {
     struct source source;
     *ret = (struct export_bonn_result){0};
     gboolean ok = open_source(&source, session, kind, error);
-    if (ok && (kind == BONN_BDI || kind == BONN_BDI_SPARSE))
+    if (ok && (kind == BONN_BDI || kind == BONN_BDI_SPARSE)) {
         ok = export_bonn_write_views(&source, file, work, error);
-    else if (ok)
-        ok = write_factored(session, &source, file, n_components, work, &ret->error, error);
+    } else if (ok) {
+        const struct lpca_options options = {
+            .n_clusters = 1, .n_components = n_components, .work = *work};
+        struct btf_matrix *btf = btf_matrix_read(session, work, error);
+        struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
+        if (lpca)
+            ret->error = lpca_error(lpca, btf, 0);
+        btf_matrix_free(btf);
+        ok = lpca && write_lpca(file, &source.header, lpca, error);
+        lpca_free(lpca);
+    }
     ret->n_views = source.header.n_views;
     ret->n_lights = source.header.n_lights;
     ret->width = source.header.width;

@@ -11,9 +11,7 @@
 #define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
 #define MOST_RTI       65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH                                                                               \
-    0.5 /* least length of a direction in a list, which should be a unit vector                    \
-         */
+#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
 
 struct direction {
     gint64 theta, phi; /* in steps */
@@ -138,10 +136,9 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
     pictures->of = g_new0(struct named *, (gsize)pictures->views->len * pictures->lights->len);
     for (guint i = 0; i < pictures->all->len; i++) {
         struct named *named = pictures->all->pdata[i];
-        struct named **at =
-            &pictures
-                 ->of[import_names_index_of(pictures->views, &named->view) * pictures->lights->len +
-                      import_names_index_of(pictures->lights, &named->light)];
+        const guint view = import_names_index_of(pictures->views, &named->view);
+        const guint light = import_names_index_of(pictures->lights, &named->light);
+        struct named **at = &pictures->of[view * pictures->lights->len + light];
         if (*at)
             return data_error_fail(pictures->source, named->line, error,
                                    "%s is of the same view and light as %s", named->path,
@@ -149,25 +146,6 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
         *at = named;
     }
     return report_missing(pictures, error);
-}
-
-static gboolean add_named(struct pictures *pictures, const char *folder, const char *name,
-                          GError **error) {
-    double tl, pl, tv, pv;
-    if (!import_is_picture(name))
-        return TRUE;
-    if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) || !find_key(name, "tv", &tv) ||
-        !find_key(name, "pv", &pv))
-        return data_error_fail(
-            folder, 0, error,
-            "the name “%s” does not say its directions; expected are tl, pl, tv and "
-            "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
-            name);
-    struct named *named = g_new0(struct named, 1);
-    *named = (struct named){g_build_filename(folder, name, NULL), import_names_direction(tv, pv),
-                            import_names_direction(tl, pl), 0};
-    g_ptr_array_add(pictures->all, named);
-    return TRUE;
 }
 
 static int import_names_by_text(gconstpointer a, gconstpointer b) {
@@ -178,16 +156,31 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
     g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
     const char *name;
-    gboolean ok = dir != NULL;
-    while (dir && (name = g_dir_read_name(dir)))
+    if (!dir)
+        return FALSE;
+    while ((name = g_dir_read_name(dir)))
         g_ptr_array_add(names, g_strdup(name));
     g_ptr_array_sort(names, import_names_by_text);
-    for (guint i = 0; ok && i < names->len; i++)
-        ok = add_named(pictures, folder, names->pdata[i], error);
-    if (ok && pictures->all->len == 0)
-        ok = data_error_fail(folder, 0, error,
-                             "there is no .jpg, .png, .tif or .exr picture in that folder");
-    return ok;
+    for (guint i = 0; i < names->len; i++) {
+        name = names->pdata[i];
+        double tl, pl, tv, pv;
+        if (!import_is_picture(name))
+            continue;
+        if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) ||
+            !find_key(name, "tv", &tv) || !find_key(name, "pv", &pv))
+            return data_error_fail(
+                folder, 0, error,
+                "the name “%s” does not say its directions; expected are tl, pl, tv and "
+                "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
+                name);
+        struct named *named = g_new0(struct named, 1);
+        *named = (struct named){g_build_filename(folder, name, NULL),
+                                import_names_direction(tv, pv), import_names_direction(tl, pl), 0};
+        g_ptr_array_add(pictures->all, named);
+    }
+    return pictures->all->len > 0 ||
+           data_error_fail(folder, 0, error,
+                           "there is no .jpg, .png, .tif or .exr picture in that folder");
 }
 
 static gboolean parse_light(const char *list, int line, char **words, struct direction *ret,
@@ -257,34 +250,28 @@ static gboolean import_names_read_list(struct pictures *pictures, const char *li
                            (int)n, pictures->all->len);
 }
 
-static gboolean import_names_check_size(const struct pictures *pictures, const struct named *named,
-                                        const struct import_picture *picture, GError **error) {
-    if (picture->width == pictures->width && picture->height == pictures->height)
-        return TRUE;
-    return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
-                           "%s has %d × %d pixels, the first picture %d × %d",
-                           named->line ? named->path : "it", picture->width, picture->height,
-                           pictures->width, pictures->height);
-}
-
 static gboolean copy_picture(const struct pictures *pictures, const struct named *named, float *to,
                              int *ret_holes, GError **error) {
-    struct import_picture *picture = import_picture_read(named->path, error);
+    g_autoptr(ImportPicture) picture = import_picture_read(named->path, error);
     const gsize n = (gsize)pictures->width * (gsize)pictures->height;
-    gboolean ok = picture && import_names_check_size(pictures, named, picture, error);
-    int holes = 0;
-    for (gsize i = 0; ok && i < n; i++) {
+    if (!picture)
+        return FALSE;
+    if (picture->width != pictures->width || picture->height != pictures->height)
+        return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
+                               "%s has %d × %d pixels, the first picture %d × %d",
+                               named->line ? named->path : "it", picture->width, picture->height,
+                               pictures->width, pictures->height);
+    *ret_holes = 0;
+    for (gsize i = 0; i < n; i++) {
         const float *from = picture->rgb + 3 * i;
         const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
         for (int c = 0; c < 3; c++)
             to[3 * i + (gsize)c] = good ? from[c] : 0;
-        holes += !good;
+        *ret_holes += !good;
     }
-    import_picture_free(picture);
-    *ret_holes = holes;
-    return ok && ((double)holes <= IMPORT_MOST_HOLES * (double)n ||
-                  data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
-                                  holes, n));
+    return (double)*ret_holes <= IMPORT_MOST_HOLES * (double)n ||
+           data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
+                           *ret_holes, n);
 }
 
 static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
@@ -310,23 +297,19 @@ static void import_names_degrees(const GArray *directions, float **ret_theta_deg
     }
 }
 
-static gboolean first_size(struct pictures *pictures, GError **error) {
-    const struct named *named = pictures->all->pdata[0];
-    struct import_picture *first = import_picture_read(named->path, error);
-    if (!first)
-        return FALSE;
-    pictures->width = first->width;
-    pictures->height = first->height;
-    import_picture_free(first);
-    return TRUE;
-}
-
 static gboolean import_names_make(struct pictures *pictures, const char *path,
                                   const struct import_wish *wish, const struct work *work,
                                   struct import_result *ret, GError **error) {
     g_autofree float *view_theta = NULL, *view_phi = NULL, *light_theta = NULL, *light_phi = NULL;
-    if (!arrange(pictures, error) || !first_size(pictures, error))
+    if (!arrange(pictures, error))
         return FALSE;
+    const struct named *named = pictures->all->pdata[0];
+    g_autoptr(ImportPicture) first = import_picture_read(named->path, error);
+    if (!first)
+        return FALSE;
+    pictures->width = first->width;
+    pictures->height = first->height;
+    g_clear_pointer(&first, import_picture_free);
     import_names_degrees(pictures->views, &view_theta, &view_phi);
     import_names_degrees(pictures->lights, &light_theta, &light_phi);
     const struct import_material material = {

@@ -4,6 +4,7 @@
 #include "import.h"
 
 #define IMPORT_MOST_HOLES 0.5 /* of a picture */
+#define IMPORT_NO_TEXT    "# none: imported\n"
 
 /* Reads a colour picture. EXR: R, G, B of the first part, or a grey "Y" for all three; else what
  * OpenCV reads. NULL: DATA_ERROR_INVALID. */
@@ -20,6 +21,7 @@ gboolean import_is_picture(const char *name);
 /* A new session under a hidden name while it is filled. */
 struct import_place {
     char *path, *folder, *session;
+    char *name; /* of the session */
 };
 gboolean import_place_begin(struct import_place *place, const char *path, GError **error);
 /* Closes the session and renames it, or removes it. */

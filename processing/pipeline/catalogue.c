@@ -54,7 +54,8 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
 }
 
 /* Adds a shot to the table for looking it up. */
-static gboolean add_shot(struct catalogue *catalogue, struct session_shot *shot, GError **error) {
+static gboolean catalogue_add_shot(struct catalogue *catalogue, struct session_shot *shot,
+                                   GError **error) {
     const int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
                   : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
                                              : G_MAXINT;
@@ -92,7 +93,7 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
         g_hash_table_insert(catalogue->frames, frame_key(frame->shot, frame->camera), frame);
     }
     for (guint i = 0; i < catalogue->shots->len; i++)
-        if (!add_shot(catalogue, g_ptr_array_index(catalogue->shots, i), error))
+        if (!catalogue_add_shot(catalogue, g_ptr_array_index(catalogue->shots, i), error))
             return FALSE;
     return TRUE;
 }
