@@ -67,24 +67,6 @@ static gboolean check_plan(const struct session_plan *plan, GError **error) {
     return ok;
 }
 
-static gboolean insert_text(Session *session, const char *name, const char *content,
-                            GError **error) {
-    return session_db_run(session, error, "INSERT INTO text VALUES (?1, ?2)", "ss", name, content);
-}
-
-static gboolean insert_texts(Session *session, const char *name, const struct session_texts *texts,
-                             GError **error) {
-    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
-    g_autofree char *created = g_date_time_format_iso8601(now);
-
-    return session_db_run(session, error, "INSERT INTO session VALUES (1, ?1, ?2, ?3)", "sss", name,
-                          "mesorig " MESORIG_VERSION, created) &&
-           insert_text(session, "rig.conf", texts->rig_conf, error) &&
-           insert_text(session, "session.conf", texts->session_conf, error) &&
-           insert_text(session, "calibration.conf", texts->calibration, error) &&
-           (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error));
-}
-
 static gboolean insert_directions(Session *session, const struct session_direction *directions,
                                   int n, const char *kind, GError **error) {
     for (int i = 0; i < n; i++) {
@@ -126,9 +108,14 @@ static gboolean insert_plan(Session *session, const struct session_plan *plan, G
 
 static gboolean insert_all(Session *session, const char *name, const struct session_texts *texts,
                            const struct session_plan *plan, GError **error) {
+    const char *const files[][2] = {{"rig.conf", texts->rig_conf},
+                                    {"session.conf", texts->session_conf},
+                                    {"calibration.conf", texts->calibration}};
     g_autofree char *application =
         g_strdup_printf("PRAGMA application_id = %d", SESSION_APPLICATION_ID);
     g_autofree char *version = g_strdup_printf("PRAGMA user_version = %d", SESSION_FORMAT);
+    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+    g_autofree char *created = g_date_time_format_iso8601(now);
     gboolean ok = session_db_run(session, error, "PRAGMA journal_mode = WAL", "") &&
                   session_begin(session, error) &&
                   session_db_run(session, error, application, "") &&
@@ -136,8 +123,14 @@ static gboolean insert_all(Session *session, const char *name, const struct sess
 
     for (gsize i = 0; ok && i < G_N_ELEMENTS(session_tables); i++)
         ok = session_db_run(session, error, session_tables[i].sql, "");
-    ok = ok && insert_texts(session, name, texts, error) && insert_plan(session, plan, error);
-    return ok && session_commit(session, error);
+    ok = ok && session_db_run(session, error, "INSERT INTO session VALUES (1, ?1, ?2, ?3)", "sss",
+                              name, "mesorig " MESORIG_VERSION, created);
+    for (gsize i = 0; ok && i < G_N_ELEMENTS(files); i++)
+        ok = session_db_run(session, error, "INSERT INTO text VALUES (?1, ?2)", "ss", files[i][0],
+                            files[i][1]);
+    return ok &&
+           (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error)) &&
+           insert_plan(session, plan, error) && session_commit(session, error);
 }
 
 /* Writes everything into a hidden directory. */
