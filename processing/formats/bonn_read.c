@@ -206,16 +206,6 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
     return TRUE;
 }
 
-static void read_factors(const BonnFile *file, int view, gsize first, gsize n, float *to) {
-    const struct bonn_header *header = &file->header;
-    static const int all[BONN_CHANNELS] = {0, 1, 2};
-    if (header->kind == BONN_FMF)
-        bonn_matrix_view(&file->matrices[0], header, BONN_CHANNELS, view, first, n, all, to);
-    for (int c = 0; header->kind == BONN_DFMF && c < BONN_CHANNELS; c++)
-        bonn_matrix_view(&file->matrices[c], header, 1, view, first, n, &all[c], to);
-    bonn_colours_undo(&file->colours, to, n * (gsize)header->n_lights);
-}
-
 /* Copies a block to its place with R, G, B in order; returns the number of holes. */
 static int bonn_read_store(const BonnFile *file, const float *from, gsize n, float *to) {
     int holes = 0;
@@ -234,6 +224,7 @@ static int bonn_read_store(const BonnFile *file, const float *from, gsize n, flo
 
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error) {
+    static const int all[BONN_CHANNELS] = {0, 1, 2};
     const struct bonn_header *header = &file->header;
     const gsize n_texels = (gsize)header->width * (gsize)header->height;
     const gsize n_lights = (gsize)header->n_lights;
@@ -243,8 +234,12 @@ gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret
     memset(ret_holes, 0, sizeof *ret_holes * n_lights);
     for (gsize first = 0; first < n_texels; first += most) {
         const gsize n = MIN(most, n_texels - first);
+        if (header->kind == BONN_FMF)
+            bonn_matrix_view(&file->matrices[0], header, BONN_CHANNELS, view, first, n, all, block);
+        for (int c = 0; header->kind == BONN_DFMF && c < BONN_CHANNELS; c++)
+            bonn_matrix_view(&file->matrices[c], header, 1, view, first, n, &all[c], block);
         if (header->kind == BONN_FMF || header->kind == BONN_DFMF)
-            read_factors(file, view, first, n, block);
+            bonn_colours_undo(&file->colours, block, n * n_lights);
         else if (!read_bdi(file, view, first, n, block, error))
             return FALSE;
         for (gsize light = 0; light < n_lights; light++)

@@ -27,29 +27,13 @@ struct pictures {
     const char *source;
     GPtrArray *all;         /* of struct named */
     GArray *views, *lights; /* of struct direction, in order */
-    struct named **of;      /* view × light */
+    GPtrArray *of;          /* of struct named, view × light */
     int width, height;
 };
 
 static void named_free(gpointer data) {
     g_free(((struct named *)data)->path);
     g_free(data);
-}
-
-static void pictures_clear(struct pictures *pictures) {
-    g_ptr_array_unref(pictures->all);
-    g_array_unref(pictures->views);
-    g_array_unref(pictures->lights);
-    g_free(pictures->of);
-}
-
-static void pictures_init(struct pictures *pictures, const char *source) {
-    *pictures = (struct pictures){
-        .source = source,
-        .all = g_ptr_array_new_with_free_func(named_free),
-        .views = g_array_new(FALSE, FALSE, sizeof(struct direction)),
-        .lights = g_array_new(FALSE, FALSE, sizeof(struct direction)),
-    };
 }
 
 /* The number after a key that does not end a longer word: "tl045.0". FALSE: none, or two. */
@@ -105,7 +89,7 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
     const guint n_lights = pictures->lights->len;
     guint missing = 0, first = 0;
     for (guint i = pictures->views->len * n_lights; i-- > 0;)
-        if (!pictures->of[i]) {
+        if (!pictures->of->pdata[i]) {
             missing++;
             first = i;
         }
@@ -133,16 +117,17 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
     }
     sort_once(pictures->views);
     sort_once(pictures->lights);
-    pictures->of = g_new0(struct named *, (gsize)pictures->views->len * pictures->lights->len);
+    g_ptr_array_set_size(pictures->of, (gint)(pictures->views->len * pictures->lights->len));
     for (guint i = 0; i < pictures->all->len; i++) {
         struct named *named = pictures->all->pdata[i];
         const guint view = import_names_index_of(pictures->views, &named->view);
         const guint light = import_names_index_of(pictures->lights, &named->light);
-        struct named **at = &pictures->of[view * pictures->lights->len + light];
-        if (*at)
+        gpointer *at = &pictures->of->pdata[view * pictures->lights->len + light];
+        const struct named *other = *at;
+        if (other)
             return data_error_fail(pictures->source, named->line, error,
                                    "%s is of the same view and light as %s", named->path,
-                                   (*at)->path);
+                                   other->path);
         *at = named;
     }
     return report_missing(pictures, error);
@@ -280,7 +265,7 @@ static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes,
     const guint n_lights = pictures->lights->len;
     const gsize n = 3 * (gsize)pictures->width * (gsize)pictures->height;
     for (guint light = 0; light < n_lights; light++)
-        if (!copy_picture(pictures, pictures->of[(guint)view * n_lights + light],
+        if (!copy_picture(pictures, pictures->of->pdata[(guint)view * n_lights + light],
                           ret_rgb + n * light, &ret_holes[light], error))
             return FALSE;
     return TRUE;
@@ -297,55 +282,53 @@ static void import_names_degrees(const GArray *directions, float **ret_theta_deg
     }
 }
 
-static gboolean import_names_make(struct pictures *pictures, const char *path,
-                                  const struct import_wish *wish, const struct work *work,
-                                  struct import_result *ret, GError **error) {
+typedef gboolean (*ReadNames)(struct pictures *pictures, const char *source, GError **error);
+
+static gboolean import_named(const char *path, const char *source, ReadNames read_names,
+                             const struct import_wish *wish, const struct work *work,
+                             struct import_result *ret, GError **error) {
     g_autofree float *view_theta = NULL, *view_phi = NULL, *light_theta = NULL, *light_phi = NULL;
-    if (!arrange(pictures, error))
+    g_autoptr(GPtrArray) all = g_ptr_array_new_with_free_func(named_free);
+    g_autoptr(GPtrArray) of = g_ptr_array_new();
+    g_autoptr(GArray) views = g_array_new(FALSE, FALSE, sizeof(struct direction));
+    g_autoptr(GArray) lights = g_array_new(FALSE, FALSE, sizeof(struct direction));
+    struct pictures pictures = {
+        .source = source, .all = all, .views = views, .lights = lights, .of = of};
+    if (!read_names(&pictures, source, error) || !arrange(&pictures, error))
         return FALSE;
-    const struct named *named = pictures->all->pdata[0];
+    const struct named *named = all->pdata[0];
     g_autoptr(ImportPicture) first = import_picture_read(named->path, error);
     if (!first)
         return FALSE;
-    pictures->width = first->width;
-    pictures->height = first->height;
+    pictures.width = first->width;
+    pictures.height = first->height;
     g_clear_pointer(&first, import_picture_free);
-    import_names_degrees(pictures->views, &view_theta, &view_phi);
-    import_names_degrees(pictures->lights, &light_theta, &light_phi);
+    import_names_degrees(views, &view_theta, &view_phi);
+    import_names_degrees(lights, &light_theta, &light_phi);
     const struct import_material material = {
-        .source = pictures->source,
-        .width = pictures->width,
-        .height = pictures->height,
+        .source = source,
+        .width = pictures.width,
+        .height = pictures.height,
         .texel_mm = wish->texel_mm > 0 ? wish->texel_mm : 1,
         .region = wish->region,
-        .n_views = (int)pictures->views->len,
-        .n_lights = (int)pictures->lights->len,
+        .n_views = (int)views->len,
+        .n_lights = (int)lights->len,
         .view_theta_deg = view_theta,
         .view_phi_deg = view_phi,
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
         .view = import_names_give_view,
-        .data = pictures,
+        .data = &pictures,
     };
     return import_material(path, &material, work, ret, error);
 }
 
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
                          const struct work *work, struct import_result *ret, GError **error) {
-    struct pictures pictures;
-    pictures_init(&pictures, folder);
-    const gboolean ok = list_folder(&pictures, folder, error) &&
-                        import_names_make(&pictures, path, wish, work, ret, error);
-    pictures_clear(&pictures);
-    return ok;
+    return import_named(path, folder, list_folder, wish, work, ret, error);
 }
 
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error) {
-    struct pictures pictures;
-    pictures_init(&pictures, list);
-    const gboolean ok = import_names_read_list(&pictures, list, error) &&
-                        import_names_make(&pictures, path, wish, work, ret, error);
-    pictures_clear(&pictures);
-    return ok;
+    return import_named(path, list, import_names_read_list, wish, work, ret, error);
 }

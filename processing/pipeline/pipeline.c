@@ -306,20 +306,16 @@ static gboolean set_number(Session *session, const char *key, double value, GErr
     return session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), error);
 }
 
-static char *eigenmaps_inputs(const struct columns *columns) {
-    const struct run *run = columns->run;
-    g_autoptr(GChecksum) sum = catalogue_checksum(run->catalogue, "eigenmaps");
-    input_hash(sum, "%d %s", run->options->n_eigenmaps, session_name(run->session));
-    for (int i = 0; i < columns->n_views; i++)
-        input_hash(sum, "%s", run->btf_inputs[columns->views[i]]);
-    return g_strdup(g_checksum_get_string(sum));
-}
-
 static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_error,
                                         GError **error) {
-    Session *session = columns->run->session;
+    const struct run *run = columns->run;
+    Session *session = run->session;
     g_autofree char *path = session_file(session, "products/eigenmaps.exr");
-    g_autofree char *inputs = eigenmaps_inputs(columns);
+    g_autoptr(GChecksum) sum = catalogue_checksum(run->catalogue, "eigenmaps");
+    input_hash(sum, "%d %s", run->options->n_eigenmaps, session_name(session));
+    for (int i = 0; i < columns->n_views; i++)
+        input_hash(sum, "%s", run->btf_inputs[columns->views[i]]);
+    const char *inputs = g_checksum_get_string(sum);
     g_autofree char *before = session_value(session, "eigenmaps_inputs");
     g_autofree char *error_before = session_value(session, "eigenmaps_error");
     const gboolean whole = g_hash_table_contains(columns->run->whole, "products/eigenmaps.exr");

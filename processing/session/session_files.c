@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 
 #include <errno.h>
+#include <stdint.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -15,40 +16,25 @@
     (10 * G_USEC_PER_SEC) /* longest wait for a writer between its file and its row */
 #define POLL_US (G_USEC_PER_SEC / 10)
 
-/* Identity of a file when it was hashed: while it is unchanged the file is not hashed again. */
-struct identity {
-    guint64 device, inode, bytes;
-    gint64 modified_ns, changed_ns;
-};
-
 static GMutex known_mutex;
-static GHashTable *known; /* struct identity → SHA-256 */
-
-static guint identity_hash(gconstpointer data) {
-    const struct identity *identity = data;
-    return g_int64_hash(&identity->inode) ^ g_int64_hash(&identity->changed_ns);
-}
-
-static gboolean identity_equal(gconstpointer a, gconstpointer b) {
-    return memcmp(a, b, sizeof(struct identity)) == 0;
-}
+static GHashTable *known; /* identity of a file when it was hashed → SHA-256 */
 
 static gint64 nanoseconds(const struct timespec *time) {
     return (gint64)time->tv_sec * G_GINT64_CONSTANT(1000000000) + time->tv_nsec;
 }
 
-static char *find_known(const struct identity *identity) {
+static char *find_known(const char *identity) {
     g_mutex_lock(&known_mutex);
     char *sha256 = known ? g_strdup(g_hash_table_lookup(known, identity)) : NULL;
     g_mutex_unlock(&known_mutex);
     return sha256;
 }
 
-static void keep_known(const struct identity *identity, const char *sha256) {
+static void keep_known(const char *identity, const char *sha256) {
     g_mutex_lock(&known_mutex);
     if (!known)
-        known = g_hash_table_new_full(identity_hash, identity_equal, g_free, g_free);
-    g_hash_table_replace(known, g_memdup2(identity, sizeof *identity), g_strdup(sha256));
+        known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    g_hash_table_replace(known, g_strdup(identity), g_strdup(sha256));
     g_mutex_unlock(&known_mutex);
 }
 
@@ -75,10 +61,13 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
             g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));
         return NULL;
     }
-    const struct identity identity = {(guint64)status.st_dev, (guint64)status.st_ino,
-                                      (guint64)status.st_size, nanoseconds(&status.st_mtim),
-                                      nanoseconds(&status.st_ctim)};
-    char *sha256 = find_known(&identity);
+    /* While all this is unchanged the file is not hashed again. */
+    const gint64 changed_ns = nanoseconds(&status.st_ctim);
+    g_autofree char *identity =
+        g_strdup_printf("%ju %ju %jd %" G_GINT64_FORMAT " %" G_GINT64_FORMAT,
+                        (uintmax_t)status.st_dev, (uintmax_t)status.st_ino,
+                        (intmax_t)status.st_size, nanoseconds(&status.st_mtim), changed_ns);
+    char *sha256 = find_known(identity);
     if (sha256)
         return sha256;
     sha256 = exr_sha256(path, NULL, &error);
@@ -86,8 +75,8 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
      * its hash is not kept. */
     if (!sha256)
         *ret_wrong = g_strdup(error->message);
-    else if (g_get_real_time() * 1000 - identity.changed_ns > 50 * 1000000)
-        keep_known(&identity, sha256);
+    else if (g_get_real_time() * 1000 - changed_ns > 50 * 1000000)
+        keep_known(identity, sha256);
     return sha256;
 }
 
