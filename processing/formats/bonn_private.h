@@ -39,7 +39,7 @@ void bonn_put_u32(GByteArray *to, guint32 value);
 void bonn_put_float(GByteArray *to, double value);
 
 /* Index of each texel among the stored ones; −1: not stored. A full file stores all. */
-struct bonn_places {
+struct bonn_index {
     gint32 *of_texel;
     int n_stored;
 };

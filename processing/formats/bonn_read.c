@@ -20,7 +20,7 @@ struct BonnFile {
 
     guint32 per_chunk; /* texels; BDI */
     gsize chunks_at;
-    struct bonn_places places;
+    struct bonn_index index;
 
     struct bonn_matrix matrices[BONN_CHANNELS]; /* FMF: the first */
     struct bonn_colours colours;
@@ -31,7 +31,7 @@ void bonn_close(BonnFile *file) {
         return;
     for (int i = 0; i < BONN_CHANNELS; i++)
         bonn_matrix_clear(&file->matrices[i]);
-    g_free(file->places.of_texel);
+    g_free(file->index.of_texel);
     bonn_header_clear(&file->header);
     if (file->fd >= 0)
         close(file->fd);
@@ -51,7 +51,7 @@ static gsize bonn_read_abrdf_bytes(const struct bonn_header *header) {
 static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     const gsize each = bonn_read_abrdf_bytes(&file->header);
     file->chunks_at = bytes->at;
-    for (gsize left = (gsize)file->places.n_stored; left > 0;) {
+    for (gsize left = (gsize)file->index.n_stored; left > 0;) {
         const gsize n = MIN(left, file->per_chunk);
         guint32 size;
         if (!bonn_take_u32(bytes, "chunk", &size, error))
@@ -87,10 +87,10 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
     if (!bonn_take(bytes, n_texels, "mask", mask, error) ||
         !bonn_skip_rotations(bytes, header, error))
         return FALSE;
-    file->places.of_texel = g_new(gint32, n_texels);
+    file->index.of_texel = g_new(gint32, n_texels);
     for (gsize i = 0; i < n_texels; i++) {
-        file->places.of_texel[i] = mask[i] ? file->places.n_stored : -1;
-        file->places.n_stored += mask[i] != 0 || header->kind == BONN_BDI;
+        file->index.of_texel[i] = mask[i] ? file->index.n_stored : -1;
+        file->index.n_stored += mask[i] != 0 || header->kind == BONN_BDI;
     }
     return check_chunks(file, bytes, error);
 }
@@ -186,13 +186,13 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
     g_autofree guint16 *halves = g_new(guint16, n_values);
     g_autofree float *abrdf = g_new0(float, n_values);
     for (gsize texel = 0; texel < n; texel++) {
-        const gint32 place = file->places.of_texel[first + texel];
-        for (gsize i = 0; place < 0 && i < n_values; i++)
+        const gint32 stored = file->index.of_texel[first + texel];
+        for (gsize i = 0; stored < 0 && i < n_values; i++)
             abrdf[i] = NAN;
-        if (place >= 0) {
-            const gsize chunk = (gsize)place / file->per_chunk;
+        if (stored >= 0) {
+            const gsize chunk = (gsize)stored / file->per_chunk;
             const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
-                             (gsize)place * bonn_read_abrdf_bytes(&file->header) +
+                             (gsize)stored * bonn_read_abrdf_bytes(&file->header) +
                              (gsize)view * n_values * sizeof(guint16);
             struct bonn_bytes bytes = {file->fd, G_MAXSIZE, at, file->path};
             if (!bonn_take(&bytes, n_values * sizeof(guint16), "chunk", halves, error))

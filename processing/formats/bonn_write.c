@@ -20,7 +20,7 @@ struct output {
 struct BonnWriter {
     struct output output;
     int n_views, n_lights, n_texels;
-    struct bonn_places places;
+    struct bonn_index index;
     gsize per_chunk, chunks_at;
 };
 
@@ -85,7 +85,7 @@ static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, 
 /* Writes the lengths of all chunks, and reserves their space, so that a full disk is an error at
  * once. */
 static gboolean put_chunks(BonnWriter *writer, GError **error) {
-    const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->places.n_stored;
+    const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->index.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
     const gsize size = writer->chunks_at + n_chunks * sizeof(guint32) + stored * each;
     errno = posix_fallocate(writer->output.file.fd, 0, (off_t)size);
@@ -109,10 +109,10 @@ BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, 
     writer->n_views = header->n_views;
     writer->n_lights = header->n_lights;
     writer->n_texels = header->width * header->height;
-    writer->places.of_texel = g_new(gint32, writer->n_texels);
+    writer->index.of_texel = g_new(gint32, writer->n_texels);
     for (int i = 0; i < writer->n_texels; i++)
-        writer->places.of_texel[i] =
-            header->kind == BONN_BDI_SPARSE && mask && !mask[i] ? -1 : writer->places.n_stored++;
+        writer->index.of_texel[i] =
+            header->kind == BONN_BDI_SPARSE && mask && !mask[i] ? -1 : writer->index.n_stored++;
     if (!open_output(&writer->output, path, error))
         return NULL;
     const gsize line = (gsize)header->width * bonn_write_abrdf_bytes(writer);
@@ -135,7 +135,7 @@ void bonn_writer_free(BonnWriter *writer) {
     if (!writer)
         return;
     clear_output(&writer->output);
-    g_free(writer->places.of_texel);
+    g_free(writer->index.of_texel);
     g_free(writer);
 }
 
@@ -146,17 +146,17 @@ gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError
     g_autofree guint16 *halves = g_new(guint16, n);
     g_return_val_if_fail(view >= 0 && view < writer->n_views, FALSE);
     for (gsize texel = 0; texel < n_texels; texel++) {
-        const gint32 place = writer->places.of_texel[texel];
-        if (place < 0)
+        const gint32 stored = writer->index.of_texel[texel];
+        if (stored < 0)
             continue;
         for (gsize light = 0; light < n_lights; light++)
             memcpy(abrdf + light * BONN_CHANNELS, rgb + (light * n_texels + texel) * BONN_CHANNELS,
                    sizeof *rgb * BONN_CHANNELS);
         exr_half_from_floats(halves, abrdf, n);
-        const gsize chunk = (gsize)place / writer->per_chunk;
+        const gsize chunk = (gsize)stored / writer->per_chunk;
         if (!bonn_write_put(&writer->output, halves, n * sizeof *halves,
                             writer->chunks_at + (chunk + 1) * sizeof(guint32) +
-                                (gsize)place * bonn_write_abrdf_bytes(writer) +
+                                (gsize)stored * bonn_write_abrdf_bytes(writer) +
                                 (gsize)view * n * sizeof *halves,
                             error))
             return FALSE;
