@@ -4,16 +4,12 @@
 #include <stdlib.h>
 
 #include "base/data_error.h"
+#include "base/robust.h"
 #include "codec/compare.h"
 #include "exr/exr.h"
 #include "import_private.h"
 
 #define COLOURS 3
-
-static int compare_pictures_by_size(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error) {
@@ -43,7 +39,7 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
         sum += delta_e;
         different[found++] = delta_e;
     }
-    qsort(different, found, sizeof *different, compare_pictures_by_size);
+    qsort(different, found, sizeof *different, robust_by_value);
     ret->width = first->width;
     ret->height = first->height;
     ret->delta_e = all / (double)n;

@@ -201,18 +201,6 @@ static void set_texel(const struct surface *surface, const struct map *map, int 
     exr_part_plane(map->part, "N")[texel] = stacked ? -1 : (float)n;
 }
 
-static gboolean check_map(const struct surface *surface, const struct map *map, const char *session,
-                          gboolean layered, GError **error) {
-    const int texels = surface->grid.width * surface->grid.height;
-    if (map->holes == texels)
-        return data_error_fail(session, 0, error, "its MDF has no measured texel");
-    return layered || map->stacked <= MOST_STACKED * (texels - map->holes) ||
-           data_error_fail(session, 0, error,
-                           "it is not a height field: %d of %d texels have structure below "
-                           "structure; export points, or the upper layer with --layered",
-                           map->stacked, texels - map->holes);
-}
-
 static gboolean write_map(const struct surface *surface, const char *session, const char *file,
                           const struct export_surface_options *options,
                           struct export_surface_result *ret, GError **error) {
@@ -243,8 +231,14 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     ret->holes = map.holes;
     ret->stacked = map.stacked;
     ret->points = surface->grid.width * surface->grid.height - map.holes;
-    return check_map(surface, &map, session, options->layered, error) &&
-           exr_write(file, exr, EXR_ZIP, TRUE, error);
+    if (ret->points == 0)
+        return data_error_fail(session, 0, error, "its MDF has no measured texel");
+    if (!options->layered && map.stacked > MOST_STACKED * (double)ret->points)
+        return data_error_fail(session, 0, error,
+                               "it is not a height field: %d of %d texels have structure below "
+                               "structure; export points, or the upper layer with --layered",
+                               map.stacked, (int)ret->points);
+    return exr_write(file, exr, EXR_ZIP, TRUE, error);
 }
 
 gboolean export_surface(const char *session, const char *file,

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/robust.h"
 #include "exr/exr.h"
 #include "frames/sweep.h"
 
@@ -157,17 +158,12 @@ struct run {
     int sweep_steps;
 };
 
-static int import_frames_by_value(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Median distance between consecutive pictures. */
 static double usual_step(const struct import_row *rows, int n) {
     g_autofree double *distances = g_new(double, n);
     for (int i = 0; i + 1 < n; i++)
         distances[i] = rows[i + 1].sweep_deg - rows[i].sweep_deg;
-    qsort(distances, (gsize)n - 1, sizeof *distances, import_frames_by_value);
+    qsort(distances, (gsize)n - 1, sizeof *distances, robust_by_value);
     return distances[(n - 1) / 2];
 }
 

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/robust.h"
 #include "btf/btf.h"
 #include "btf/btf_private.h"
 #include "btf/texel_resampler.h"
@@ -188,18 +189,13 @@ static void set_to(struct near_field_correction_band *band, const struct resampl
     band->nominal = own ? relative_error(sums->nominal, sums->norm) : -1;
 }
 
-static int by_angle(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Distinct elevations; those within BAND are one. */
 static GArray *elevations(const float *theta_deg, int n) {
     GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
     g_autofree double *sorted = g_new(double, n);
     for (int i = 0; i < n; i++)
         sorted[i] = (double)theta_deg[i];
-    qsort(sorted, (gsize)n, sizeof *sorted, by_angle);
+    qsort(sorted, (gsize)n, sizeof *sorted, robust_by_value);
     for (int i = 0; i < n; i++)
         if (i == 0 ||
             sorted[i] >

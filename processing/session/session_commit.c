@@ -98,26 +98,6 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
     return session_set_value(session, key, what, error);
 }
 
-/* NULL if the frame is as committed; else the difference, g_free(). */
-static char *verify_frame(const Session *session, const struct session_frame *frame,
-                          gboolean thorough) {
-    const gint64 size = session_commit_size_of(session, frame->path);
-
-    if (size < 0)
-        return g_strdup_printf("%s is gone", frame->path);
-    if (size != frame->bytes)
-        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
-                               frame->path, size, frame->bytes);
-    if (!thorough)
-        return NULL;
-    struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
-    char *why = damage
-                    ? g_strdup_printf("%s has changed since it was taken (checksum)", frame->path)
-                    : NULL;
-    session_damage_free(damage);
-    return why;
-}
-
 /* Removes all frames of the shots of which a frame is lost: a shot is captured as a whole. why: of
  * each frame, or NULL. One short transaction: the files were checked before. */
 static gboolean forget_shots(Session *session, const GPtrArray *frames, const GPtrArray *why,
@@ -186,9 +166,22 @@ gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GErr
     new_file_remove_left(session->path, "laser", "");
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = g_ptr_array_index(frames, i);
-        char *wrong =
-            verify_frame(session, frame, thorough || g_hash_table_contains(suspected, frame->path));
+        const gint64 size = session_commit_size_of(session, frame->path);
+        char *wrong = NULL;
 
+        if (size < 0) {
+            wrong = g_strdup_printf("%s is gone", frame->path);
+        } else if (size != frame->bytes) {
+            wrong = g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
+                                    frame->path, size, frame->bytes);
+        } else if (thorough || g_hash_table_contains(suspected, frame->path)) {
+            struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
+
+            if (damage)
+                wrong =
+                    g_strdup_printf("%s has changed since it was taken (checksum)", frame->path);
+            session_damage_free(damage);
+        }
         g_ptr_array_add(why, wrong);
         lost += wrong != NULL;
     }
