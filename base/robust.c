@@ -7,7 +7,7 @@
 #define BIWEIGHT 4.685
 #define NORMAL   1.4826
 
-static int robust_by_value(const void *a, const void *b) {
+int robust_by_value(const void *a, const void *b) {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }

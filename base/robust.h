@@ -1,6 +1,9 @@
 /* Robust statistics: outliers have a bounded influence. Any thread. */
 #pragma once
 
+/* Compares two doubles, for qsort(). */
+int robust_by_value(const void *a, const void *b);
+
 /* Median of n ≥ 1 values, which it sorts; for even n the mean of the two middle values. */
 double robust_median(double *values, int n);
 

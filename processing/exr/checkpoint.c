@@ -64,6 +64,10 @@ const char *checkpoint_note(const Checkpoint *checkpoint) {
     return checkpoint->note;
 }
 
+static char *hash_of(gconstpointer values, gsize size) {
+    return g_strdup_printf("%016" G_GINT64_MODIFIER "x", (guint64)XXH3_64bits(values, size));
+}
+
 /* Packs bytes into pixels of four, padded with 0. NULL: too large for a file. */
 static struct exr_part *to_part(const char *name, gconstpointer values, gsize size) {
     static const char *const bits[] = {"BITS", NULL};
@@ -73,38 +77,11 @@ static struct exr_part *to_part(const char *name, gconstpointer values, gsize si
         return NULL;
     struct exr_part *part = exr_part_new(name, (int)width, (int)height, bits, EXR_FLOAT);
     g_autofree char *bytes = g_strdup_printf("%" G_GSIZE_FORMAT, size);
-    g_autofree char *hash =
-        g_strdup_printf("%016" G_GINT64_MODIFIER "x", (guint64)XXH3_64bits(values, size));
+    g_autofree char *hash = hash_of(values, size);
     memcpy(part->planes[0], values, size);
     exr_set_string(part, "mesorig.bytes", bytes);
     exr_set_string(part, "mesorig.hash", hash);
     return part;
-}
-
-/* Copies flags or values into a part. */
-static struct exr_part *array_part(const struct array *array) {
-    if (array->values)
-        return to_part(array->name, array->values, array->size);
-    const gsize n = array->size / sizeof(int);
-    g_autofree int *flags = g_new(int, n);
-    for (gsize i = 0; i < n; i++)
-        flags[i] = g_atomic_int_get(&array->flags[i]);
-    return to_part(array->name, flags, array->size);
-}
-
-/* NULL: the part is damaged. */
-static GBytes *checkpoint_from_part(const struct exr_part *part) {
-    const float *plane = exr_part_plane(part, "BITS");
-    const char *bytes = NULL, *hash = NULL;
-    guint64 size = 0;
-    if (!plane || !exr_get_string(part, "mesorig.bytes", &bytes, NULL) ||
-        !exr_get_string(part, "mesorig.hash", &hash, NULL) ||
-        !g_ascii_string_to_unsigned(
-            bytes, 10, 0, WORD * (guint64)part->width * (guint64)part->height, &size, NULL))
-        return NULL;
-    g_autofree char *is =
-        g_strdup_printf("%016" G_GINT64_MODIFIER "x", (guint64)XXH3_64bits(plane, size));
-    return strcmp(is, hash) == 0 ? g_bytes_new(plane, size) : NULL;
 }
 
 /* Takes the arrays of a file; returns what is wrong with it, or NULL. */
@@ -118,10 +95,18 @@ static const char *checkpoint_take(Checkpoint *checkpoint, const struct exr_file
         return "is of another BTF, of other options or of another version";
     for (guint i = 0; i < file->parts->len; i++) {
         const struct exr_part *part = file->parts->pdata[i];
-        GBytes *bytes = checkpoint_from_part(part);
-        if (!bytes)
+        const float *plane = exr_part_plane(part, "BITS");
+        const char *bytes = NULL, *hash = NULL;
+        guint64 size = 0;
+        if (!plane || !exr_get_string(part, "mesorig.bytes", &bytes, NULL) ||
+            !exr_get_string(part, "mesorig.hash", &hash, NULL) ||
+            !g_ascii_string_to_unsigned(
+                bytes, 10, 0, WORD * (guint64)part->width * (guint64)part->height, &size, NULL))
             return "is damaged";
-        g_hash_table_insert(checkpoint->found, g_strdup(part->name), bytes);
+        g_autofree char *is = hash_of(plane, size);
+        if (strcmp(is, hash) != 0)
+            return "is damaged";
+        g_hash_table_insert(checkpoint->found, g_strdup(part->name), g_bytes_new(plane, size));
     }
     return NULL;
 }
@@ -138,9 +123,8 @@ void checkpoint_begin(Checkpoint *checkpoint, const char *inputs) {
     if (!g_file_test(checkpoint->path, G_FILE_TEST_EXISTS))
         return;
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(checkpoint->path, &error);
+    g_autoptr(ExrFile) file = exr_read(checkpoint->path, &error);
     const char *wrong = file ? checkpoint_take(checkpoint, file) : error->message;
-    exr_file_free(file);
     checkpoint->own = wrong == NULL;
     if (wrong)
         g_hash_table_remove_all(checkpoint->found);
@@ -158,21 +142,10 @@ gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsi
     return bytes && g_bytes_get_size(bytes) == size ? g_bytes_get_data(bytes, NULL) : NULL;
 }
 
-static void checkpoint_do_keep(Checkpoint *checkpoint, const char *name, struct array is) {
-    struct array *array = NULL;
-    g_hash_table_remove(checkpoint->found, name);
-    for (guint i = 0; !array && i < checkpoint->kept->len; i++) {
-        array = checkpoint->kept->pdata[i];
-        if (strcmp(array->name, name) != 0)
-            array = NULL;
-    }
-    if (!array) {
-        array = g_new0(struct array, 1);
-        g_ptr_array_add(checkpoint->kept, array);
-    }
-    g_free(array->name);
-    *array = is;
-    array->name = g_strdup(name);
+static void checkpoint_do_keep(Checkpoint *checkpoint, const char *name, struct array array) {
+    checkpoint_drop(checkpoint, name);
+    array.name = g_strdup(name);
+    g_ptr_array_add(checkpoint->kept, g_memdup2(&array, sizeof array));
 }
 
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size) {
@@ -196,40 +169,39 @@ void checkpoint_drop(Checkpoint *checkpoint, const char *name) {
         g_hash_table_remove_all(checkpoint->found);
 }
 
-/* FALSE: an array is too large for a file. */
-static gboolean add_arrays(struct exr_file *file, const GPtrArray *kept, gboolean flags) {
-    for (guint i = 0; i < kept->len; i++) {
-        const struct array *array = kept->pdata[i];
-        struct exr_part *part = (array->flags != NULL) == flags ? array_part(array) : NULL;
-        if (part)
-            exr_file_add(file, part);
-        else if ((array->flags != NULL) == flags)
-            return FALSE;
-    }
-    return TRUE;
-}
-
-/* Flags are copied first: values written after that do not count as done. */
+/* Flags are copied first: values written after that do not count as done. NULL: an array is too
+ * large for a file. */
 static struct exr_file *to_file(const Checkpoint *checkpoint) {
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     struct exr_part *head = to_part(HEAD, "", 0);
     exr_set_string(head, "mesorig.kind", HEAD);
     exr_set_string(head, "mesorig.inputs", checkpoint->inputs);
     exr_file_add(file, head);
-    if (add_arrays(file, checkpoint->kept, TRUE) && add_arrays(file, checkpoint->kept, FALSE))
-        return file;
-    exr_file_free(file);
-    return NULL;
+    for (int pass = 0; pass < 2; pass++)
+        for (guint i = 0; i < checkpoint->kept->len; i++) {
+            const struct array *array = checkpoint->kept->pdata[i];
+            if ((array->flags != NULL) != (pass == 0))
+                continue;
+            const gsize n_flags = array->flags ? array->size / sizeof(int) : 0;
+            g_autofree int *flags = g_new(int, n_flags);
+            for (gsize k = 0; k < n_flags; k++)
+                flags[k] = g_atomic_int_get(&array->flags[k]);
+            struct exr_part *part =
+                to_part(array->name, flags ? flags : array->values, array->size);
+            if (!part)
+                return NULL;
+            exr_file_add(file, part);
+        }
+    return g_steal_pointer(&file);
 }
 
 void checkpoint_save(Checkpoint *checkpoint) {
     const gint64 begun_us = g_get_monotonic_time();
     if (!checkpoint->inputs || checkpoint->kept->len == 0)
         return;
-    struct exr_file *file = to_file(checkpoint);
+    g_autoptr(ExrFile) file = to_file(checkpoint);
     if (file && exr_write(checkpoint->path, file, EXR_NONE, TRUE, NULL))
         checkpoint->own = TRUE;
-    exr_file_free(file);
     checkpoint->saved_us = g_get_monotonic_time();
     checkpoint->took_us = checkpoint->saved_us - begun_us;
 }

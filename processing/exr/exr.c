@@ -219,36 +219,28 @@ guint64 exr_chunk_bytes(const struct exr_part *part, int lines) {
            (guint64)part->n_channels * sizeof(float);
 }
 
-static gboolean hash_fd(int fd, GChecksum *checksum, gint64 *ret_bytes) {
-    g_autofree guchar *buffer = g_malloc(1 << 18);
-    gint64 bytes = 0;
-    gssize got;
-
-    while ((got = read(fd, buffer, 1 << 18)) != 0) {
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got < 0)
-            return FALSE;
-        g_checksum_update(checksum, buffer, got);
-        bytes += got;
-    }
-    if (ret_bytes)
-        *ret_bytes = bytes;
-    return TRUE;
-}
-
 char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error) {
     g_autoptr(GChecksum) checksum = g_checksum_new(G_CHECKSUM_SHA256);
+    g_autofree guchar *buffer = g_malloc(1 << 18);
     GError *why = NULL;
-    int fd = input_file_open(path, G_MAXINT64, NULL, &why);
-    gboolean ok = fd >= 0 && hash_fd(fd, checksum, ret_bytes);
+    gint64 bytes = 0;
+    gssize got;
+    const int fd = input_file_open(path, G_MAXINT64, NULL, &why);
 
-    if (why)
+    if (fd < 0) {
         input_file_propagate(why, EXR_ERROR, EXR_ERROR_IO, EXR_ERROR_FORMAT, error);
-    else if (!ok)
+        return NULL;
+    }
+    while ((got = read(fd, buffer, 1 << 18)) > 0 || (got < 0 && errno == EINTR))
+        if (got > 0) {
+            g_checksum_update(checksum, buffer, got);
+            bytes += got;
+        }
+    if (got < 0)
         g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be read: %s", path,
                     g_strerror(errno));
-    if (fd >= 0)
-        close(fd);
-    return ok ? g_strdup(g_checksum_get_string(checksum)) : NULL;
+    close(fd);
+    if (ret_bytes)
+        *ret_bytes = bytes;
+    return got == 0 ? g_strdup(g_checksum_get_string(checksum)) : NULL;
 }

@@ -37,7 +37,7 @@ struct exr_attribute {
     double v[3]; /* DOUBLE uses v[0] */
 };
 
-struct exr_part {
+typedef struct exr_part {
     char *name; /* unique in the file */
     int width, height;
     int n_channels;
@@ -45,16 +45,17 @@ struct exr_part {
     float **planes;  /* one per channel, height × width, top row first; NULL if not read */
     enum exr_type type;
     GPtrArray *attributes; /* of struct exr_attribute */
-};
+} ExrPart;
 
-struct exr_file {
+typedef struct exr_file {
     GPtrArray *parts; /* of struct exr_part */
-};
+} ExrFile;
 
 /* planes are allocated and zeroed. channels is NULL-terminated and in alphabetical order. */
 struct exr_part *exr_part_new(const char *name, int width, int height, const char *const *channels,
                               enum exr_type type);
-void exr_part_free(struct exr_part *part);
+void exr_part_free(struct exr_part *part); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrPart, exr_part_free)
 float *exr_part_plane(const struct exr_part *part, const char *channel); /* NULL: no such */
 gboolean exr_all_finite(const float *values, gsize n);
 
@@ -69,8 +70,9 @@ gboolean exr_get_double(const struct exr_part *part, const char *name, double *r
 gboolean exr_get_v3d(const struct exr_part *part, const char *name, double ret[3], GError **error);
 
 struct exr_file *exr_file_new(void);
-void exr_file_add(struct exr_file *file, struct exr_part *part);               /* takes ownership */
-void exr_file_free(struct exr_file *file);                                     /* NULL is ignored */
+void exr_file_add(struct exr_file *file, struct exr_part *part); /* takes ownership */
+void exr_file_free(struct exr_file *file);                       /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrFile, exr_file_free)
 struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /* NULL: no such */
 
 /* Writes a file. Halves beyond ±65504 are written as ±65504, NaN as it is. sync: the file and its

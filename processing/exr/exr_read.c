@@ -1,7 +1,7 @@
-#include "exr.h"
-#include "exr_half.h"
 /* Reads EXR files through OpenEXRCore, which parses headers and decompresses chunks; unpacking to
  * planes of floats is done here, with its own checks, since headers may be hostile. */
+#include "exr.h"
+#include "exr_half.h"
 #include "exr_private.h"
 
 #include "base/input_file.h"
@@ -37,25 +37,13 @@ void exr_watch(ExrWatch watch, gpointer data) {
     watcher.data = data;
 }
 
-/* The library may seek back to a header; progress never decreases. */
-static gboolean exr_read_go_on(struct source *source, gint64 reached) {
-    source->reached = MAX(source->reached, MIN(reached, source->size));
-    if (watcher.watch != NULL && source->size > 0)
-        source->cancelled |=
-            !watcher.watch((double)source->reached / (double)source->size, watcher.data);
-    return !source->cancelled;
-}
-
-static gboolean exr_read_fail(const struct source *source, enum exr_error code, GError **error,
-                              const char *format, ...) G_GNUC_PRINTF(4, 5);
-
+G_GNUC_PRINTF(4, 5)
 static gboolean exr_read_fail(const struct source *source, enum exr_error code, GError **error,
                               const char *format, ...) {
-    g_autofree char *what = NULL;
     va_list list;
 
     va_start(list, format);
-    what = g_strdup_vprintf(format, list);
+    g_autofree char *what = g_strdup_vprintf(format, list);
     va_end(list);
     g_set_error(error, EXR_ERROR, code, "%s: %s", source->path, what);
     return FALSE;
@@ -77,7 +65,13 @@ static int64_t source_read(exr_const_context_t context, void *data, void *buffer
 
     if (offset > G_MAXINT64 || (gint64)offset > source->size)
         return -1;
-    if (!exr_read_go_on(source, (gint64)(offset + MIN(size, (guint64)source->size))))
+    /* The library may seek back to a header; progress never decreases. */
+    const gint64 end = (gint64)(offset + MIN(size, (guint64)source->size));
+    source->reached = MAX(source->reached, MIN(end, source->size));
+    if (watcher.watch != NULL && source->size > 0)
+        source->cancelled |=
+            !watcher.watch((double)source->reached / (double)source->size, watcher.data);
+    if (source->cancelled)
         return -1;
     while (done < size) {
         gssize n = pread(source->fd, (guint8 *)buffer + done, size - done, (off_t)(offset + done));
@@ -192,29 +186,8 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
     return TRUE;
 }
 
-static void exr_read_read_attribute(struct exr_part *part, const exr_attribute_t *from) {
-    g_autofree char *name = g_utf8_make_valid(from->name, from->name_length);
-    g_autofree char *string = NULL;
-
-    if (from->type == EXR_ATTR_STRING) {
-        string = g_utf8_make_valid(from->string->str ? from->string->str : "",
-                                   from->string->str ? from->string->length : 0);
-        exr_set_string(part, name, string);
-    } else if (from->type == EXR_ATTR_INT) {
-        exr_set_int(part, name, from->i);
-    } else if (from->type == EXR_ATTR_DOUBLE) {
-        exr_set_double(part, name, from->d);
-    } else if (from->type == EXR_ATTR_FLOAT) {
-        exr_set_double(part, name, (double)from->f);
-    } else if (from->type == EXR_ATTR_V3D) {
-        exr_set_v3d(part, name, from->v3d->x, from->v3d->y, from->v3d->z);
-    } else if (from->type == EXR_ATTR_V3F) {
-        exr_set_v3d(part, name, (double)from->v3f->x, (double)from->v3f->y, (double)from->v3f->z);
-    }
-}
-
-static gboolean exr_read_read_attributes(struct source *source, int index, struct exr_part *part,
-                                         GError **error) {
+static gboolean read_attributes(struct source *source, int index, struct exr_part *part,
+                                GError **error) {
     int32_t n = 0;
     exr_result_t rc = exr_get_attribute_count(source->context, index, &n);
 
@@ -223,8 +196,26 @@ static gboolean exr_read_read_attributes(struct source *source, int index, struc
         const exr_attribute_t *from = NULL;
 
         rc = exr_get_attribute_by_index(source->context, index, EXR_ATTR_LIST_FILE_ORDER, i, &from);
-        if (rc == EXR_ERR_SUCCESS && !exr_is_standard_attribute(from->name))
-            exr_read_read_attribute(part, from);
+        if (rc != EXR_ERR_SUCCESS || exr_is_standard_attribute(from->name))
+            continue;
+        g_autofree char *name = g_utf8_make_valid(from->name, from->name_length);
+        if (from->type == EXR_ATTR_STRING) {
+            const char *text = from->string->str;
+            g_autofree char *string =
+                g_utf8_make_valid(text ? text : "", text ? from->string->length : 0);
+            exr_set_string(part, name, string);
+        } else if (from->type == EXR_ATTR_INT) {
+            exr_set_int(part, name, from->i);
+        } else if (from->type == EXR_ATTR_DOUBLE) {
+            exr_set_double(part, name, from->d);
+        } else if (from->type == EXR_ATTR_FLOAT) {
+            exr_set_double(part, name, (double)from->f);
+        } else if (from->type == EXR_ATTR_V3D) {
+            exr_set_v3d(part, name, from->v3d->x, from->v3d->y, from->v3d->z);
+        } else if (from->type == EXR_ATTR_V3F) {
+            exr_set_v3d(part, name, (double)from->v3f->x, (double)from->v3f->y,
+                        (double)from->v3f->z);
+        }
     }
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
@@ -251,33 +242,31 @@ static gsize pixel_bytes(const struct exr_part *part) {
            (part->type == EXR_HALF ? 2 : 4);
 }
 
-/* Checks size, channels, compression and attributes of one part. */
-static struct exr_part *read_header(struct source *source, int index, exr_attr_box2i_t *window,
-                                    GError **error) {
-    struct exr_part *part = g_new0(struct exr_part, 1);
+/* Checks size, channels, compression and attributes of a part, which is empty before. */
+static gboolean read_header(struct source *source, int index, struct exr_part *part,
+                            exr_attr_box2i_t *window, GError **error) {
     const char *name = NULL;
     exr_storage_t storage;
     exr_result_t rc = exr_get_storage(source->context, index, &storage);
-    gboolean ok = rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 
-    if (ok && exr_get_name(source->context, index, &name) != EXR_ERR_SUCCESS)
-        name = NULL;
-    part->name = g_utf8_make_valid(name ? name : "", -1);
-    if (ok && storage != EXR_STORAGE_SCANLINE)
-        ok = exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                           "part \"%s\": only scan lines are read, not tiles or deep pixels",
-                           part->name);
-    ok = ok && read_size(source, index, part, window, error) &&
-         read_channels(source, index, part, error) &&
-         check_compression(source, index, part, error) &&
-         exr_read_read_attributes(source, index, part, error);
-    if (ok && pixel_bytes(part) / MAX_EXPANSION > (gsize)source->size)
-        ok = exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                           "part \"%s\": a file of this length cannot hold %d×%d pixels",
-                           part->name, part->width, part->height);
-    if (!ok)
-        g_clear_pointer(&part, exr_part_free);
-    return part;
+    if (rc != EXR_ERR_SUCCESS)
+        return fail_library(source, rc, error);
+    if (exr_get_name(source->context, index, &name) != EXR_ERR_SUCCESS || !name)
+        name = "";
+    part->name = g_utf8_make_valid(name, -1);
+    if (storage != EXR_STORAGE_SCANLINE)
+        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                             "part \"%s\": only scan lines are read, not tiles or deep pixels",
+                             part->name);
+    if (!read_size(source, index, part, window, error) ||
+        !read_channels(source, index, part, error) ||
+        !check_compression(source, index, part, error) ||
+        !read_attributes(source, index, part, error))
+        return FALSE;
+    return pixel_bytes(part) / MAX_EXPANSION <= (gsize)source->size ||
+           exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                         "part \"%s\": a file of this length cannot hold %d×%d pixels", part->name,
+                         part->width, part->height);
 }
 
 /* Pads every buffer of the decoder with zeros: OpenEXR before 3.1.6 reads beyond the end of
@@ -318,20 +307,15 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
     return EXR_ERR_SUCCESS;
 }
 
-static gsize line_bytes(const exr_decode_pipeline_t *decode, const struct exr_part *part) {
-    gsize bytes = 0;
-
-    for (int c = 0; c < decode->channel_count; c++)
-        bytes += (gsize)part->width * (decode->channels[c].data_type == EXR_PIXEL_HALF ? 2 : 4);
-    return bytes;
-}
-
-/* Checks what unpack() relies on, independently of the library. */
+/* Checks what exr_read_unpack() relies on, independently of the library. */
 static gboolean chunk_is_sound(const struct source *source, const struct exr_part *part,
                                const exr_decode_pipeline_t *decode, int y, int lines) {
     const exr_chunk_info_t *chunk = &decode->chunk;
-    gsize size = (gsize)lines * line_bytes(decode, part);
+    gsize size = 0;
 
+    for (int c = 0; c < decode->channel_count; c++)
+        size += (gsize)lines * (gsize)part->width *
+                (decode->channels[c].data_type == EXR_PIXEL_HALF ? 2 : 4);
     return decode->channel_count == part->n_channels && chunk->start_y == y &&
            chunk->height == lines && chunk->width == part->width && chunk->unpacked_size == size &&
            chunk->packed_size <= size && chunk->data_offset <= (guint64)source->size &&
@@ -359,42 +343,31 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     return rc == EXR_ERR_SUCCESS ? exr_decoding_run(source->context, index, decode) : rc;
 }
 
-/* Called before anything is allocated. */
-static gboolean exr_read_check_memory(struct source *source, int index, const struct exr_part *part,
-                                      GError **error) {
-    const guint64 planes = exr_plane_bytes(part);
-    int32_t lines = 0;
-    exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &lines);
-
-    if (rc != EXR_ERR_SUCCESS || lines < 1)
-        return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
-    if (planes + exr_chunk_bytes(part, lines) <= source->memory) {
-        source->memory -= planes;
-        return TRUE;
-    }
-    return exr_read_fail(
-        source, EXR_ERROR_TOO_LARGE, error,
-        "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
-        " bytes may take at most %" G_GUINT64_FORMAT " MiB of memory; save it without compression",
-        part->name, part->width, part->height, part->n_channels, source->size,
-        input_file_memory((guint64)source->size) >> 20);
-}
-
-/* Reads a part chunk by chunk. */
+/* Reads a part chunk by chunk. The memory it takes is checked before anything is allocated. */
 static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
                             const exr_attr_box2i_t *window, GError **error) {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
+    const guint64 planes = exr_plane_bytes(part);
     int32_t step = 0;
     exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &step);
 
+    if (rc != EXR_ERR_SUCCESS || step < 1)
+        return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
+    if (planes + exr_chunk_bytes(part, step) > source->memory)
+        return exr_read_fail(
+            source, EXR_ERROR_TOO_LARGE, error,
+            "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
+            " bytes may take at most %" G_GUINT64_FORMAT
+            " MiB of memory; save it without compression",
+            part->name, part->width, part->height, part->n_channels, source->size,
+            input_file_memory((guint64)source->size) >> 20);
+    source->memory -= planes;
     for (int c = 0; c < part->n_channels; c++) {
         part->planes[c] = g_try_malloc0_n((gsize)part->width * (gsize)part->height, sizeof(float));
         if (!part->planes[c])
             return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
                                  "part \"%s\": not enough memory", part->name);
     }
-    if (rc == EXR_ERR_SUCCESS && step < 1)
-        rc = EXR_ERR_INVALID_ATTR;
     for (int row = 0; rc == EXR_ERR_SUCCESS && row < part->height; row += step)
         rc = read_chunk(source, index, part, &decode, window->min.y + row,
                         MIN(step, part->height - row), row == 0);
@@ -402,24 +375,28 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-static struct exr_part *read_whole(struct source *source, int index, gsize *left, GError **error) {
+/* Reads a part's header, and its pixels unless left is NULL. left: bytes of the file that may hold
+ * pixels of parts not yet read. */
+static struct exr_part *exr_read_one_part(struct source *source, int index, gsize *left,
+                                          GError **error) {
+    g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     exr_attr_box2i_t window;
-    struct exr_part *part = read_header(source, index, &window, error);
-    gboolean ok = part != NULL;
 
-    if (ok && pixel_bytes(part) / MAX_EXPANSION > *left)
-        ok = exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                           "a file of this length cannot hold all the pixels of its parts");
-    if (ok)
-        *left -= pixel_bytes(part) / MAX_EXPANSION;
-    ok = ok && exr_read_check_memory(source, index, part, error);
-    if (!ok || !read_pixels(source, index, part, &window, error))
-        g_clear_pointer(&part, exr_part_free);
-    return part;
+    if (!read_header(source, index, part, &window, error))
+        return NULL;
+    if (!left)
+        return g_steal_pointer(&part);
+    if (pixel_bytes(part) / MAX_EXPANSION > *left) {
+        exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                      "a file of this length cannot hold all the pixels of its parts");
+        return NULL;
+    }
+    *left -= pixel_bytes(part) / MAX_EXPANSION;
+    return read_pixels(source, index, part, &window, error) ? g_steal_pointer(&part) : NULL;
 }
 
-static struct exr_file *exr_read_read_file(const char *path, gboolean pixels, GError **error) {
-    struct exr_file *file = exr_file_new();
+static struct exr_file *read_file(const char *path, gboolean pixels, GError **error) {
+    g_autoptr(ExrFile) file = exr_file_new();
     struct source source;
     gboolean ok = source_open(&source, path, error);
     gsize left = ok ? (gsize)source.size : 0;
@@ -428,31 +405,24 @@ static struct exr_file *exr_read_read_file(const char *path, gboolean pixels, GE
     if (ok)
         exr_get_count(source.context, &n);
     for (int i = 0; ok && i < n; i++) {
-        exr_attr_box2i_t window;
-        struct exr_part *part =
-            pixels ? read_whole(&source, i, &left, error) : read_header(&source, i, &window, error);
+        g_autoptr(ExrPart) part = exr_read_one_part(&source, i, pixels ? &left : NULL, error);
 
-        ok = part != NULL;
-        if (ok && exr_file_part(file, part->name)) {
-            ok = exr_read_fail(&source, EXR_ERROR_FORMAT, error, "two parts have the name \"%s\"",
-                               part->name);
-            exr_part_free(part);
-        } else if (ok) {
-            exr_file_add(file, part);
-        }
+        ok = part && (!exr_file_part(file, part->name) ||
+                      exr_read_fail(&source, EXR_ERROR_FORMAT, error,
+                                    "two parts have the name \"%s\"", part->name));
+        if (ok)
+            exr_file_add(file, g_steal_pointer(&part));
     }
     source_close(&source);
-    if (!ok)
-        g_clear_pointer(&file, exr_file_free);
-    return file;
+    return ok ? g_steal_pointer(&file) : NULL;
 }
 
 struct exr_file *exr_read(const char *path, GError **error) {
-    return exr_read_read_file(path, TRUE, error);
+    return read_file(path, TRUE, error);
 }
 
 struct exr_file *exr_read_headers(const char *path, GError **error) {
-    return exr_read_read_file(path, FALSE, error);
+    return read_file(path, FALSE, error);
 }
 
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error) {
@@ -471,7 +441,7 @@ struct exr_part *exr_read_part(const char *path, const char *name, GError **erro
         exr_get_name(source.context, i, &other);
         found = g_strcmp0(other ? other : "", name) == 0;
         if (found)
-            part = read_whole(&source, i, &left, error);
+            part = exr_read_one_part(&source, i, &left, error);
     }
     if (ok && !found)
         exr_read_fail(&source, EXR_ERROR_MISSING, error, "no part \"%s\"", name);

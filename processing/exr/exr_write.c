@@ -1,7 +1,7 @@
-#include "exr.h"
-#include "exr_half.h"
 /* Writes EXR files through OpenEXRCore, which compresses chunks and writes headers; packing
  * planes of floats into chunks is done here. */
+#include "exr.h"
+#include "exr_half.h"
 #include "exr_private.h"
 
 #include "base/error_details.h"
@@ -70,26 +70,7 @@ static gboolean exr_write_refuse(GError **error, const char *path, const struct 
     return FALSE;
 }
 
-static gboolean check_attributes(const char *path, const struct exr_part *part, GError **error) {
-    for (guint i = 0; i < part->attributes->len; i++) {
-        const struct exr_attribute *attribute = g_ptr_array_index(part->attributes, i);
-
-        if (!*attribute->name || strlen(attribute->name) > 255)
-            return exr_write_refuse(
-                error, path, part,
-                "the name of an attribute must have 1 to 255 bytes:", attribute->name);
-        if (exr_is_standard_attribute(attribute->name))
-            return exr_write_refuse(error, path, part, "EXR has its own meaning for the attribute",
-                                    attribute->name);
-        if (attribute->kind == EXR_KIND_STRING && !attribute->string)
-            return exr_write_refuse(error, path, part, "no value for the attribute",
-                                    attribute->name);
-    }
-    return TRUE;
-}
-
-static gboolean exr_write_check_part(const char *path, const struct exr_part *part,
-                                     GError **error) {
+static gboolean check_part(const char *path, const struct exr_part *part, GError **error) {
     if (!part->name || !*part->name || strlen(part->name) > 255)
         return exr_write_refuse(error, path, part, "its name must have 1 to 255 bytes", NULL);
     if (part->width < 1 || part->height < 1 ||
@@ -111,7 +92,20 @@ static gboolean exr_write_check_part(const char *path, const struct exr_part *pa
         if (!part->planes || !part->planes[c])
             return exr_write_refuse(error, path, part, "no pixels for channel", part->channels[c]);
     }
-    return check_attributes(path, part, error);
+    for (guint i = 0; i < part->attributes->len; i++) {
+        const struct exr_attribute *attribute = g_ptr_array_index(part->attributes, i);
+        const char *name = attribute->name;
+
+        if (!*name || strlen(name) > 255)
+            return exr_write_refuse(error, path, part,
+                                    "the name of an attribute must have 1 to 255 bytes:", name);
+        if (exr_is_standard_attribute(name))
+            return exr_write_refuse(error, path, part, "EXR has its own meaning for the attribute",
+                                    name);
+        if (attribute->kind == EXR_KIND_STRING && !attribute->string)
+            return exr_write_refuse(error, path, part, "no value for the attribute", name);
+    }
+    return TRUE;
 }
 
 /* Checks everything before the file is created. */
@@ -125,28 +119,12 @@ static gboolean exr_write_check(const char *path, const struct exr_file *file, G
     for (guint i = 0; i < file->parts->len; i++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, i);
 
-        if (!exr_write_check_part(path, part, error))
+        if (!check_part(path, part, error))
             return FALSE;
         if (!g_hash_table_add(names, part->name))
             return exr_write_refuse(error, path, part, "another part has the same name", NULL);
     }
     return TRUE;
-}
-
-static gboolean needs_long_names(const struct exr_file *file) {
-    gsize longest = 0;
-
-    for (guint i = 0; i < file->parts->len; i++) {
-        const struct exr_part *part = g_ptr_array_index(file->parts, i);
-
-        for (guint a = 0; a < part->attributes->len; a++)
-            longest =
-                MAX(longest,
-                    strlen(((struct exr_attribute *)g_ptr_array_index(part->attributes, a))->name));
-        for (int c = 0; c < part->n_channels; c++)
-            longest = MAX(longest, strlen(part->channels[c]));
-    }
-    return longest > 31;
 }
 
 static exr_result_t declare_attribute(exr_context_t context, int index,
@@ -195,15 +173,22 @@ static exr_result_t declare(exr_context_t context, const struct exr_file *file,
     };
     exr_attr_box2i_t display = {0};
     exr_result_t rc = EXR_ERR_SUCCESS;
+    gsize longest = 0; /* name of an attribute or a channel */
 
-    if (needs_long_names(file))
-        rc = exr_set_longname_support(context, 1);
     for (guint i = 0; i < file->parts->len; i++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, i);
 
         display.max.x = MAX(display.max.x, part->width - 1);
         display.max.y = MAX(display.max.y, part->height - 1);
+        for (guint a = 0; a < part->attributes->len; a++) {
+            const struct exr_attribute *attribute = g_ptr_array_index(part->attributes, a);
+            longest = MAX(longest, strlen(attribute->name));
+        }
+        for (int c = 0; c < part->n_channels; c++)
+            longest = MAX(longest, strlen(part->channels[c]));
     }
+    if (longest > 31)
+        rc = exr_set_longname_support(context, 1);
     for (guint i = 0; rc == EXR_ERR_SUCCESS && i < file->parts->len; i++)
         rc = declare_part(context, g_ptr_array_index(file->parts, i), &display,
                           methods[compression]);
@@ -254,20 +239,7 @@ static exr_result_t exr_write_pack(exr_encode_pipeline_t *encode) {
     return EXR_ERR_SUCCESS;
 }
 
-/* The library requires the layout of each channel, although pack() does not use it. */
-static void describe_channels(exr_encode_pipeline_t *encode, const struct exr_part *part) {
-    for (int c = 0; c < encode->channel_count; c++) {
-        exr_coding_channel_info_t *channel = &encode->channels[c];
-
-        channel->user_bytes_per_element = sizeof(float);
-        channel->user_data_type = EXR_PIXEL_FLOAT;
-        channel->user_pixel_stride = sizeof(float);
-        channel->user_line_stride = (int32_t)((gsize)part->width * sizeof(float));
-        channel->encode_from_ptr = (const guint8 *)part->planes[c];
-    }
-}
-
-static exr_result_t exr_write_write_part(exr_context_t context, int index, struct exr_part *part) {
+static exr_result_t write_part(exr_context_t context, int index, struct exr_part *part) {
     exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
     struct encoding encoding = {.part = part};
     exr_chunk_info_t chunk;
@@ -281,11 +253,20 @@ static exr_result_t exr_write_write_part(exr_context_t context, int index, struc
                         : exr_encoding_update(context, index, &chunk, &encode);
         if (rc != EXR_ERR_SUCCESS)
             break;
-        describe_channels(&encode, part);
-        if (y == 0)
+        /* The library requires the layout of each channel, although exr_write_pack() does not. */
+        for (int c = 0; c < encode.channel_count; c++) {
+            exr_coding_channel_info_t *channel = &encode.channels[c];
+
+            channel->user_bytes_per_element = sizeof(float);
+            channel->user_data_type = EXR_PIXEL_FLOAT;
+            channel->user_pixel_stride = sizeof(float);
+            channel->user_line_stride = (int32_t)((gsize)part->width * sizeof(float));
+            channel->encode_from_ptr = (const guint8 *)part->planes[c];
+        }
+        if (y == 0) {
             rc = exr_encoding_choose_default_routines(context, index, &encode);
-        if (y == 0)
             encoding.compress = encode.compress_fn;
+        }
         if (encoding.compress)
             encode.compress_fn = exr_write_compress;
         encode.convert_and_pack_fn = exr_write_pack;
@@ -297,9 +278,8 @@ static exr_result_t exr_write_write_part(exr_context_t context, int index, struc
     return rc;
 }
 
-static exr_result_t exr_write_write_file(const char *path, struct sink *sink,
-                                         const struct exr_file *file,
-                                         enum exr_compression compression) {
+static exr_result_t write_file(const char *path, struct sink *sink, const struct exr_file *file,
+                               enum exr_compression compression) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     exr_context_t context = NULL;
     exr_result_t rc, finished;
@@ -312,7 +292,7 @@ static exr_result_t exr_write_write_file(const char *path, struct sink *sink,
         return rc;
     rc = declare(context, file, compression);
     for (guint i = 0; rc == EXR_ERR_SUCCESS && i < file->parts->len; i++)
-        rc = exr_write_write_part(context, (int)i, g_ptr_array_index(file->parts, i));
+        rc = write_part(context, (int)i, g_ptr_array_index(file->parts, i));
     finished = exr_finish(&context);
     if (rc == EXR_ERR_SUCCESS)
         rc = finished;
@@ -333,27 +313,18 @@ static gboolean exr_write_fail(GError **error, const char *path, int errno_value
     return FALSE;
 }
 
-/* FALSE: the reason is in sink->message or sink->error. */
-static gboolean exr_write_fill(struct sink *sink, const char *path, const struct exr_file *file,
-                               enum exr_compression compression) {
-    sink->pending = g_byte_array_sized_new(SINK_SIZE);
-    const exr_result_t rc = exr_write_write_file(path, sink, file, compression);
-    g_byte_array_unref(sink->pending);
-    if (rc != EXR_ERR_SUCCESS && !*sink->message)
-        g_strlcpy(sink->message, exr_get_default_error_message(rc), sizeof sink->message);
-    return !sink->error && rc == EXR_ERR_SUCCESS;
-}
+static gboolean write_to(struct new_file *to, const char *path, const struct exr_file *file,
+                         enum exr_compression compression, GError **error) {
+    struct sink sink = {.fd = to->fd, .pending = g_byte_array_sized_new(SINK_SIZE)};
+    const exr_result_t rc = write_file(path, &sink, file, compression);
 
-static gboolean exr_write_write_to(struct new_file *to, const char *path,
-                                   const struct exr_file *file, enum exr_compression compression,
-                                   GError **error) {
-    struct sink sink = {.fd = to->fd};
-    if (exr_write_fill(&sink, path, file, compression))
-        return TRUE;
+    g_byte_array_unref(sink.pending);
     if (sink.error)
         return exr_write_fail(error, path, sink.error);
-    g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be written: %s", path, sink.message);
-    return FALSE;
+    if (rc != EXR_ERR_SUCCESS)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be written: %s", path,
+                    *sink.message ? sink.message : exr_get_default_error_message(rc));
+    return rc == EXR_ERR_SUCCESS;
 }
 
 #define MOST_LINES 32 /* per chunk */
@@ -382,10 +353,10 @@ gboolean exr_write_below(const char *directory, const char *relative, const stru
         return FALSE;
     if (!new_file_begin(&to, directory, relative))
         return exr_write_fail(error, path, errno);
-    gboolean ok = exr_write_write_to(&to, path, file, compression, error);
+    gboolean ok = write_to(&to, path, file, compression, error);
     if (ok && compression != EXR_NONE && !may_be_read(to.fd, file)) {
         ok = ftruncate(to.fd, 0) == 0 || exr_write_fail(error, path, errno);
-        ok = ok && exr_write_write_to(&to, path, file, EXR_NONE, error);
+        ok = ok && write_to(&to, path, file, EXR_NONE, error);
     }
     if (ok)
         return new_file_commit(&to, sync) || exr_write_fail(error, path, errno);

@@ -7,23 +7,19 @@ static char *prefix_of(int number) {
     return number > 0 ? g_strdup_printf("mip%d.", number) : g_strdup("");
 }
 
-static void rename_part(struct exr_part *part, char *name) {
-    g_free(part->name);
-    part->name = name;
-}
-
 void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
     g_autofree char *prefix = prefix_of(number);
     while (level->parts->len > 0) {
         struct exr_part *part = g_ptr_array_steal_index(level->parts, 0);
-        rename_part(part, g_strconcat(prefix, part->name, NULL));
+        g_autofree char *name = part->name;
+        part->name = g_strconcat(prefix, name, NULL);
         exr_file_add(file, part);
     }
     exr_file_free(level);
 }
 
 /* Level of a part, from its name. */
-static gint64 number_of(const struct exr_part *part) {
+static gint64 level_of(const struct exr_part *part) {
     char *end = NULL;
     if (!g_str_has_prefix(part->name, "mip") || !g_ascii_isdigit(part->name[3]))
         return 0;
@@ -40,7 +36,7 @@ int mip_parts_count(const struct exr_file *file, const char *part, const char *p
             continue;
         for (guint i = 0; i < file->parts->len; i++) {
             const struct exr_part *other = file->parts->pdata[i];
-            if (number_of(other) < n)
+            if (level_of(other) < n)
                 continue;
             g_set_error(
                 error, EXR_ERROR, EXR_ERROR_MISSING,
@@ -52,21 +48,19 @@ int mip_parts_count(const struct exr_file *file, const char *part, const char *p
     }
 }
 
-static gboolean is_of(const struct exr_part *part, int number, const char *prefix) {
-    return number > 0 ? g_str_has_prefix(part->name, prefix) : !g_str_has_prefix(part->name, "mip");
-}
-
 struct exr_file *mip_parts_take(struct exr_file *file, int number) {
     struct exr_file *level = exr_file_new();
     g_autofree char *prefix = prefix_of(number);
     for (guint i = 0; i < file->parts->len;) {
         const struct exr_part *part = file->parts->pdata[i];
-        if (!is_of(part, number, prefix)) {
+        if (number > 0 ? !g_str_has_prefix(part->name, prefix)
+                       : g_str_has_prefix(part->name, "mip")) {
             i++;
             continue;
         }
         struct exr_part *taken = g_ptr_array_steal_index(file->parts, i);
-        rename_part(taken, g_strdup(taken->name + strlen(prefix)));
+        g_autofree char *name = taken->name;
+        taken->name = g_strdup(name + strlen(prefix));
         exr_file_add(level, taken);
     }
     return level;

@@ -2,16 +2,20 @@
  * The ".btf" container of the University of Bonn's BTF database, read and written.
  *
  * Little-endian; u32, f32, and halves as EXR has them. After a signature of ten bytes:
- *   metadata    u32 bytes of this block, itself included; u32 version; three texts of 80 bytes
- *               (set-up, sensor, light source); f32 texels a mm; f32[3] scale of R, G, B; version
- * 2: u32 whether values hold n·l; 3: u32 length and text (XML); 4: u32 channels, of each u32 length
- * and name sampling    u32 views; of each f32 θ, φ (radians), u32 lights, and θ, φ of each size u32
- * width, height and then one of these: BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines a chunk;
- * u8 0: full, 2: sparse (1, bzip2, is not read); a mask, a byte a texel, row by row; u32 n and n
- * rotations of 9 f32; then chunks, each u32 bytes and one ABRDF of halves a texel (of sparse ones
- * those in the mask alone), channel fastest, then light, then view FMF    "!FMF06FCR";
- * "!FMF12FCER", which has a version and what that brings. A matrix of rows (view, light, channel)
- * and columns (texel), or of rows (texel, channel) and columns (view, light), in factors U and S·V
+ *   metadata  u32 bytes of this block, itself included; u32 version; three texts of 80 bytes
+ *             (set-up, sensor, light source); f32 texels a mm; f32[3] scale of R, G, B; from
+ *             version 2 u32 whether values hold n·l; 3: u32 length and text (XML);
+ *             4: u32 channels, of each u32 length and name
+ *   sampling  u32 views; of each f32 θ, φ (radians), u32 lights, and θ, φ of each
+ *   size      u32 width, height
+ * and then one of these:
+ *   BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines a chunk; u8 0: full, 2: sparse (1, bzip2, is
+ *          not read); a mask, a byte a texel, row by row; u32 n and n rotations of 9 f32; then
+ *          chunks, each u32 bytes and one ABRDF of halves a texel (of sparse ones those in the mask
+ *          alone), channel fastest, then light, then view
+ *   FMF    "!FMF06FCR"; "!FMF12FCER", which has a version and what that brings. A matrix of rows
+ *          (view, light, channel) and columns (texel), or of rows (texel, channel) and columns
+ *          (view, light), in factors U and S·V
  *   DFMF   "!DFMF08FCR". A matrix a channel, the channels made independent by one of several models
  *
  * Rows of all matrices, and texels, lie row by row, the first row of texels at +y. Hostile files

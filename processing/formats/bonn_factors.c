@@ -61,47 +61,36 @@ static gboolean take_factor(struct bonn_bytes *bytes, const char *what, gsize ro
     return TRUE;
 }
 
-static gboolean take_sizes(struct bonn_bytes *bytes, guint8 *ret_scalar, guint32 ret_sizes[3],
-                           GError **error) {
-    if (!bonn_take(bytes, 1, "matrix", ret_scalar, error))
-        return FALSE;
-    if (*ret_scalar != 2 && *ret_scalar != 4 && *ret_scalar != 8)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "numbers of %d bytes are not known",
-                         *ret_scalar);
-    for (int i = 0; i < 3; i++)
-        if (!bonn_take_u32(bytes, "matrix", &ret_sizes[i], error))
-            return FALSE;
-    return (ret_sizes[0] >= 1 && ret_sizes[0] <= MOST_COMPONENTS) ||
-           bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "%u is not a valid number of components of a matrix", ret_sizes[0]);
-}
-
-/* The file does not name rows and columns: their numbers identify them. */
-static gboolean bonn_factors_check_sizes(const struct bonn_bytes *bytes,
-                                         const struct bonn_header *header, gsize n_channels,
-                                         struct bonn_matrix *ret, GError **error) {
-    const gsize texels = (gsize)header->width * (gsize)header->height;
-    const gsize directions = (gsize)header->n_views * (gsize)header->n_lights;
-    ret->of_images = ret->n_rows != n_channels * directions || ret->n_columns != texels;
-    if (!ret->of_images || (ret->n_rows == n_channels * texels && ret->n_columns == directions))
-        return TRUE;
-    return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "a matrix of %zu × %zu does not fit %d × %d texels, %d views and %d lights",
-                     ret->n_rows, ret->n_columns, header->width, header->height, header->n_views,
-                     header->n_lights);
-}
-
 gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *header,
                            int n_channels, struct bonn_matrix *ret, GError **error) {
+    const gsize texels = (gsize)header->width * (gsize)header->height;
+    const gsize directions = (gsize)header->n_views * (gsize)header->n_lights;
+    const gsize channels = (gsize)n_channels;
     guint8 scalar;
     guint32 sizes[3];
-    if (!take_sizes(bytes, &scalar, sizes, error))
+    if (!bonn_take(bytes, 1, "matrix", &scalar, error))
         return FALSE;
+    if (scalar != 2 && scalar != 4 && scalar != 8)
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "numbers of %d bytes are not known",
+                         scalar);
+    for (int i = 0; i < 3; i++)
+        if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
+            return FALSE;
+    if (sizes[0] < 1 || sizes[0] > MOST_COMPONENTS)
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "%u is not a valid number of components of a matrix", sizes[0]);
     ret->n_components = sizes[0];
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
-    return bonn_factors_check_sizes(bytes, header, (gsize)n_channels, ret, error) &&
-           bonn_skip(bytes, ret->n_components * scalar, "singular values", error) &&
+    /* The file does not name rows and columns: their numbers identify them. */
+    ret->of_images = ret->n_rows != channels * directions || ret->n_columns != texels;
+    if (ret->of_images && (ret->n_rows != channels * texels || ret->n_columns != directions))
+        return bonn_fail(
+            bytes, BONN_ERROR_FORMAT, error,
+            "a matrix of %zu × %zu does not fit %d × %d texels, %d views and %d lights",
+            ret->n_rows, ret->n_columns, header->width, header->height, header->n_views,
+            header->n_lights);
+    return bonn_skip(bytes, ret->n_components * scalar, "singular values", error) &&
            take_factor(bytes, "matrix U", ret->n_rows, ret->n_components, scalar, &ret->u, error) &&
            take_factor(bytes, "matrix SV", ret->n_columns, ret->n_components, scalar, &ret->sv,
                        error);
@@ -109,29 +98,24 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
 
 /* product = U (S V)ᵀ for one view; rows: texels or (texel, channel), columns: (light, channel) or
  * lights. */
-static void multiply(const struct bonn_matrix *matrix, gsize n_lights, gsize n_channels, gsize view,
-                     gsize first, gsize n, float *product) {
-    const gsize k = matrix->n_components, rows = matrix->of_images ? n * n_channels : n;
-    const gsize columns = matrix->of_images ? n_lights : n_lights * n_channels;
-    const float *texels =
-        matrix->of_images ? matrix->u + first * n_channels * k : matrix->sv + first * k;
-    const float *lights = (matrix->of_images ? matrix->sv : matrix->u) + view * columns * k;
-    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, (int)rows, (int)columns, (int)k, 1, texels,
-                (int)k, lights, (int)k, 0, product, (int)columns);
-}
-
 void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to) {
     const gsize n_lights = (gsize)header->n_lights, nc = (gsize)n_channels;
+    const gboolean of_images = matrix->of_images;
+    const gsize k = matrix->n_components, rows = of_images ? n * nc : n;
+    const gsize columns = of_images ? n_lights : n_lights * nc;
+    const float *texels = of_images ? matrix->u + first * nc * k : matrix->sv + first * k;
+    const float *lights = (of_images ? matrix->sv : matrix->u) + (gsize)view * columns * k;
     g_autofree float *product = g_new(float, n *nc *n_lights);
-    multiply(matrix, n_lights, nc, (gsize)view, first, n, product);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, (int)rows, (int)columns, (int)k, 1, texels,
+                (int)k, lights, (int)k, 0, product, (int)columns);
     for (gsize light = 0; light < n_lights; light++)
         for (gsize texel = 0; texel < n; texel++)
             for (gsize c = 0; c < nc; c++)
                 to[(light * n + texel) * BONN_CHANNELS + (gsize)channel[c]] =
-                    matrix->of_images ? product[(texel * nc + c) * n_lights + light]
-                                      : product[(texel * n_lights + light) * nc + c];
+                    of_images ? product[(texel * nc + c) * n_lights + light]
+                              : product[(texel * n_lights + light) * nc + c];
 }
 
 enum {
@@ -147,36 +131,18 @@ enum {
 
 gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_colours *colours,
                             GError **error) {
-    switch (colours->model) {
-    case MODEL_RGB:
-    case MODEL_YUV:
-    case MODEL_PCA:
-    case MODEL_YCOCG:
-    case MODEL_LOG_Y:
-    case MODEL_LOG_YUV:
-    case MODEL_LOG_Y_RATIOS:
-    case MODEL_LOG_RGB:
-        return TRUE;
-    default:
-        return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "its colour model %u is not read (0, 1, 3, 4 and 9 to 12 are)",
-                         colours->model);
-    }
+    static const guint32 known[] = {MODEL_RGB,   MODEL_YUV,     MODEL_PCA,          MODEL_YCOCG,
+                                    MODEL_LOG_Y, MODEL_LOG_YUV, MODEL_LOG_Y_RATIOS, MODEL_LOG_RGB};
+    for (gsize i = 0; i < G_N_ELEMENTS(known); i++)
+        if (colours->model == known[i])
+            return TRUE;
+    return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
+                     "its colour model %u is not read (0, 1, 3, 4 and 9 to 12 are)",
+                     colours->model);
 }
 
 static float unlog(float value) {
     return expf(value) - EPSILON;
-}
-
-static float unlog_signed(float value) {
-    return copysignf(EPSILON * expf(fabsf(value)), value);
-}
-
-static void from_yuv(float *p) {
-    const float y = p[0], u = p[1], v = p[2];
-    p[0] = y + 1.13983f * v;
-    p[1] = y - 0.39465f * u - 0.58060f * v;
-    p[2] = y + 2.03211f * u;
 }
 
 static void undo_logarithm(guint32 model, float *p) {
@@ -186,21 +152,23 @@ static void undo_logarithm(guint32 model, float *p) {
         if (model == MODEL_LOG_RGB)
             p[c] = unlog(p[c]);
         else if (c > 0 && model == MODEL_LOG_YUV)
-            p[c] = p[c] == 0 ? 0 : unlog_signed(p[c]);
+            p[c] = p[c] == 0 ? 0 : copysignf(EPSILON * expf(fabsf(p[c])), p[c]);
         else if (c > 0 && model == MODEL_LOG_Y_RATIOS)
             p[c] *= p[0] + EPSILON;
 }
 
 static void undo_pixel(const struct bonn_colours *colours, float *p) {
-    const float a = p[0], b = p[1], c = p[2];
     if (colours->model >= MODEL_LOG_Y)
         undo_logarithm(colours->model, p);
+    const float a = p[0], b = p[1], c = p[2];
     switch (colours->model) {
     case MODEL_YUV:
     case MODEL_LOG_Y:
     case MODEL_LOG_YUV:
     case MODEL_LOG_Y_RATIOS:
-        from_yuv(p);
+        p[0] = a + 1.13983f * c;
+        p[1] = a - 0.39465f * b - 0.58060f * c;
+        p[2] = a + 2.03211f * b;
         break;
     case MODEL_PCA:
         for (int i = 0; i < BONN_CHANNELS; i++)

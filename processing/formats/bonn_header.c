@@ -108,9 +108,7 @@ static char *bonn_header_text_of(const char *at, gsize n) {
 
 static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret, GError **error) {
     guint32 length;
-    if (!bonn_take_u32(bytes, what, &length, error))
-        return FALSE;
-    if (!check_left(bytes, length, what, error))
+    if (!bonn_take_u32(bytes, what, &length, error) || !check_left(bytes, length, what, error))
         return FALSE;
     g_autofree char *text = g_try_malloc((gsize)length + 1);
     if (!text)
@@ -122,36 +120,28 @@ static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret
     return TRUE;
 }
 
-/* By their names; three channels with other names are taken as R, G, B. */
-static void find_order(char *const names[BONN_CHANNELS], int ret_order[BONN_CHANNELS]) {
-    int order[BONN_CHANNELS] = {-1, -1, -1};
-    for (int i = 0; i < BONN_CHANNELS; i++) {
-        const char *found = names[i][0] ? strchr("RGB", g_ascii_toupper(names[i][0])) : NULL;
-        if (found)
-            order[found - "RGB"] = i;
-    }
-    gboolean all = order[0] >= 0 && order[1] >= 0 && order[2] >= 0;
-    for (int i = 0; i < BONN_CHANNELS; i++)
-        ret_order[i] = all ? order[i] : i;
-}
-
+/* ret_order: by the channels' names; three channels with other names are taken as R, G, B. */
 static gboolean take_channels(struct bonn_bytes *bytes, int ret_order[BONN_CHANNELS],
                               GError **error) {
+    static const char rgb[] = "RGB";
+    int order[BONN_CHANNELS] = {-1, -1, -1};
     guint32 n;
-    char *names[BONN_CHANNELS] = {NULL};
     if (!bonn_take_u32(bytes, "number of channels", &n, error))
         return FALSE;
     if (n != BONN_CHANNELS)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
                          "it has %u channels; only BTFs of R, G and B are read", n);
-    gboolean ok = TRUE;
-    for (int i = 0; ok && i < BONN_CHANNELS; i++)
-        ok = take_text(bytes, "channel's name", &names[i], error);
-    if (ok)
-        find_order(names, ret_order);
-    for (int i = 0; i < BONN_CHANNELS; i++)
-        g_free(names[i]);
-    return ok;
+    for (int i = 0; i < BONN_CHANNELS; i++) {
+        g_autofree char *name = NULL;
+        if (!take_text(bytes, "channel's name", &name, error))
+            return FALSE;
+        const char *found = name[0] ? strchr(rgb, g_ascii_toupper(name[0])) : NULL;
+        if (found)
+            order[found - rgb] = i;
+    }
+    if (order[0] >= 0 && order[1] >= 0 && order[2] >= 0)
+        memcpy(ret_order, order, sizeof order);
+    return TRUE;
 }
 
 static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
@@ -301,7 +291,7 @@ void bonn_put_u32(GByteArray *to, guint32 value) {
     g_byte_array_append(to, (const guint8 *)&value, sizeof value);
 }
 
-static void bonn_header_put_float(GByteArray *to, double value) {
+void bonn_put_float(GByteArray *to, double value) {
     const float narrow = (float)value;
     guint32 bits;
     memcpy(&bits, &narrow, sizeof bits);
@@ -324,19 +314,6 @@ static double bonn_header_radians(float deg) {
     return (double)deg * G_PI / 180;
 }
 
-static void put_sampling(GByteArray *to, const struct bonn_header *header) {
-    bonn_put_u32(to, (guint32)header->n_views);
-    for (int v = 0; v < header->n_views; v++) {
-        bonn_header_put_float(to, bonn_header_radians(header->view_theta_deg[v]));
-        bonn_header_put_float(to, bonn_header_radians(header->view_phi_deg[v]));
-        bonn_put_u32(to, (guint32)header->n_lights);
-        for (int l = 0; l < header->n_lights; l++) {
-            bonn_header_put_float(to, bonn_header_radians(header->light_theta_deg[l]));
-            bonn_header_put_float(to, bonn_header_radians(header->light_phi_deg[l]));
-        }
-    }
-}
-
 void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     static const char *const signatures[] = {"!BDIF06R2!", "!BDIF06R2!", "!FMF12FCER",
                                              "!DFMF08FCR"};
@@ -346,9 +323,9 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     put_fixed(to, header->setup);
     put_fixed(to, header->sensor);
     put_fixed(to, header->light_source);
-    bonn_header_put_float(to, header->texels_a_mm);
+    bonn_put_float(to, header->texels_a_mm);
     for (int i = 0; i < BONN_CHANNELS; i++)
-        bonn_header_put_float(to, header->rgb_scale[i]);
+        bonn_put_float(to, header->rgb_scale[i]);
     bonn_put_u32(to, header->cosine);
     put_text(to, header->xml);
     bonn_put_u32(to, BONN_CHANNELS);
@@ -357,7 +334,16 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     put_text(to, "B");
     const guint32 size = GUINT32_TO_LE(to->len - BONN_SIGNATURE);
     memcpy(to->data + BONN_SIGNATURE, &size, sizeof size);
-    put_sampling(to, header);
+    bonn_put_u32(to, (guint32)header->n_views);
+    for (int v = 0; v < header->n_views; v++) {
+        bonn_put_float(to, bonn_header_radians(header->view_theta_deg[v]));
+        bonn_put_float(to, bonn_header_radians(header->view_phi_deg[v]));
+        bonn_put_u32(to, (guint32)header->n_lights);
+        for (int l = 0; l < header->n_lights; l++) {
+            bonn_put_float(to, bonn_header_radians(header->light_theta_deg[l]));
+            bonn_put_float(to, bonn_header_radians(header->light_phi_deg[l]));
+        }
+    }
     bonn_put_u32(to, (guint32)header->width);
     bonn_put_u32(to, (guint32)header->height);
 }

@@ -36,9 +36,10 @@ gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *heade
 /* The same, written. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 void bonn_put_u32(GByteArray *to, guint32 value);
+void bonn_put_float(GByteArray *to, double value);
 
 /* Index of each texel among the stored ones; −1: not stored. A full file stores all. */
-struct bonn_places {
+struct bonn_index {
     gint32 *of_texel;
     int n_stored;
 };

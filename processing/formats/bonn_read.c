@@ -20,7 +20,7 @@ struct BonnFile {
 
     guint32 per_chunk; /* texels; BDI */
     gsize chunks_at;
-    struct bonn_places places;
+    struct bonn_index index;
 
     struct bonn_matrix matrices[BONN_CHANNELS]; /* FMF: the first */
     struct bonn_colours colours;
@@ -31,7 +31,7 @@ void bonn_close(BonnFile *file) {
         return;
     for (int i = 0; i < BONN_CHANNELS; i++)
         bonn_matrix_clear(&file->matrices[i]);
-    g_free(file->places.of_texel);
+    g_free(file->index.of_texel);
     bonn_header_clear(&file->header);
     if (file->fd >= 0)
         close(file->fd);
@@ -47,23 +47,11 @@ static gsize bonn_read_abrdf_bytes(const struct bonn_header *header) {
     return (gsize)header->n_views * (gsize)header->n_lights * BONN_CHANNELS * sizeof(guint16);
 }
 
-static void bonn_read_place_texels(BonnFile *file, const guint8 *mask) {
-    const int n = file->header.width * file->header.height;
-    int stored = 0;
-    file->places.of_texel = g_new(gint32, n);
-    for (int i = 0; i < n; i++) {
-        const gboolean kept = mask[i] != 0 || file->header.kind == BONN_BDI;
-        file->places.of_texel[i] = mask[i] ? stored : -1;
-        stored += kept;
-    }
-    file->places.n_stored = stored;
-}
-
 /* Checks that every chunk exists with the right length; then all positions can be computed. */
 static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     const gsize each = bonn_read_abrdf_bytes(&file->header);
     file->chunks_at = bytes->at;
-    for (gsize left = (gsize)file->places.n_stored; left > 0;) {
+    for (gsize left = (gsize)file->index.n_stored; left > 0;) {
         const gsize n = MIN(left, file->per_chunk);
         guint32 size;
         if (!bonn_take_u32(bytes, "chunk", &size, error))
@@ -99,7 +87,11 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
     if (!bonn_take(bytes, n_texels, "mask", mask, error) ||
         !bonn_skip_rotations(bytes, header, error))
         return FALSE;
-    bonn_read_place_texels(file, mask);
+    file->index.of_texel = g_new(gint32, n_texels);
+    for (gsize i = 0; i < n_texels; i++) {
+        file->index.of_texel[i] = mask[i] ? file->index.n_stored : -1;
+        file->index.n_stored += mask[i] != 0 || header->kind == BONN_BDI;
+    }
     return check_chunks(file, bytes, error);
 }
 
@@ -124,15 +116,6 @@ static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GErr
     return bonn_skip(bytes, 2 * (gsize)width * height, "height map", error);
 }
 
-static gboolean parse_fmf(BonnFile *file, struct bonn_bytes *bytes, gboolean extra,
-                          GError **error) {
-    guint32 components;
-    return bonn_skip_rotations(bytes, &file->header, error) &&
-           (!extra || parse_fmf_version(file, bytes, error)) &&
-           bonn_take_u32(bytes, "number of components", &components, error) &&
-           bonn_parse_matrix(bytes, &file->header, BONN_CHANNELS, &file->matrices[0], error);
-}
-
 static gboolean parse_dfmf(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     guint32 components, numbers[12];
     if (!bonn_skip_rotations(bytes, &file->header, error) ||
@@ -152,29 +135,29 @@ static gboolean parse_dfmf(BonnFile *file, struct bonn_bytes *bytes, GError **er
     return TRUE;
 }
 
-/* bonn_read_view() needs the memory of all lights of a view. */
-static gboolean bonn_read_check_memory(const struct bonn_bytes *bytes,
-                                       const struct bonn_header *header, GError **error) {
-    const guint64 view = (guint64)header->width * (guint64)header->height *
-                         (guint64)header->n_lights * BONN_CHANNELS * sizeof(float);
-    return view <= input_file_memory(bytes->size) ||
-           bonn_fail(
-               bytes, BONN_ERROR_FORMAT, error,
-               "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
-               " MiB of memory, and of a file of %zu bytes may take at most %" G_GUINT64_FORMAT,
-               header->width, header->height, header->n_lights, view >> 20, bytes->size,
-               input_file_memory(bytes->size) >> 20);
-}
-
 static gboolean bonn_read_parse(BonnFile *file, gsize size, GError **error) {
     struct bonn_bytes bytes = {file->fd, size, 0, file->path};
+    const struct bonn_header *header = &file->header;
+    guint32 components;
     gboolean extra;
-    if (!bonn_parse_header(&bytes, &file->header, file->order, &extra, error) ||
-        !bonn_read_check_memory(&bytes, &file->header, error))
+    if (!bonn_parse_header(&bytes, &file->header, file->order, &extra, error))
         return FALSE;
-    switch (file->header.kind) {
+    /* bonn_read_view() needs the memory of all lights of a view. */
+    const guint64 view = (guint64)header->width * (guint64)header->height *
+                         (guint64)header->n_lights * BONN_CHANNELS * sizeof(float);
+    if (view > input_file_memory(size))
+        return bonn_fail(
+            &bytes, BONN_ERROR_FORMAT, error,
+            "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
+            " MiB of memory, and of a file of %zu bytes may take at most %" G_GUINT64_FORMAT,
+            header->width, header->height, header->n_lights, view >> 20, size,
+            input_file_memory(size) >> 20);
+    switch (header->kind) {
     case BONN_FMF:
-        return parse_fmf(file, &bytes, extra, error);
+        return bonn_skip_rotations(&bytes, &file->header, error) &&
+               (!extra || parse_fmf_version(file, &bytes, error)) &&
+               bonn_take_u32(&bytes, "number of components", &components, error) &&
+               bonn_parse_matrix(&bytes, header, BONN_CHANNELS, &file->matrices[0], error);
     case BONN_DFMF:
         return parse_dfmf(file, &bytes, error);
     default:
@@ -195,53 +178,32 @@ BonnFile *bonn_open(const char *path, GError **error) {
     return bonn_read_parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
 }
 
-/* Reads all lights of a view and texel in the file's order, channel fastest; texels that are not
- * stored become NaN. */
-static gboolean read_abrdf(const BonnFile *file, int view, gsize texel, guint16 *halves, float *ret,
-                           GError **error) {
-    GError *found = NULL;
-    const gint32 place = file->places.of_texel[texel];
-    const gsize n = (gsize)file->header.n_lights * BONN_CHANNELS;
-    for (gsize i = 0; place < 0 && i < n; i++)
-        ret[i] = NAN;
-    if (place < 0)
-        return TRUE;
-    const gsize chunk = (gsize)place / file->per_chunk;
-    const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
-                     (gsize)place * bonn_read_abrdf_bytes(&file->header) +
-                     (gsize)view * n * sizeof(guint16);
-    if (!input_file_read_at(file->fd, file->path, halves, n * sizeof(guint16), at, &found)) {
-        input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
-        return FALSE;
-    }
-    exr_half_to_floats(ret, halves, n);
-    return TRUE;
-}
-
-/* Reads a block of texels: to[(light · n + texel) · 3 + channel]; NaN where nothing is stored. */
+/* Reads a block of texels: to[(light · n + texel) · 3 + channel]; NaN where nothing is stored. In
+ * the file the channels of a texel are next to each other, then its lights. */
 static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to,
                          GError **error) {
-    const gsize n_lights = (gsize)file->header.n_lights;
-    g_autofree guint16 *halves = g_new(guint16, n_lights * BONN_CHANNELS);
-    g_autofree float *abrdf = g_new0(float, n_lights *BONN_CHANNELS);
+    const gsize n_lights = (gsize)file->header.n_lights, n_values = n_lights * BONN_CHANNELS;
+    g_autofree guint16 *halves = g_new(guint16, n_values);
+    g_autofree float *abrdf = g_new0(float, n_values);
     for (gsize texel = 0; texel < n; texel++) {
-        if (!read_abrdf(file, view, first + texel, halves, abrdf, error))
-            return FALSE;
+        const gint32 stored = file->index.of_texel[first + texel];
+        for (gsize i = 0; stored < 0 && i < n_values; i++)
+            abrdf[i] = NAN;
+        if (stored >= 0) {
+            const gsize chunk = (gsize)stored / file->per_chunk;
+            const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
+                             (gsize)stored * bonn_read_abrdf_bytes(&file->header) +
+                             (gsize)view * n_values * sizeof(guint16);
+            struct bonn_bytes bytes = {file->fd, G_MAXSIZE, at, file->path};
+            if (!bonn_take(&bytes, n_values * sizeof(guint16), "chunk", halves, error))
+                return FALSE;
+            exr_half_to_floats(abrdf, halves, n_values);
+        }
         for (gsize light = 0; light < n_lights; light++)
             for (gsize c = 0; c < BONN_CHANNELS; c++)
                 to[(light * n + texel) * BONN_CHANNELS + c] = abrdf[light * BONN_CHANNELS + c];
     }
     return TRUE;
-}
-
-static void read_factors(const BonnFile *file, int view, gsize first, gsize n, float *to) {
-    const struct bonn_header *header = &file->header;
-    static const int all[BONN_CHANNELS] = {0, 1, 2};
-    if (header->kind == BONN_FMF)
-        bonn_matrix_view(&file->matrices[0], header, BONN_CHANNELS, view, first, n, all, to);
-    for (int c = 0; header->kind == BONN_DFMF && c < BONN_CHANNELS; c++)
-        bonn_matrix_view(&file->matrices[c], header, 1, view, first, n, &all[c], to);
-    bonn_colours_undo(&file->colours, to, n * (gsize)header->n_lights);
 }
 
 /* Copies a block to its place with R, G, B in order; returns the number of holes. */
@@ -262,6 +224,7 @@ static int bonn_read_store(const BonnFile *file, const float *from, gsize n, flo
 
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error) {
+    static const int all[BONN_CHANNELS] = {0, 1, 2};
     const struct bonn_header *header = &file->header;
     const gsize n_texels = (gsize)header->width * (gsize)header->height;
     const gsize n_lights = (gsize)header->n_lights;
@@ -271,8 +234,12 @@ gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret
     memset(ret_holes, 0, sizeof *ret_holes * n_lights);
     for (gsize first = 0; first < n_texels; first += most) {
         const gsize n = MIN(most, n_texels - first);
+        if (header->kind == BONN_FMF)
+            bonn_matrix_view(&file->matrices[0], header, BONN_CHANNELS, view, first, n, all, block);
+        for (int c = 0; header->kind == BONN_DFMF && c < BONN_CHANNELS; c++)
+            bonn_matrix_view(&file->matrices[c], header, 1, view, first, n, &all[c], block);
         if (header->kind == BONN_FMF || header->kind == BONN_DFMF)
-            read_factors(file, view, first, n, block);
+            bonn_colours_undo(&file->colours, block, n * n_lights);
         else if (!read_bdi(file, view, first, n, block, error))
             return FALSE;
         for (gsize light = 0; light < n_lights; light++)

@@ -4,24 +4,23 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <glib/gstdio.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "base/new_file.h"
 #include "exr/exr_half.h"
 
 #define CHUNK_BYTES ((gsize)64 << 20) /* of a chunk, unless a single line has more */
 
-/* A temporary file until it is complete. */
 struct output {
-    char *path, *beside;
-    int fd;
+    char *path;
+    struct new_file file; /* its name is NULL before it is begun and when it is finished */
 };
 
 struct BonnWriter {
     struct output output;
     int n_views, n_lights, n_texels;
-    struct bonn_places places;
+    struct bonn_index index;
     gsize per_chunk, chunks_at;
 };
 
@@ -34,21 +33,14 @@ static gboolean bonn_write_fail_errno(const char *path, GError **error) {
 }
 
 static gboolean open_output(struct output *output, const char *path, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
     output->path = g_strdup(path);
-    output->beside = g_strdup_printf("%s.XXXXXX", path);
-    output->fd = g_mkstemp_full(output->beside, O_RDWR | O_CLOEXEC, 0666);
-    if (output->fd >= 0)
-        return TRUE;
-    g_clear_pointer(&output->beside, g_free);
-    return bonn_write_fail_errno(path, error);
+    return new_file_begin(&output->file, folder, name) || bonn_write_fail_errno(path, error);
 }
 
 static void clear_output(struct output *output) {
-    if (output->fd >= 0)
-        close(output->fd);
-    if (output->beside)
-        g_unlink(output->beside);
-    g_free(output->beside);
+    if (output->file.name)
+        new_file_abandon(&output->file);
     g_free(output->path);
 }
 
@@ -56,7 +48,7 @@ static gboolean bonn_write_put(const struct output *output, const void *data, gs
                                GError **error) {
     const guint8 *from = data;
     while (n > 0) {
-        const gssize done = pwrite(output->fd, from, n, (off_t)at);
+        const gssize done = pwrite(output->file.fd, from, n, (off_t)at);
         if (done < 0 && errno == EINTR)
             continue;
         if (done <= 0)
@@ -67,20 +59,11 @@ static gboolean bonn_write_put(const struct output *output, const void *data, gs
 }
 
 static gboolean finish_output(struct output *output, GError **error) {
-    if (fsync(output->fd) != 0 || g_rename(output->beside, output->path) != 0)
-        return bonn_write_fail_errno(output->path, error);
-    g_clear_pointer(&output->beside, g_free);
-    return TRUE;
+    return new_file_commit(&output->file, TRUE) || bonn_write_fail_errno(output->path, error);
 }
 
 static gsize bonn_write_abrdf_bytes(const BonnWriter *writer) {
     return (gsize)writer->n_views * (gsize)writer->n_lights * BONN_CHANNELS * sizeof(guint16);
-}
-
-static void bonn_write_place_texels(BonnWriter *writer, const guint8 *mask, gboolean sparse) {
-    writer->places.of_texel = g_new(gint32, writer->n_texels);
-    for (int i = 0; i < writer->n_texels; i++)
-        writer->places.of_texel[i] = sparse && mask && !mask[i] ? -1 : writer->places.n_stored++;
 }
 
 static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, const guint8 *mask,
@@ -102,10 +85,10 @@ static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, 
 /* Writes the lengths of all chunks, and reserves their space, so that a full disk is an error at
  * once. */
 static gboolean put_chunks(BonnWriter *writer, GError **error) {
-    const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->places.n_stored;
+    const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->index.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
     const gsize size = writer->chunks_at + n_chunks * sizeof(guint32) + stored * each;
-    errno = posix_fallocate(writer->output.fd, 0, (off_t)size);
+    errno = posix_fallocate(writer->output.file.fd, 0, (off_t)size);
     if (errno != 0)
         return bonn_write_fail_errno(writer->output.path, error);
     for (gsize i = 0; i < n_chunks; i++) {
@@ -119,42 +102,40 @@ static gboolean put_chunks(BonnWriter *writer, GError **error) {
     return TRUE;
 }
 
-static gboolean bonn_write_begin(BonnWriter *writer, const struct bonn_header *header,
-                                 const guint8 *mask, GError **error) {
+BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
+                            GError **error) {
+    g_return_val_if_fail(header->kind == BONN_BDI || header->kind == BONN_BDI_SPARSE, NULL);
+    g_autoptr(BonnWriter) writer = g_new0(BonnWriter, 1);
+    writer->n_views = header->n_views;
+    writer->n_lights = header->n_lights;
+    writer->n_texels = header->width * header->height;
+    writer->index.of_texel = g_new(gint32, writer->n_texels);
+    for (int i = 0; i < writer->n_texels; i++)
+        writer->index.of_texel[i] =
+            header->kind == BONN_BDI_SPARSE && mask && !mask[i] ? -1 : writer->index.n_stored++;
+    if (!open_output(&writer->output, path, error))
+        return NULL;
     const gsize line = (gsize)header->width * bonn_write_abrdf_bytes(writer);
     if (line > G_MAXUINT32) {
         g_set_error(
             error, BONN_ERROR, BONN_ERROR_UNSUPPORTED,
             "%s: a line of %d texels with %d views and %d lights is longer than 4 GiB, which "
             "this format cannot hold",
-            writer->output.path, header->width, header->n_views, header->n_lights);
-        return FALSE;
+            path, header->width, header->n_views, header->n_lights);
+        return NULL;
     }
     const guint32 lines = (guint32)CLAMP(CHUNK_BYTES / line, 1, (gsize)header->height);
     writer->per_chunk = (gsize)lines * (gsize)header->width;
-    return put_front(writer, header, mask, lines, error) && put_chunks(writer, error);
-}
-
-BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
-                            GError **error) {
-    g_return_val_if_fail(header->kind == BONN_BDI || header->kind == BONN_BDI_SPARSE, NULL);
-    g_autoptr(BonnWriter) writer = g_new0(BonnWriter, 1);
-    writer->output.fd = -1;
-    writer->n_views = header->n_views;
-    writer->n_lights = header->n_lights;
-    writer->n_texels = header->width * header->height;
-    bonn_write_place_texels(writer, mask, header->kind == BONN_BDI_SPARSE);
-    if (!open_output(&writer->output, path, error) ||
-        !bonn_write_begin(writer, header, mask, error))
-        return NULL;
-    return g_steal_pointer(&writer);
+    return put_front(writer, header, mask, lines, error) && put_chunks(writer, error)
+               ? g_steal_pointer(&writer)
+               : NULL;
 }
 
 void bonn_writer_free(BonnWriter *writer) {
     if (!writer)
         return;
     clear_output(&writer->output);
-    g_free(writer->places.of_texel);
+    g_free(writer->index.of_texel);
     g_free(writer);
 }
 
@@ -165,17 +146,17 @@ gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError
     g_autofree guint16 *halves = g_new(guint16, n);
     g_return_val_if_fail(view >= 0 && view < writer->n_views, FALSE);
     for (gsize texel = 0; texel < n_texels; texel++) {
-        const gint32 place = writer->places.of_texel[texel];
-        if (place < 0)
+        const gint32 stored = writer->index.of_texel[texel];
+        if (stored < 0)
             continue;
         for (gsize light = 0; light < n_lights; light++)
             memcpy(abrdf + light * BONN_CHANNELS, rgb + (light * n_texels + texel) * BONN_CHANNELS,
                    sizeof *rgb * BONN_CHANNELS);
         exr_half_from_floats(halves, abrdf, n);
-        const gsize chunk = (gsize)place / writer->per_chunk;
+        const gsize chunk = (gsize)stored / writer->per_chunk;
         if (!bonn_write_put(&writer->output, halves, n * sizeof *halves,
                             writer->chunks_at + (chunk + 1) * sizeof(guint32) +
-                                (gsize)place * bonn_write_abrdf_bytes(writer) +
+                                (gsize)stored * bonn_write_abrdf_bytes(writer) +
                                 (gsize)view * n * sizeof *halves,
                             error))
             return FALSE;
@@ -217,30 +198,6 @@ static gboolean put_matrix(const struct output *output, const struct bonn_factor
            put_halves(output, factors->sv, (gsize)factors->n_columns * k, at, error);
 }
 
-static GByteArray *factors_front(const struct bonn_header *header, int n_components) {
-    static const float identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    GByteArray *front = g_byte_array_new();
-    bonn_put_header(front, header);
-    bonn_put_u32(front, 0); /* rotations */
-    if (header->kind == BONN_FMF) {
-        const guint8 version = 2;
-        g_byte_array_append(front, &version, 1);
-        for (int i = 0; i < 3; i++)
-            bonn_put_u32(front, 0); /* no transformation of the range; no height map */
-        bonn_put_u32(front, (guint32)n_components);
-        return front;
-    }
-    bonn_put_u32(front, (guint32)n_components);
-    for (int i = 0; i < 4; i++)
-        bonn_put_u32(front, 0); /* untransformed colours; their mean */
-    for (int i = 0; i < 9; i++) {
-        guint32 bits;
-        memcpy(&bits, &identity[i], sizeof bits);
-        bonn_put_u32(front, bits);
-    }
-    return front;
-}
-
 gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
                             const struct bonn_factors *factors, GError **error) {
     g_return_val_if_fail(header->kind == BONN_FMF || header->kind == BONN_DFMF, FALSE);
@@ -248,8 +205,23 @@ gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
     int most = 0;
     for (int i = 0; i < n; i++)
         most = MAX(most, factors[i].n_components);
-    g_autoptr(GByteArray) front = factors_front(header, most);
-    struct output output = {.fd = -1};
+    g_autoptr(GByteArray) front = g_byte_array_new();
+    bonn_put_header(front, header);
+    bonn_put_u32(front, 0); /* rotations */
+    if (header->kind == BONN_FMF) {
+        const guint8 version = 2;
+        g_byte_array_append(front, &version, 1);
+        for (int i = 0; i < 3; i++)
+            bonn_put_u32(front, 0); /* no transformation of the range; no height map */
+    }
+    bonn_put_u32(front, (guint32)most);
+    if (header->kind == BONN_DFMF) {
+        for (int i = 0; i < 4; i++)
+            bonn_put_u32(front, 0); /* untransformed colours; their mean */
+        for (int i = 0; i < 9; i++)
+            bonn_put_float(front, i % 4 == 0); /* their matrix: identity */
+    }
+    struct output output = {0};
     gsize at = front->len;
     gboolean ok = open_output(&output, path, error) &&
                   bonn_write_put(&output, front->data, front->len, 0, error);

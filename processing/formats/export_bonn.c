@@ -13,40 +13,13 @@
 
 /* What all views of a session's BTF have in common. */
 struct source {
-    Session *session;
     struct session_grid grid;
     GPtrArray *paths; /* of views, in order */
     struct bonn_header header;
 };
 
-static void source_clear(struct source *source) {
-    session_close(source->session);
-    if (source->paths)
-        g_ptr_array_unref(source->paths);
-    bonn_header_clear(&source->header);
-}
-
 static gboolean export_bonn_fail(const char *path, GError **error, const char *what) {
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; process the session again", path,
-                what);
-    return FALSE;
-}
-
-static gboolean find_views(struct source *source, GError **error) {
-    g_autoptr(GPtrArray) views = session_views(source->session, error);
-    source->paths = g_ptr_array_new_with_free_func(g_free);
-    for (guint i = 0; views && i < views->len; i++) {
-        const struct session_direction *view = views->pdata[i];
-        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
-        g_autofree char *path = session_file(source->session, relative);
-        if (g_file_test(path, G_FILE_TEST_EXISTS))
-            g_ptr_array_add(source->paths, g_steal_pointer(&path));
-    }
-    if (views && source->paths->len == 0)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: there is no BTF yet; “mesorig process” makes it",
-                    session_path(source->session));
-    return views && source->paths->len > 0;
+    return data_error_fail(path, 0, error, "%s; process the session again", what);
 }
 
 static gboolean export_bonn_direction(const struct exr_part *part, const char *of, const char *path,
@@ -64,7 +37,7 @@ static gboolean export_bonn_read_directions(struct source *source, GError **erro
     header->view_phi_deg = g_new0(float, n);
     for (int v = 0; ok && v < n; v++) {
         const char *path = source->paths->pdata[v];
-        struct exr_file *file = exr_read_headers(path, error);
+        g_autoptr(ExrFile) file = exr_read_headers(path, error);
         ok = file && (file->parts->len > 0 || export_bonn_fail(path, error, "it has no lights")) &&
              export_bonn_direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
                                    &header->view_phi_deg[v], error);
@@ -77,7 +50,6 @@ static gboolean export_bonn_read_directions(struct source *source, GError **erro
             ok = export_bonn_direction(file->parts->pdata[l], "light", path,
                                        &header->light_theta_deg[l], &header->light_phi_deg[l],
                                        error);
-        exr_file_free(file);
     }
     return ok;
 }
@@ -85,10 +57,27 @@ static gboolean export_bonn_read_directions(struct source *source, GError **erro
 static gboolean open_source(struct source *source, const char *path, enum bonn_kind kind,
                             GError **error) {
     *source = (struct source){.header = {.kind = kind, .rgb_scale = {1, 1, 1}, .cosine = TRUE}};
-    source->session = session_open(path, SESSION_READ, error);
-    if (!source->session || !session_grid(source->session, &source->grid, error) ||
-        !session_check_products(source->session, "products/btf/", error) ||
-        !find_views(source, error) || !export_bonn_read_directions(source, error))
+    source->paths = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, error);
+    if (!session || !session_grid(session, &source->grid, error) ||
+        !session_check_products(session, "products/btf/", error))
+        return FALSE;
+    g_autoptr(GPtrArray) views = session_views(session, error);
+    if (!views)
+        return FALSE;
+    for (guint i = 0; i < views->len; i++) {
+        const struct session_direction *view = views->pdata[i];
+        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
+        g_autofree char *file = session_file(session, relative);
+        if (g_file_test(file, G_FILE_TEST_EXISTS))
+            g_ptr_array_add(source->paths, g_steal_pointer(&file));
+    }
+    if (source->paths->len == 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: there is no BTF yet; “mesorig process” makes it", session_path(session));
+        return FALSE;
+    }
+    if (!export_bonn_read_directions(source, error))
         return FALSE;
     source->header.setup = g_strdup("mesorig " MESORIG_VERSION);
     source->header.xml = g_strdup("");
@@ -98,41 +87,35 @@ static gboolean open_source(struct source *source, const char *path, enum bonn_k
     return TRUE;
 }
 
-static gboolean export_bonn_check_light(const struct source *source, const struct exr_part *part,
-                                        int light, const char *path, GError **error) {
-    const struct bonn_header *header = &source->header;
-    float theta, phi;
-    if (part->width != header->width || part->height != header->height)
-        return export_bonn_fail(path, error, "its texels are not those of the session");
-    if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
-        return export_bonn_fail(path, error, "a colour is missing");
-    if (!export_bonn_direction(part, "light", path, &theta, &phi, error))
-        return FALSE;
-    return (theta == header->light_theta_deg[light] && phi == header->light_phi_deg[light]) ||
-           export_bonn_fail(path, error, "its lights are not those of the first view");
-}
-
 static gboolean export_bonn_read_view(const struct source *source, const char *path, float *ret_rgb,
                                       GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
-    const gsize n = (gsize)source->grid.width * (gsize)source->grid.height;
-    struct exr_file *file = exr_read(path, error);
+    const struct bonn_header *header = &source->header;
+    const gsize n = (gsize)header->width * (gsize)header->height;
+    g_autoptr(ExrFile) file = exr_read(path, error);
     if (!file)
         return FALSE;
-    gboolean ok =
-        (int)file->parts->len == source->header.n_lights ||
-        export_bonn_fail(path, error, "its number of lights differs from that of the first view");
-    for (int light = 0; ok && light < source->header.n_lights; light++) {
+    if ((int)file->parts->len != header->n_lights)
+        return export_bonn_fail(path, error,
+                                "its number of lights differs from that of the first view");
+    for (int light = 0; light < header->n_lights; light++) {
         const struct exr_part *part = file->parts->pdata[light];
-        ok = export_bonn_check_light(source, part, light, path, error);
-        for (gsize c = 0; ok && c < COLOURS; c++) {
+        float theta, phi;
+        if (part->width != header->width || part->height != header->height)
+            return export_bonn_fail(path, error, "its texels are not those of the session");
+        for (gsize c = 0; c < COLOURS; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
+            if (!plane)
+                return export_bonn_fail(path, error, "a colour is missing");
             for (gsize i = 0; i < n; i++)
                 ret_rgb[((gsize)light * n + i) * COLOURS + c] = plane[i];
         }
+        if (!export_bonn_direction(part, "light", path, &theta, &phi, error))
+            return FALSE;
+        if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
+            return export_bonn_fail(path, error, "its lights are not those of the first view");
     }
-    exr_file_free(file);
-    return ok;
+    return TRUE;
 }
 
 static gboolean export_bonn_write_views(const struct source *source, const char *file,
@@ -150,22 +133,6 @@ static gboolean export_bonn_write_views(const struct source *source, const char 
             !work_tell(work, "export", view + 1, header->n_views, begun_us, error))
             return FALSE;
     return bonn_writer_finish(writer, error);
-}
-
-/* u: D × (n_components + 1), the mean first, whose weight is 1. */
-static void export_bonn_factors_of(const struct lpca *lpca, float *s, float *u, float *sv) {
-    const gsize k = (gsize)lpca->n_components + 1, n = btf_layout_texels(&lpca->layout);
-    const gsize d = btf_layout_values(&lpca->layout);
-    for (gsize i = 0; i < k; i++) {
-        double squares = 0;
-        for (gsize j = 0; j < d; j++)
-            u[j * k + i] = lpca->brdfs[i * d + j];
-        for (gsize t = 0; t < n; t++) {
-            sv[t * k + i] = i == 0 ? 1 : lpca->weights[t * (k - 1) + i - 1];
-            squares += (double)sv[t * k + i] * (double)sv[t * k + i];
-        }
-        s[i] = (float)sqrt(squares);
-    }
 }
 
 /* The channels of one factorisation share its weights. */
@@ -189,26 +156,21 @@ static gboolean write_lpca(const char *file, const struct bonn_header *header,
                            const struct lpca *lpca, GError **error) {
     const gsize k = (gsize)lpca->n_components + 1, n = btf_layout_texels(&lpca->layout);
     const gsize d = btf_layout_values(&lpca->layout);
+    /* u: d × k, the mean first, whose weight is 1. */
     g_autofree float *s = g_new(float, k), *u = g_new(float, d *k), *sv = g_new(float, n *k);
-    export_bonn_factors_of(lpca, s, u, sv);
+    for (gsize i = 0; i < k; i++) {
+        double squares = 0;
+        for (gsize j = 0; j < d; j++)
+            u[j * k + i] = lpca->brdfs[i * d + j];
+        for (gsize t = 0; t < n; t++) {
+            sv[t * k + i] = i == 0 ? 1 : lpca->weights[t * (k - 1) + i - 1];
+            squares += (double)sv[t * k + i] * (double)sv[t * k + i];
+        }
+        s[i] = (float)sqrt(squares);
+    }
     const struct bonn_factors all = {(int)k, (int)d, (int)n, s, u, sv};
     return header->kind == BONN_FMF ? bonn_write_factors(file, header, &all, error)
                                     : write_split(file, header, &all, error);
-}
-
-static gboolean write_factored(const char *session, const struct source *source, const char *file,
-                               int n_components, const struct work *work, double *ret_error,
-                               GError **error) {
-    const struct lpca_options options = {
-        .n_clusters = 1, .n_components = n_components, .work = *work};
-    struct btf_matrix *btf = btf_matrix_read(session, work, error);
-    struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
-    if (lpca)
-        *ret_error = lpca_error(lpca, btf, 0);
-    btf_matrix_free(btf);
-    const gboolean ok = lpca && write_lpca(file, &source->header, lpca, error);
-    lpca_free(lpca);
-    return ok;
 }
 
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
@@ -216,14 +178,24 @@ gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind,
     struct source source;
     *ret = (struct export_bonn_result){0};
     gboolean ok = open_source(&source, session, kind, error);
-    if (ok && (kind == BONN_BDI || kind == BONN_BDI_SPARSE))
+    if (ok && (kind == BONN_BDI || kind == BONN_BDI_SPARSE)) {
         ok = export_bonn_write_views(&source, file, work, error);
-    else if (ok)
-        ok = write_factored(session, &source, file, n_components, work, &ret->error, error);
+    } else if (ok) {
+        const struct lpca_options options = {
+            .n_clusters = 1, .n_components = n_components, .work = *work};
+        struct btf_matrix *btf = btf_matrix_read(session, work, error);
+        struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
+        if (lpca)
+            ret->error = lpca_error(lpca, btf, 0);
+        btf_matrix_free(btf);
+        ok = lpca && write_lpca(file, &source.header, lpca, error);
+        lpca_free(lpca);
+    }
     ret->n_views = source.header.n_views;
     ret->n_lights = source.header.n_lights;
     ret->width = source.header.width;
     ret->height = source.header.height;
-    source_clear(&source);
+    g_ptr_array_unref(source.paths);
+    bonn_header_clear(&source.header);
     return ok;
 }

@@ -30,19 +30,6 @@ static gint64 cell(double mm, double texel_mm) {
     return (gint64)CLAMP(floor(mm / texel_mm), -500000, 500000) + 500000;
 }
 
-static struct cube *sort_cubes(const struct surface *surface) {
-    const guint n = surface->points->len;
-    struct cube *cubes = g_new(struct cube, MAX(n, 1));
-    for (guint i = 0; i < n; i++) {
-        const struct vec3 p = g_array_index(surface->points, struct surface_point, i).at_mm;
-        const double mm = surface->texel_mm;
-        cubes[i].key = (cell(p.z, mm) * 1000001 + cell(p.y, mm)) * 1000001 + cell(p.x, mm);
-        cubes[i].index = i;
-    }
-    qsort(cubes, n, sizeof *cubes, export_surface_by_key);
-    return cubes;
-}
-
 struct fused {
     struct vec3 at_mm, normal;
     double spread_mm;
@@ -91,12 +78,20 @@ static void put_vector(GByteArray *to, struct vec3 v) {
     export_surface_put_float(to, v.z);
 }
 
-static GByteArray *fuse_all(const struct surface *surface, int least_views, gint64 *ret_n) {
-    struct cube *cubes = sort_cubes(surface);
-    GByteArray *body = g_byte_array_new();
-    *ret_n = 0;
-    for (guint i = 0, n; i < surface->points->len; i += n) {
-        for (n = 1; i + n < surface->points->len && cubes[i + n].key == cubes[i].key;)
+static gboolean write_points(const struct surface *surface, const char *file, int least_views,
+                             struct export_surface_result *ret, GError **error) {
+    const guint n_points = surface->points->len;
+    const double mm = surface->texel_mm;
+    g_autofree struct cube *cubes = g_new(struct cube, MAX(n_points, 1));
+    for (guint i = 0; i < n_points; i++) {
+        const struct vec3 p = g_array_index(surface->points, struct surface_point, i).at_mm;
+        cubes[i].key = (cell(p.z, mm) * 1000001 + cell(p.y, mm)) * 1000001 + cell(p.x, mm);
+        cubes[i].index = i;
+    }
+    qsort(cubes, n_points, sizeof *cubes, export_surface_by_key);
+    g_autoptr(GByteArray) body = g_byte_array_new();
+    for (guint i = 0, n; i < n_points; i += n) {
+        for (n = 1; i + n < n_points && cubes[i + n].key == cubes[i].key;)
             n++;
         const struct fused fused = fuse(surface, cubes + i, n);
         const guint8 views = (guint8)MIN(fused.n_views, 255);
@@ -106,15 +101,8 @@ static GByteArray *fuse_all(const struct surface *surface, int least_views, gint
         put_vector(body, fused.normal);
         export_surface_put_float(body, fused.spread_mm);
         g_byte_array_append(body, &views, 1);
-        (*ret_n)++;
+        ret->points++;
     }
-    g_free(cubes);
-    return body;
-}
-
-static gboolean write_points(const struct surface *surface, const char *file, int least_views,
-                             struct export_surface_result *ret, GError **error) {
-    g_autoptr(GByteArray) body = fuse_all(surface, least_views, &ret->points);
     g_autofree char *head = g_strdup_printf(
         "ply\nformat binary_little_endian 1.0\ncomment mesorig " MESORIG_VERSION
         ", mm, z from the turntable\nelement vertex %" G_GINT64_FORMAT
@@ -213,39 +201,6 @@ static void set_texel(const struct surface *surface, const struct map *map, int 
     exr_part_plane(map->part, "N")[texel] = stacked ? -1 : (float)n;
 }
 
-static void make_map(const struct surface *surface, struct map *map) {
-    g_autofree guint *order = NULL, *begin = sort_columns(surface, &order);
-    for (int texel = 0; texel < surface->grid.width * surface->grid.height; texel++) {
-        struct column column = {order + begin[texel], begin[texel + 1] - begin[texel]};
-        gboolean stacked = FALSE;
-        g_qsort_with_data(column.points, (gint)column.n, sizeof(guint), export_surface_by_height,
-                          surface->points->data);
-        const guint n = column.n > 0 ? upper_layer(surface, &column, &stacked) : 0;
-        map->holes += n == 0;
-        map->stacked += stacked;
-        if (n > 0)
-            set_texel(surface, map, texel, &column, n, stacked);
-    }
-}
-
-static gboolean check_map(const struct surface *surface, const struct map *map, const char *session,
-                          gboolean layered, GError **error) {
-    const int texels = surface->grid.width * surface->grid.height;
-    if (map->holes == texels) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: its MDF has no measured texel",
-                    session);
-        return FALSE;
-    }
-    if (layered || map->stacked <= MOST_STACKED * (texels - map->holes))
-        return TRUE;
-    g_set_error(
-        error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%s: it is not a height field: %d of %d texels have structure below structure; export "
-        "points, or the upper layer with --layered",
-        session, map->stacked, texels - map->holes);
-    return FALSE;
-}
-
 static gboolean write_map(const struct surface *surface, const char *session, const char *file,
                           const struct export_surface_options *options,
                           struct export_surface_result *ret, GError **error) {
@@ -254,9 +209,20 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     struct map map = {.normals = options->what == EXPORT_NORMALS};
     map.part = exr_part_new(map.normals ? "normals" : "height", surface->grid.width,
                             surface->grid.height, map.normals ? normals : heights, EXR_FLOAT);
-    struct exr_file *exr = exr_file_new();
+    g_autoptr(ExrFile) exr = exr_file_new();
     exr_file_add(exr, map.part);
-    make_map(surface, &map);
+    g_autofree guint *order = NULL, *begin = sort_columns(surface, &order);
+    for (int texel = 0; texel < surface->grid.width * surface->grid.height; texel++) {
+        struct column column = {order + begin[texel], begin[texel + 1] - begin[texel]};
+        gboolean stacked = FALSE;
+        g_qsort_with_data(column.points, (gint)column.n, sizeof(guint), export_surface_by_height,
+                          surface->points->data);
+        const guint n = column.n > 0 ? upper_layer(surface, &column, &stacked) : 0;
+        map.holes += n == 0;
+        map.stacked += stacked;
+        if (n > 0)
+            set_texel(surface, &map, texel, &column, n, stacked);
+    }
     exr_set_string(map.part, "mesorig.kind", map.normals ? "normals" : "height");
     exr_set_double(map.part, "texel_mm", surface->texel_mm);
     exr_set_double(map.part, "reference_mm", surface->grid.reference_mm);
@@ -265,10 +231,14 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     ret->holes = map.holes;
     ret->stacked = map.stacked;
     ret->points = surface->grid.width * surface->grid.height - map.holes;
-    const gboolean ok = check_map(surface, &map, session, options->layered, error) &&
-                        exr_write(file, exr, EXR_ZIP, TRUE, error);
-    exr_file_free(exr);
-    return ok;
+    if (ret->points == 0)
+        return data_error_fail(session, 0, error, "its MDF has no measured texel");
+    if (!options->layered && map.stacked > MOST_STACKED * (double)ret->points)
+        return data_error_fail(session, 0, error,
+                               "it is not a height field: %d of %d texels have structure below "
+                               "structure; export points, or the upper layer with --layered",
+                               map.stacked, (int)ret->points);
+    return exr_write(file, exr, EXR_ZIP, TRUE, error);
 }
 
 gboolean export_surface(const char *session, const char *file,

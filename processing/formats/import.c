@@ -34,7 +34,10 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
     g_autofree char *folder = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
     if (!g_mkdtemp_full(folder, 0777))
         return import_fail_errno(path, error);
+    if (g_str_has_suffix(base, ".session"))
+        base[strlen(base) - strlen(".session")] = '\0';
     place->session = g_build_filename(folder, "session", NULL);
+    place->name = g_steal_pointer(&base);
     place->folder = g_steal_pointer(&folder);
     place->path = g_steal_pointer(&absolute);
     return TRUE;
@@ -64,6 +67,7 @@ gboolean import_place_end(struct import_place *place, Session *session, gboolean
     g_free(place->folder);
     g_free(place->session);
     g_free(place->path);
+    g_free(place->name);
     *place = (struct import_place){0};
     return good;
 }
@@ -110,42 +114,9 @@ static struct session_direction *import_directions(const float *theta_deg, const
     return list;
 }
 
-static Session *import_create(const struct import *import, const char *path, const char *name,
-                              GError **error) {
-    const struct import_material *m = import->material;
-    g_autofree struct session_direction *views =
-        import_directions(m->view_theta_deg, m->view_phi_deg, m->n_views);
-    g_autofree struct session_direction *lights =
-        import_directions(m->light_theta_deg, m->light_phi_deg, m->n_lights);
-    const struct session_texts texts = {"# none: imported\n", "# none: imported\n",
-                                        "# none: imported\n", NULL};
-    const struct session_plan plan = {.grid = import->grid,
-                                      .views = views,
-                                      .n_views = m->n_views,
-                                      .lights = lights,
-                                      .n_lights = m->n_lights};
-    return session_create(path, name, &texts, &plan, error);
-}
-
-/* Adds the channel "mark" to a part. */
-static struct exr_part *with_marks(struct exr_part *part, const guint8 *marks) {
-    static const char *const channels[] = {"B", "G", "R", "mark", NULL};
-    const gsize n = (gsize)part->width * (gsize)part->height;
-    struct exr_part *ret = exr_part_new(part->name, part->width, part->height, channels, EXR_HALF);
-    for (int c = 0; c < 3; c++)
-        memcpy(ret->planes[c], part->planes[c], sizeof(float) * n);
-    for (gsize i = 0; i < n; i++)
-        ret->planes[3][i] = marks[i];
-    GPtrArray *attributes = ret->attributes;
-    ret->attributes = part->attributes;
-    part->attributes = attributes;
-    exr_part_free(part);
-    return ret;
-}
-
 static struct exr_part *import_light_part(const struct import *import, int view, int light,
                                           const float *rgb, int holes) {
-    static const char *const channels[] = {"B", "G", "R", NULL};
+    static const char *const channels[] = {"B", "G", "R", "mark", NULL};
     const struct import_material *m = import->material;
     const struct import_region *r = &import->region;
     g_autofree char *name = g_strdup_printf("light_%04d", light);
@@ -163,7 +134,14 @@ static struct exr_part *import_light_part(const struct import *import, int view,
                 part->planes[2 - c][y * r->width + x] = from[c];
         }
     const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
-    return marks ? with_marks(part, marks) : part;
+    for (int i = 0; marks && i < r->width * r->height; i++)
+        part->planes[3][i] = marks[i];
+    if (!marks) { /* a part has the channel only where a texel has a flag */
+        part->n_channels = 3;
+        g_clear_pointer(&part->channels[3], g_free);
+        g_clear_pointer(&part->planes[3], g_free);
+    }
+    return part;
 }
 
 static char *view_relative(int view) {
@@ -178,7 +156,7 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
     g_autofree char *path = session_file(import->session, relative);
     if (!m->view(view, rgb, holes, m->data, error))
         return FALSE;
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     gboolean ok = TRUE;
     for (int light = 0; ok && light < m->n_lights; light++) {
         import->holes += holes[light];
@@ -189,25 +167,8 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
         exr_file_add(
             file, import_light_part(import, view, light, rgb + 3 * n * (gsize)light, holes[light]));
     }
-    ok = ok && exr_write(path, file, EXR_PIZ, FALSE, error) &&
-         session_add_product(import->session, relative, m->source, error);
-    exr_file_free(file);
-    return ok;
-}
-
-static gboolean import_write_views(struct import *import, GError **error) {
-    const struct import_material *m = import->material;
-    const gsize n = (gsize)m->width * (gsize)m->height * (gsize)m->n_lights;
-    g_autofree float *rgb = g_try_new(float, 3 * n);
-    g_autofree int *holes = g_new0(int, m->n_lights);
-    if (!rgb)
-        return data_error_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
-                               3 * (double)n * sizeof(float) / (1 << 30));
-    for (int view = 0; view < m->n_views; view++)
-        if (!write_view(import, view, rgb, holes, error) ||
-            !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))
-            return FALSE;
-    return TRUE;
+    return ok && exr_write(path, file, EXR_PIZ, FALSE, error) &&
+           session_add_product(import->session, relative, m->source, error);
 }
 
 static gboolean import_give_column(int view, float *ret_column, gpointer data, GError **error) {
@@ -271,39 +232,49 @@ static gboolean copy_mdf(const struct import *import, GError **error) {
 
 static gboolean import_fill(struct import *import, struct import_result *ret, GError **error) {
     const struct import_material *m = import->material;
-    import->lights = g_new(int, m->n_lights);
+    g_autofree int *lights = import->lights = g_new(int, m->n_lights);
     for (int i = 0; i < m->n_lights; i++)
-        import->lights[i] = i;
-    const gboolean ok = import_write_views(import, error) &&
-                        write_eigenmaps(import, &ret->eigenmaps_error, error) &&
-                        copy_mdf(import, error) &&
-                        session_set_value(import->session, "imported", m->source, error) &&
-                        session_set_value(import->session, "state", "done", error);
-    g_free(import->lights);
+        lights[i] = i;
+    const gsize n = (gsize)m->width * (gsize)m->height * (gsize)m->n_lights;
+    g_autofree float *rgb = g_try_new(float, 3 * n);
+    g_autofree int *holes = g_new0(int, m->n_lights);
+    if (!rgb)
+        return data_error_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
+                               3 * (double)n * sizeof(float) / (1 << 30));
+    for (int view = 0; view < m->n_views; view++)
+        if (!write_view(import, view, rgb, holes, error) ||
+            !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))
+            return FALSE;
+    g_clear_pointer(&rgb, g_free);
+    if (!write_eigenmaps(import, &ret->eigenmaps_error, error) || !copy_mdf(import, error))
+        return FALSE;
     ret->n_views = m->n_views;
     ret->n_lights = m->n_lights;
     ret->width = import->grid.width;
     ret->height = import->grid.height;
     ret->holes = import->holes;
-    return ok;
-}
-
-static char *import_name_of(const char *path) {
-    char *name = g_path_get_basename(path);
-    if (g_str_has_suffix(name, ".session"))
-        name[strlen(name) - strlen(".session")] = '\0';
-    return name;
+    return session_set_value(import->session, "imported", m->source, error) &&
+           session_set_value(import->session, "state", "done", error);
 }
 
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error) {
     struct import import = {.material = material, .work = work, .begun_us = g_get_monotonic_time()};
     struct import_place place;
-    g_autofree char *name = import_name_of(path);
     *ret = (struct import_result){0};
     if (!import_check(&import, error) || !import_place_begin(&place, path, error))
         return FALSE;
-    import.session = import_create(&import, place.session, name, error);
+    g_autofree struct session_direction *views =
+        import_directions(material->view_theta_deg, material->view_phi_deg, material->n_views);
+    g_autofree struct session_direction *lights =
+        import_directions(material->light_theta_deg, material->light_phi_deg, material->n_lights);
+    const struct session_texts texts = {IMPORT_NO_TEXT, IMPORT_NO_TEXT, IMPORT_NO_TEXT, NULL};
+    const struct session_plan plan = {.grid = import.grid,
+                                      .views = views,
+                                      .n_views = material->n_views,
+                                      .lights = lights,
+                                      .n_lights = material->n_lights};
+    import.session = session_create(place.session, place.name, &texts, &plan, error);
     const gboolean ok = import.session && import_fill(&import, ret, error);
     return import_place_end(&place, import.session, ok, error);
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/robust.h"
 #include "exr/exr.h"
 #include "frames/sweep.h"
 
@@ -17,17 +18,6 @@
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
-}
-
-/* Doubles the resolution: the centres of the new pixels lie a quarter of a pixel to both sides of
- * the old ones. */
-static void double_camera(struct rig_camera *camera) {
-    camera->width *= 2;
-    camera->height *= 2;
-    camera->fx_px *= 2;
-    camera->fy_px *= 2;
-    camera->cx_px = 2 * camera->cx_px + 0.5;
-    camera->cy_px = 2 * camera->cy_px + 0.5;
 }
 
 static gboolean import_frames_check_size(const struct import_set *set, const struct import_row *row,
@@ -45,18 +35,6 @@ static gboolean import_frames_check_size(const struct import_set *set, const str
     return TRUE;
 }
 
-static struct import_picture *import_frames_read_picture(const struct import_set *set,
-                                                         const struct import_row *row,
-                                                         GError **error) {
-    g_autoptr(GError) found = NULL;
-    struct import_picture *picture = import_picture_read(row->path, &found);
-    if (!picture)
-        data_error_set(set->table, row->line, error, "%s", found->message);
-    else if (!import_frames_check_size(set, row, picture, error))
-        g_clear_pointer(&picture, import_picture_free);
-    return picture;
-}
-
 gboolean import_frames_prepare(struct import_set *set, GError **error) {
     for (guint i = 0; i < set->rows->len; i++) {
         const struct import_row *row = row_at(set, i);
@@ -65,22 +43,35 @@ gboolean import_frames_prepare(struct import_set *set, GError **error) {
         g_autoptr(GError) found = NULL;
         if (seen->seen)
             continue;
-        struct import_picture *picture = import_picture_read(row->path, &found);
+        g_autoptr(ImportPicture) picture = import_picture_read(row->path, &found);
         if (!picture)
             return data_error_fail(set->table, row->line, error, "%s", found->message);
         *seen = (struct import_camera){TRUE, !picture->grey, camera->width, camera->height};
-        const gboolean ok = import_frames_check_size(set, row, picture, error);
-        import_picture_free(picture);
-        if (!ok)
+        if (!import_frames_check_size(set, row, picture, error))
             return FALSE;
-        if (seen->doubled)
-            double_camera(camera);
+        /* The centres of the new pixels lie a quarter of a pixel to both sides of the old ones. */
+        if (seen->doubled) {
+            camera->width *= 2;
+            camera->height *= 2;
+            camera->fx_px *= 2;
+            camera->fy_px *= 2;
+            camera->cx_px = 2 * camera->cx_px + 0.5;
+            camera->cy_px = 2 * camera->cy_px + 0.5;
+        }
     }
     return TRUE;
 }
 
-/* The mosaic in DN: the grey picture itself, or 2 × 2 pixels (R G, G B) for each colour pixel. */
-static float *mosaic_of(const struct import_picture *picture) {
+/* A picture's mosaic in DN: the grey picture itself, or 2 × 2 pixels (R G, G B) for each colour
+ * pixel. */
+static float *read_mosaic(const struct import_set *set, const struct import_row *row,
+                          GError **error) {
+    g_autoptr(GError) found = NULL;
+    g_autoptr(ImportPicture) picture = import_picture_read(row->path, &found);
+    if (!picture)
+        data_error_set(set->table, row->line, error, "%s", found->message);
+    if (!picture || !import_frames_check_size(set, row, picture, error))
+        return NULL;
     const gsize width = (gsize)picture->width, height = (gsize)picture->height;
     const gsize side = picture->grey ? 1 : 2;
     float *mosaic = g_new0(float, side *side *width *height);
@@ -115,15 +106,13 @@ static gboolean import_frames_write_part(const struct import_set *set, const str
     const struct session_shot *shot = &g_array_index(set->shots, struct session_shot, row->shot);
     g_autofree char *relative = session_frame_path(shot, set->known->rig.cameras[row->camera].name);
     g_autofree char *path = session_file(set->session, relative);
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     exr_file_add(file, part);
-    *ret = (struct session_frame){.shot = shot->id, .camera = row->camera};
-    const gboolean ok = exr_write(path, file, EXR_PIZ, FALSE, error) &&
-                        (ret->sha256 = exr_sha256(path, &ret->bytes, error)) != NULL;
-    ret->path = g_steal_pointer(&relative);
-    exr_file_free(file);
+    *ret = (struct session_frame){
+        .shot = shot->id, .camera = row->camera, .path = g_steal_pointer(&relative)};
     set->ret->n_frames++;
-    return ok;
+    return exr_write(path, file, EXR_PIZ, FALSE, error) &&
+           (ret->sha256 = exr_sha256(path, &ret->bytes, error)) != NULL;
 }
 
 static gboolean check_numbers(const struct import_set *set, const struct import_row *row, gsize bad,
@@ -137,12 +126,10 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
     static const char *const channels[] = {"Y", NULL};
-    struct import_picture *picture = import_frames_read_picture(set, row, error);
-    if (!picture)
+    g_autofree float *mosaic = read_mosaic(set, row, error);
+    if (!mosaic)
         return FALSE;
-    g_autofree float *mosaic = mosaic_of(picture);
-    import_picture_free(picture);
-    struct exr_part *part = new_part(set, row, "radiance", channels, EXR_HALF);
+    g_autoptr(ExrPart) part = new_part(set, row, "radiance", channels, EXR_HALF);
     const gsize n = (gsize)part->width * (gsize)part->height;
     gsize bad = 0;
     int saturated = 0;
@@ -155,10 +142,8 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
     exr_set_double(part, "mesorig.dark_dn", 0);
     exr_set_int(part, "mesorig.saturated", saturated);
     exr_set_string(part, "mesorig.unit", "DN/ms");
-    const gboolean ok = check_numbers(set, row, bad, n, error);
-    if (!ok)
-        exr_part_free(part);
-    return ok && import_frames_write_part(set, row, part, ret, error);
+    return check_numbers(set, row, bad, n, error) &&
+           import_frames_write_part(set, row, g_steal_pointer(&part), ret, error);
 }
 
 /* A camera's pictures of one sweep: rows first … first + n − 1; some steps may be missing. */
@@ -168,19 +153,17 @@ struct run {
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* of each step */
+    /* Of the session's sweep. A difference of two pictures lies half a step after the first one. */
+    double offset, sweep_from_deg, sweep_to_deg;
+    int sweep_steps;
 };
-
-static int import_frames_by_value(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 /* Median distance between consecutive pictures. */
 static double usual_step(const struct import_row *rows, int n) {
     g_autofree double *distances = g_new(double, n);
     for (int i = 0; i + 1 < n; i++)
         distances[i] = rows[i + 1].sweep_deg - rows[i].sweep_deg;
-    qsort(distances, (gsize)n - 1, sizeof *distances, import_frames_by_value);
+    qsort(distances, (gsize)n - 1, sizeof *distances, robust_by_value);
     return distances[(n - 1) / 2];
 }
 
@@ -198,6 +181,10 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
                                first->line);
     run->steps = (int)lround(steps);
     run->step_deg = (last->sweep_deg - first->sweep_deg) / (run->steps - 1);
+    run->offset = set->wish->edge == IMPORT_LINE ? 0 : 0.5;
+    run->sweep_steps = set->wish->edge == IMPORT_LINE ? run->steps : run->steps - 1;
+    run->sweep_from_deg = run->from_deg + run->offset * run->step_deg;
+    run->sweep_to_deg = run->sweep_from_deg + (run->sweep_steps - 1) * run->step_deg;
     run->missing = g_new(gboolean, run->steps);
     for (int k = 0; k < run->steps; k++)
         run->missing[k] = TRUE;
@@ -253,108 +240,77 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
     sweep_add(feed->sweep, feed->frame);
 }
 
-/* Reads a picture in DN; values that are not numbers become 0. */
-static gboolean read_step(const struct import_set *set, const struct import_row *row, gsize n,
-                          float *to, GError **error) {
-    struct import_picture *picture = import_frames_read_picture(set, row, error);
-    if (!picture)
-        return FALSE;
-    g_autofree float *mosaic = mosaic_of(picture);
-    gsize bad = 0;
-    import_picture_free(picture);
-    for (gsize i = 0; i < n; i++) {
-        const gboolean good = isfinite(mosaic[i]);
-        bad += !good;
-        to[i] = good ? mosaic[i] : 0;
-    }
-    return check_numbers(set, row, bad, n, error);
-}
-
-/* A missing picture is replaced by the previous one. */
+/* Reads the pictures; one that is missing is replaced by the previous one, and values that are not
+ * numbers become 0. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);
-    for (int k = 0, i = 0; k < run->steps; k++) {
-        if (!run->missing[k] && !read_step(set, &run->rows[i++], to->n, picture, error))
-            return FALSE;
+    for (int k = 0, row = 0; k < run->steps; k++) {
+        if (!run->missing[k]) {
+            g_autofree float *mosaic = read_mosaic(set, &run->rows[row], error);
+            gsize bad = 0;
+            if (!mosaic)
+                return FALSE;
+            for (gsize i = 0; i < to->n; i++) {
+                const gboolean good = isfinite(mosaic[i]);
+                bad += !good;
+                picture[i] = good ? mosaic[i] : 0;
+            }
+            if (!check_numbers(set, &run->rows[row++], bad, to->n, error))
+                return FALSE;
+        }
         import_frames_feed(to, picture);
     }
     return TRUE;
 }
 
 /* Discards peaks whose pulse includes a missing picture. */
-static void forget_missing(const struct run *run, double offset, gsize n,
-                           const struct sweep_pulses *pulses) {
+static void forget_missing(const struct run *run, gsize n, const struct sweep_pulses *pulses) {
     float *peak = pulses->peak;
     for (int k = 0; k < run->steps; k++)
         for (gsize i = 0; run->missing[k] && i < n; i++)
-            if (peak[i] >= 0 &&
-                fabs((double)peak[i] + offset - k) < MAX(BESIDE, PULSE * (double)pulses->width[i]))
+            if (peak[i] >= 0 && fabs((double)peak[i] + run->offset - k) <
+                                    MAX(BESIDE, PULSE * (double)pulses->width[i]))
                 peak[i] = -1;
 }
 
-/* A difference of two pictures lies half a step after the first one. */
 static struct exr_part *sweep_part(const struct import_set *set, const struct run *run,
                                    const struct feed *fed) {
     static const char *const channels[] = {"intensity",   "peak",  "second_intensity",
                                            "second_peak", "width", NULL};
-    const gboolean line = fed->edge == IMPORT_LINE;
-    const double offset = line ? 0 : 0.5;
-    const int steps = line ? run->steps : run->steps - 1;
-    const double from = run->from_deg + offset * run->step_deg;
     struct exr_part *part = new_part(set, run->rows, "sweep", channels, EXR_FLOAT);
     exr_set_string(part, "mesorig.laser", set->known->rig.lasers[run->rows->device].name);
     exr_set_string(part, "mesorig.unit", "DN");
-    exr_set_double(part, "sweep.from_deg", from);
-    exr_set_double(part, "sweep.to_deg", from + (steps - 1) * run->step_deg);
-    exr_set_int(part, "sweep.steps", steps);
+    exr_set_double(part, "sweep.from_deg", run->sweep_from_deg);
+    exr_set_double(part, "sweep.to_deg", run->sweep_to_deg);
+    exr_set_int(part, "sweep.steps", run->sweep_steps);
     g_autofree float *second_width = g_new(float, fed->n);
     const struct sweep_pulses first = {exr_part_plane(part, "peak"), exr_part_plane(part, "width"),
                                        exr_part_plane(part, "intensity")};
     const struct sweep_pulses second = {exr_part_plane(part, "second_peak"), second_width,
                                         exr_part_plane(part, "second_intensity")};
     sweep_finish_both(fed->sweep, set->wish->threshold_dn, &first, &second);
-    forget_missing(run, offset, fed->n, &first);
-    forget_missing(run, offset, fed->n, &second);
+    forget_missing(run, fed->n, &first);
+    forget_missing(run, fed->n, &second);
     return part;
-}
-
-static gboolean write_run(const struct import_set *set, const struct run *run,
-                          struct session_frame *ret, GError **error) {
-    const struct rig_camera *camera = &set->known->rig.cameras[run->rows->camera];
-    struct feed fed = {.edge = set->wish->edge,
-                       .n = (gsize)camera->width * (gsize)camera->height,
-                       .sweep = sweep_new(camera->width, camera->height, run->steps,
-                                          (int)(SATURATION * IMPORT_WHITE_DN))};
-    fed.frame = g_new(guint16, fed.n);
-    const gboolean ok =
-        feed_all(set, run, &fed, error) &&
-        import_frames_write_part(set, run->rows, sweep_part(set, run, &fed), ret, error);
-    sweep_free(fed.sweep);
-    g_free(fed.before);
-    g_free(fed.frame);
-    return ok;
 }
 
 /* The plan has one sweep for all cameras of a shot: that of the first camera. */
 static gboolean import_frames_agree(const struct import_set *set, const struct run *run,
                                     struct session_shot *shot, GError **error) {
-    const gboolean line = set->wish->edge == IMPORT_LINE;
-    const int steps = line ? run->steps : run->steps - 1;
-    const double from = run->from_deg + (line ? 0 : 0.5 * run->step_deg);
-    const double to = from + (steps - 1) * run->step_deg;
     if (shot->sweep_steps == 0) {
-        shot->sweep_from_deg = from;
-        shot->sweep_to_deg = to;
-        shot->sweep_steps = steps;
+        shot->sweep_from_deg = run->sweep_from_deg;
+        shot->sweep_to_deg = run->sweep_to_deg;
+        shot->sweep_steps = run->sweep_steps;
     }
-    return (shot->sweep_steps == steps && shot->sweep_from_deg == from &&
-            shot->sweep_to_deg == to) ||
+    return (shot->sweep_steps == run->sweep_steps && shot->sweep_from_deg == run->sweep_from_deg &&
+            shot->sweep_to_deg == run->sweep_to_deg) ||
            data_error_fail(
                set->table, run->rows->line, error,
                "the sweep that begins here goes from %g° to %g° in %d steps, for another "
                "camera from %g° to %g° in %d",
-               from, to, steps, shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps);
+               run->sweep_from_deg, run->sweep_to_deg, run->sweep_steps, shot->sweep_from_deg,
+               shot->sweep_to_deg, shot->sweep_steps);
 }
 
 /* Number of rows of a camera's part of a shot that begins at a row. */
@@ -386,12 +342,25 @@ gboolean import_frames_plan(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-static gboolean write_one(const struct import_set *set, guint first, int n,
-                          struct session_frame *ret, GError **error) {
+/* Writes a camera's part of a shot: rows first … first + n − 1. */
+static gboolean import_frames_write_camera(const struct import_set *set, guint first, int n,
+                                           struct session_frame *ret, GError **error) {
     struct run run = {.rows = row_at(set, first), .n = n};
     if (!run.rows->sweep)
         return write_lamp(set, run.rows, ret, error);
-    const gboolean ok = find_steps(set, &run, error) && write_run(set, &run, ret, error);
+    const struct rig_camera *camera = &set->known->rig.cameras[run.rows->camera];
+    struct feed fed = {.edge = set->wish->edge, .n = (gsize)camera->width * (gsize)camera->height};
+    gboolean ok = find_steps(set, &run, error);
+    if (ok) {
+        fed.sweep = sweep_new(camera->width, camera->height, run.steps,
+                              (int)(SATURATION * IMPORT_WHITE_DN));
+        fed.frame = g_new(guint16, fed.n);
+        ok = feed_all(set, &run, &fed, error) &&
+             import_frames_write_part(set, run.rows, sweep_part(set, &run, &fed), ret, error);
+        sweep_free(fed.sweep);
+    }
+    g_free(fed.before);
+    g_free(fed.frame);
     g_free(run.missing);
     return ok;
 }
@@ -406,7 +375,7 @@ gboolean import_frames_write(struct import_set *set, const struct work *work, GE
         while (ok && i < set->rows->len && row_at(set, i)->shot == shot) {
             const int n = run_length(set, i);
             frames[n_frames] = (struct session_frame){0};
-            ok = write_one(set, i, n, &frames[n_frames++], error);
+            ok = import_frames_write_camera(set, i, n, &frames[n_frames++], error);
             i += (guint)n;
         }
         ok = ok &&

@@ -11,9 +11,7 @@
 #define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
 #define MOST_RTI       65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH                                                                               \
-    0.5 /* least length of a direction in a list, which should be a unit vector                    \
-         */
+#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
 
 struct direction {
     gint64 theta, phi; /* in steps */
@@ -29,29 +27,13 @@ struct pictures {
     const char *source;
     GPtrArray *all;         /* of struct named */
     GArray *views, *lights; /* of struct direction, in order */
-    struct named **of;      /* view × light */
+    GPtrArray *of;          /* of struct named, view × light */
     int width, height;
 };
 
 static void named_free(gpointer data) {
     g_free(((struct named *)data)->path);
     g_free(data);
-}
-
-static void pictures_clear(struct pictures *pictures) {
-    g_ptr_array_unref(pictures->all);
-    g_array_unref(pictures->views);
-    g_array_unref(pictures->lights);
-    g_free(pictures->of);
-}
-
-static void pictures_init(struct pictures *pictures, const char *source) {
-    *pictures = (struct pictures){
-        .source = source,
-        .all = g_ptr_array_new_with_free_func(named_free),
-        .views = g_array_new(FALSE, FALSE, sizeof(struct direction)),
-        .lights = g_array_new(FALSE, FALSE, sizeof(struct direction)),
-    };
 }
 
 /* The number after a key that does not end a longer word: "tl045.0". FALSE: none, or two. */
@@ -107,7 +89,7 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
     const guint n_lights = pictures->lights->len;
     guint missing = 0, first = 0;
     for (guint i = pictures->views->len * n_lights; i-- > 0;)
-        if (!pictures->of[i]) {
+        if (!pictures->of->pdata[i]) {
             missing++;
             first = i;
         }
@@ -135,39 +117,20 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
     }
     sort_once(pictures->views);
     sort_once(pictures->lights);
-    pictures->of = g_new0(struct named *, (gsize)pictures->views->len * pictures->lights->len);
+    g_ptr_array_set_size(pictures->of, (gint)(pictures->views->len * pictures->lights->len));
     for (guint i = 0; i < pictures->all->len; i++) {
         struct named *named = pictures->all->pdata[i];
-        struct named **at =
-            &pictures
-                 ->of[import_names_index_of(pictures->views, &named->view) * pictures->lights->len +
-                      import_names_index_of(pictures->lights, &named->light)];
-        if (*at)
+        const guint view = import_names_index_of(pictures->views, &named->view);
+        const guint light = import_names_index_of(pictures->lights, &named->light);
+        gpointer *at = &pictures->of->pdata[view * pictures->lights->len + light];
+        const struct named *other = *at;
+        if (other)
             return data_error_fail(pictures->source, named->line, error,
                                    "%s is of the same view and light as %s", named->path,
-                                   (*at)->path);
+                                   other->path);
         *at = named;
     }
     return report_missing(pictures, error);
-}
-
-static gboolean add_named(struct pictures *pictures, const char *folder, const char *name,
-                          GError **error) {
-    double tl, pl, tv, pv;
-    if (!import_is_picture(name))
-        return TRUE;
-    if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) || !find_key(name, "tv", &tv) ||
-        !find_key(name, "pv", &pv))
-        return data_error_fail(
-            folder, 0, error,
-            "the name “%s” does not say its directions; expected are tl, pl, tv and "
-            "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
-            name);
-    struct named *named = g_new0(struct named, 1);
-    *named = (struct named){g_build_filename(folder, name, NULL), import_names_direction(tv, pv),
-                            import_names_direction(tl, pl), 0};
-    g_ptr_array_add(pictures->all, named);
-    return TRUE;
 }
 
 static int import_names_by_text(gconstpointer a, gconstpointer b) {
@@ -178,16 +141,31 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
     g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
     const char *name;
-    gboolean ok = dir != NULL;
-    while (dir && (name = g_dir_read_name(dir)))
+    if (!dir)
+        return FALSE;
+    while ((name = g_dir_read_name(dir)))
         g_ptr_array_add(names, g_strdup(name));
     g_ptr_array_sort(names, import_names_by_text);
-    for (guint i = 0; ok && i < names->len; i++)
-        ok = add_named(pictures, folder, names->pdata[i], error);
-    if (ok && pictures->all->len == 0)
-        ok = data_error_fail(folder, 0, error,
-                             "there is no .jpg, .png, .tif or .exr picture in that folder");
-    return ok;
+    for (guint i = 0; i < names->len; i++) {
+        name = names->pdata[i];
+        double tl, pl, tv, pv;
+        if (!import_is_picture(name))
+            continue;
+        if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) ||
+            !find_key(name, "tv", &tv) || !find_key(name, "pv", &pv))
+            return data_error_fail(
+                folder, 0, error,
+                "the name “%s” does not say its directions; expected are tl, pl, tv and "
+                "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
+                name);
+        struct named *named = g_new0(struct named, 1);
+        *named = (struct named){g_build_filename(folder, name, NULL),
+                                import_names_direction(tv, pv), import_names_direction(tl, pl), 0};
+        g_ptr_array_add(pictures->all, named);
+    }
+    return pictures->all->len > 0 ||
+           data_error_fail(folder, 0, error,
+                           "there is no .jpg, .png, .tif or .exr picture in that folder");
 }
 
 static gboolean parse_light(const char *list, int line, char **words, struct direction *ret,
@@ -257,34 +235,28 @@ static gboolean import_names_read_list(struct pictures *pictures, const char *li
                            (int)n, pictures->all->len);
 }
 
-static gboolean import_names_check_size(const struct pictures *pictures, const struct named *named,
-                                        const struct import_picture *picture, GError **error) {
-    if (picture->width == pictures->width && picture->height == pictures->height)
-        return TRUE;
-    return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
-                           "%s has %d × %d pixels, the first picture %d × %d",
-                           named->line ? named->path : "it", picture->width, picture->height,
-                           pictures->width, pictures->height);
-}
-
 static gboolean copy_picture(const struct pictures *pictures, const struct named *named, float *to,
                              int *ret_holes, GError **error) {
-    struct import_picture *picture = import_picture_read(named->path, error);
+    g_autoptr(ImportPicture) picture = import_picture_read(named->path, error);
     const gsize n = (gsize)pictures->width * (gsize)pictures->height;
-    gboolean ok = picture && import_names_check_size(pictures, named, picture, error);
-    int holes = 0;
-    for (gsize i = 0; ok && i < n; i++) {
+    if (!picture)
+        return FALSE;
+    if (picture->width != pictures->width || picture->height != pictures->height)
+        return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
+                               "%s has %d × %d pixels, the first picture %d × %d",
+                               named->line ? named->path : "it", picture->width, picture->height,
+                               pictures->width, pictures->height);
+    *ret_holes = 0;
+    for (gsize i = 0; i < n; i++) {
         const float *from = picture->rgb + 3 * i;
         const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
         for (int c = 0; c < 3; c++)
             to[3 * i + (gsize)c] = good ? from[c] : 0;
-        holes += !good;
+        *ret_holes += !good;
     }
-    import_picture_free(picture);
-    *ret_holes = holes;
-    return ok && ((double)holes <= IMPORT_MOST_HOLES * (double)n ||
-                  data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
-                                  holes, n));
+    return (double)*ret_holes <= IMPORT_MOST_HOLES * (double)n ||
+           data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
+                           *ret_holes, n);
 }
 
 static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
@@ -293,7 +265,7 @@ static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes,
     const guint n_lights = pictures->lights->len;
     const gsize n = 3 * (gsize)pictures->width * (gsize)pictures->height;
     for (guint light = 0; light < n_lights; light++)
-        if (!copy_picture(pictures, pictures->of[(guint)view * n_lights + light],
+        if (!copy_picture(pictures, pictures->of->pdata[(guint)view * n_lights + light],
                           ret_rgb + n * light, &ret_holes[light], error))
             return FALSE;
     return TRUE;
@@ -310,59 +282,53 @@ static void import_names_degrees(const GArray *directions, float **ret_theta_deg
     }
 }
 
-static gboolean first_size(struct pictures *pictures, GError **error) {
-    const struct named *named = pictures->all->pdata[0];
-    struct import_picture *first = import_picture_read(named->path, error);
+typedef gboolean (*ReadNames)(struct pictures *pictures, const char *source, GError **error);
+
+static gboolean import_named(const char *path, const char *source, ReadNames read_names,
+                             const struct import_wish *wish, const struct work *work,
+                             struct import_result *ret, GError **error) {
+    g_autofree float *view_theta = NULL, *view_phi = NULL, *light_theta = NULL, *light_phi = NULL;
+    g_autoptr(GPtrArray) all = g_ptr_array_new_with_free_func(named_free);
+    g_autoptr(GPtrArray) of = g_ptr_array_new();
+    g_autoptr(GArray) views = g_array_new(FALSE, FALSE, sizeof(struct direction));
+    g_autoptr(GArray) lights = g_array_new(FALSE, FALSE, sizeof(struct direction));
+    struct pictures pictures = {
+        .source = source, .all = all, .views = views, .lights = lights, .of = of};
+    if (!read_names(&pictures, source, error) || !arrange(&pictures, error))
+        return FALSE;
+    const struct named *named = all->pdata[0];
+    g_autoptr(ImportPicture) first = import_picture_read(named->path, error);
     if (!first)
         return FALSE;
-    pictures->width = first->width;
-    pictures->height = first->height;
-    import_picture_free(first);
-    return TRUE;
-}
-
-static gboolean import_names_make(struct pictures *pictures, const char *path,
-                                  const struct import_wish *wish, const struct work *work,
-                                  struct import_result *ret, GError **error) {
-    g_autofree float *view_theta = NULL, *view_phi = NULL, *light_theta = NULL, *light_phi = NULL;
-    if (!arrange(pictures, error) || !first_size(pictures, error))
-        return FALSE;
-    import_names_degrees(pictures->views, &view_theta, &view_phi);
-    import_names_degrees(pictures->lights, &light_theta, &light_phi);
+    pictures.width = first->width;
+    pictures.height = first->height;
+    g_clear_pointer(&first, import_picture_free);
+    import_names_degrees(views, &view_theta, &view_phi);
+    import_names_degrees(lights, &light_theta, &light_phi);
     const struct import_material material = {
-        .source = pictures->source,
-        .width = pictures->width,
-        .height = pictures->height,
+        .source = source,
+        .width = pictures.width,
+        .height = pictures.height,
         .texel_mm = wish->texel_mm > 0 ? wish->texel_mm : 1,
         .region = wish->region,
-        .n_views = (int)pictures->views->len,
-        .n_lights = (int)pictures->lights->len,
+        .n_views = (int)views->len,
+        .n_lights = (int)lights->len,
         .view_theta_deg = view_theta,
         .view_phi_deg = view_phi,
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
         .view = import_names_give_view,
-        .data = pictures,
+        .data = &pictures,
     };
     return import_material(path, &material, work, ret, error);
 }
 
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
                          const struct work *work, struct import_result *ret, GError **error) {
-    struct pictures pictures;
-    pictures_init(&pictures, folder);
-    const gboolean ok = list_folder(&pictures, folder, error) &&
-                        import_names_make(&pictures, path, wish, work, ret, error);
-    pictures_clear(&pictures);
-    return ok;
+    return import_named(path, folder, list_folder, wish, work, ret, error);
 }
 
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error) {
-    struct pictures pictures;
-    pictures_init(&pictures, list);
-    const gboolean ok = import_names_read_list(&pictures, list, error) &&
-                        import_names_make(&pictures, path, wish, work, ret, error);
-    pictures_clear(&pictures);
-    return ok;
+    return import_named(path, list, import_names_read_list, wish, work, ret, error);
 }

@@ -16,45 +16,16 @@ static gint64 import_poses_steps(double deg) {
     return at < 0 ? at + turn : at;
 }
 
-static int import_poses_find_camera(const struct rig *rig, const char *name) {
-    for (int i = 0; i < rig->n_cameras; i++)
-        if (strcmp(rig->cameras[i].name, name) == 0)
+/* Index of an element whose field at name_at is the name; −1: none. */
+static int find_device(gconstpointer list, gsize size, gsize name_at, int n, const char *name) {
+    for (int i = 0; i < n; i++)
+        if (strcmp((const char *)list + (gsize)i * size + name_at, name) == 0)
             return i;
     return -1;
 }
-
-static int find_lamp(const struct rig *rig, const char *name) {
-    for (int i = 0; i < rig->n_lamps; i++)
-        if (strcmp(rig->lamps[i].name, name) == 0)
-            return i;
-    return -1;
-}
-
-static int find_laser(const struct rig *rig, const char *name) {
-    for (int i = 0; i < rig->n_lasers; i++)
-        if (strcmp(rig->lasers[i].name, name) == 0)
-            return i;
-    return -1;
-}
-
 struct columns {
     int file, camera, lamp, laser, turntable, arc, exposure, sweep;
 };
-
-static gboolean find_columns(const TextTable *table, struct columns *ret, GError **error) {
-    *ret = (struct columns){.file = text_table_column(table, "file"),
-                            .camera = text_table_column(table, "camera"),
-                            .lamp = text_table_column(table, "lamp"),
-                            .laser = text_table_column(table, "laser"),
-                            .turntable = text_table_column(table, "turntable_deg"),
-                            .arc = text_table_column(table, "arc_deg"),
-                            .exposure = text_table_column(table, "exposure_ms"),
-                            .sweep = text_table_column(table, "sweep_deg")};
-    if (ret->file < 0 || ret->camera < 0 || (ret->lamp < 0 && ret->laser < 0))
-        return data_error_fail(text_table_path(table), 0, error,
-                               "its head needs the columns file, camera, and lamp or laser");
-    return TRUE;
-}
 
 /* Reads the camera, and the lamp or laser. */
 static gboolean read_devices(const struct import_set *set, const TextTable *table,
@@ -65,8 +36,13 @@ static gboolean read_devices(const struct import_set *set, const TextTable *tabl
     const char *lamp = text_table_text(table, index, columns->lamp);
     const char *laser = text_table_text(table, index, columns->laser);
     row->sweep = *laser != '\0';
-    row->camera = import_poses_find_camera(rig, camera);
-    row->device = row->sweep ? find_laser(rig, laser) : find_lamp(rig, lamp);
+    row->camera = find_device(rig->cameras, sizeof *rig->cameras,
+                              G_STRUCT_OFFSET(struct rig_camera, name), rig->n_cameras, camera);
+    row->device = row->sweep
+                      ? find_device(rig->lasers, sizeof *rig->lasers,
+                                    G_STRUCT_OFFSET(struct rig_laser, name), rig->n_lasers, laser)
+                      : find_device(rig->lamps, sizeof *rig->lamps,
+                                    G_STRUCT_OFFSET(struct rig_lamp, name), rig->n_lamps, lamp);
     if (row->camera < 0)
         return data_error_fail(set->table, row->line, error, "camera “%s” is not in %s", camera,
                                set->wish->calibration);
@@ -109,9 +85,17 @@ static void clear_row(gpointer data) {
 
 static gboolean import_poses_read_rows(struct import_set *set, const TextTable *table,
                                        GError **error) {
-    struct columns columns;
-    if (!find_columns(table, &columns, error))
-        return FALSE;
+    const struct columns columns = {.file = text_table_column(table, "file"),
+                                    .camera = text_table_column(table, "camera"),
+                                    .lamp = text_table_column(table, "lamp"),
+                                    .laser = text_table_column(table, "laser"),
+                                    .turntable = text_table_column(table, "turntable_deg"),
+                                    .arc = text_table_column(table, "arc_deg"),
+                                    .exposure = text_table_column(table, "exposure_ms"),
+                                    .sweep = text_table_column(table, "sweep_deg")};
+    if (columns.file < 0 || columns.camera < 0 || (columns.lamp < 0 && columns.laser < 0))
+        return data_error_fail(text_table_path(table), 0, error,
+                               "its head needs the columns file, camera, and lamp or laser");
     if (text_table_rows(table) > MOST_ROWS)
         return data_error_fail(set->table, 0, error, "it has more than %d rows", MOST_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {
@@ -151,51 +135,37 @@ static double import_poses_radians(double deg) {
     return deg * G_PI / 180;
 }
 
-/* Angles of a position seen from the centre of the reference plane, in the sample frame. */
-static void set_angles(const struct import_set *set, struct vec3 at_mm, double turntable_deg,
-                       struct session_direction *ret) {
+/* Index of a view, light or laser position: that of the device and angle in the list, or a new one.
+ * at_mm: the device in the rig frame; its angles are those seen from the centre of the reference
+ * plane, in the sample frame. */
+static int direction_index(const struct import_set *set, GArray *list, int device,
+                           double turntable_deg, struct vec3 at_mm, double sample_deg) {
+    for (guint i = 0; i < list->len; i++) {
+        const struct session_direction *known = &g_array_index(list, struct session_direction, i);
+        if (known->device == device &&
+            import_poses_steps(known->turntable_deg) == import_poses_steps(turntable_deg))
+            return (int)i;
+    }
+    struct session_direction direction = {
+        .index = (int)list->len, .device = device, .turntable_deg = turntable_deg};
     double theta, phi;
     at_mm.z -= set->wish->grid.reference_mm;
-    rig_angles(rig_turn(at_mm, -import_poses_radians(turntable_deg)), &theta, &phi);
-    ret->theta_deg = theta * 180 / G_PI;
-    ret->phi_deg = phi * 180 / G_PI;
-}
-
-static void import_poses_add_view(struct import_set *set, const struct import_row *row) {
-    for (guint i = 0; i < set->views->len; i++) {
-        const struct session_direction *view =
-            &g_array_index(set->views, struct session_direction, i);
-        if (view->device == row->camera &&
-            import_poses_steps(view->turntable_deg) == import_poses_steps(row->turntable_deg))
-            return;
-    }
-    struct session_direction view = {
-        .index = (int)set->views->len, .device = row->camera, .turntable_deg = row->turntable_deg};
-    set_angles(set, rig_camera_centre_mm(&set->known->rig.cameras[row->camera]), row->turntable_deg,
-               &view);
-    g_array_append_val(set->views, view);
+    rig_angles(rig_turn(at_mm, -import_poses_radians(sample_deg)), &theta, &phi);
+    direction.theta_deg = theta * 180 / G_PI;
+    direction.phi_deg = phi * 180 / G_PI;
+    g_array_append_val(list, direction);
+    return direction.index;
 }
 
 /* Lights and laser positions are distinguished by their angle relative to the sample. */
 static int import_poses_source_of(struct import_set *set, const struct import_row *row) {
-    GArray *list = row->sweep ? set->lasers : set->lights;
     const struct rig *rig = &set->known->rig;
-    const double relative_deg = row->arc_deg - row->turntable_deg;
-    for (guint i = 0; i < list->len; i++) {
-        const struct session_direction *source = &g_array_index(list, struct session_direction, i);
-        if (source->device == row->device &&
-            import_poses_steps(source->turntable_deg) == import_poses_steps(relative_deg))
-            return (int)i;
-    }
-    struct session_direction source = {
-        .index = (int)list->len, .device = row->device, .turntable_deg = relative_deg};
     const double arc_rad = import_poses_radians(row->arc_deg);
-    set_angles(set,
-               row->sweep ? rig_laser_position_mm(&rig->arc, &rig->lasers[row->device], arc_rad)
-                          : rig_lamp_position_mm(&rig->arc, &rig->lamps[row->device], arc_rad),
-               row->turntable_deg, &source);
-    g_array_append_val(list, source);
-    return source.index;
+    const struct vec3 at_mm =
+        row->sweep ? rig_laser_position_mm(&rig->arc, &rig->lasers[row->device], arc_rad)
+                   : rig_lamp_position_mm(&rig->arc, &rig->lamps[row->device], arc_rad);
+    return direction_index(set, row->sweep ? set->lasers : set->lights, row->device,
+                           row->arc_deg - row->turntable_deg, at_mm, row->turntable_deg);
 }
 
 static void make_shots(struct import_set *set) {
@@ -203,7 +173,9 @@ static void make_shots(struct import_set *set) {
     const struct import_row *before = NULL;
     for (guint i = 0; i < set->rows->len; i++) {
         struct import_row *row = &g_array_index(set->rows, struct import_row, i);
-        import_poses_add_view(set, row);
+        row->view = direction_index(set, set->views, row->camera, row->turntable_deg,
+                                    rig_camera_centre_mm(&set->known->rig.cameras[row->camera]),
+                                    row->turntable_deg);
         if (!before || compare_shots(before, row) != 0) {
             const struct session_shot shot = {.id = set->shots->len + 1,
                                               .kind = row->sweep ? SHOT_SWEEP : SHOT_LAMP,
@@ -241,15 +213,10 @@ static gboolean check_lights(const struct import_set *set, GError **error) {
     g_autofree gboolean *any = g_new0(gboolean, MAX(n_views, 1));
     for (guint i = 0; i < set->rows->len; i++) {
         const struct import_row *row = &g_array_index(set->rows, struct import_row, i);
-        const struct session_shot *shot =
-            &g_array_index(set->shots, struct session_shot, row->shot);
-        for (guint v = 0; !row->sweep && v < n_views; v++) {
-            const struct session_direction *view =
-                &g_array_index(set->views, struct session_direction, v);
-            if (view->device == row->camera &&
-                import_poses_steps(view->turntable_deg) == import_poses_steps(row->turntable_deg))
-                there[v * n_lights + (guint)shot->source] = any[v] = TRUE;
-        }
+        const guint view = (guint)row->view;
+        const int light = g_array_index(set->shots, struct session_shot, row->shot).source;
+        if (!row->sweep)
+            there[view * n_lights + (guint)light] = any[view] = TRUE;
     }
     for (guint i = 0; i < n_views * n_lights; i++) {
         const struct session_direction *view =
@@ -267,11 +234,15 @@ static gboolean check_lights(const struct import_set *set, GError **error) {
     return TRUE;
 }
 
-static Session *import_poses_create(const struct import_set *set, const char *path,
-                                    const char *name, GError **error) {
+static gboolean import_poses_make(struct import_set *set, const char *path, const struct work *work,
+                                  GError **error) {
+    struct import_place place;
+    make_shots(set);
+    if (!check_double(set, error) || !check_lights(set, error) || !import_frames_plan(set, error) ||
+        !import_frames_prepare(set, error) || !import_place_begin(&place, path, error))
+        return FALSE;
     g_autofree char *calibration = calibration_to_text(set->known);
-    const struct session_texts texts = {"# none: imported\n", "# none: imported\n", calibration,
-                                        NULL};
+    const struct session_texts texts = {IMPORT_NO_TEXT, IMPORT_NO_TEXT, calibration, NULL};
     const struct session_plan plan = {
         .grid = set->wish->grid,
         .views = (const struct session_direction *)(gpointer)set->views->data,
@@ -282,27 +253,10 @@ static Session *import_poses_create(const struct import_set *set, const char *pa
         .n_lasers = (int)set->lasers->len,
         .shots = (const struct session_shot *)(gpointer)set->shots->data,
         .n_shots = (int)set->shots->len};
-    return session_create(path, name, &texts, &plan, error);
-}
-
-static gboolean import_poses_fill(struct import_set *set, const struct work *work, GError **error) {
-    return import_frames_write(set, work, error) &&
-           session_set_value(set->session, "imported_frames", set->table, error) &&
-           session_set_value(set->session, "state", "done", error);
-}
-
-static gboolean import_poses_make(struct import_set *set, const char *path, const struct work *work,
-                                  GError **error) {
-    g_autofree char *name = g_path_get_basename(path);
-    struct import_place place;
-    if (g_str_has_suffix(name, ".session"))
-        name[strlen(name) - strlen(".session")] = '\0';
-    make_shots(set);
-    if (!check_double(set, error) || !check_lights(set, error) || !import_frames_plan(set, error) ||
-        !import_frames_prepare(set, error) || !import_place_begin(&place, path, error))
-        return FALSE;
-    set->session = import_poses_create(set, place.session, name, error);
-    const gboolean ok = set->session && import_poses_fill(set, work, error);
+    set->session = session_create(place.session, place.name, &texts, &plan, error);
+    const gboolean ok = set->session && import_frames_write(set, work, error) &&
+                        session_set_value(set->session, "imported_frames", set->table, error) &&
+                        session_set_value(set->session, "state", "done", error);
     return import_place_end(&place, set->session, ok, error);
 }
 

@@ -16,7 +16,7 @@ struct import_row {
     int device; /* lamp or laser */
     gboolean sweep;
     double turntable_deg, arc_deg, exposure_ms, sweep_deg;
-    int shot; /* index */
+    int view, shot; /* indices */
 };
 
 /* Properties of a camera's first picture. */

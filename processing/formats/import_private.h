@@ -4,21 +4,24 @@
 #include "import.h"
 
 #define IMPORT_MOST_HOLES 0.5 /* of a picture */
+#define IMPORT_NO_TEXT    "# none: imported\n"
 
 /* Reads a colour picture. EXR: R, G, B of the first part, or a grey "Y" for all three; else what
  * OpenCV reads. NULL: DATA_ERROR_INVALID. */
-struct import_picture {
+typedef struct import_picture {
     int width, height;
     gboolean grey;
     float *rgb; /* height × width × 3 */
-};
+} ImportPicture;
 struct import_picture *import_picture_read(const char *path, GError **error);
 void import_picture_free(struct import_picture *picture); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(ImportPicture, import_picture_free)
 gboolean import_is_picture(const char *name);
 
 /* A new session under a hidden name while it is filled. */
 struct import_place {
     char *path, *folder, *session;
+    char *name; /* of the session */
 };
 gboolean import_place_begin(struct import_place *place, const char *path, GError **error);
 /* Closes the session and renames it, or removes it. */

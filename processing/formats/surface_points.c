@@ -29,17 +29,6 @@ struct view {
     int index;
 };
 
-static void surface_points_place(const struct view *view) {
-    const struct session_grid *grid = &view->surface->grid;
-    for (int row = 0; row < grid->height; row++)
-        for (int column = 0; column < grid->width; column++) {
-            const int i = row * grid->width + column;
-            const struct vec3 from = rectify_point_mm(grid, column + 0.5, row + 0.5);
-            const struct vec3 ray = vec3_unit(vec3_sub(from, view->eye_mm));
-            view->at_mm[i] = vec3_add(from, vec3_scale(ray, (double)view->distance[i]));
-        }
-}
-
 /* Tangent from one neighbour to the other, or from the texel to the one that exists. FALSE: they
  * are on different surfaces. */
 static gboolean surface_points_along(const struct view *view, int i, int before, int after,
@@ -100,38 +89,28 @@ static gboolean surface_points_add_view(struct surface *surface, const struct ex
     double eye[3];
     if (!distance || !own || part->width != surface->grid.width ||
         part->height != surface->grid.height || !exr_get_v3d(part, "view.centre_mm", eye, NULL) ||
-        !isfinite(eye[0] + eye[1] + eye[2])) {
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "%s: part %s is not a view of an MDF of %d × %d texels; process the session again",
-            path, part->name, surface->grid.width, surface->grid.height);
-        return FALSE;
-    }
+        !isfinite(eye[0] + eye[1] + eye[2]))
+        return data_error_fail(
+            path, 0, error,
+            "part %s is not a view of an MDF of %d × %d texels; process the session again",
+            part->name, surface->grid.width, surface->grid.height);
+    g_autofree struct vec3 *at_mm = g_new0(struct vec3, part->width * part->height);
     struct view view = {.surface = surface,
                         .eye_mm = vec3(eye[0], eye[1], eye[2]),
-                        .at_mm = g_new0(struct vec3, part->width * part->height),
+                        .at_mm = at_mm,
                         .distance = distance,
                         .error = own,
                         .source = exr_part_plane(part, "P"),
                         .index = index};
-    surface_points_place(&view);
+    for (int row = 0; row < part->height; row++)
+        for (int column = 0; column < part->width; column++) {
+            const int i = row * part->width + column;
+            const struct vec3 from = rectify_point_mm(&surface->grid, column + 0.5, row + 0.5);
+            const struct vec3 ray = vec3_unit(vec3_sub(from, view.eye_mm));
+            at_mm[i] = vec3_add(from, vec3_scale(ray, (double)distance[i]));
+        }
     add_points(&view);
-    g_free(view.at_mm);
     return TRUE;
-}
-
-static gboolean surface_points_read_views(struct surface *surface, const char *path,
-                                          const struct work *work, GError **error) {
-    const gint64 begun_us = g_get_monotonic_time();
-    struct exr_file *file = exr_read(path, error);
-    gboolean ok = file != NULL;
-    surface->n_views = ok ? (int)file->parts->len : 0;
-    for (int i = 0; ok && i < surface->n_views; i++) {
-        ok = surface_points_add_view(surface, file->parts->pdata[i], i, path, error) &&
-             work_tell(work, "points", i + 1, surface->n_views, begun_us, error);
-    }
-    exr_file_free(file);
-    return ok;
 }
 
 gboolean surface_read(const char *session, const struct work *work, struct surface *ret,
@@ -149,6 +128,14 @@ gboolean surface_read(const char *session, const struct work *work, struct surfa
                     path);
         return FALSE;
     }
-    return session_check_products(from, "products/mdf.exr", error) &&
-           surface_points_read_views(ret, path, work, error);
+    if (!session_check_products(from, "products/mdf.exr", error))
+        return FALSE;
+    const gint64 begun_us = g_get_monotonic_time();
+    g_autoptr(ExrFile) file = exr_read(path, error);
+    ret->n_views = file ? (int)file->parts->len : 0;
+    for (int i = 0; i < ret->n_views; i++)
+        if (!surface_points_add_view(ret, file->parts->pdata[i], i, path, error) ||
+            !work_tell(work, "points", i + 1, ret->n_views, begun_us, error))
+            return FALSE;
+    return file != NULL;
 }

@@ -45,56 +45,44 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
                               const char *path, GError **error) {
     for (guint i = 0; i < directions->len; i++) {
         const struct session_direction *direction = g_ptr_array_index(directions, i);
-        if (direction->device >= 0 && direction->device < n)
-            continue;
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: its plan names %s %d, but its calibration has %d", path, what,
-                    direction->device, n);
-        return FALSE;
+        if (direction->device < 0 || direction->device >= n)
+            return data_error_fail(path, 0, error,
+                                   "its plan names %s %d, but its calibration has %d", what,
+                                   direction->device, n);
     }
     return TRUE;
 }
 
-static gboolean catalogue_check_shots(const struct catalogue *catalogue, GError **error) {
-    for (guint i = 0; i < catalogue->shots->len; i++) {
-        const struct session_shot *shot = g_ptr_array_index(catalogue->shots, i);
-        int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
-                : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
-                                           : G_MAXINT;
-        gboolean sweeps = shot->kind == SHOT_SWEEP && shot->state != SHOT_SKIPPED;
-        if (shot->kind == SHOT_DARK ||
-            (shot->device >= 0 && shot->device < n && (!sweeps || shot->sweep_steps >= 2)))
-            continue;
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: shot %" G_GINT64_FORMAT " is not valid (device %d of %d, %d steps)",
-                    catalogue->directory, shot->id, shot->device, n, shot->sweep_steps);
-        return FALSE;
+/* Adds a shot to the table for looking it up. */
+static gboolean catalogue_add_shot(struct catalogue *catalogue, struct session_shot *shot,
+                                   GError **error) {
+    const int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
+                  : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
+                                             : G_MAXINT;
+    const gboolean sweeps = shot->kind == SHOT_SWEEP && shot->state != SHOT_SKIPPED;
+    if (shot->kind != SHOT_DARK &&
+        (shot->device < 0 || shot->device >= n || (sweeps && shot->sweep_steps < 2)))
+        return data_error_fail(catalogue->directory, 0, error,
+                               "shot %" G_GINT64_FORMAT " is not valid (device %d of %d, %d steps)",
+                               shot->id, shot->device, n, shot->sweep_steps);
+    if (shot->source < 0)
+        return TRUE;
+    gpointer key = source_key(shot->kind, shot->source, shot->turntable_deg);
+    GPtrArray *shots = g_hash_table_lookup(catalogue->by_source, key);
+    if (!shots) {
+        shots = g_ptr_array_new();
+        g_hash_table_insert(catalogue->by_source, key, shots);
     }
+    g_ptr_array_add(shots, shot);
     return TRUE;
-}
-
-/* Tables for looking up frames and shots. */
-static void index_shots(struct catalogue *catalogue) {
-    catalogue->by_source =
-        g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)g_ptr_array_unref);
-    for (guint i = 0; i < catalogue->shots->len; i++) {
-        struct session_shot *shot = g_ptr_array_index(catalogue->shots, i);
-        if (shot->source < 0)
-            continue;
-        gpointer key = source_key(shot->kind, shot->source, shot->turntable_deg);
-        GPtrArray *shots = g_hash_table_lookup(catalogue->by_source, key);
-        if (!shots) {
-            shots = g_ptr_array_new();
-            g_hash_table_insert(catalogue->by_source, key, shots);
-        }
-        g_ptr_array_add(shots, shot);
-    }
 }
 
 /* Reads shots and frames again; the rest never changes. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
     catalogue_clear_rows(catalogue);
     catalogue->frames = g_hash_table_new(NULL, NULL);
+    catalogue->by_source =
+        g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)g_ptr_array_unref);
     catalogue->frame_rows = session_frames(session, error);
     catalogue->shots = catalogue->frame_rows ? session_shots(session, error) : NULL;
     catalogue->outputs = catalogue->shots ? outputs_load(session, catalogue->shots, error) : NULL;
@@ -104,19 +92,10 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
         struct session_frame *frame = g_ptr_array_index(catalogue->frame_rows, i);
         g_hash_table_insert(catalogue->frames, frame_key(frame->shot, frame->camera), frame);
     }
-    index_shots(catalogue);
-    return catalogue_check_shots(catalogue, error);
-}
-
-static gboolean check_grid(const struct session_grid *grid, const char *path, GError **error) {
-    if (grid->width > 0 && grid->height > 0 && grid->width <= 8192 && grid->height <= 8192 &&
-        grid->width_mm > 0 && grid->height_mm > 0 && isfinite(grid->width_mm) &&
-        isfinite(grid->height_mm) && isfinite(grid->reference_mm) && isfinite(grid->depth_mm))
-        return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: %d × %d texels of %g × %g mm are no grid", path, grid->width, grid->height,
-                grid->width_mm, grid->height_mm);
-    return FALSE;
+    for (guint i = 0; i < catalogue->shots->len; i++)
+        if (!catalogue_add_shot(catalogue, g_ptr_array_index(catalogue->shots, i), error))
+            return FALSE;
+    return TRUE;
 }
 
 static gboolean load_calibration(struct catalogue *catalogue, Session *session, const char *path,
@@ -141,28 +120,27 @@ static gboolean load_calibration(struct catalogue *catalogue, Session *session, 
     return TRUE;
 }
 
-static gboolean load_reference(struct catalogue *catalogue, Session *session, GError **error) {
-    g_autofree char *text = session_value(session, LASER_REFERENCE_KEY);
-    if (text && !laser_reference_from_text(text, &catalogue->reference)) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: its value %s, “%s”, is not five numbers: height, its error, x and y of "
-                    "the hole, radius",
-                    catalogue->directory, LASER_REFERENCE_KEY, text);
-        return FALSE;
-    }
-    catalogue->reference.top_mm = catalogue->grid.reference_mm;
-    return TRUE;
-}
-
 static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
                                   const char *calibration, GError **error) {
     g_autofree char *path = session_file(session, "session.db (calibration.conf)");
+    g_autofree char *reference = session_value(session, LASER_REFERENCE_KEY);
+    const struct session_grid *grid = &catalogue->grid;
     catalogue->directory = session_path(session);
     if (!load_calibration(catalogue, session, path, calibration, error) ||
-        !session_grid(session, &catalogue->grid, error) ||
-        !check_grid(&catalogue->grid, catalogue->directory, error) ||
-        !load_reference(catalogue, session, error))
+        !session_grid(session, &catalogue->grid, error))
         return FALSE;
+    if (grid->width < 1 || grid->height < 1 || grid->width > 8192 || grid->height > 8192 ||
+        !(grid->width_mm > 0) || !(grid->height_mm > 0) || !isfinite(grid->width_mm) ||
+        !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !isfinite(grid->depth_mm))
+        return data_error_fail(catalogue->directory, 0, error,
+                               "%d × %d texels of %g × %g mm are no grid", grid->width,
+                               grid->height, grid->width_mm, grid->height_mm);
+    if (reference && !laser_reference_from_text(reference, &catalogue->reference))
+        return data_error_fail(catalogue->directory, 0, error,
+                               "its value %s, “%s”, is not five numbers: height, its error, x and "
+                               "y of the hole, radius",
+                               LASER_REFERENCE_KEY, reference);
+    catalogue->reference.top_mm = grid->reference_mm;
     catalogue->rig = catalogue->known->rig;
     catalogue->views = session_views(session, error);
     catalogue->lights = catalogue->views ? session_lights(session, error) : NULL;
@@ -239,23 +217,8 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
     return sum;
 }
 
-/* Adds a light that the plan left out for this view; another shot of it gives the lamp's
+/* input: NULL for a light that the plan left out for this view; another shot of it gives the lamp's
  * position. */
-static void catalogue_add_missing(struct btf_view *btf, const struct catalogue *catalogue,
-                                  const struct session_direction *direction,
-                                  const struct session_shot *shot, GChecksum *sum) {
-    const struct btf_light light = {.index = direction->index,
-                                    .theta_deg = direction->theta_deg,
-                                    .phi_deg = direction->phi_deg,
-                                    .arc = &catalogue->rig.arc,
-                                    .lamp = &catalogue->rig.lamps[shot->device],
-                                    .arc_rad = catalogue_radians(shot->arc_deg),
-                                    .missing = TRUE};
-    g_array_append_val(btf->lights, light);
-    btf->n_missing++;
-    input_hash(sum, "%d missing %.17g %.17g", light.index, light.theta_deg, light.phi_deg);
-}
-
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {
@@ -265,13 +228,19 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                               .phi_deg = direction->phi_deg,
                               .arc = &catalogue->rig.arc,
                               .lamp = &catalogue->rig.lamps[shot->device],
-                              .radiometry = lamp,
                               .arc_rad = catalogue_radians(shot->arc_deg),
-                              .output = lamp->known ? outputs_of(catalogue->outputs, shot->id) : 1,
-                              .input = *input};
+                              .missing = input == NULL};
+    if (input) {
+        light.radiometry = lamp;
+        light.output = lamp->known ? outputs_of(catalogue->outputs, shot->id) : 1;
+        light.input = *input;
+        input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg,
+                   light.phi_deg, shot->device, shot->arc_deg, light.output, input->sha256);
+    } else {
+        btf->n_missing++;
+        input_hash(sum, "%d missing %.17g %.17g", light.index, light.theta_deg, light.phi_deg);
+    }
     g_array_append_val(btf->lights, light);
-    input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg, light.phi_deg,
-               shot->device, shot->arc_deg, light.output, input->sha256);
 }
 
 enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
@@ -296,7 +265,7 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
         if (one == CATALOGUE_READY)
             add_light(btf, catalogue, direction, shot, &input, sum);
         else if (one == CATALOGUE_IMPOSSIBLE && shot)
-            catalogue_add_missing(btf, catalogue, direction, shot, sum);
+            add_light(btf, catalogue, direction, shot, NULL, sum);
         if (one == CATALOGUE_WAITING || !shot)
             state = MAX(state, one);
     }
@@ -323,16 +292,10 @@ void mdf_job_free(struct mdf_job *job) {
  * mounted by hand. */
 #define UNKNOWN_RAD 0.02
 
-static struct laser_known known_of(const struct calibration *calibration, int laser) {
-    const struct calibration_laser *errors = &calibration->lasers[laser];
-    if (!errors->known)
-        return (struct laser_known){UNKNOWN_RAD, UNKNOWN_RAD};
-    return (struct laser_known){errors->normal_rad, errors->axis_rad};
-}
-
 static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
                                 const struct session_shot *shot, const struct input *input,
                                 GChecksum *sum) {
+    const struct calibration_laser *known = &catalogue->known->lasers[shot->device];
     struct mdf_input sweep = {.arc = &catalogue->rig.arc,
                               .laser = &catalogue->rig.lasers[shot->device],
                               .arc_rad = catalogue_radians(shot->arc_deg),
@@ -340,7 +303,8 @@ static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *cat
                               .to_rad = catalogue_radians(shot->sweep_to_deg),
                               .steps = shot->sweep_steps,
                               .position = shot->source,
-                              .known = known_of(catalogue->known, shot->device),
+                              .known = {known->known ? known->normal_rad : UNKNOWN_RAD,
+                                        known->known ? known->axis_rad : UNKNOWN_RAD},
                               .input = *input};
     g_array_append_val(job->sweeps, sweep);
     input_hash(sum, "%d %d %.17g %.17g %.17g %d %s", shot->source, shot->device, shot->arc_deg,

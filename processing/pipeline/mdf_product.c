@@ -49,19 +49,11 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
     if (fabs(from * degree - input->from_rad) < 1e-9 && fabs(to * degree - input->to_rad) < 1e-9 &&
         steps == input->steps)
         return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: swept from %g° to %g° in %d steps, but the session's plan says %g° to %g° in "
-                "%d",
-                input->input.path, from, to, steps, input->from_rad / degree,
-                input->to_rad / degree, input->steps);
-    return FALSE;
-}
-
-static void count_lines(struct mdf_lines *to, const struct laser_lines *lines, int position) {
-    const double deg = lines->offset_rad * 180 / G_PI;
-    const struct mdf_lines one = {1,   lines->turn_rad != NULL,        lines->disagrees, deg * deg,
-                                  deg, lines->turn_rad ? position : -1};
-    mdf_lines_add(to, &one);
+    return data_error_fail(input->input.path, 0, error,
+                           "swept from %g° to %g° in %d steps, but the session's plan says %g° to "
+                           "%g° in %d",
+                           from, to, steps, input->from_rad / degree, input->to_rad / degree,
+                           input->steps);
 }
 
 /* Finds the laser's lines in the reference region first, then intersects rays with the corrected
@@ -70,31 +62,30 @@ static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
                                       const struct mdf_input *input, struct mdf_lines *count,
                                       GError **error) {
     static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
-    struct exr_part *part = input_read(&input->input, sweep_channels, error);
-    if (!part)
+    g_autoptr(ExrPart) part = input_read(&input->input, sweep_channels, error);
+    if (!part || !check_sweep(input, part, error))
         return FALSE;
-    gboolean ok = check_sweep(input, part, error);
-    if (ok) {
-        struct laser_sweep sweep = {.arc = input->arc,
-                                    .laser = input->laser,
-                                    .arc_rad = input->arc_rad,
-                                    .from_rad = input->from_rad,
-                                    .step_rad =
-                                        (input->to_rad - input->from_rad) / (input->steps - 1),
-                                    .peak = exr_part_plane(part, "peak"),
-                                    .width = exr_part_plane(part, "width"),
-                                    .intensity = exr_part_plane(part, "intensity"),
-                                    .second_peak = exr_part_plane(part, "second_peak"),
-                                    .second_intensity = exr_part_plane(part, "second_intensity")};
-        struct laser_lines lines;
-        laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
-        sweep.lines = &lines;
-        count_lines(count, &lines, input->position);
-        mdf_view_add(view, &sweep);
-        laser_lines_clear(&lines);
-    }
-    exr_part_free(part);
-    return ok;
+    struct laser_sweep sweep = {.arc = input->arc,
+                                .laser = input->laser,
+                                .arc_rad = input->arc_rad,
+                                .from_rad = input->from_rad,
+                                .step_rad = (input->to_rad - input->from_rad) / (input->steps - 1),
+                                .peak = exr_part_plane(part, "peak"),
+                                .width = exr_part_plane(part, "width"),
+                                .intensity = exr_part_plane(part, "intensity"),
+                                .second_peak = exr_part_plane(part, "second_peak"),
+                                .second_intensity = exr_part_plane(part, "second_intensity")};
+    struct laser_lines lines;
+    laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
+    const double deg = lines.offset_rad * 180 / G_PI;
+    const gboolean found = lines.turn_rad != NULL;
+    const struct mdf_lines one = {1,         found, lines.disagrees,
+                                  deg * deg, deg,   found ? input->position : -1};
+    mdf_lines_add(count, &one);
+    sweep.lines = &lines;
+    mdf_view_add(view, &sweep);
+    laser_lines_clear(&lines);
+    return TRUE;
 }
 
 /* One view: all its sweeps are added, then merged. */
@@ -124,25 +115,17 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     return result;
 }
 
-static char *hash_of_views(struct mdf_result *const *results, int n) {
-    g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
-    for (int i = 0; i < n; i++)
-        input_hash(sum, "%s", results[i] ? results[i]->inputs : "");
-    return g_strdup(g_checksum_get_string(sum));
-}
-
-static gboolean all_agreed(struct mdf_result *const *results, int n, const char *agreed) {
-    gboolean all = TRUE;
-    for (int i = 0; i < n; i++)
-        all &= !results[i] || strcmp(results[i]->agreed, agreed) == 0;
-    return all;
-}
-
 /* Views settled by the same set of views before, by hash, are skipped. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable) {
-    g_autofree char *agreed = hash_of_views(results, n);
-    if (all_agreed(results, n, agreed))
+    g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
+    for (int i = 0; i < n; i++)
+        input_hash(sum, "%s", results[i] ? results[i]->inputs : "");
+    const char *agreed = g_checksum_get_string(sum);
+    gboolean all = TRUE;
+    for (int i = 0; i < n; i++)
+        all &= !results[i] || strcmp(results[i]->agreed, agreed) == 0;
+    if (all)
         return FALSE;
     const int n_texels = grid->width * grid->height;
     const struct mdf_plane plane = {grid->width, grid->height, grid->width_mm / grid->width,
@@ -170,35 +153,31 @@ gboolean mdf_settle(struct mdf_result *const *results, int n, const struct sessi
     return TRUE;
 }
 
-static struct exr_part *result_part(const struct mdf_result *result,
-                                    const struct session_grid *grid) {
-    g_autofree char *name = g_strdup_printf("view_%04d", result->index);
-    struct exr_part *part = exr_part_new(name, grid->width, grid->height, channels, EXR_FLOAT);
-    for (int i = 0; i < N_PLANES; i++)
-        memcpy(part->planes[i], result->planes[i],
-               sizeof(float) * (gsize)grid->width * (gsize)grid->height);
-    exr_set_double(part, "view.theta_deg", result->theta_deg);
-    exr_set_double(part, "view.phi_deg", result->phi_deg);
-    const double *centre = result->centre_mm;
-    exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
-    exr_set_double(part, "reference_mm", grid->reference_mm);
-    exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
-    exr_set_string(part, "mesorig.inputs", result->inputs);
-    exr_set_string(part, "mesorig.views", result->agreed);
-    mdf_lines_write(part, &result->lines);
-    return part;
-}
-
 /* One part per view, with the attributes in pipeline.h. */
 gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error) {
-    struct exr_file *file = exr_file_new();
-    for (int i = 0; i < n; i++)
-        if (results[i])
-            exr_file_add(file, result_part(results[i], grid));
-    gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
-    exr_file_free(file);
-    return ok;
+    g_autoptr(ExrFile) file = exr_file_new();
+    for (int k = 0; k < n; k++) {
+        const struct mdf_result *result = results[k];
+        if (!result)
+            continue;
+        g_autofree char *name = g_strdup_printf("view_%04d", result->index);
+        struct exr_part *part = exr_part_new(name, grid->width, grid->height, channels, EXR_FLOAT);
+        for (int i = 0; i < N_PLANES; i++)
+            memcpy(part->planes[i], result->planes[i],
+                   sizeof(float) * (gsize)grid->width * (gsize)grid->height);
+        const double *centre = result->centre_mm;
+        exr_set_double(part, "view.theta_deg", result->theta_deg);
+        exr_set_double(part, "view.phi_deg", result->phi_deg);
+        exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
+        exr_set_double(part, "reference_mm", grid->reference_mm);
+        exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
+        exr_set_string(part, "mesorig.inputs", result->inputs);
+        exr_set_string(part, "mesorig.views", result->agreed);
+        mdf_lines_write(part, &result->lines);
+        exr_file_add(file, part);
+    }
+    return exr_write(path, file, EXR_PIZ, TRUE, error);
 }
 
 static struct mdf_result *result_of(const struct exr_file *file, const struct catalogue *catalogue,
@@ -234,17 +213,15 @@ gboolean mdf_read(const char *path, const struct catalogue *catalogue,
                   struct mdf_result **ret_results) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;
-    struct exr_file *file = exr_read(path, NULL);
+    g_autoptr(ExrFile) file = exr_read(path, NULL);
+    guint taken = 0;
     if (!file)
         return TRUE;
-    guint taken = 0;
     for (guint i = 0; i < catalogue->views->len; i++) {
         ret_results[i] = result_of(file, catalogue, g_ptr_array_index(catalogue->views, i));
         taken += ret_results[i] != NULL;
     }
-    gboolean other = taken != file->parts->len;
-    exr_file_free(file);
-    return other;
+    return taken != file->parts->len;
 }
 
 /* Share of measured texels; ret_predicted: share predicted by other views. */

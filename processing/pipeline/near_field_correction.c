@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/robust.h"
 #include "btf/btf.h"
 #include "btf/btf_private.h"
 #include "btf/texel_resampler.h"
@@ -60,15 +61,6 @@ static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct
     return btf_scratch_write(job->measured, view, rows, error);
 }
 
-static gboolean near_field_read_view(struct job *job, struct btf_matrix *btf, int view,
-                                     const char *path, GError **error) {
-    struct exr_file *file = exr_read(path, error);
-    const gboolean ok = file && (view > 0 || btf_take_lights(btf, file, path, error)) &&
-                        store_view(job, btf, file, view, path, error);
-    exr_file_free(file);
-    return ok;
-}
-
 static gboolean near_field_read_views(struct job *job, struct near_field_correction_result *ret,
                                       GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
@@ -80,23 +72,18 @@ static gboolean near_field_read_views(struct job *job, struct near_field_correct
                     "%s: its BTF is being made just now; wait until that has ended", job->source);
         ok = FALSE;
     }
-    for (gsize view = 0; ok && view < btf->layout.views.n; view++)
-        ok = near_field_read_view(job, btf, view, g_ptr_array_index(paths, (guint)view), error) &&
+    for (gsize view = 0; ok && view < btf->layout.views.n; view++) {
+        const char *path = g_ptr_array_index(paths, (guint)view);
+        g_autoptr(ExrFile) file = exr_read(path, error);
+        ok = file && (view > 0 || btf_take_lights(btf, file, path, error)) &&
+             store_view(job, btf, file, view, path, error) &&
              work_tell(job->work, "read", view + 1, btf->layout.views.n, begun, error);
+    }
     ret->holes = btf ? btf->holes : 0;
     ret->bounds = btf ? btf->bounds : 0;
     ret->predicted = btf ? btf->predicted : 0;
     btf_matrix_free(btf);
     return ok;
-}
-
-static void near_field_fail(struct job *job, GError *error) {
-    g_mutex_lock(&job->mutex);
-    if (!job->error)
-        job->error = g_steal_pointer(&error);
-    g_mutex_unlock(&job->mutex);
-    g_clear_error(&error);
-    g_cancellable_cancel(job->cancellable);
 }
 
 /* Transposes between [view][texel][light] in the scratch file and [texel][view][light] in memory.
@@ -136,15 +123,19 @@ static void resample_block(int block, gpointer data) {
     g_autofree float *values = g_new(float, BLOCK *from), *made = g_new(float, BLOCK *to);
     g_autofree float *rows =
         g_new(float, BLOCK *LANES *(gsize)MAX(job->near->lights.n, job->to->lights.n));
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     job->sums[block] = resampler_sums_new(&job->resampler);
     gboolean ok = read_block(job, first, n, values, rows, &error);
     for (int i = 0; ok && i < n; i++)
         resampler_texel(&job->resampler, first + i, values + (gsize)i * from, made + (gsize)i * to,
                         job->sums[block]);
-    ok = ok && write_block(job, first, n, made, rows, &error);
-    if (!ok)
-        near_field_fail(job, error);
+    if (ok && write_block(job, first, n, made, rows, &error))
+        return;
+    g_mutex_lock(&job->mutex);
+    if (!job->error)
+        job->error = g_steal_pointer(&error);
+    g_mutex_unlock(&job->mutex);
+    g_cancellable_cancel(job->cancellable);
 }
 
 static void cancel_too(GCancellable *users, gpointer ours) {
@@ -164,7 +155,7 @@ static gboolean resample_texels(struct job *job, GError **error) {
     gboolean ok = work_parallel(&work, "resample", n_blocks, resample_block, job, error);
     if (users)
         g_cancellable_disconnect(users, id);
-    if (job->error) {
+    if (job->error) { /* instead of that of cancelling */
         g_clear_error(error);
         g_propagate_error(error, g_steal_pointer(&job->error));
         ok = FALSE;
@@ -198,18 +189,13 @@ static void set_to(struct near_field_correction_band *band, const struct resampl
     band->nominal = own ? relative_error(sums->nominal, sums->norm) : -1;
 }
 
-static int by_angle(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Distinct elevations; those within BAND are one. */
 static GArray *elevations(const float *theta_deg, int n) {
     GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
     g_autofree double *sorted = g_new(double, n);
     for (int i = 0; i < n; i++)
         sorted[i] = (double)theta_deg[i];
-    qsort(sorted, (gsize)n, sizeof *sorted, by_angle);
+    qsort(sorted, (gsize)n, sizeof *sorted, robust_by_value);
     for (int i = 0; i < n; i++)
         if (i == 0 ||
             sorted[i] >
@@ -259,18 +245,6 @@ static void fill_to(const struct job *job, struct near_field_correction_result *
         resampler_to_add(&sums, &whole);
     }
     set_to(&ret->all, &whole, (double)job->n_texels * job->to->views.n, job->resampler.own);
-}
-
-static void fill_result(const struct job *job, struct near_field_correction_result *ret) {
-    ret->exact = job->near->camera_mm != NULL;
-    ret->n_views = job->near->views.n;
-    ret->n_lights = job->near->lights.n;
-    ret->sampled = job->all->sampled;
-    ret->light_moved_deg = job->all->light_moved_deg / job->n_texels;
-    ret->light_most_moved_deg = job->all->light_most_moved_deg;
-    ret->all = (struct near_field_correction_band){.theta_deg = -1, .n_views = job->to->views.n};
-    fill_from(job, ret);
-    fill_to(job, ret);
 }
 
 /* Callback of import_material(). */
@@ -363,17 +337,6 @@ static struct btf_directions *own_directions(const struct near_field *near) {
     return ret;
 }
 
-static gboolean open_scratch(struct job *job, const char *path, GError **error) {
-    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
-    g_autofree char *folder = g_path_get_dirname(absolute);
-    job->measured = btf_scratch_new(folder, job->near->lights.n * LANES, job->near->views.n,
-                                    job->n_texels, error);
-    job->made = job->measured ? btf_scratch_new(folder, job->to->lights.n * LANES, job->to->views.n,
-                                                job->n_texels, error)
-                              : NULL;
-    return job->made != NULL;
-}
-
 static gboolean near_field_run(struct job *job, const char *path, gboolean own,
                                struct near_field_correction_result *ret, GError **error) {
     if (g_file_test(path, G_FILE_TEST_EXISTS)) {
@@ -381,13 +344,30 @@ static gboolean near_field_run(struct job *job, const char *path, gboolean own,
                     path);
         return FALSE;
     }
-    if (!open_scratch(job, path, error) || !near_field_read_views(job, ret, error))
+    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *folder = g_path_get_dirname(absolute);
+    job->measured = btf_scratch_new(folder, (gsize)job->near->lights.n * LANES, job->near->views.n,
+                                    job->n_texels, error);
+    job->made = job->measured ? btf_scratch_new(folder, (gsize)job->to->lights.n * LANES,
+                                                job->to->views.n, job->n_texels, error)
+                              : NULL;
+    if (!job->made || !near_field_read_views(job, ret, error))
         return FALSE;
     resampler_init(&job->resampler, job->near, job->to, own);
     gboolean ok = resample_texels(job, error);
     g_clear_pointer(&job->measured, btf_scratch_free);
-    if (ok)
-        fill_result(job, ret);
+    if (ok) {
+        ret->exact = job->near->camera_mm != NULL;
+        ret->n_views = job->near->views.n;
+        ret->n_lights = job->near->lights.n;
+        ret->sampled = job->all->sampled;
+        ret->light_moved_deg = job->all->light_moved_deg / job->n_texels;
+        ret->light_most_moved_deg = job->all->light_most_moved_deg;
+        ret->all.theta_deg = -1;
+        ret->all.n_views = job->to->views.n;
+        fill_from(job, ret);
+        fill_to(job, ret);
+    }
     ok = ok && write_session(job, path, ret, error);
     resampler_sums_free(job->all);
     resampler_clear(&job->resampler);

@@ -96,12 +96,6 @@ static int count_made(const struct run *run, enum stage stage) {
     return n;
 }
 
-static void report_stage(struct run *run, enum stage stage, double spent_s) {
-    int done = count_made(run, stage), made = run->made_now[stage];
-    pipeline_report(run, stage_names[stage], done, run->n_views,
-                    made > 0 ? (run->spent_s[stage] + spent_s) / made * (run->n_views - done) : -1);
-}
-
 /* Stores a finished task. In the calling thread, which owns the session. */
 static gboolean pipeline_accept(struct run *run, struct task *task, GError **error) {
     if (task->error) {
@@ -155,12 +149,6 @@ static struct task *pipeline_next_task(struct run *run, enum stage stage, int vi
     return NULL;
 }
 
-static GThreadPool *new_pool(const struct run *run, GError **error) {
-    int n = run->options->work.n_threads > 0 ? run->options->work.n_threads
-                                             : (int)g_get_num_processors();
-    return g_thread_pool_new(pipeline_work, NULL, n, FALSE, error);
-}
-
 /* Keeps the error of the first view, if there are several; tasks cancelled because of it do not
  * count. */
 static void pipeline_note_error(struct run *run, const struct task *task, GError *found, int *worst,
@@ -178,7 +166,9 @@ static void pipeline_note_error(struct run *run, const struct task *task, GError
 
 /* Runs one stage for all views that are ready. */
 static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
-    GThreadPool *pool = new_pool(run, error);
+    const int n_threads = run->options->work.n_threads > 0 ? run->options->work.n_threads
+                                                           : (int)g_get_num_processors();
+    GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, n_threads, FALSE, error);
     if (!pool)
         return FALSE;
     int under_way = 0, worst = G_MAXINT;
@@ -195,22 +185,17 @@ static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
         if (!pipeline_accept(run, task, &found))
             pipeline_note_error(run, task, found, &worst, &first);
         task_free(task);
-        report_stage(run, stage, (double)(g_get_monotonic_time() - start_us) / 1e6);
+        const int done = count_made(run, stage), made = run->made_now[stage];
+        const double spent_s =
+            run->spent_s[stage] + (double)(g_get_monotonic_time() - start_us) / 1e6;
+        pipeline_report(run, stage_names[stage], done, run->n_views,
+                        made > 0 ? spent_s / made * (run->n_views - done) : -1);
     }
     run->spent_s[stage] += (double)(g_get_monotonic_time() - start_us) / 1e6;
     g_thread_pool_free(pool, FALSE, TRUE);
     if (first)
         g_propagate_error(error, first);
     return first == NULL;
-}
-
-/* Drops views of an earlier run whose frames no longer exist. */
-static void drop_old_mdf(struct run *run) {
-    for (int view = 0; view < run->n_views; view++)
-        if (run->mdf[view] && !run->made[STAGE_MDF][view]) {
-            g_clear_pointer(&run->mdf[view], mdf_result_free);
-            run->mdf_dirty = TRUE;
-        }
 }
 
 static gboolean write_mdf(struct run *run, GError **error) {
@@ -231,43 +216,23 @@ static int count_waiting(const struct run *run) {
     return n;
 }
 
-/* Without --follow, missing frames are an error unless the plan leaves them out. */
-static gboolean check_complete(const struct run *run, GError **error) {
-    int waiting = count_waiting(run);
-    if (run->options->follow || waiting == 0)
-        return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. With "
-                "--follow processing waits for them, or leaves these views out if the capture was "
-                "aborted",
-                session_path(run->session), waiting, run->n_views, session_path(run->session));
-    return FALSE;
-}
-
-static gboolean capture_ended(const struct run *run) {
-    g_autofree char *state = session_value(run->session, "state");
-    return state && (strcmp(state, "done") == 0 || strcmp(state, "aborted") == 0);
-}
-
-static gboolean wait_a_while(struct run *run, GError **error) {
-    for (int i = 0; i < 10; i++) {
-        if (g_cancellable_set_error_if_cancelled(run->cancellable, error))
-            return FALSE;
-        g_usleep(POLL_US / 10);
-    }
-    return TRUE;
-}
-
 /* Makes ready views until no more frames will come. Whether the capture has ended is asked before
  * the frames are looked up, so that none is missed. */
 static gboolean pipeline_make_views(struct run *run, GError **error) {
     for (;;) {
-        gboolean ended = !run->options->follow || capture_ended(run);
+        g_autofree char *state = session_value(run->session, "state");
+        gboolean ended = !run->options->follow || g_strcmp0(state, "done") == 0 ||
+                         g_strcmp0(state, "aborted") == 0;
         if (!catalogue_refresh(run->catalogue, run->session, error) ||
             !run_stage(run, STAGE_BTF, error) || !run_stage(run, STAGE_MDF, error))
             return FALSE;
         ended |= count_waiting(run) == 0;
-        drop_old_mdf(run);
+        /* Views of an earlier run whose frames no longer exist are dropped. */
+        for (int view = 0; view < run->n_views; view++)
+            if (run->mdf[view] && !run->made[STAGE_MDF][view]) {
+                g_clear_pointer(&run->mdf[view], mdf_result_free);
+                run->mdf_dirty = TRUE;
+            }
         gint64 since_us = g_get_monotonic_time() - run->mdf_written_us;
         run->mdf_dirty |=
             ended && mdf_settle(run->mdf, run->n_views, &run->catalogue->grid, run->cancellable);
@@ -275,8 +240,11 @@ static gboolean pipeline_make_views(struct run *run, GError **error) {
             return FALSE;
         if (ended)
             return TRUE;
-        if (!wait_a_while(run, error))
-            return FALSE;
+        for (int i = 0; i < 10; i++) {
+            if (g_cancellable_set_error_if_cancelled(run->cancellable, error))
+                return FALSE;
+            g_usleep(POLL_US / 10);
+        }
     }
 }
 
@@ -333,34 +301,21 @@ static struct eigenmaps *pipeline_new_eigenmaps(const struct columns *columns) {
     return maps;
 }
 
-static gboolean compute_eigenmaps(struct columns *columns, const char *path, double *ret_error,
-                                  GError **error) {
-    struct eigenmaps *maps = pipeline_new_eigenmaps(columns);
-    gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
-                  eigenmaps_write(path, maps, error);
-    eigenmaps_free(maps);
-    return ok;
-}
-
 static gboolean set_number(Session *session, const char *key, double value, GError **error) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
     return session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), error);
 }
 
-static char *eigenmaps_inputs(const struct columns *columns) {
-    const struct run *run = columns->run;
-    g_autoptr(GChecksum) sum = catalogue_checksum(run->catalogue, "eigenmaps");
-    input_hash(sum, "%d %s", run->options->n_eigenmaps, session_name(run->session));
-    for (int i = 0; i < columns->n_views; i++)
-        input_hash(sum, "%s", run->btf_inputs[columns->views[i]]);
-    return g_strdup(g_checksum_get_string(sum));
-}
-
 static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_error,
                                         GError **error) {
-    Session *session = columns->run->session;
+    const struct run *run = columns->run;
+    Session *session = run->session;
     g_autofree char *path = session_file(session, "products/eigenmaps.exr");
-    g_autofree char *inputs = eigenmaps_inputs(columns);
+    g_autoptr(GChecksum) sum = catalogue_checksum(run->catalogue, "eigenmaps");
+    input_hash(sum, "%d %s", run->options->n_eigenmaps, session_name(session));
+    for (int i = 0; i < columns->n_views; i++)
+        input_hash(sum, "%s", run->btf_inputs[columns->views[i]]);
+    const char *inputs = g_checksum_get_string(sum);
     g_autofree char *before = session_value(session, "eigenmaps_inputs");
     g_autofree char *error_before = session_value(session, "eigenmaps_error");
     const gboolean whole = g_hash_table_contains(columns->run->whole, "products/eigenmaps.exr");
@@ -375,10 +330,13 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     if (lock < 0)
         return FALSE;
     new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
-    const gboolean ok = compute_eigenmaps(columns, path, ret_error, error) &&
+    struct eigenmaps *maps = pipeline_new_eigenmaps(columns);
+    const gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
+                        eigenmaps_write(path, maps, error) &&
                         session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
                         set_number(session, "eigenmaps_error", *ret_error, error) &&
                         session_set_value(session, "eigenmaps_inputs", inputs, error);
+    eigenmaps_free(maps);
     file_lock_give(lock, lock_path);
     return ok;
 }
@@ -411,7 +369,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     return pipeline_make_eigenmaps(&columns, &ret->eigenmaps_error, error);
 }
 
-static void sum_lines(const struct run *run, struct pipeline_result *ret) {
+static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GError **error) {
     struct mdf_lines all = {.worst_position = -1};
     for (int i = 0; i < run->n_views; i++)
         if (run->mdf[i])
@@ -422,10 +380,6 @@ static void sum_lines(const struct run *run, struct pipeline_result *ret) {
     ret->line_worst_position = all.worst_position;
     ret->lines_worst_deg = all.worst_deg;
     ret->lines_rms_deg = sqrt(all.squares_deg2 / MAX(all.found, 1));
-}
-
-static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GError **error) {
-    sum_lines(run, ret);
     ret->n_damaged = run->n_damaged;
     ret->n_mdf_views = count_made(run, STAGE_MDF);
     ret->mdf_coverage =
@@ -444,21 +398,21 @@ static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GE
 }
 
 static gboolean make_folders(struct run *run, GError **error) {
+    const char *directory = session_path(run->session);
     g_autofree char *path = session_file(run->session, "products/btf");
     run->lock_path = session_file(run->session, SESSION_PROCESS_LOCK);
-    if (g_mkdir_with_parents(path, 0777) == 0) {
-        const char *directory = session_path(run->session);
-        run->lock = file_lock_take(run->lock_path, "the products of this session", error);
-        if (run->lock < 0)
-            return FALSE;
-        new_file_remove_left(directory, "products/btf", "");
-        new_file_remove_left(directory, "products", "mdf.exr.");
-        return TRUE;
+    if (g_mkdir_with_parents(path, 0777) != 0) {
+        int code = errno;
+        g_set_error(error, G_IO_ERROR, (gint)g_io_error_from_errno(code), "%s: %s", path,
+                    g_strerror(code));
+        return FALSE;
     }
-    int code = errno;
-    g_set_error(error, G_IO_ERROR, (gint)g_io_error_from_errno(code), "%s: %s", path,
-                g_strerror(code));
-    return FALSE;
+    run->lock = file_lock_take(run->lock_path, "the products of this session", error);
+    if (run->lock < 0)
+        return FALSE;
+    new_file_remove_left(directory, "products/btf", "");
+    new_file_remove_left(directory, "products", "mdf.exr.");
+    return TRUE;
 }
 
 /* Products of an earlier run are used only if they are unchanged. */
@@ -480,17 +434,6 @@ static gboolean find_whole(struct run *run, GError **error) {
     return damages != NULL;
 }
 
-/* After a damaged frame was refused: notes all damaged frames, so that one resume takes them all.
- * Errors here are less important than the first one and are ignored. */
-static void note_damaged_frames(struct run *run) {
-    g_autoptr(GPtrArray) damages =
-        session_find_damage(run->session, SESSION_FRAMES, "", &run->options->work, NULL, NULL);
-    for (guint i = 0; damages && i < damages->len; i++) {
-        const struct session_damage *damage = g_ptr_array_index(damages, i);
-        session_note_damage(run->session, damage->path, damage->what, NULL);
-    }
-}
-
 static gboolean pipeline_begin(struct run *run, GError **error) {
     run->catalogue = catalogue_load(run->session, run->options->calibration, error);
     if (!run->catalogue)
@@ -501,7 +444,17 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     run->btf_inputs = g_new0(char *, run->n_views + 1);
     run->missing = g_new0(int, run->n_views);
     run->mdf = g_new0(struct mdf_result *, run->n_views);
-    if (!check_complete(run, error) || !make_folders(run, error) || !find_whole(run, error))
+    /* Without --follow, missing frames are an error unless the plan leaves them out. */
+    const int waiting = run->options->follow ? 0 : count_waiting(run);
+    if (waiting > 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. "
+                    "With --follow processing waits for them, or leaves these views out if the "
+                    "capture was aborted",
+                    session_path(run->session), waiting, run->n_views, session_path(run->session));
+        return FALSE;
+    }
+    if (!make_folders(run, error) || !find_whole(run, error))
         return FALSE;
     g_autofree char *path = session_file(run->session, "products/mdf.exr");
     if (g_hash_table_contains(run->whole, "products/mdf.exr"))
@@ -550,8 +503,16 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
                                         run.cancellable, NULL);
     gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found);
-    if (g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID))
-        note_damaged_frames(&run);
+    /* A damaged frame may have been refused: notes all of them, so that one resume takes them all.
+     * Errors here are less important than the first one and are ignored. */
+    g_autoptr(GPtrArray) damages =
+        g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID)
+            ? session_find_damage(run.session, SESSION_FRAMES, "", &options->work, NULL, NULL)
+            : NULL;
+    for (guint i = 0; damages && i < damages->len; i++) {
+        const struct session_damage *damage = g_ptr_array_index(damages, i);
+        session_note_damage(run.session, damage->path, damage->what, NULL);
+    }
     if (options->work.cancellable)
         g_cancellable_disconnect(options->work.cancellable, forward);
     pipeline_end(&run);

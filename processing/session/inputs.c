@@ -14,62 +14,48 @@ void input_clear(struct input *input) {
     g_clear_pointer(&input->sha256, g_free);
 }
 
-static gboolean check_sum(const struct input *input, GError **error) {
+/* The checksum is verified first: a damaged file must not reach a decoder. */
+struct exr_part *input_read(const struct input *input, const char *const *channels,
+                            GError **error) {
     g_autoptr(GError) cause = NULL;
     gint64 bytes = 0;
     g_autofree char *sum = exr_sha256(input->path, &bytes, &cause);
     if (!sum) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: the session lists this frame, but: %s" REMEDY, input->path,
-                    cause->message);
-        return FALSE;
-    }
-    if (!input->sha256 || !*input->sha256 || strcmp(sum, input->sha256) == 0)
-        return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: the file (%" G_GINT64_FORMAT " bytes) is not the one the session committed: "
-                "its SHA-256 is %s, the session has %s" REMEDY,
-                input->path, bytes, sum, input->sha256);
-    return FALSE;
-}
-
-static gboolean inputs_check_part(const struct input *input, const struct exr_part *part,
-                                  const char *const *channels, GError **error) {
-    if (part->width != input->width || part->height != input->height) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: it has %d × %d pixels, but the session's calibration says that its camera "
-                    "has %d × %d",
-                    input->path, part->width, part->height, input->width, input->height);
-        return FALSE;
-    }
-    for (int i = 0; channels[i]; i++)
-        if (!exr_part_plane(part, channels[i])) {
-            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "%s: part %s has no channel %s" DELETE, input->path, part->name,
-                        channels[i]);
-            return FALSE;
-        }
-    return TRUE;
-}
-
-/* The checksum is verified first: a damaged file must not reach a decoder. */
-struct exr_part *input_read(const struct input *input, const char *const *channels,
-                            GError **error) {
-    if (!check_sum(input, error))
+        data_error_set(input->path, 0, error, "the session lists this frame, but: %s" REMEDY,
+                       cause->message);
         return NULL;
-    g_autoptr(GError) cause = NULL;
-    struct exr_file *file = exr_read(input->path, &cause);
+    }
+    if (input->sha256 && *input->sha256 && strcmp(sum, input->sha256) != 0) {
+        data_error_set(input->path, 0, error,
+                       "the file (%" G_GINT64_FORMAT " bytes) is not the one the session "
+                       "committed: its SHA-256 is %s, the session has %s" REMEDY,
+                       bytes, sum, input->sha256);
+        return NULL;
+    }
+    g_autoptr(ExrFile) file = exr_read(input->path, &cause);
     if (!file) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" DELETE, cause->message);
         return NULL;
     }
-    struct exr_part *part = NULL;
-    if (file->parts->len == 0)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no parts" DELETE, input->path);
-    else if (inputs_check_part(input, g_ptr_array_index(file->parts, 0), channels, error))
-        part = g_ptr_array_steal_index(file->parts, 0);
-    exr_file_free(file);
-    return part;
+    const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
+    if (!part) {
+        data_error_set(input->path, 0, error, "no parts" DELETE);
+        return NULL;
+    }
+    if (part->width != input->width || part->height != input->height) {
+        data_error_set(input->path, 0, error,
+                       "it has %d × %d pixels, but the session's calibration says that its camera "
+                       "has %d × %d",
+                       part->width, part->height, input->width, input->height);
+        return NULL;
+    }
+    for (int i = 0; channels[i]; i++)
+        if (!exr_part_plane(part, channels[i])) {
+            data_error_set(input->path, 0, error, "part %s has no channel %s" DELETE, part->name,
+                           channels[i]);
+            return NULL;
+        }
+    return g_ptr_array_steal_index(file->parts, 0);
 }
 
 /* Includes the terminating 0, so that consecutive texts are unambiguous. */

@@ -1,6 +1,7 @@
 /* The output of a shot is the mean of its cameras weighted by 1/σ², with the error of the
  * calibration added to each σ². */
 #include "outputs.h"
+#include "session_private.h"
 
 #include <math.h>
 #include <string.h>
@@ -30,30 +31,6 @@ gboolean outputs_store(Session *session, gint64 shot, const char *camera, double
     return session_set_value(session, key, text, error);
 }
 
-static gboolean outputs_wrong(const Session *session, const char *key, const char *value,
-                              GError **error) {
-    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                "%s/session.db: the value %s = \"%s\" is not a lamp's output and its error",
-                session_path(session), key, value);
-    return FALSE;
-}
-
-static gboolean outputs_add_value(struct outputs *outputs, const Session *session, const char *key,
-                                  const char *value, GError **error) {
-    char *end = NULL;
-    gint64 shot = g_ascii_strtoll(key + strlen(PREFIX), &end, 10);
-    if (*end != '/' || shot < 1 || shot > outputs->n)
-        return outputs_wrong(session, key, value, error);
-    double output = g_ascii_strtod(value, &end);
-    double own = *end == ' ' ? g_ascii_strtod(end + 1, &end) : -1;
-    if (*end != '\0' || !(output > 1e-3 && output < 1e3) || !(own >= 0 && own < 1e3))
-        return outputs_wrong(session, key, value, error);
-    double weight = 1 / (own * own + CALIBRATION_ERROR * CALIBRATION_ERROR);
-    outputs->of[shot].sum += weight * output;
-    outputs->of[shot].weight += weight;
-    return TRUE;
-}
-
 static gboolean add_all(struct outputs *outputs, Session *session, GError **error) {
     g_autoptr(GHashTable) values = session_values(session, PREFIX, error);
     GHashTableIter iter;
@@ -61,9 +38,21 @@ static gboolean add_all(struct outputs *outputs, Session *session, GError **erro
     if (!values)
         return FALSE;
     g_hash_table_iter_init(&iter, values);
-    while (g_hash_table_iter_next(&iter, &key, &value))
-        if (!outputs_add_value(outputs, session, key, value, error))
-            return FALSE;
+    while (g_hash_table_iter_next(&iter, &key, &value)) {
+        char *slash = NULL, *end = NULL;
+        gint64 shot = g_ascii_strtoll((char *)key + strlen(PREFIX), &slash, 10);
+        double output = g_ascii_strtod(value, &end);
+        double own = *end == ' ' ? g_ascii_strtod(end + 1, &end) : -1;
+        if (*slash != '/' || shot < 1 || shot > outputs->n || *end != '\0' ||
+            !(output > 1e-3 && output < 1e3) || !(own >= 0 && own < 1e3))
+            return session_fail(error, SESSION_ERROR_FORMAT,
+                                "%s/session.db: the value %s = \"%s\" is not a lamp's output and "
+                                "its error",
+                                session_path(session), (char *)key, (char *)value);
+        double weight = 1 / (own * own + CALIBRATION_ERROR * CALIBRATION_ERROR);
+        outputs->of[shot].sum += weight * output;
+        outputs->of[shot].weight += weight;
+    }
     return TRUE;
 }
 
@@ -86,17 +75,6 @@ static double outputs_between(const struct outputs *outputs, gint64 shot) {
     return (1 - part) * outputs->of[before].value + part * outputs->of[after].value;
 }
 
-static void set_values(struct outputs *outputs) {
-    for (gint64 i = 1; i <= outputs->n; i++)
-        if (outputs->of[i].weight > 0) {
-            outputs->of[i].value = outputs->of[i].sum / outputs->of[i].weight;
-            outputs->measured++;
-        }
-    for (gint64 i = 1; i <= outputs->n && outputs->measured > 0; i++)
-        if (outputs->of[i].weight == 0 && outputs->of[i].lamp >= 0)
-            outputs->of[i].value = outputs_between(outputs, i);
-}
-
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error) {
     struct outputs *outputs = g_new0(struct outputs, 1);
     outputs->n = shots->len;
@@ -110,7 +88,14 @@ struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **
         outputs_free(outputs);
         return NULL;
     }
-    set_values(outputs);
+    for (gint64 i = 1; i <= outputs->n; i++)
+        if (outputs->of[i].weight > 0) {
+            outputs->of[i].value = outputs->of[i].sum / outputs->of[i].weight;
+            outputs->measured++;
+        }
+    for (gint64 i = 1; i <= outputs->n && outputs->measured > 0; i++)
+        if (outputs->of[i].weight == 0 && outputs->of[i].lamp >= 0)
+            outputs->of[i].value = outputs_between(outputs, i);
     return outputs;
 }
 

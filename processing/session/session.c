@@ -27,57 +27,26 @@ int session_lock(const char *path, GError **error) {
     if (fd >= 0 && errno == EWOULDBLOCK) {
         if (pread(fd, who, sizeof who - 1, 0) < 0)
             *who = 0;
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_LOCKED,
-                    "%s: another process captures into it (process %ld); end that first", path,
-                    strtol(who, NULL, 10));
+        session_fail(error, SESSION_ERROR_LOCKED,
+                     "%s: another process captures into it (process %ld); end that first", path,
+                     strtol(who, NULL, 10));
     } else {
-        g_set_error(error, SESSION_ERROR,
-                    errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
-                    "%s: cannot be locked: %s", file, g_strerror(errno));
+        session_fail(error,
+                     errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
+                     "%s: cannot be locked: %s", file, g_strerror(errno));
     }
     if (fd >= 0)
         close(fd);
     return -1;
 }
 
-/* error must not be NULL. */
-static gboolean read_name(Session *session, GError **error) {
-    g_autoptr(sqlite3_stmt) statement =
-        session_db_query(session, error, "SELECT name FROM session WHERE id = 1", "");
-
-    if (statement && session_db_next(session, statement, error))
-        session->name = g_strdup((const char *)sqlite3_column_text(statement, 0));
-    if (!session->name && !*error)
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s: the session has no name",
-                    session->path);
-    return session->name != NULL;
-}
-
-/* Refuses symbolic links in place of folders: writing into a session must not write elsewhere. */
-static gboolean check_folders(const Session *session, GError **error) {
-    static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
-
-    for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
-        g_autofree char *folder = session_file(session, folders[i]);
-
-        if (!g_file_test(folder, G_FILE_TEST_IS_SYMLINK))
-            continue;
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s: a symbolic link, which nothing is written through; put a folder there",
-                    folder);
-        return FALSE;
-    }
-    return TRUE;
-}
-
 static gboolean session_start(Session *session, GError **error) {
+    static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
     g_autofree char *db = session_file(session, "session.db");
 
-    if (!g_file_test(session->path, G_FILE_TEST_IS_DIR)) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s: no session there: not a directory", session->path);
-        return FALSE;
-    }
+    if (!g_file_test(session->path, G_FILE_TEST_IS_DIR))
+        return session_fail(error, SESSION_ERROR_FORMAT, "%s: no session there: not a directory",
+                            session->path);
     /* Check first, so that other directories do not get a lock file. */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
@@ -85,21 +54,35 @@ static gboolean session_start(Session *session, GError **error) {
         if (session->lock < 0)
             return FALSE;
     }
-    return session_db_open(session, FALSE, error) && read_name(session, error) &&
-           (session->mode == SESSION_READ || check_folders(session, error));
+    if (!session_db_open(session, FALSE, error))
+        return FALSE;
+    if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
+                            error) >= 0 &&
+        !session->name)
+        session_fail(error, SESSION_ERROR_FORMAT, "%s: the session has no name", session->path);
+    if (!session->name)
+        return FALSE;
+    /* Refuses symbolic links in place of folders: writing into a session must not write elsewhere.
+     */
+    for (gsize i = 0; session->mode != SESSION_READ && i < G_N_ELEMENTS(folders); i++) {
+        g_autofree char *folder = session_file(session, folders[i]);
+
+        if (g_file_test(folder, G_FILE_TEST_IS_SYMLINK))
+            return session_fail(
+                error, SESSION_ERROR_FORMAT,
+                "%s: a symbolic link, which nothing is written through; put a folder there",
+                folder);
+    }
+    return TRUE;
 }
 
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error) {
     g_autoptr(Session) session = g_new0(Session, 1);
-    g_autoptr(GError) own = NULL;
 
     session->path = g_canonicalize_filename(path, NULL);
     session->mode = mode;
     session->lock = lock;
-    if (session_start(session, &own))
-        return g_steal_pointer(&session);
-    g_propagate_error(error, g_steal_pointer(&own));
-    return NULL;
+    return session_start(session, error) ? g_steal_pointer(&session) : NULL;
 }
 
 Session *session_open(const char *path, enum session_mode mode, GError **error) {
@@ -143,11 +126,9 @@ gboolean session_is_relative(const char *path) {
 }
 
 gboolean session_may(const Session *session, enum session_mode least, GError **error) {
-    if (session->mode >= least)
-        return TRUE;
-    g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO, "%s: open for %s only", session->path,
-                session->mode == SESSION_READ ? "reading" : "writing products");
-    return FALSE;
+    return session->mode >= least ||
+           session_fail(error, SESSION_ERROR_IO, "%s: open for %s only", session->path,
+                        session->mode == SESSION_READ ? "reading" : "writing products");
 }
 
 char *session_frame_path(const struct session_shot *shot, const char *camera) {
@@ -158,46 +139,33 @@ char *session_frame_path(const struct session_shot *shot, const char *camera) {
                            shot->kind == SHOT_SWEEP ? "laser" : "frames", shot->id, safe);
 }
 
-static char *one_text(Session *session, const char *sql, const char *key, GError **error) {
-    g_autoptr(sqlite3_stmt) statement = session_db_query(session, error, sql, "s", key);
-
-    if (!statement || !session_db_next(session, statement, error))
-        return NULL;
-    return g_strdup((const char *)sqlite3_column_text(statement, 0));
-}
-
 char *session_text(Session *session, const char *name, GError **error) {
-    g_autoptr(GError) own = NULL;
-    char *content = one_text(session, "SELECT content FROM text WHERE name = ?1", name, &own);
+    char *content;
 
-    if (own)
-        g_propagate_error(error, g_steal_pointer(&own));
-    else if (!content)
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s: no text \"%s\" in it",
-                    session->path, name);
+    if (session_db_one_text(session, "SELECT content FROM text WHERE name = ?1", name, &content,
+                            error) >= 0 &&
+        !content)
+        session_fail(error, SESSION_ERROR_FORMAT, "%s: no text \"%s\" in it", session->path, name);
     return content;
 }
 
 char *session_value(Session *session, const char *key) {
-    return one_text(session, "SELECT value FROM value WHERE key = ?1", key, NULL);
+    char *value;
+
+    session_db_one_text(session, "SELECT value FROM value WHERE key = ?1", key, &value, NULL);
+    return value;
 }
 
 GHashTable *session_values(Session *session, const char *prefix, GError **error) {
     g_autoptr(GHashTable) values = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
-    g_autoptr(GError) own = NULL;
     g_autoptr(sqlite3_stmt) statement = session_db_query(
         session, error, "SELECT key, value FROM value WHERE substr(key, 1, length(?1)) = ?1", "s",
         prefix);
+    int rc = -1;
 
-    if (!statement)
-        return NULL;
-    while (session_db_next(session, statement, &own))
-        g_hash_table_insert(values, g_strdup((const char *)sqlite3_column_text(statement, 0)),
-                            g_strdup((const char *)sqlite3_column_text(statement, 1)));
-    if (!own)
-        return g_steal_pointer(&values);
-    g_propagate_error(error, g_steal_pointer(&own));
-    return NULL;
+    while (statement && (rc = session_db_next(session, statement, error)) > 0)
+        g_hash_table_insert(values, session_db_text(statement, 0), session_db_text(statement, 1));
+    return rc == 0 ? g_steal_pointer(&values) : NULL;
 }
 
 /* NULL deletes the value. */
@@ -234,11 +202,9 @@ gboolean session_add_product(Session *session, const char *relative, const char 
     if (!session_may(session, SESSION_PRODUCTS, error))
         return FALSE;
     sha256 = session_is_relative(relative) ? exr_sha256(file, &bytes, &own) : NULL;
-    if (!sha256) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO, "%s: not a product: %s", relative,
-                    own ? own->message : "not a name inside the session");
-        return FALSE;
-    }
+    if (!sha256)
+        return session_fail(error, SESSION_ERROR_IO, "%s: not a product: %s", relative,
+                            own ? own->message : "not a name inside the session");
     return session_db_run(session, error, "INSERT OR REPLACE INTO product VALUES (?1, ?2, ?3, ?4)",
                           "sssl", relative, made_by, sha256, bytes);
 }

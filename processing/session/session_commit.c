@@ -10,14 +10,9 @@
 
 static gboolean session_commit_refuse(const struct session_frame *frame, const char *what,
                                       GError **error) {
-    g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO,
-                "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
-                frame->camera, frame->path ? frame->path : "", what);
-    return FALSE;
-}
-
-static gboolean is_sha256(const char *text) {
-    return text && strlen(text) == 64 && strspn(text, "0123456789abcdef") == 64;
+    return session_fail(error, SESSION_ERROR_IO,
+                        "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
+                        frame->camera, frame->path ? frame->path : "", what);
 }
 
 static gint64 session_commit_size_of(const Session *session, const char *relative) {
@@ -27,31 +22,29 @@ static gint64 session_commit_size_of(const Session *session, const char *relativ
     return lstat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
 }
 
-static gboolean session_commit_check_frame(const Session *session, gint64 shot,
-                                           const struct session_frame *frame, GError **error) {
-    if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
-        return session_commit_refuse(frame, "not of this shot, or no such camera", error);
-    if (!session_is_relative(frame->path))
-        return session_commit_refuse(frame, "not a name inside the session", error);
-    if (!is_sha256(frame->sha256) || !isfinite(frame->captured_s))
-        return session_commit_refuse(frame, "no checksum or no time", error);
-    if (session_commit_size_of(session, frame->path) != frame->bytes)
-        return session_commit_refuse(frame, "the file is not there, or not of this size", error);
-    return TRUE;
-}
-
 static gboolean session_commit_check_frames(const Session *session, gint64 shot,
                                             enum session_shot_state state,
                                             const struct session_frame *frames, int n_frames,
                                             GError **error) {
-    if (state == SHOT_PLANNED && n_frames > 0) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "shot %" G_GINT64_FORMAT ": a shot that is only planned has no frames", shot);
-        return FALSE;
+    if (state == SHOT_PLANNED && n_frames > 0)
+        return session_fail(error, SESSION_ERROR_FORMAT,
+                            "shot %" G_GINT64_FORMAT ": a shot that is only planned has no frames",
+                            shot);
+    for (int i = 0; i < n_frames; i++) {
+        const struct session_frame *frame = &frames[i];
+        const char *sum = frame->sha256 ? frame->sha256 : "";
+
+        if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
+            return session_commit_refuse(frame, "not of this shot, or no such camera", error);
+        if (!session_is_relative(frame->path))
+            return session_commit_refuse(frame, "not a name inside the session", error);
+        if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64 ||
+            !isfinite(frame->captured_s))
+            return session_commit_refuse(frame, "no checksum or no time", error);
+        if (session_commit_size_of(session, frame->path) != frame->bytes)
+            return session_commit_refuse(frame, "the file is not there, or not of this size",
+                                         error);
     }
-    for (int i = 0; i < n_frames; i++)
-        if (!session_commit_check_frame(session, shot, &frames[i], error))
-            return FALSE;
     return TRUE;
 }
 
@@ -63,11 +56,9 @@ static gboolean session_commit_set_state(Session *session, gint64 shot,
     if (!session_db_run(session, error, "UPDATE shot SET state = ?2, note = ?3 WHERE id = ?1",
                         "lss", shot, session_shot_states[state], valid))
         return FALSE;
-    if (sqlite3_changes(session->db) == 1)
-        return TRUE;
-    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                "%s: no shot %" G_GINT64_FORMAT " in its plan", session->path, shot);
-    return FALSE;
+    return sqlite3_changes(session->db) == 1 ||
+           session_fail(error, SESSION_ERROR_FORMAT, "%s: no shot %" G_GINT64_FORMAT " in its plan",
+                        session->path, shot);
 }
 
 /* Within the caller's transaction. */
@@ -107,47 +98,12 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
     return session_set_value(session, key, what, error);
 }
 
-/* NULL if the frame is as committed; else the difference, g_free(). */
-static char *verify_frame(const Session *session, const struct session_frame *frame,
-                          gboolean thorough) {
-    const gint64 size = session_commit_size_of(session, frame->path);
-
-    if (size < 0)
-        return g_strdup_printf("%s is gone", frame->path);
-    if (size != frame->bytes)
-        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
-                               frame->path, size, frame->bytes);
-    if (!thorough)
-        return NULL;
-    struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
-    char *why = damage
-                    ? g_strdup_printf("%s has changed since it was taken (checksum)", frame->path)
-                    : NULL;
-    session_damage_free(damage);
-    return why;
-}
-
-static double now_s(Session *session) {
+/* Removes all frames of the shots of which a frame is lost: a shot is captured as a whole. why: of
+ * each frame, or NULL. One short transaction: the files were checked before. */
+static gboolean forget_shots(Session *session, const GPtrArray *frames, const GPtrArray *why,
+                             GError **error) {
     g_autofree char *clock = session_value(session, "clock_s");
-    double now = clock ? g_ascii_strtod(clock, NULL) : 0;
-
-    return isfinite(now) ? now : 0;
-}
-
-/* Removes all frames of the shot: a shot is captured as a whole. */
-static gboolean session_commit_forget(Session *session, gint64 shot, const char *why,
-                                      GError **error) {
-    g_autofree char *message =
-        g_strdup_printf("shot %" G_GINT64_FORMAT " is planned again: %s", shot, why);
-
-    return session_commit_set_state(session, shot, SHOT_PLANNED, why, error) &&
-           replace_frames(session, shot, NULL, 0, error) &&
-           session_add_event(session, now_s(session), "warning", "session", message, error);
-}
-
-/* One short transaction: the files were checked before. */
-static gboolean forget_all(Session *session, const GPtrArray *frames, char *const *why,
-                           GError **error) {
+    double now_s = clock ? g_ascii_strtod(clock, NULL) : 0;
     gboolean ok =
         session_begin(session, error) &&
         session_db_run(session, error, "DELETE FROM value WHERE substr(key, 1, length(?1)) = ?1",
@@ -155,8 +111,16 @@ static gboolean forget_all(Session *session, const GPtrArray *frames, char *cons
 
     for (guint i = 0; ok && i < frames->len; i++) {
         const struct session_frame *frame = g_ptr_array_index(frames, i);
+        const char *wrong = g_ptr_array_index(why, i);
 
-        ok = !why[i] || session_commit_forget(session, frame->shot, why[i], error);
+        if (!wrong)
+            continue;
+        g_autofree char *message =
+            g_strdup_printf("shot %" G_GINT64_FORMAT " is planned again: %s", frame->shot, wrong);
+        ok = session_commit_set_state(session, frame->shot, SHOT_PLANNED, wrong, error) &&
+             replace_frames(session, frame->shot, NULL, 0, error) &&
+             session_add_event(session, isfinite(now_s) ? now_s : 0, "warning", "session", message,
+                               error);
     }
     if (ok)
         return session_commit(session, error);
@@ -168,7 +132,6 @@ static gboolean forget_all(Session *session, const GPtrArray *frames, char *cons
 static GHashTable *suspects(Session *session, GError **error) {
     g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
     g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
-    g_autoptr(GError) own = NULL;
     g_autoptr(sqlite3_stmt) darks =
         noted ? session_db_query(session, error,
                                  "SELECT path FROM frame JOIN shot ON shot.id = frame.shot"
@@ -177,26 +140,23 @@ static GHashTable *suspects(Session *session, GError **error) {
               : NULL;
     GHashTableIter iter;
     gpointer key;
+    int rc;
 
     if (!darks)
         return NULL;
     g_hash_table_iter_init(&iter, noted);
     while (g_hash_table_iter_next(&iter, &key, NULL))
         g_hash_table_add(paths, g_strdup((const char *)key + strlen(NOTED)));
-    while (session_db_next(session, darks, &own))
-        g_hash_table_add(paths, g_strdup((const char *)sqlite3_column_text(darks, 0)));
-    if (!own)
-        return g_steal_pointer(&paths);
-    g_propagate_error(error, g_steal_pointer(&own));
-    return NULL;
+    while ((rc = session_db_next(session, darks, error)) > 0)
+        g_hash_table_add(paths, session_db_text(darks, 0));
+    return rc == 0 ? g_steal_pointer(&paths) : NULL;
 }
 
 /* Files are compared without a transaction, which would block readers for minutes. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
     g_autoptr(GHashTable) suspected = NULL;
-    g_autofree char **why = NULL;
-    gboolean ok;
+    g_autoptr(GPtrArray) why = g_ptr_array_new_with_free_func(g_free); /* of each frame */
     int lost = 0;
 
     if (!session_may(session, SESSION_CAPTURE, error) ||
@@ -204,19 +164,31 @@ gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GErr
         return FALSE;
     new_file_remove_left(session->path, "frames", "");
     new_file_remove_left(session->path, "laser", "");
-    why = g_new0(char *, frames->len + 1);
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = g_ptr_array_index(frames, i);
+        const gint64 size = session_commit_size_of(session, frame->path);
+        char *wrong = NULL;
 
-        why[i] =
-            verify_frame(session, frame, thorough || g_hash_table_contains(suspected, frame->path));
-        lost += why[i] != NULL;
+        if (size < 0) {
+            wrong = g_strdup_printf("%s is gone", frame->path);
+        } else if (size != frame->bytes) {
+            wrong = g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
+                                    frame->path, size, frame->bytes);
+        } else if (thorough || g_hash_table_contains(suspected, frame->path)) {
+            struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
+
+            if (damage)
+                wrong =
+                    g_strdup_printf("%s has changed since it was taken (checksum)", frame->path);
+            session_damage_free(damage);
+        }
+        g_ptr_array_add(why, wrong);
+        lost += wrong != NULL;
     }
-    ok =
-        (lost == 0 && g_hash_table_size(suspected) == 0) || forget_all(session, frames, why, error);
-    for (guint i = 0; i < frames->len; i++)
-        g_free(why[i]);
-    if (ok && ret_lost)
+    if ((lost > 0 || g_hash_table_size(suspected) > 0) &&
+        !forget_shots(session, frames, why, error))
+        return FALSE;
+    if (ret_lost)
         *ret_lost = lost;
-    return ok;
+    return TRUE;
 }

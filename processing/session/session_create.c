@@ -18,11 +18,10 @@ static gboolean session_create_fail_errno(const char *path, int saved, GError **
         code = SESSION_ERROR_EXISTS;
     else if (saved == ENOSPC || saved == EDQUOT)
         code = SESSION_ERROR_FULL;
-    g_set_error(error, SESSION_ERROR, (int)code,
-                code == SESSION_ERROR_EXISTS ? "%s: exists already; take another name: %s"
-                                             : "%s: cannot be made: %s",
-                path, g_strerror(saved));
-    return FALSE;
+    return session_fail(error, code,
+                        code == SESSION_ERROR_EXISTS ? "%s: exists already; take another name: %s"
+                                                     : "%s: cannot be made: %s",
+                        path, g_strerror(saved));
 }
 
 /* Makes new directory entries durable. */
@@ -43,11 +42,9 @@ static gboolean check_texts(const char *name, const struct session_texts *texts,
                                         "the rig's path"};
 
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
-        if (!all[i] || !g_utf8_validate(all[i], -1, NULL)) {
-            g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "a new session: %s is %s",
-                        names[i], all[i] ? "not UTF-8" : "missing");
-            return FALSE;
-        }
+        if (!all[i] || !g_utf8_validate(all[i], -1, NULL))
+            return session_fail(error, SESSION_ERROR_FORMAT, "a new session: %s is %s", names[i],
+                                all[i] ? "not UTF-8" : "missing");
     return TRUE;
 }
 
@@ -70,30 +67,6 @@ static gboolean check_plan(const struct session_plan *plan, GError **error) {
     return ok;
 }
 
-static gboolean insert_text(Session *session, const char *name, const char *content,
-                            GError **error) {
-    return session_db_run(session, error, "INSERT INTO text VALUES (?1, ?2)", "ss", name, content);
-}
-
-static gboolean insert_texts(Session *session, const char *name, const struct session_texts *texts,
-                             GError **error) {
-    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
-    g_autofree char *created = g_date_time_format_iso8601(now);
-
-    return session_db_run(session, error, "INSERT INTO session VALUES (1, ?1, ?2, ?3)", "sss", name,
-                          "mesorig " MESORIG_VERSION, created) &&
-           insert_text(session, "rig.conf", texts->rig_conf, error) &&
-           insert_text(session, "session.conf", texts->session_conf, error) &&
-           insert_text(session, "calibration.conf", texts->calibration, error) &&
-           (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error));
-}
-
-static gboolean insert_grid(Session *session, const struct session_grid *grid, GError **error) {
-    return session_db_run(session, error, "INSERT INTO grid VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6)",
-                          "iidddd", grid->width, grid->height, grid->width_mm, grid->height_mm,
-                          grid->reference_mm, grid->depth_mm);
-}
-
 static gboolean insert_directions(Session *session, const struct session_direction *directions,
                                   int n, const char *kind, GError **error) {
     for (int i = 0; i < n; i++) {
@@ -108,32 +81,41 @@ static gboolean insert_directions(Session *session, const struct session_directi
     return TRUE;
 }
 
-static gboolean insert_shot(Session *session, const struct session_shot *shot, GError **error) {
-    return session_db_run(
-        session, error,
-        "INSERT INTO shot VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
-        "lsiddiilddiss", shot->id, session_shot_kinds[shot->kind], shot->pose, shot->turntable_deg,
-        shot->arc_deg, shot->source, shot->device, (gint64)shot->cameras, shot->sweep_from_deg,
-        shot->sweep_to_deg, shot->sweep_steps, session_shot_states[shot->state], shot->note);
-}
-
 /* All rows of the plan, in one transaction of the caller. */
 static gboolean insert_plan(Session *session, const struct session_plan *plan, GError **error) {
-    gboolean ok = insert_grid(session, &plan->grid, error) &&
-                  insert_directions(session, plan->views, plan->n_views, "view", error) &&
-                  insert_directions(session, plan->lights, plan->n_lights, "light", error) &&
-                  insert_directions(session, plan->lasers, plan->n_lasers, "laser", error);
+    const struct session_grid *grid = &plan->grid;
+    gboolean ok =
+        session_db_run(session, error, "INSERT INTO grid VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6)",
+                       "iidddd", grid->width, grid->height, grid->width_mm, grid->height_mm,
+                       grid->reference_mm, grid->depth_mm) &&
+        insert_directions(session, plan->views, plan->n_views, "view", error) &&
+        insert_directions(session, plan->lights, plan->n_lights, "light", error) &&
+        insert_directions(session, plan->lasers, plan->n_lasers, "laser", error);
 
-    for (int i = 0; ok && i < plan->n_shots; i++)
-        ok = insert_shot(session, &plan->shots[i], error);
+    for (int i = 0; ok && i < plan->n_shots; i++) {
+        const struct session_shot *shot = &plan->shots[i];
+
+        ok = session_db_run(
+            session, error,
+            "INSERT INTO shot VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+            "lsiddiilddiss", shot->id, session_shot_kinds[shot->kind], shot->pose,
+            shot->turntable_deg, shot->arc_deg, shot->source, shot->device, (gint64)shot->cameras,
+            shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps,
+            session_shot_states[shot->state], shot->note);
+    }
     return ok;
 }
 
 static gboolean insert_all(Session *session, const char *name, const struct session_texts *texts,
                            const struct session_plan *plan, GError **error) {
+    const char *const files[][2] = {{"rig.conf", texts->rig_conf},
+                                    {"session.conf", texts->session_conf},
+                                    {"calibration.conf", texts->calibration}};
     g_autofree char *application =
         g_strdup_printf("PRAGMA application_id = %d", SESSION_APPLICATION_ID);
     g_autofree char *version = g_strdup_printf("PRAGMA user_version = %d", SESSION_FORMAT);
+    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+    g_autofree char *created = g_date_time_format_iso8601(now);
     gboolean ok = session_db_run(session, error, "PRAGMA journal_mode = WAL", "") &&
                   session_begin(session, error) &&
                   session_db_run(session, error, application, "") &&
@@ -141,8 +123,14 @@ static gboolean insert_all(Session *session, const char *name, const struct sess
 
     for (gsize i = 0; ok && i < G_N_ELEMENTS(session_tables); i++)
         ok = session_db_run(session, error, session_tables[i].sql, "");
-    ok = ok && insert_texts(session, name, texts, error) && insert_plan(session, plan, error);
-    return ok && session_commit(session, error);
+    ok = ok && session_db_run(session, error, "INSERT INTO session VALUES (1, ?1, ?2, ?3)", "sss",
+                              name, "mesorig " MESORIG_VERSION, created);
+    for (gsize i = 0; ok && i < G_N_ELEMENTS(files); i++)
+        ok = session_db_run(session, error, "INSERT INTO text VALUES (?1, ?2)", "ss", files[i][0],
+                            files[i][1]);
+    return ok &&
+           (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error)) &&
+           insert_plan(session, plan, error) && session_commit(session, error);
 }
 
 /* Writes everything into a hidden directory. */
@@ -187,28 +175,11 @@ static gboolean move_in_place(const char *from, const char *to, GError **error) 
     return rc == 0 || session_create_fail_errno(to, errno, error);
 }
 
-static gboolean session_create_make(const char *path, const char *name,
-                                    const struct session_texts *texts,
-                                    const struct session_plan *plan, int *ret_lock,
-                                    GError **error) {
-    g_autofree char *parent = g_path_get_dirname(path), *base = g_path_get_basename(path);
-    g_autofree char *hidden = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
-    gboolean ok;
-
-    if (!g_mkdtemp_full(hidden, 0777))
-        return session_create_fail_errno(path, errno, error);
-    ok = session_create_fill(hidden, name, texts, plan, error) &&
-         (*ret_lock = session_lock(hidden, error)) >= 0 && move_in_place(hidden, path, error);
-    if (!ok) {
-        remove_all(hidden);
-        return FALSE;
-    }
-    return sync_folder(parent, error);
-}
-
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error) {
     g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *parent = g_path_get_dirname(absolute), *base = g_path_get_basename(absolute);
+    g_autofree char *hidden = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
     int lock = -1;
 
     if (!check_texts(name, texts, error) || !check_plan(plan, error))
@@ -217,10 +188,16 @@ Session *session_create(const char *path, const char *name, const struct session
         session_create_fail_errno(absolute, EEXIST, error);
         return NULL;
     }
-    if (!session_create_make(absolute, name, texts, plan, &lock, error)) {
-        if (lock >= 0)
-            close(lock);
+    if (!g_mkdtemp_full(hidden, 0777)) {
+        session_create_fail_errno(absolute, errno, error);
         return NULL;
     }
-    return session_open_locked(absolute, SESSION_CAPTURE, lock, error);
+    if (!session_create_fill(hidden, name, texts, plan, error) ||
+        (lock = session_lock(hidden, error)) < 0 || !move_in_place(hidden, absolute, error))
+        remove_all(hidden);
+    else if (sync_folder(parent, error))
+        return session_open_locked(absolute, SESSION_CAPTURE, lock, error);
+    if (lock >= 0)
+        close(lock);
+    return NULL;
 }

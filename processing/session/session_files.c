@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 
 #include <errno.h>
+#include <stdint.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -15,46 +16,25 @@
     (10 * G_USEC_PER_SEC) /* longest wait for a writer between its file and its row */
 #define POLL_US (G_USEC_PER_SEC / 10)
 
-/* Identity of a file when it was hashed: while it is unchanged the file is not hashed again. */
-struct identity {
-    guint64 device, inode, bytes;
-    gint64 modified_ns, changed_ns;
-};
-
 static GMutex known_mutex;
-static GHashTable *known; /* struct identity → SHA-256 */
-
-static guint identity_hash(gconstpointer data) {
-    const struct identity *identity = data;
-    return g_int64_hash(&identity->inode) ^ g_int64_hash(&identity->changed_ns);
-}
-
-static gboolean identity_equal(gconstpointer a, gconstpointer b) {
-    return memcmp(a, b, sizeof(struct identity)) == 0;
-}
+static GHashTable *known; /* identity of a file when it was hashed → SHA-256 */
 
 static gint64 nanoseconds(const struct timespec *time) {
     return (gint64)time->tv_sec * G_GINT64_CONSTANT(1000000000) + time->tv_nsec;
 }
 
-/* A file changed within the file system's clock tick may change again without a new time stamp:
- * its hash is not kept. */
-static gboolean is_settled(const struct identity *identity) {
-    return g_get_real_time() * 1000 - identity->changed_ns > 50 * 1000000;
-}
-
-static char *find_known(const struct identity *identity) {
+static char *find_known(const char *identity) {
     g_mutex_lock(&known_mutex);
     char *sha256 = known ? g_strdup(g_hash_table_lookup(known, identity)) : NULL;
     g_mutex_unlock(&known_mutex);
     return sha256;
 }
 
-static void keep_known(const struct identity *identity, const char *sha256) {
+static void keep_known(const char *identity, const char *sha256) {
     g_mutex_lock(&known_mutex);
     if (!known)
-        known = g_hash_table_new_full(identity_hash, identity_equal, g_free, g_free);
-    g_hash_table_replace(known, g_memdup2(identity, sizeof *identity), g_strdup(sha256));
+        known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    g_hash_table_replace(known, g_strdup(identity), g_strdup(sha256));
     g_mutex_unlock(&known_mutex);
 }
 
@@ -66,8 +46,7 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
     *ret_missing = FALSE;
     if (lstat(path, &status) != 0) {
         *ret_missing = errno == ENOENT || errno == ENOTDIR;
-        *ret_wrong =
-            *ret_missing ? g_strdup("it is gone") : g_strdup_printf("%s", g_strerror(errno));
+        *ret_wrong = g_strdup(*ret_missing ? "it is gone" : g_strerror(errno));
         return NULL;
     }
     if (S_ISLNK(status.st_mode)) {
@@ -82,17 +61,22 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
             g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));
         return NULL;
     }
-    const struct identity identity = {(guint64)status.st_dev, (guint64)status.st_ino,
-                                      (guint64)status.st_size, nanoseconds(&status.st_mtim),
-                                      nanoseconds(&status.st_ctim)};
-    char *sha256 = find_known(&identity);
+    /* While all this is unchanged the file is not hashed again. */
+    const gint64 changed_ns = nanoseconds(&status.st_ctim);
+    g_autofree char *identity =
+        g_strdup_printf("%ju %ju %jd %" G_GINT64_FORMAT " %" G_GINT64_FORMAT,
+                        (uintmax_t)status.st_dev, (uintmax_t)status.st_ino,
+                        (intmax_t)status.st_size, nanoseconds(&status.st_mtim), changed_ns);
+    char *sha256 = find_known(identity);
     if (sha256)
         return sha256;
     sha256 = exr_sha256(path, NULL, &error);
+    /* A file changed within the file system's clock tick may change again without a new time stamp:
+     * its hash is not kept. */
     if (!sha256)
         *ret_wrong = g_strdup(error->message);
-    else if (is_settled(&identity))
-        keep_known(&identity, sha256);
+    else if (g_get_real_time() * 1000 - changed_ns > 50 * 1000000)
+        keep_known(identity, sha256);
     return sha256;
 }
 
@@ -150,7 +134,6 @@ static void row_free(gpointer data) {
 static GPtrArray *session_files_read_rows(Session *session, gboolean frames, const char *prefix,
                                           GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(row_free);
-    g_autoptr(GError) own = NULL;
     g_autoptr(sqlite3_stmt) statement = session_db_query(
         session, error,
         frames ? "SELECT path, sha256, '' FROM frame WHERE substr(path, 1, length(?1)) = ?1"
@@ -158,27 +141,23 @@ static GPtrArray *session_files_read_rows(Session *session, gboolean frames, con
                : "SELECT path, sha256, made_by FROM product"
                  " WHERE substr(path, 1, length(?1)) = ?1 ORDER BY path",
         "s", prefix);
+    int rc = -1;
 
-    if (!statement)
-        return NULL;
-    while (session_db_next(session, statement, &own)) {
+    while (statement && (rc = session_db_next(session, statement, error)) > 0) {
         struct row *row = g_new0(struct row, 1);
 
-        row->path = g_strdup((const char *)sqlite3_column_text(statement, 0));
-        row->sha256 = g_strdup((const char *)sqlite3_column_text(statement, 1));
-        row->made_by = g_strdup((const char *)sqlite3_column_text(statement, 2));
+        row->path = session_db_text(statement, 0);
+        row->sha256 = session_db_text(statement, 1);
+        row->made_by = session_db_text(statement, 2);
         g_ptr_array_add(rows, row);
-        if (session_is_relative(row->path))
-            continue;
-        g_set_error(&own, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s/session.db: the path of a %s is not inside the session", session->path,
-                    frames ? "frame" : "product");
-        break;
+        if (!session_is_relative(row->path)) {
+            session_fail(error, SESSION_ERROR_FORMAT,
+                         "%s/session.db: the path of a %s is not inside the session", session->path,
+                         frames ? "frame" : "product");
+            return NULL;
+        }
     }
-    if (!own)
-        return g_steal_pointer(&rows);
-    g_propagate_error(error, g_steal_pointer(&own));
-    return NULL;
+    return rc == 0 ? g_steal_pointer(&rows) : NULL;
 }
 
 GHashTable *session_products(Session *session, GError **error) {
@@ -229,27 +208,10 @@ GPtrArray *session_find_damage(Session *session, enum session_files files, const
     return ret;
 }
 
-static void set_damage_error(const Session *session, const struct session_damage *damage,
-                             GError **error) {
-    if (damage->remedy)
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_DAMAGED,
-                    "%s/%s: damaged: %s; `%s` makes it again", session->path, damage->path,
-                    damage->what, damage->remedy);
-    else
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_DAMAGED,
-                    "%s/%s: damaged: %s; import the session again", session->path, damage->path,
-                    damage->what);
-}
-
-/* A program that makes products writes a file shortly before its row. */
-static gboolean is_being_written(const Session *session) {
-    g_autofree char *file = session_file(session, SESSION_PROCESS_LOCK);
-
-    return file_lock_is_held(file);
-}
-
-/* Repeats the check while a writer may still be adding its row. */
+/* Repeats the check while a writer may still be adding its row: a program that makes products
+ * writes a file shortly before its row. */
 gboolean session_check_products(Session *session, const char *prefix, GError **error) {
+    g_autofree char *lock = session_file(session, SESSION_PROCESS_LOCK);
     const gint64 until_us = g_get_monotonic_time() + PATIENCE_US;
 
     for (;;) {
@@ -257,9 +219,13 @@ gboolean session_check_products(Session *session, const char *prefix, GError **e
             session_find_damage(session, SESSION_PRODUCTS_MADE, prefix, NULL, NULL, error);
         if (!damages || damages->len == 0)
             return damages != NULL;
-        if (g_get_monotonic_time() >= until_us || !is_being_written(session)) {
-            set_damage_error(session, g_ptr_array_index(damages, 0), error);
-            return FALSE;
+        if (g_get_monotonic_time() >= until_us || !file_lock_is_held(lock)) {
+            const struct session_damage *damage = g_ptr_array_index(damages, 0);
+            const char *remedy = damage->remedy;
+            return session_fail(error, SESSION_ERROR_DAMAGED, "%s/%s: damaged: %s; %s%s%s",
+                                session->path, damage->path, damage->what, remedy ? "`" : "",
+                                remedy ? remedy : "import the session again",
+                                remedy ? "` makes it again" : "");
         }
         g_usleep(POLL_US);
     }
@@ -267,15 +233,13 @@ gboolean session_check_products(Session *session, const char *prefix, GError **e
 
 /* The session of a file in products/… or products/btf/…; NULL: none. */
 static char *session_of(const char *file, const char **ret_relative) {
-    static const char *const folders[] = {"products", "btf"};
-    const char *end = strrchr(file, '/');
+    static const char *const folders[] = {"/products", "/products/btf"};
+    g_autofree char *inner = g_path_get_dirname(file);
 
-    for (gsize levels = 1; end && levels <= G_N_ELEMENTS(folders); levels++) {
-        g_autofree char *inner = g_strndup(file, (gsize)(end - file));
-        g_autofree char *suffix = levels == 1 ? g_strdup("/products") : g_strdup("/products/btf");
-        if (!g_str_has_suffix(inner, suffix))
+    for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
+        if (!g_str_has_suffix(inner, folders[i]))
             continue;
-        g_autofree char *directory = g_strndup(inner, strlen(inner) - strlen(suffix));
+        g_autofree char *directory = g_strndup(inner, strlen(inner) - strlen(folders[i]));
         g_autofree char *database = g_build_filename(directory, "session.db", NULL);
         if (!g_file_test(database, G_FILE_TEST_EXISTS))
             return NULL;

@@ -15,6 +15,10 @@ struct Session {
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(sqlite3_stmt, sqlite3_finalize)
 
+/* Sets an error of SESSION_ERROR. Always FALSE. */
+gboolean session_fail(GError **error, enum session_error code, const char *format, ...)
+    G_GNUC_PRINTF(3, 4);
+
 /* Sets the error for an SQLite result code, with what the user can do about it. Always FALSE. */
 gboolean session_db_fail(const Session *session, int rc, GError **error);
 
@@ -26,8 +30,15 @@ gboolean session_db_run(Session *session, GError **error, const char *sql, const
 sqlite3_stmt *session_db_query(Session *session, GError **error, const char *sql, const char *types,
                                ...);
 
-/* TRUE while there is a row. At the end FALSE without an error. */
-gboolean session_db_next(Session *session, sqlite3_stmt *statement, GError **error);
+/* Steps to the next row. 1: there is one; 0: there are no more; −1: error. */
+int session_db_next(Session *session, sqlite3_stmt *statement, GError **error);
+
+char *session_db_text(sqlite3_stmt *statement, int column); /* g_free() */
+
+/* The text in the first column of the first row. key: ?1 of the query; NULL: it has none. Returns
+ * as session_db_next(). */
+int session_db_one_text(Session *session, const char *sql, const char *key, char **ret,
+                        GError **error);
 
 /* Opens session.db of session->path in its mode and refuses anything but a complete session. */
 gboolean session_db_open(Session *session, gboolean create, GError **error);

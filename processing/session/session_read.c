@@ -13,9 +13,8 @@ const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
 const char *const session_shot_states[] = {"planned", "done", "skipped", NULL};
 
 static gboolean session_read_wrong(GError **error, const char *what, gint64 which) {
-    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                "the session's plan is not valid: %s %" G_GINT64_FORMAT, what, which);
-    return FALSE;
+    return session_fail(error, SESSION_ERROR_FORMAT,
+                        "the session's plan is not valid: %s %" G_GINT64_FORMAT, what, which);
 }
 
 gboolean session_check_grid(const struct session_grid *grid, GError **error) {
@@ -73,10 +72,6 @@ static int column_int(sqlite3_stmt *statement, int column) {
     return value < G_MININT || value > G_MAXINT ? G_MININT : (int)value;
 }
 
-static char *column_text(sqlite3_stmt *statement, int column) {
-    return g_strdup((const char *)sqlite3_column_text(statement, column));
-}
-
 static int column_choice(sqlite3_stmt *statement, int column, const char *const *choices) {
     const char *text = (const char *)sqlite3_column_text(statement, column);
     int i = 0;
@@ -87,21 +82,16 @@ static int column_choice(sqlite3_stmt *statement, int column, const char *const 
 }
 
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error) {
-    g_autoptr(GError) own = NULL;
     g_autoptr(sqlite3_stmt) row =
         session_db_query(session, error,
                          "SELECT width, height, width_mm, height_mm, reference_mm, depth_mm"
                          " FROM grid WHERE id = 1",
                          "");
 
-    if (!row)
-        return FALSE;
-    if (!session_db_next(session, row, &own)) {
-        if (!own)
-            return session_read_wrong(error, "no grid, format", SESSION_FORMAT);
-        g_propagate_error(error, g_steal_pointer(&own));
-        return FALSE;
-    }
+    int rc = row ? session_db_next(session, row, error) : -1;
+
+    if (rc <= 0)
+        return rc == 0 && session_read_wrong(error, "no grid, format", SESSION_FORMAT);
     *ret = (struct session_grid){
         .width = column_int(row, 0),
         .height = column_int(row, 1),
@@ -116,23 +106,21 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
 /* Makes an element from a row and checks it; number is its position. */
 typedef gpointer (*ReadRow)(sqlite3_stmt *row, int number, gpointer data, GError **error);
 
-static GPtrArray *session_read_read_rows(Session *session, sqlite3_stmt *statement,
-                                         GDestroyNotify free_row, ReadRow read_row, gpointer data,
-                                         GError **error) {
+/* key: ?1 of the query, and data of read_row; NULL: it has none. */
+static GPtrArray *session_read_rows(Session *session, const char *sql, const char *key,
+                                    GDestroyNotify free_row, ReadRow read_row, GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(free_row);
-    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) statement = session_db_query(session, error, sql, key ? "s" : "", key);
+    int rc = -1;
 
-    while (statement && !own && session_db_next(session, statement, &own)) {
-        gpointer row = read_row(statement, (int)rows->len, data, &own);
+    while (statement && (rc = session_db_next(session, statement, error)) > 0) {
+        gpointer row = read_row(statement, (int)rows->len, (gpointer)key, error);
 
-        if (row)
-            g_ptr_array_add(rows, row);
+        if (!row)
+            return NULL;
+        g_ptr_array_add(rows, row);
     }
-    if (own)
-        g_propagate_error(error, g_steal_pointer(&own));
-    else if (statement)
-        return g_steal_pointer(&rows);
-    return NULL;
+    return rc == 0 ? g_steal_pointer(&rows) : NULL;
 }
 
 static void direction_free(gpointer data) {
@@ -142,8 +130,7 @@ static void direction_free(gpointer data) {
     g_free(direction);
 }
 
-static gpointer session_read_read_direction(sqlite3_stmt *row, int number, gpointer kind,
-                                            GError **error) {
+static gpointer read_direction(sqlite3_stmt *row, int number, gpointer kind, GError **error) {
     struct session_direction *direction = g_new0(struct session_direction, 1);
 
     direction->index = column_int(row, 0);
@@ -151,21 +138,17 @@ static gpointer session_read_read_direction(sqlite3_stmt *row, int number, gpoin
     direction->theta_deg = sqlite3_column_double(row, 2);
     direction->phi_deg = sqlite3_column_double(row, 3);
     direction->turntable_deg = sqlite3_column_double(row, 4);
-    direction->note = column_text(row, 5);
+    direction->note = session_db_text(row, 5);
     if (!session_check_direction(direction, number, kind, error))
         g_clear_pointer(&direction, direction_free);
     return direction;
 }
 
 static GPtrArray *session_read_directions(Session *session, const char *kind, GError **error) {
-    g_autoptr(sqlite3_stmt) statement =
-        session_db_query(session, error,
-                         "SELECT idx, device, theta_deg, phi_deg, turntable_deg, note"
-                         " FROM direction WHERE kind = ?1 ORDER BY idx",
-                         "s", kind);
-
-    return session_read_read_rows(session, statement, direction_free, session_read_read_direction,
-                                  (gpointer)kind, error);
+    return session_read_rows(session,
+                             "SELECT idx, device, theta_deg, phi_deg, turntable_deg, note"
+                             " FROM direction WHERE kind = ?1 ORDER BY idx",
+                             kind, direction_free, read_direction, error);
 }
 
 GPtrArray *session_views(Session *session, GError **error) {
@@ -204,7 +187,7 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
     shot->sweep_to_deg = sqlite3_column_double(row, 9);
     shot->sweep_steps = column_int(row, 10);
     shot->state = (enum session_shot_state)column_choice(row, 11, session_shot_states);
-    shot->note = column_text(row, 12);
+    shot->note = session_db_text(row, 12);
     if (cameras < 0 || cameras > G_MAXUINT32)
         session_read_wrong(error, "more than 32 cameras: shot", shot->id);
     else if (session_check_shot(shot, number + 1, column_int(row, 13), column_int(row, 14), error))
@@ -214,15 +197,13 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
 }
 
 GPtrArray *session_shots(Session *session, GError **error) {
-    g_autoptr(sqlite3_stmt) statement = session_db_query(
-        session, error,
+    return session_read_rows(
+        session,
         "SELECT id, kind, pose, turntable_deg, arc_deg, source, device, cameras, sweep_from_deg,"
         " sweep_to_deg, sweep_steps, state, note,"
         " (SELECT count(*) FROM direction WHERE kind = 'light'),"
         " (SELECT count(*) FROM direction WHERE kind = 'laser') FROM shot ORDER BY id",
-        "");
-
-    return session_read_read_rows(session, statement, shot_free, read_shot, NULL, error);
+        NULL, shot_free, read_shot, error);
 }
 
 static void frame_free(gpointer data) {
@@ -233,14 +214,13 @@ static void frame_free(gpointer data) {
     g_free(frame);
 }
 
-static gpointer session_read_read_frame(sqlite3_stmt *row, int number, gpointer data,
-                                        GError **error) {
+static gpointer read_frame(sqlite3_stmt *row, int number, gpointer data, GError **error) {
     struct session_frame *frame = g_new0(struct session_frame, 1);
 
     frame->shot = sqlite3_column_int64(row, 0);
     frame->camera = column_int(row, 1);
-    frame->path = column_text(row, 2);
-    frame->sha256 = column_text(row, 3);
+    frame->path = session_db_text(row, 2);
+    frame->sha256 = session_db_text(row, 3);
     frame->bytes = sqlite3_column_int64(row, 4);
     frame->retakes = column_int(row, 5);
     frame->captured_s = sqlite3_column_double(row, 6);
@@ -253,17 +233,13 @@ static gpointer session_read_read_frame(sqlite3_stmt *row, int number, gpointer 
 }
 
 GPtrArray *session_frames(Session *session, GError **error) {
-    g_autoptr(sqlite3_stmt) statement =
-        session_db_query(session, error,
-                         "SELECT shot, camera, path, sha256, bytes, retakes, captured_s"
-                         " FROM frame JOIN shot ON shot.id = frame.shot ORDER BY shot, camera",
-                         "");
-
-    return session_read_read_rows(session, statement, frame_free, session_read_read_frame, NULL,
-                                  error);
+    return session_read_rows(session,
+                             "SELECT shot, camera, path, sha256, bytes, retakes, captured_s"
+                             " FROM frame JOIN shot ON shot.id = frame.shot ORDER BY shot, camera",
+                             NULL, frame_free, read_frame, error);
 }
 
-static void session_read_event_free(gpointer data) {
+static void event_free(gpointer data) {
     struct session_event *event = data;
 
     g_free(event->level);
@@ -276,16 +252,14 @@ static gpointer read_event(sqlite3_stmt *row, int number, gpointer data, GError 
     struct session_event *event = g_new0(struct session_event, 1);
 
     event->time_s = sqlite3_column_double(row, 0);
-    event->level = column_text(row, 1);
-    event->source = column_text(row, 2);
-    event->message = column_text(row, 3);
+    event->level = session_db_text(row, 1);
+    event->source = session_db_text(row, 2);
+    event->message = session_db_text(row, 3);
     return event;
 }
 
 GPtrArray *session_events(Session *session, GError **error) {
-    g_autoptr(sqlite3_stmt) statement = session_db_query(
-        session, error, "SELECT time_s, level, source, message FROM event ORDER BY id", "");
-
-    return session_read_read_rows(session, statement, session_read_event_free, read_event, NULL,
-                                  error);
+    return session_read_rows(session,
+                             "SELECT time_s, level, source, message FROM event ORDER BY id", NULL,
+                             event_free, read_event, error);
 }

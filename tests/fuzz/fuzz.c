@@ -1,5 +1,7 @@
 #include "fuzz.h"
 
+#include "lib/remove_tree.h"
+
 #include <fcntl.h>
 #include <glib/gstdio.h>
 #include <string.h>
@@ -25,12 +27,7 @@ const char *fuzz_file(const uint8_t *data, size_t size) {
 static char *folder;
 
 static void remove_folder(void) {
-    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
-    for (const char *name = dir ? g_dir_read_name(dir) : NULL; name; name = g_dir_read_name(dir)) {
-        g_autofree char *path = g_build_filename(folder, name, NULL);
-        g_unlink(path);
-    }
-    g_rmdir(folder);
+    remove_tree(folder);
 }
 
 const char *fuzz_file_in_folder(const char *name, const uint8_t *data, size_t size) {
@@ -54,7 +51,7 @@ char *fuzz_text(const uint8_t *data, size_t size) {
     return g_strndup((const char *)data, size);
 }
 
-void fuzz_check(gboolean ok, GError *error) {
-    g_assert_true(ok == (error == NULL));
-    g_clear_error(&error);
+void fuzz_check(gboolean ok, GError **error) {
+    g_assert_true(ok == (*error == NULL));
+    g_clear_error(error);
 }

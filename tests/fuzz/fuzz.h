@@ -16,5 +16,6 @@ const char *fuzz_file_in_folder(const char *name, const uint8_t *data, size_t si
 /* As text, with a 0 behind it; g_free(). */
 char *fuzz_text(const uint8_t *data, size_t size);
 
-/* Every refusal has to say why: an error that is not set, or set beside a result, is a bug. */
-void fuzz_check(gboolean ok, GError *error); /* frees it */
+/* Every refusal has to say why: an error that is not set, or set beside a result, is a bug. Frees
+ * the error, for the next reader. */
+void fuzz_check(gboolean ok, GError **error);

@@ -8,7 +8,7 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     GError *error = NULL;
     g_autoptr(BonnFile) file = bonn_open(fuzz_file(data, size), &error);
-    fuzz_check(file != NULL, error);
+    fuzz_check(file != NULL, &error);
     const struct bonn_header *header = file ? bonn_header(file) : NULL;
     if (!header || header->n_views < 1 ||
         3.0 * header->n_lights * header->width * header->height > MOST)

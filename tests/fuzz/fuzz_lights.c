@@ -10,7 +10,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const struct import_wish wish = {0};
     struct import_result result;
     GError *error = NULL;
-    const gboolean ok = import_rti(session, path, &wish, NULL, &result, &error);
-    fuzz_check(ok, error);
+    fuzz_check(import_rti(session, path, &wish, NULL, &result, &error), &error);
     return 0;
 }

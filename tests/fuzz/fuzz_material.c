@@ -9,15 +9,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file(data, size);
     GError *error = NULL;
     struct eigenmaps *maps = eigenmaps_read(path, &error);
-    fuzz_check(maps != NULL, error);
+    fuzz_check(maps != NULL, &error);
     eigenmaps_free(maps);
-    error = NULL;
     struct lpca *lpca = lpca_read(path, &error);
-    fuzz_check(lpca != NULL, error);
+    fuzz_check(lpca != NULL, &error);
     lpca_free(lpca);
-    error = NULL;
     struct lobes *lobes = lobes_read(path, &error);
-    fuzz_check(lobes != NULL, error);
+    fuzz_check(lobes != NULL, &error);
     lobes_free(lobes);
     return 0;
 }

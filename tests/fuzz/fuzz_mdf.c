@@ -12,18 +12,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     GError *error = NULL;
     mdf_kind(path);
     struct mdf_table *table = mdf_table_read(path, &error);
-    fuzz_check(table != NULL, error);
+    fuzz_check(table != NULL, &error);
     mdf_table_free(table);
-    error = NULL;
     struct mdf_blocks *blocks = mdf_blocks_read(path, &error);
-    fuzz_check(blocks != NULL, error);
+    fuzz_check(blocks != NULL, &error);
     mdf_blocks_free(blocks);
-    error = NULL;
     struct mdf_factors *factors = mdf_factors_read(path, &error);
-    fuzz_check(factors != NULL, error);
+    fuzz_check(factors != NULL, &error);
     mdf_factors_free(factors);
-    error = NULL;
-    const gboolean ok = mdf_views_check(path, &sums, &error);
-    fuzz_check(ok, error);
+    fuzz_check(mdf_views_check(path, &sums, &error), &error);
     return 0;
 }

@@ -22,7 +22,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     GError *error = NULL;
     const gboolean ok = import_pictures(session, folder, &wish, NULL, &result, &error);
     g_assert_false(ok);
-    fuzz_check(ok, error);
+    fuzz_check(ok, &error);
     g_unlink(path);
     return 0;
 }

@@ -7,7 +7,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     g_autofree char *text = fuzz_text(data, size);
     g_autofree struct rig *rig = g_new0(struct rig, 1);
     GError *error = NULL;
-    const gboolean ok = devices_parse_geometry(text, "fuzz", rig, &error);
-    fuzz_check(ok, error);
+    fuzz_check(devices_parse_geometry(text, "fuzz", rig, &error), &error);
     return 0;
 }

@@ -11,7 +11,7 @@ static void check_finite(const float *values, int n) {
         g_assert_true(isfinite(values[k]));
 }
 
-static void check(struct mesh *mesh, GError *error) {
+static void check(struct mesh *mesh, GError **error) {
     fuzz_check(mesh != NULL, error);
     if (!mesh)
         return;
@@ -34,9 +34,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const enum scene_up up = size % 2 ? SCENE_Y_UP : SCENE_Z_UP;
     GError *error = NULL;
     struct mesh *mesh = scene_parse_obj("fuzz.obj", text, up, &error);
-    check(mesh, error);
-    error = NULL;
+    check(mesh, &error);
     mesh = scene_read_gltf(fuzz_file_in_folder("shape.gltf", data, size), up, &error);
-    check(mesh, error);
+    check(mesh, &error);
     return 0;
 }

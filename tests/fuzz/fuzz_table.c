@@ -10,8 +10,7 @@ static void read_cells(const TextTable *table) {
     for (int row = 0; row < text_table_rows(table); row++) {
         double value = 0;
         GError *error = NULL;
-        const gboolean ok = text_table_number(table, row, column, 1, &value, &error);
-        fuzz_check(ok, error);
+        fuzz_check(text_table_number(table, row, column, 1, &value, &error), &error);
     }
 }
 
@@ -19,12 +18,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file_in_folder("poses.csv", data, size);
     GError *error = NULL;
     g_autoptr(TextTable) table = text_table_read(path, &error);
-    fuzz_check(table != NULL, error);
+    fuzz_check(table != NULL, &error);
     if (!table)
         return 0;
     read_cells(table);
     struct btf_directions *directions = btf_directions_read(path, &error);
-    fuzz_check(directions != NULL, error);
+    fuzz_check(directions != NULL, &error);
     btf_directions_free(directions);
     g_autofree char *folder = g_path_get_dirname(path);
     g_autofree char *session = g_strconcat(folder, ".session", NULL);
@@ -39,8 +38,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
                                                 .depth_mm = 2},
                                        .threshold_dn = 40};
     struct import_poses_result result;
-    error = NULL;
-    const gboolean ok = import_poses(session, &poses, NULL, &result, &error);
-    fuzz_check(ok, error);
+    fuzz_check(import_poses(session, &poses, NULL, &result, &error), &error);
     return 0;
 }

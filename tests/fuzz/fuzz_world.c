@@ -6,6 +6,6 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     GError *error = NULL;
     g_autoptr(World) world = world_get(fuzz_file(data, size), &error);
-    fuzz_check(world != NULL, error);
+    fuzz_check(world != NULL, &error);
     return 0;
 }

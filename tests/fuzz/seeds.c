@@ -21,7 +21,7 @@ static char *file_in(const char *folder, const char *kind, const char *name) {
 
 static void write_exr(const char *path, enum exr_type type, enum exr_compression compression) {
     static const char *const channels[] = {"B", "G", "R", NULL};
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     for (int k = 0; k < 2; k++) {
         struct exr_part *part = exr_part_new(k ? "two" : "one", 4, SIDE, channels, type);
         for (int i = 0; i < 4 * SIDE; i++)
@@ -33,7 +33,6 @@ static void write_exr(const char *path, enum exr_type type, enum exr_compression
         exr_file_add(file, part);
     }
     g_assert_true(exr_write(path, file, compression, FALSE, NULL));
-    exr_file_free(file);
 }
 
 static void write_exrs(const char *folder) {
@@ -98,7 +97,7 @@ static void write_lpca(const char *folder) {
 /* Three views of something bent, from which the other two kinds are made. */
 static void write_views(const char *path) {
     static const char *const channels[] = {"D", "M", NULL};
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     for (int view = 0; view < 3; view++) {
         g_autofree char *name = g_strdup_printf("view_%04d", view);
         struct exr_part *part = exr_part_new(name, 4, SIDE, channels, EXR_FLOAT);
@@ -112,7 +111,6 @@ static void write_views(const char *path) {
         exr_file_add(file, part);
     }
     g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
-    exr_file_free(file);
 }
 
 static void write_mdfs(const char *folder) {

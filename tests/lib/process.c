@@ -67,3 +67,14 @@ void assert_has(const char *text, const char *words) {
     if (!text || !strstr(text, words))
         g_error("no “%s” in: %s", words, text);
 }
+
+char *process_mesorig(int code, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *line = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_auto(GStrv) words = g_strsplit(line, " ", -1);
+    g_autofree const char **argv =
+        process_argv(BUILD_DIR "/bin/mesorig", (const char *const *)words);
+    return process_text(code, argv);
+}

@@ -13,6 +13,9 @@ int process_run(const char *const *argv, char **ret_out, char **ret_err);
  * wrote to standard error; g_free(). */
 char *process_text(int code, const char *const *argv);
 
+/* Runs mesorig with arguments that blanks separate, as process_text(). */
+char *process_mesorig(int code, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
 /* A program and its arguments up to NULL; g_free(), the strings belong to the caller. */
 const char **process_argv(const char *program, const char *const *arguments);
 const char **process_argv_valist(const char *program, va_list arguments);

@@ -12,6 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#define PERIOD_S 20 /* as without checkpoint_set_period() */
+
 struct fixture {
     char *dir, *path;
     struct btf_matrix *btf;
@@ -178,40 +180,54 @@ static struct lpca *pack(const struct btf_matrix *btf, struct lpca_options *opti
     return lpca_pack(btf, options, &wanted, error);
 }
 
-/* How many runs it takes if each is cut off at its at-th word of a stage. */
-static int run_to_end(const struct fixture *fixture, Work work, const char *stage, int at,
-                      struct lpca **ret) {
-    for (int runs = 1;; runs++) {
-        g_autoptr(GCancellable) cancellable = g_cancellable_new();
-        g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
-        g_autoptr(GError) error = NULL;
-        struct interrupt cut = {stage, at, 0, FALSE, cancellable};
-        struct lpca_options options = {.work.n_threads = 2,
-                                       .work.progress = interrupt,
-                                       .work.data = &cut,
-                                       .work.cancellable = cancellable,
-                                       .checkpoint = checkpoint};
-        checkpoint_set_period(checkpoint, 0);
-        g_assert_cmpint(runs, <, 200);
-        *ret = work(fixture->btf, &options, &error);
-        if (runs > 1)
-            g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
-        if (*ret)
-            return runs;
-        g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
-    }
+/* Works with the fixture's checkpoint until the stage's at-th word of progress (−1: to the end). */
+static struct lpca *attempt(const struct fixture *fixture, Work work, const char *stage, int at,
+                            int n_threads, double period_s, GError **error) {
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
+    struct interrupt cut = {stage, at, 0, FALSE, cancellable};
+    struct lpca_options options = {.work.n_threads = n_threads,
+                                   .work.progress = interrupt,
+                                   .work.data = &cut,
+                                   .work.cancellable = cancellable,
+                                   .checkpoint = checkpoint};
+    const gboolean going_on = g_file_test(fixture->path, G_FILE_TEST_EXISTS);
+    checkpoint_set_period(checkpoint, period_s);
+    struct lpca *lpca = work(fixture->btf, &options, error);
+    if (going_on)
+        g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
+    g_test_message("%s, %d: %d words", stage, at, cut.heard);
+    return lpca;
 }
 
-static void check(const struct fixture *fixture, Work work, const char *stage, int at) {
+static struct lpca *without_cuts(const struct fixture *fixture, Work work) {
     struct lpca_options options = {.work.n_threads = 1};
-    struct lpca *whole = work(fixture->btf, &options, NULL), *pieces = NULL;
+    struct lpca *whole = work(fixture->btf, &options, NULL);
     g_assert_nonnull(whole);
-    const int runs = run_to_end(fixture, work, stage, at, &pieces);
+    return whole;
+}
+
+static void assert_same_result(struct lpca *lpca, const struct lpca *whole) {
+    lpca_fixture_assert_same(lpca, whole);
+    g_assert_true(lpca->error == whole->error);
+    lpca_free(lpca);
+}
+
+/* Cuts each run off at its at-th word of a stage, until one comes to its end. */
+static void check(const struct fixture *fixture, Work work, const char *stage, int at) {
+    struct lpca *whole = without_cuts(fixture, work), *pieces = NULL;
+    int runs = 0;
+    for (; !pieces; runs++) {
+        g_autoptr(GError) error = NULL;
+        g_assert_cmpint(runs, <, 199);
+        g_assert_cmpint(g_file_test(fixture->path, G_FILE_TEST_EXISTS), ==, runs > 0);
+        pieces = attempt(fixture, work, stage, at, 2, 0, &error);
+        if (!pieces)
+            g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    }
     g_test_message("%s, %d: %d runs", stage, at, runs);
     g_assert_cmpint(runs, >, 1);
-    lpca_fixture_assert_same(pieces, whole);
-    g_assert_true(pieces->error == whole->error);
-    lpca_free(pieces);
+    assert_same_result(pieces, whole);
     lpca_free(whole);
     g_unlink(fixture->path);
 }
@@ -226,25 +242,11 @@ static void test_cancelled(struct fixture *fixture, gconstpointer unused) {
 
 /* One word a stage, at its end, is heard for certain: of that word a run is cut off once. */
 static void check_once(const struct fixture *fixture, Work work, const char *stage, int at) {
-    struct lpca_options options = {.work.n_threads = 1};
-    struct lpca *whole = work(fixture->btf, &options, NULL);
-    for (int last = 0; last < 2; last++) {
-        g_autoptr(GCancellable) cancellable = g_cancellable_new();
-        g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
-        struct interrupt cut = {stage, last ? -1 : at, 0, FALSE, cancellable};
-        struct lpca_options now = {.work.progress = interrupt,
-                                   .work.data = &cut,
-                                   .work.cancellable = cancellable,
-                                   .checkpoint = checkpoint};
-        struct lpca *lpca = work(fixture->btf, &now, NULL);
-        g_test_message("%s, %d: %d words", stage, at, cut.heard);
-        g_assert_cmpint(lpca != NULL, ==, last);
-        if (lpca) {
-            lpca_fixture_assert_same(lpca, whole);
-            g_assert_true(lpca->error == whole->error);
-        }
-        lpca_free(lpca);
-    }
+    struct lpca *whole = without_cuts(fixture, work);
+    g_assert_null(attempt(fixture, work, stage, at, 0, PERIOD_S, NULL));
+    struct lpca *rest = attempt(fixture, work, stage, -1, 0, PERIOD_S, NULL);
+    g_assert_nonnull(rest);
+    assert_same_result(rest, whole);
     lpca_free(whole);
     g_unlink(fixture->path);
 }
@@ -318,30 +320,15 @@ static void undo(const struct fixture *fixture, int to_pack, int n_blocks,
     checkpoint_save(checkpoint);
 }
 
-static void cut_off(const struct fixture *fixture, Work work, const char *stage) {
-    g_autoptr(GCancellable) cancellable = g_cancellable_new();
-    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
-    struct interrupt cut = {stage, 1, 0, FALSE, cancellable};
-    struct lpca_options options = {.work.n_threads = 1,
-                                   .work.progress = interrupt,
-                                   .work.data = &cut,
-                                   .work.cancellable = cancellable,
-                                   .checkpoint = checkpoint};
-    g_assert_null(work(fixture->btf, &options, NULL));
-}
-
 static void check_middle(const struct fixture *fixture, Work work, const char *stage, int n_blocks,
                          const char *const spoiled[]) {
     struct lpca_options options = {.work.n_threads = 1};
     struct lpca *whole = work(fixture->btf, &options, NULL);
-    cut_off(fixture, work, stage);
+    g_assert_null(attempt(fixture, work, stage, 1, 1, PERIOD_S, NULL));
     undo(fixture, options.to_pack, n_blocks, spoiled);
     g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
     options.checkpoint = checkpoint;
-    struct lpca *rest = work(fixture->btf, &options, NULL);
-    lpca_fixture_assert_same(rest, whole);
-    g_assert_true(rest->error == whole->error);
-    lpca_free(rest);
+    assert_same_result(work(fixture->btf, &options, NULL), whole);
     lpca_free(whole);
     checkpoint_remove(checkpoint);
 }
@@ -386,9 +373,7 @@ static void test_killed(struct fixture *fixture, gconstpointer unused) {
         options.checkpoint = checkpoint;
         struct lpca *rest = weighed(fixture->btf, &options, NULL);
         g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
-        lpca_fixture_assert_same(rest, whole);
-        g_assert_true(rest->error == whole->error);
-        lpca_free(rest);
+        assert_same_result(rest, whole);
         checkpoint_remove(checkpoint);
     }
     lpca_free(whole);

@@ -3,7 +3,9 @@
  */
 #include "exr/exr.h"
 #include "exr/exr_half.h"
+#include "lib/assert_error.h"
 #include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "lib/skip.h"
 
 #include <fcntl.h>
@@ -130,6 +132,21 @@ static void assert_same(const struct exr_part *a, const struct exr_part *b) {
         g_assert_cmpmem(a->planes[c], bytes, b->planes[c], bytes);
 }
 
+/* The part as it is read again from a file of its own. */
+static struct exr_part *there_and_back(struct exr_part *part, enum exr_compression compression) {
+    g_autofree char *path = in_folder("part.exr");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(ExrFile) file = exr_file_new();
+
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, compression, TRUE, &error));
+    g_assert_no_error(error);
+    struct exr_part *back = exr_read_part(path, part->name, &error);
+    g_assert_no_error(error);
+    g_ptr_array_steal_index(file->parts, 0);
+    return back;
+}
+
 static struct exr_file *make_file(int parts, guint32 seed) {
     struct exr_file *file = exr_file_new();
     GRand *rand = g_rand_new_with_seed(seed);
@@ -154,20 +171,19 @@ static struct exr_file *make_file(int parts, guint32 seed) {
 static void check_round_trip(int parts, enum exr_compression compression) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = in_folder("round.exr");
-    struct exr_file *file = make_file(parts, (guint32)parts);
-    struct exr_file *back, *headers;
+    g_autoptr(ExrFile) file = make_file(parts, (guint32)parts);
 
     g_assert_true(exr_write(path, file, compression, FALSE, &error));
     g_assert_no_error(error);
-    back = exr_read(path, &error);
+    g_autoptr(ExrFile) back = exr_read(path, &error);
     g_assert_no_error(error);
-    headers = exr_read_headers(path, &error);
+    g_autoptr(ExrFile) headers = exr_read_headers(path, &error);
     g_assert_no_error(error);
     g_assert_cmpuint(back->parts->len, ==, parts);
     g_assert_cmpuint(headers->parts->len, ==, parts);
     for (int i = 0; i < parts; i++) {
         struct exr_part *part = g_ptr_array_index(file->parts, i);
-        struct exr_part *single = NULL, *header = g_ptr_array_index(headers->parts, i);
+        struct exr_part *header = g_ptr_array_index(headers->parts, i);
         const char *note;
         double v[3];
         int index;
@@ -181,16 +197,12 @@ static void check_round_trip(int parts, enum exr_compression compression) {
         g_assert_cmpstr(note, ==, i % 2 ? "µm, 100 %" : "");
         g_assert_true(exr_get_v3d(header, "direction", v, &error));
         g_assert_true(v[0] == 1.0 / 3 && v[1] == 0 && signbit(v[1]) && v[2] == 1e300);
-        if (i % 50 == parts % 50 / 2)
-            single = exr_read_part(path, part->name, &error);
+        if (i % 50 != parts % 50 / 2)
+            continue;
+        g_autoptr(ExrPart) single = exr_read_part(path, part->name, &error);
         g_assert_no_error(error);
-        if (single)
-            assert_same(part, single);
-        exr_part_free(single);
+        assert_same(part, single);
     }
-    exr_file_free(headers);
-    exr_file_free(back);
-    exr_file_free(file);
 }
 
 /* Noise compresses to about what it was, now and then to just that. */
@@ -199,7 +211,7 @@ static void test_incompressible(void) {
     g_autofree char *path = in_folder("noise.exr");
     for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
         g_autoptr(GError) error = NULL;
-        struct exr_file *file = exr_file_new();
+        g_autoptr(ExrFile) file = exr_file_new();
         GRand *random = g_rand_new_with_seed(5);
         for (int i = 0; i < 300; i++) {
             g_autofree char *name = g_strdup_printf("noise %d", i);
@@ -210,15 +222,13 @@ static void test_incompressible(void) {
         }
         g_rand_free(random);
         g_assert_true(exr_write(path, file, (enum exr_compression)method, FALSE, &error));
-        struct exr_file *again = exr_read(path, &error);
+        g_autoptr(ExrFile) again = exr_read(path, &error);
         g_assert_no_error(error);
         for (guint i = 0; i < file->parts->len; i++) {
             const struct exr_part *a = file->parts->pdata[i], *b = again->parts->pdata[i];
             const gsize n = sizeof(float) * (gsize)a->width * (gsize)a->height;
             g_assert_cmpmem(a->planes[0], n, b->planes[0], n);
         }
-        exr_file_free(file);
-        exr_file_free(again);
     }
     g_unlink(path);
 }
@@ -234,68 +244,51 @@ static void test_round_trip(void) {
 static void test_special_values(void) {
     static const float in[] = {NAN, INFINITY, -INFINITY, 1e9f, -0.0f, 0.1f, 1e-9f, 65504};
     static const float half_out[] = {NAN, 65504, -65504, 65504, -0.0f, 0x1.998p-4f, 0, 65504};
-    g_autofree char *path = in_folder("special.exr");
-    g_autoptr(GError) error = NULL;
 
     for (int type = EXR_HALF; type <= EXR_FLOAT; type++) {
-        struct exr_file *file = exr_file_new();
-        struct exr_part *part = exr_part_new("p", 8, 1, one, type), *back;
+        g_autoptr(ExrPart) part = exr_part_new("p", 8, 1, one, type);
         const float *expected = type == EXR_HALF ? half_out : in;
 
         memcpy(part->planes[0], in, sizeof in);
-        exr_file_add(file, part);
-        g_assert_true(exr_write(path, file, EXR_PIZ, TRUE, &error));
-        back = exr_read_part(path, "p", &error);
-        g_assert_no_error(error);
+        g_autoptr(ExrPart) back = there_and_back(part, EXR_PIZ);
         for (int i = 0; i < 8; i++)
             g_assert_cmpmem(&back->planes[0][i], i || type ? 4 : 0, &expected[i],
                             i || type ? 4 : 0);
         g_assert_true(isnan(back->planes[0][0]));
-        exr_part_free(back);
-        exr_file_free(file);
     }
 }
 
 /* Frames are wider than a PIZ block and have a last block that is not full. */
 static void test_large(void) {
-    g_autofree char *path = in_folder("large.exr");
-    g_autoptr(GError) error = NULL;
-
     for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
-        struct exr_file *file = exr_file_new();
-        struct exr_part *part = exr_part_new("p", 517, 259, rgb, EXR_HALF), *back;
+        g_autoptr(ExrPart) part = exr_part_new("p", 517, 259, rgb, EXR_HALF);
 
         for (int c = 0; c < 3; c++)
             for (int i = 0; i < 517 * 259; i++)
                 part->planes[c][i] = (float)(i % 517 + c) / 64;
-        exr_file_add(file, part);
-        g_assert_true(exr_write(path, file, method, FALSE, &error));
-        back = exr_read_part(path, "p", &error);
-        g_assert_no_error(error);
+        g_autoptr(ExrPart) back = there_and_back(part, method);
         assert_same(part, back);
-        exr_part_free(back);
-        exr_file_free(file);
     }
 }
 
 static void test_same_bytes(void) {
     g_autofree char *a = in_folder("a.exr"), *b = in_folder("b.exr");
-    g_autofree char *sum_a = NULL, *sum_b = NULL, *bytes = NULL, *expected = NULL;
-    struct exr_file *file = make_file(20, 1);
+    g_autofree char *bytes = NULL;
+    g_autoptr(ExrFile) file = make_file(20, 1);
     gint64 size;
     gsize length;
 
     g_assert_true(exr_write(a, file, EXR_ZIP, FALSE, NULL));
     g_usleep(20000);
     g_assert_true(exr_write(b, file, EXR_ZIP, TRUE, NULL));
-    sum_a = exr_sha256(a, &size, NULL);
-    sum_b = exr_sha256(b, NULL, NULL);
+    g_autofree char *sum_a = exr_sha256(a, &size, NULL);
+    g_autofree char *sum_b = exr_sha256(b, NULL, NULL);
     g_assert_cmpstr(sum_a, ==, sum_b);
     g_assert_true(g_file_get_contents(a, &bytes, &length, NULL));
     g_assert_cmpint(size, ==, (gint64)length);
-    expected = g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)bytes, length);
+    g_autofree char *expected =
+        g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)bytes, length);
     g_assert_cmpstr(sum_a, ==, expected);
-    exr_file_free(file);
 }
 
 static char *tool_output(const char *tool, const char *path) {
@@ -310,13 +303,12 @@ static char *tool_output(const char *tool, const char *path) {
 }
 
 static void test_exrheader(void) {
-    g_autofree char *path = in_folder("tools.exr"), *out = NULL, *info = NULL;
-    struct exr_file *file = make_file(70, 5);
+    g_autofree char *path = in_folder("tools.exr");
+    g_autoptr(ExrFile) file = make_file(70, 5);
 
     g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
-    exr_file_free(file);
-    out = tool_output("exrheader", path);
-    info = tool_output("exrinfo", path);
+    g_autofree char *out = tool_output("exrheader", path);
+    g_autofree char *info = tool_output("exrinfo", path);
     if (!out || !info) {
         test_skip_or_fail("exrheader is not installed");
         return;
@@ -333,31 +325,25 @@ static void test_made_by_others(void) {
     g_autofree char *program = g_find_program_in_path("exrstdattr");
     const char *const argv[] = {program, "-owner", "Cölln", "-expTime", "0.25", ours, theirs, NULL};
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = make_file(1, 3);
-    struct exr_file *back;
-    struct exr_part *part, *read;
+    g_autoptr(ExrFile) file = make_file(1, 3);
     const char *owner;
     double time;
 
     if (!program) {
         test_skip_or_fail("exrstdattr is not installed");
-        exr_file_free(file);
         return;
     }
     g_assert_true(exr_write(ours, file, EXR_ZIP, FALSE, NULL));
     g_assert_cmpint(process_run(argv, NULL, NULL), ==, 0);
-    back = exr_read(theirs, &error);
+    g_autoptr(ExrFile) back = exr_read(theirs, &error);
     g_assert_no_error(error);
-    part = g_ptr_array_index(file->parts, 0);
-    read = g_ptr_array_index(back->parts, 0);
+    struct exr_part *part = file->parts->pdata[0], *read = back->parts->pdata[0];
     g_assert_cmpmem(part->planes[0], (gsize)(part->width * part->height) * 4, read->planes[0],
                     (gsize)(read->width * read->height) * 4);
     g_assert_true(exr_get_string(read, "owner", &owner, &error));
     g_assert_cmpstr(owner, ==, "Cölln");
     g_assert_true(exr_get_double(read, "expTime", &time, &error));
     g_assert_cmpfloat(time, ==, 0.25);
-    exr_file_free(back);
-    exr_file_free(file);
 }
 
 /* Nothing of a file that was not finished. */
@@ -372,7 +358,7 @@ static void assert_not_written(struct exr_part *part, struct exr_part *second,
                                enum exr_error code) {
     g_autofree char *path = in_folder("refused.exr");
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
 
     if (part)
         exr_file_add(file, part);
@@ -382,7 +368,6 @@ static void assert_not_written(struct exr_part *part, struct exr_part *second,
     g_assert_error(error, EXR_ERROR, (int)code);
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
     assert_nothing_left();
-    exr_file_free(file);
 }
 
 static void test_refused_to_write(void) {
@@ -404,7 +389,7 @@ static void test_refused_to_write(void) {
 
 static void test_attributes_missing(void) {
     g_autoptr(GError) error = NULL;
-    struct exr_part *part = exr_part_new("p", 1, 1, one, EXR_HALF);
+    g_autoptr(ExrPart) part = exr_part_new("p", 1, 1, one, EXR_HALF);
     double value = 5;
     int integer;
 
@@ -413,125 +398,99 @@ static void test_attributes_missing(void) {
     g_assert_cmpuint(part->attributes->len, ==, 1);
     g_assert_true(exr_get_double(part, "a", &value, &error) && value == 2);
     g_assert_false(exr_get_double(part, "b", &value, &error));
-    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
-    g_clear_error(&error);
+    assert_error_clear(&error, EXR_ERROR, EXR_ERROR_MISSING);
     g_assert_false(exr_get_int(part, "a", &integer, &error));
     g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
     g_assert_null(exr_part_plane(part, "Z"));
     g_assert_nonnull(exr_part_plane(part, "Y"));
-    exr_part_free(part);
 }
 
 static void test_long_names(void) {
     static const char *const channels[] = {"a channel whose name has more than thirty-one bytes",
                                            NULL};
-    g_autofree char *path = in_folder("long.exr");
-    g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_file_new();
-    struct exr_part *part = exr_part_new("p", 3, 3, channels, EXR_FLOAT), *back;
+    static const char *const name = "an attribute whose name has more than thirty-one bytes";
+    g_autoptr(ExrPart) part = exr_part_new("p", 3, 3, channels, EXR_FLOAT);
     int value;
 
-    exr_set_int(part, "an attribute whose name has more than thirty-one bytes", 7);
-    exr_file_add(file, part);
-    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-    g_assert_no_error(error);
-    back = exr_read_part(path, "p", &error);
-    g_assert_no_error(error);
+    exr_set_int(part, name, 7);
+    g_autoptr(ExrPart) back = there_and_back(part, EXR_ZIP);
     assert_same(part, back);
-    g_assert_true(
-        exr_get_int(back, "an attribute whose name has more than thirty-one bytes", &value, NULL) &&
-        value == 7);
-    exr_part_free(back);
-    exr_file_free(file);
+    g_assert_true(exr_get_int(back, name, &value, NULL) && value == 7);
 }
 
 static void test_missing(void) {
     g_autofree char *path = in_folder("missing.exr"), *nowhere = in_folder("no/such/x.exr");
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = make_file(2, 2);
+    g_autoptr(ExrFile) file = make_file(2, 2);
 
     g_assert_null(exr_read(nowhere, &error));
-    g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
-    g_clear_error(&error);
+    assert_error_clear(&error, EXR_ERROR, EXR_ERROR_IO);
     g_assert_false(exr_write(nowhere, file, EXR_ZIP, TRUE, &error));
-    g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
-    g_clear_error(&error);
+    assert_error_clear(&error, EXR_ERROR, EXR_ERROR_IO);
     g_assert_null(exr_read(folder, &error));
-    g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
-    g_clear_error(&error);
+    assert_error_clear(&error, EXR_ERROR, EXR_ERROR_FORMAT);
     g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, NULL));
     g_assert_null(exr_read_part(path, "no such part", &error));
-    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
-    g_clear_error(&error);
+    assert_error_clear(&error, EXR_ERROR, EXR_ERROR_MISSING);
     g_assert_null(exr_sha256(nowhere, NULL, &error));
     g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
-    exr_file_free(file);
 }
 
 /* A write that fails leaves the old file as it was and nothing beside it. */
 static void test_failed_write(void) {
     g_autofree char *path = in_folder("kept.exr");
-    g_autofree char *before = NULL, *after = NULL;
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = make_file(30, 9);
+    g_autoptr(ExrFile) file = make_file(30, 9);
     struct rlimit limit = {16384, RLIM_INFINITY}, none = {RLIM_INFINITY, RLIM_INFINITY};
 
     g_assert_true(exr_write(path, file, EXR_ZIP, TRUE, NULL));
-    before = exr_sha256(path, NULL, NULL);
+    g_autofree char *before = exr_sha256(path, NULL, NULL);
     signal(SIGXFSZ, SIG_IGN);
     g_assert_cmpint(setrlimit(RLIMIT_FSIZE, &limit), ==, 0);
     g_assert_false(exr_write(path, file, EXR_NONE, TRUE, &error));
     setrlimit(RLIMIT_FSIZE, &none);
     g_assert_error(error, EXR_ERROR, EXR_ERROR_FULL);
-    after = exr_sha256(path, NULL, NULL);
+    g_autofree char *after = exr_sha256(path, NULL, NULL);
     g_assert_cmpstr(before, ==, after);
     assert_nothing_left();
-    exr_file_free(file);
 }
 
 /* Reading a part, or the headers, must not touch the others' pixels: they are damaged here. */
 static void test_reads_no_other_part(void) {
     g_autofree char *path = in_folder("damaged.exr"), *bytes = NULL;
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = make_file(3, 4);
-    struct exr_part *part = g_ptr_array_index(file->parts, 0), *back;
-    struct exr_file *headers;
+    g_autoptr(ExrFile) file = make_file(3, 4);
+    struct exr_part *part = g_ptr_array_index(file->parts, 0);
     gsize length;
 
     g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, NULL));
     g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
     memset(bytes + length - 400, 0xff, 400);
     g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
-    back = exr_read_part(path, "part_0000", &error);
+    g_autoptr(ExrPart) back = exr_read_part(path, "part_0000", &error);
     g_assert_no_error(error);
     assert_same(part, back);
-    exr_part_free(back);
-    headers = exr_read_headers(path, &error);
+    g_autoptr(ExrFile) headers = exr_read_headers(path, &error);
     g_assert_no_error(error);
-    exr_file_free(headers);
     g_assert_null(exr_read(path, &error));
     g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
-    exr_file_free(file);
 }
 
 static void read_all_ways(const char *path, gboolean must_fail) {
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(path, &error);
-    struct exr_file *headers = exr_read_headers(path, NULL);
-    struct exr_part *part = exr_read_part(path, "part_0001", NULL);
+    g_autoptr(ExrFile) file = exr_read(path, &error);
+    g_autoptr(ExrFile) headers = exr_read_headers(path, NULL);
+    g_autoptr(ExrPart) part = exr_read_part(path, "part_0001", NULL);
 
     g_assert_true((file != NULL) == (error == NULL));
     if (error)
         g_assert_true(g_utf8_validate(error->message, -1, NULL) && *error->message);
     if (must_fail)
         g_assert_nonnull(error);
-    exr_file_free(file);
-    exr_file_free(headers);
-    exr_part_free(part);
 }
 
 static char *small_file(const char *path, int parts, enum exr_compression method, gsize *length) {
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     GRand *rand = g_rand_new_with_seed(8);
     char *bytes = NULL;
 
@@ -548,7 +507,6 @@ static char *small_file(const char *path, int parts, enum exr_compression method
     }
     g_assert_true(exr_write(path, file, method, FALSE, NULL));
     g_assert_true(g_file_get_contents(path, &bytes, length, NULL));
-    exr_file_free(file);
     g_rand_free(rand);
     return bytes;
 }
@@ -637,10 +595,6 @@ static void test_promises(void) {
 }
 
 int main(int argc, char **argv) {
-    int status;
-    g_autoptr(GDir) dir = NULL;
-    const char *name;
-
     g_test_init(&argc, &argv, NULL);
     folder = g_dir_make_tmp("mesorig-exr-XXXXXX", NULL);
     g_test_add_func("/exr/half/every", test_half_every);
@@ -663,13 +617,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/exr/truncated", test_truncated);
     g_test_add_func("/exr/mutated", test_mutated);
     g_test_add_func("/exr/promises", test_promises);
-    status = g_test_run();
-    dir = g_dir_open(folder, 0, NULL);
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *path = in_folder(name);
-        g_unlink(path);
-    }
-    g_rmdir(folder);
+    int status = g_test_run();
+    remove_tree(folder);
     g_free(folder);
     return status;
 }

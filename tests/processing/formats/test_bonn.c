@@ -1,6 +1,7 @@
 /* Bonn's .btf files, against a reader and writer in Python that share nothing with ours. */
 #include "formats/bonn.h"
 #include "lib/process.h"
+#include "lib/remove_tree.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -37,6 +38,13 @@ static void peer(const char *verb, const char *kind, const char *file, const cha
     g_free(process_text(0, kind ? argv : reading));
 }
 
+static BonnFile *open_good(const char *path) {
+    g_autoptr(GError) error = NULL;
+    BonnFile *file = bonn_open(path, &error);
+    g_assert_no_error(error);
+    return file;
+}
+
 static float *values_of(const char *path, gsize n) {
     char *bytes = NULL;
     gsize length = 0;
@@ -67,8 +75,7 @@ static void test_read(void) {
         g_autofree char *values = g_strconcat(path, ".values", NULL);
         peer("write", kinds[i], path, values);
         g_autofree float *wanted = values_of(values, VALUES);
-        g_autoptr(BonnFile) file = bonn_open(path, &error);
-        g_assert_no_error(error);
+        g_autoptr(BonnFile) file = open_good(path);
         const gboolean bdi = g_str_has_prefix(kinds[i], "bdi");
         assert_values(file, wanted, bdi ? 1e-9 : 2e-6, strstr(kinds[i], "sparse") ? 3 : 0);
         const struct bonn_header *header = bonn_header(file);
@@ -138,8 +145,7 @@ static void test_write_bdi(gconstpointer data) {
     peer("read", NULL, path, out);
     g_autofree float *got = values_of(out, 2 * view);
     g_assert_cmpmem(got, 2 * view * sizeof *got, values, 2 * view * sizeof *got);
-    g_autoptr(BonnFile) file = bonn_open(path, &error);
-    g_assert_no_error(error);
+    g_autoptr(BonnFile) file = open_good(path);
     assert_values(file, values, 1e-9, sparse ? 15 : 0);
     g_assert_cmpstr(bonn_header(file)->setup, ==, "Prüfstand");
     g_assert_cmpfloat_with_epsilon((double)bonn_header(file)->light_phi_deg[4], 240, 1e-4);
@@ -169,8 +175,7 @@ static void test_write_factors(gconstpointer data) {
     for (int i = 0; i < k; i++)
         last += (double)row[i] * (double)texel[62 * k + i];
     g_assert_cmpfloat_with_epsilon((double)got[2 * 5 * 63 * 3 - 1], last, 1e-5);
-    g_autoptr(BonnFile) file = bonn_open(path, &error);
-    g_assert_no_error(error);
+    g_autoptr(BonnFile) file = open_good(path);
     assert_values(file, got, 1e-5, 0);
     bonn_header_clear(&header);
 }
@@ -277,34 +282,39 @@ static void test_messages(void) {
     const gssize metadata = 10 + 4 + 4 + 240 + 16 + 4 + 4 + 11;
     const gssize sampling = metadata + 4 + 3 * 5;
     const gssize size = sampling + 4 + VIEWS * (12 + LIGHTS * 8);
+    const struct {
+        const char *of;
+        gssize at;
+        guint32 value;
+        enum bonn_error code;
+        const char *what;
+    } bad[] = {
+        {bdi, metadata, 31, BONN_ERROR_UNSUPPORTED, "31 channels"},
+        {bdi, size - 8, 0, BONN_ERROR_UNSUPPORTED, "view 2 has other lights"},
+        {bdi, size, 100000, BONN_ERROR_FORMAT, "100000 as the width"},
+        {bdi, size + 12, 0x01010101, BONN_ERROR_UNSUPPORTED, "bzip2"},
+        {bdi, size, WIDTH - 1, BONN_ERROR_FORMAT, "it is cut off"},
+        {dfmf, size + 8 + 4 + 4, 6, BONN_ERROR_UNSUPPORTED, "colour model 6"},
+        {dfmf, size, WIDTH + 1, BONN_ERROR_FORMAT, "does not fit 6 × 3 texels"},
+    };
     assert_says("/nonexistent.btf", BONN_ERROR_IO, "No such file");
-    patch(bdi, path, metadata, 31);
-    assert_says(path, BONN_ERROR_UNSUPPORTED, "31 channels");
-    patch(bdi, path, size - 8, 0);
-    assert_says(path, BONN_ERROR_UNSUPPORTED, "view 2 has other lights");
-    patch(bdi, path, size, 100000);
-    assert_says(path, BONN_ERROR_FORMAT, "100000 as the width");
-    patch(bdi, path, size + 12, 0x01010101);
-    assert_says(path, BONN_ERROR_UNSUPPORTED, "bzip2");
-    patch(bdi, path, size, WIDTH - 1);
-    assert_says(path, BONN_ERROR_FORMAT, "it is cut off");
-    patch(dfmf, path, size + 8 + 4 + 4, 6);
-    assert_says(path, BONN_ERROR_UNSUPPORTED, "colour model 6");
-    patch(dfmf, path, size, WIDTH + 1);
-    assert_says(path, BONN_ERROR_FORMAT, "does not fit 6 × 3 texels");
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        patch(bad[i].of, path, bad[i].at, bad[i].value);
+        assert_says(path, bad[i].code, bad[i].what);
+    }
 }
 
 /* Cut off between its being opened and its being read. */
 static void test_cut_at_work(void) {
-    g_autofree char *bdi = in_folder("bdi"), *path = in_folder("cut-at-work"), *bytes = NULL;
+    g_autofree char *bdi = in_folder("bdi"), *path = in_folder("cut-at-work");
     g_autoptr(GError) error = NULL;
     float rgb[LIGHTS * TEXELS * 3];
     int holes[LIGHTS];
+    g_autofree char *bytes = NULL;
     gsize length;
     g_assert_true(g_file_get_contents(bdi, &bytes, &length, NULL));
     g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
-    g_autoptr(BonnFile) file = bonn_open(path, &error);
-    g_assert_no_error(error);
+    g_autoptr(BonnFile) file = open_good(path);
     g_assert_cmpint(truncate(path, 0), ==, 0);
     g_assert_false(bonn_read_view(file, 0, rgb, holes, &error));
     g_assert_error(error, BONN_ERROR, BONN_ERROR_FORMAT);
@@ -335,8 +345,7 @@ static void test_not_finite(void) {
     float rgb[LIGHTS * TEXELS * 3];
     int holes[LIGHTS];
     patch(bdi, path, -4, 0x7c003c00);
-    g_autoptr(BonnFile) file = bonn_open(path, &error);
-    g_assert_no_error(error);
+    g_autoptr(BonnFile) file = open_good(path);
     g_assert_true(bonn_read_view(file, VIEWS - 1, rgb, holes, &error));
     g_assert_no_error(error);
     g_assert_cmpint(holes[LIGHTS - 2], ==, 0);
@@ -369,12 +378,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/bonn/truncated", test_truncated);
     g_test_add_func("/bonn/mutated", test_mutated);
     int status = g_test_run();
-    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
-    for (const char *name; (name = g_dir_read_name(dir));) {
-        g_autofree char *path = in_folder(name);
-        g_unlink(path);
-    }
-    g_rmdir(folder);
+    remove_tree(folder);
     g_free(folder);
     return status;
 }

@@ -9,6 +9,7 @@
 
 #include <glib/gstdio.h>
 
+#include "lib/assert_error.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 
@@ -17,7 +18,7 @@
 #define TEXELS (WIDTH * HEIGHT)
 
 static const struct work quietly = {0};
-static const struct work silent = {0};
+static const struct import_wish plainly = {0};
 
 static char *in_folder(const char *name) {
     return g_build_filename(session_fixture_folder, name, NULL);
@@ -36,14 +37,13 @@ static float value(int view, int light, int texel, int colour) {
 
 static void write_exr(const char *path, int view, int light, int width, int n_nan) {
     static const char *const channels[] = {"B", "G", "R", NULL};
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     struct exr_part *part = exr_part_new("rgb", width, HEIGHT, channels, EXR_HALF);
     for (int i = 0; i < width * HEIGHT; i++)
         for (int c = 0; c < 3; c++)
             part->planes[2 - c][i] = i < n_nan ? NAN : value(view, light, i, c);
     exr_file_add(file, part);
     g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
-    exr_file_free(file);
 }
 
 /* Two views and three lights, keys in both orders. */
@@ -108,8 +108,7 @@ static void assert_not_imported(const char *path, GError *error, const char *wha
     g_autofree char *hidden = g_strconcat(".", base, NULL);
     g_autoptr(GDir) dir = g_dir_open(parent, 0, NULL);
     g_assert_nonnull(error);
-    if (!strstr(error->message, what))
-        g_error("“%s” is not in: %s", what, error->message);
+    assert_has(error->message, what);
     for (const char *name; (name = g_dir_read_name(dir));)
         g_assert_false(g_str_has_prefix(name, hidden) || g_str_equal(name, base));
 }
@@ -118,8 +117,7 @@ static void assert_folder_refused(const char *dir, const char *what) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("refused");
     struct import_result result;
-    const struct import_wish wish = {0};
-    g_assert_false(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    g_assert_false(import_pictures(path, dir, &plainly, &quietly, &result, &error));
     assert_not_imported(path, error, what);
 }
 
@@ -155,10 +153,9 @@ static void test_holes(void) {
     g_autofree char *dir = new_folder(), *path = session_fixture_path("holes");
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
     struct import_result result;
-    const struct import_wish wish = {0};
     write_set(dir);
     write_exr(one, 1, 1, WIDTH, 5);
-    g_assert_true(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    g_assert_true(import_pictures(path, dir, &plainly, &quietly, &result, &error));
     g_assert_cmpint(result.holes, ==, 5);
     struct btf_matrix *btf = read_back(path);
     g_assert_cmpint(btf->holes, ==, 5);
@@ -211,30 +208,30 @@ static void test_rti(void) {
     btf_matrix_free(btf);
 }
 
-static void assert_list_refused(const char *list, const char *text, const char *what) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *path = session_fixture_path("refused");
-    struct import_result result;
-    const struct import_wish wish = {0};
-    write_list(list, text);
-    g_assert_false(import_rti(path, list, &wish, &quietly, &result, &error));
-    assert_not_imported(path, error, what);
-}
-
 static void test_bad_lists(void) {
     g_autofree char *dir = new_folder();
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a.png", NULL);
     write_png(a, 100);
-    assert_list_refused(list, "", "lights.lp:1: the number of pictures");
-    assert_list_refused(list, "many\n", "lights.lp:1: the number of pictures");
-    assert_list_refused(list, "2\na.png 0 0 1\n", "it says that there are 2 pictures, but lists 1");
-    assert_list_refused(list, "1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z");
-    assert_list_refused(list, "1\n\na.png 0 x 1\n", "lights.lp:3: “x” is not a number");
-    assert_list_refused(list, "1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number");
-    assert_list_refused(list, "1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction");
-    assert_list_refused(list, "1\nb.png 0 0 1\n", "lights.lp:2: there is no picture");
-    assert_list_refused(list, "2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light");
+    static const char *const bad[][2] = {
+        {"", "lights.lp:1: the number of pictures"},
+        {"many\n", "lights.lp:1: the number of pictures"},
+        {"2\na.png 0 0 1\n", "it says that there are 2 pictures, but lists 1"},
+        {"1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z"},
+        {"1\n\na.png 0 x 1\n", "lights.lp:3: “x” is not a number"},
+        {"1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number"},
+        {"1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction"},
+        {"1\nb.png 0 0 1\n", "lights.lp:2: there is no picture"},
+        {"2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light"},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *path = session_fixture_path("refused");
+        struct import_result result;
+        write_list(list, bad[i][0]);
+        g_assert_false(import_rti(path, list, &plainly, &quietly, &result, &error));
+        assert_not_imported(path, error, bad[i][1]);
+    }
 }
 
 /* Whatever bytes a list has, it is a list or an error. */
@@ -249,12 +246,11 @@ static void test_mutated_list(void) {
         g_autoptr(GError) error = NULL;
         g_autofree char *text = g_strdup(good), *path = session_fixture_path("mutated");
         struct import_result result;
-        const struct import_wish wish = {0};
         for (int k = g_rand_int_range(rand, 1, 6); k > 0; k--)
             text[g_rand_int_range(rand, 0, (int)strlen(good))] =
                 (char)g_rand_int_range(rand, i % 2, 256);
         write_list(list, text);
-        const gboolean ok = import_rti(path, list, &wish, &quietly, &result, &error);
+        const gboolean ok = import_rti(path, list, &plainly, &quietly, &result, &error);
         g_assert_true(ok == (error == NULL));
     }
     g_rand_free(rand);
@@ -293,9 +289,8 @@ static void test_bonn(void) {
         g_autoptr(GError) error = NULL;
         g_autofree char *path = session_fixture_path("bonn");
         struct import_result result;
-        const struct import_wish wish = {0};
         write_bonn(file, cosine);
-        g_assert_true(import_bonn(path, file, &wish, &quietly, &result, &error));
+        g_assert_true(import_bonn(path, file, &plainly, &quietly, &result, &error));
         g_assert_no_error(error);
         struct btf_matrix *btf = read_back(path);
         g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.25);
@@ -319,7 +314,7 @@ static void test_export_bonn(void) {
         g_autofree char *file = in_folder("exported.btf");
         if (kind == BONN_BDI_SPARSE)
             continue;
-        g_assert_true(export_bonn(path, file, kind, 18, &silent, &exported, &error));
+        g_assert_true(export_bonn(path, file, kind, 18, &quietly, &exported, &error));
         g_assert_no_error(error);
         g_assert_cmpfloat(exported.error, <, 1e-3);
         g_autoptr(BonnFile) btf = bonn_open(file, &error);
@@ -335,7 +330,7 @@ static void test_export_bonn(void) {
                                            (double)value(1, i / 3 / TEXELS, i / 3 % TEXELS, i % 3),
                                            kind == BONN_BDI ? 1e-9 : 4e-3);
     }
-    g_assert_false(export_bonn(session_fixture_folder, "/nonexistent/a.btf", BONN_BDI, 0, &silent,
+    g_assert_false(export_bonn(session_fixture_folder, "/nonexistent/a.btf", BONN_BDI, 0, &quietly,
                                &exported, &error));
     g_assert_nonnull(error);
 }
@@ -344,11 +339,10 @@ static void test_exists(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder();
     struct import_result result;
-    const struct import_wish wish = {0}, outside = {.region = {3, 0, WIDTH, HEIGHT}};
+    const struct import_wish outside = {.region = {3, 0, WIDTH, HEIGHT}};
     write_set(dir);
-    g_assert_false(import_pictures(dir, dir, &wish, &quietly, &result, &error));
-    g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
-    g_clear_error(&error);
+    g_assert_false(import_pictures(dir, dir, &plainly, &quietly, &result, &error));
+    assert_error_clear(&error, DATA_ERROR, DATA_ERROR_EXISTS);
     g_autofree char *path = session_fixture_path("outside");
     g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
     assert_not_imported(path, error, "do not lie within its 6 × 4");
@@ -359,48 +353,34 @@ static void test_cancelled(void) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     g_autofree char *dir = new_folder(), *path = session_fixture_path("cancelled");
     struct import_result result;
-    const struct import_wish wish = {0};
     const struct work progress = {.cancellable = cancellable};
     write_set(dir);
     g_cancellable_cancel(cancellable);
-    g_assert_false(import_pictures(path, dir, &wish, &progress, &result, &error));
+    g_assert_false(import_pictures(path, dir, &plainly, &progress, &result, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     assert_not_imported(path, error, "");
-}
-
-static char *run_mesorig(const char *line, int wanted) {
-    g_auto(GStrv) words = g_strsplit(line, " ", -1);
-    g_autofree const char **argv =
-        process_argv(BUILD_DIR "/bin/mesorig", (const char *const *)words);
-    return process_text(wanted, argv);
 }
 
 static void test_command(void) {
     g_autofree char *file = in_folder("command.btf"), *path = session_fixture_path("command");
     g_autofree char *back = in_folder("back.btf");
     write_bonn(file, TRUE);
-    g_autofree char *import = g_strdup_printf("import btf %s -o %s --json", file, path);
-    g_autofree char *imported = run_mesorig(import, 0), *again = run_mesorig(import, 1);
+    g_autofree char *imported = process_mesorig(0, "import btf %s -o %s --json", file, path);
+    g_autofree char *again = process_mesorig(1, "import btf %s -o %s --json", file, path);
     g_assert_nonnull(strstr(imported, "\"views\": 2"));
     g_assert_nonnull(strstr(again, "exists already"));
-    g_autofree char *process = g_strdup_printf("process %s --json", path);
-    g_autofree char *processed = run_mesorig(process, 1);
+    g_autofree char *processed = process_mesorig(1, "process %s --json", path);
     g_assert_nonnull(strstr(processed, "there is nothing to process"));
-    g_autofree char *compress = g_strdup_printf("compress %s -k 2 -c 2 --json", path);
-    g_autofree char *compressed = run_mesorig(compress, 0);
-    g_autofree char *info = g_strdup_printf("info %s --json", path);
-    g_autofree char *told = run_mesorig(info, 0);
-    g_autofree char *export = g_strdup_printf("export btf %s -o %s --json", path, back);
-    g_autofree char *exported = run_mesorig(export, 0);
-    g_autofree char *none = run_mesorig("import btf --json", 2);
-    g_autofree char *kind = run_mesorig("import nothing here -o there", 2);
-    char *a = NULL, *b = NULL;
+    g_free(process_mesorig(0, "compress %s -k 2 -c 2 --json", path));
+    g_free(process_mesorig(0, "info %s --json", path));
+    g_free(process_mesorig(0, "export btf %s -o %s --json", path, back));
+    g_free(process_mesorig(2, "import btf --json"));
+    g_free(process_mesorig(2, "import nothing here -o there"));
+    g_autofree char *a = NULL, *b = NULL;
     gsize n_a, n_b;
     g_assert_true(g_file_get_contents(file, &a, &n_a, NULL));
     g_assert_true(g_file_get_contents(back, &b, &n_b, NULL));
     g_assert_cmpmem(a + n_a - 200, 200, b + n_b - 200, 200);
-    g_free(a);
-    g_free(b);
 }
 
 int main(int argc, char **argv) {

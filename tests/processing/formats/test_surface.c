@@ -79,12 +79,11 @@ static char *make_session(Inside inside) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_create(path, "surface", &texts, &plan, &error);
     g_assert_no_error(error);
-    struct exr_file *file = exr_file_new();
+    g_autoptr(ExrFile) file = exr_file_new();
     g_autofree char *mdf = session_file(session, "products/mdf.exr");
     for (int view = 0; view < VIEWS; view++)
         exr_file_add(file, view_part(view, inside));
     g_assert_true(exr_write(mdf, file, EXR_NONE, FALSE, &error));
-    exr_file_free(file);
     return path;
 }
 
@@ -141,7 +140,7 @@ static void test_height(void) {
     g_assert_no_error(error);
     g_assert_cmpint(result.stacked, ==, 0);
     g_assert_cmpint(result.holes, <, SIDE * SIDE / 20);
-    struct exr_part *part = exr_read_part(file, "height", &error);
+    g_autoptr(ExrPart) part = exr_read_part(file, "height", &error);
     const float *z = exr_part_plane(part, "Z"), *n = exr_part_plane(part, "N");
     double squares = 0;
     int holes = 0, seen = 0;
@@ -155,16 +154,14 @@ static void test_height(void) {
     }
     g_assert_cmpint(holes, ==, result.holes);
     g_assert_cmpfloat(sqrt(squares / seen), <, 0.05); /* a tenth of a texel, of points beside */
-    exr_part_free(part);
     g_assert_true(export_as(path, file, EXPORT_NORMALS, FALSE, &result, &error));
-    part = exr_read_part(file, "normals", &error);
+    g_autoptr(ExrPart) normals = exr_read_part(file, "normals", &error);
     const struct vec3 wanted = normal_of(0.25, -0.25);
     const int middle = SIDE / 2 * SIDE + SIDE / 2;
-    const double got = wanted.x * (double)exr_part_plane(part, "X")[middle] +
-                       wanted.y * (double)exr_part_plane(part, "Y")[middle] +
-                       wanted.z * (double)exr_part_plane(part, "Z")[middle];
+    const double got = wanted.x * (double)exr_part_plane(normals, "X")[middle] +
+                       wanted.y * (double)exr_part_plane(normals, "Y")[middle] +
+                       wanted.z * (double)exr_part_plane(normals, "Z")[middle];
     g_assert_cmpfloat(got, >, 0.998);
-    exr_part_free(part);
 }
 
 static void test_no_height_field(void) {
@@ -178,7 +175,7 @@ static void test_no_height_field(void) {
     g_assert_false(g_file_test(file, G_FILE_TEST_EXISTS));
     g_clear_error(&error);
     g_assert_true(export_as(path, file, EXPORT_HEIGHT, TRUE, &result, &error));
-    struct exr_part *part = exr_read_part(file, "height", &error);
+    g_autoptr(ExrPart) part = exr_read_part(file, "height", &error);
     const int middle = SIDE / 2 * SIDE + SIDE / 2 - 4; /* under the plate, where others see */
     const float *z = exr_part_plane(part, "Z"), *n = exr_part_plane(part, "N");
     int marked = 0;
@@ -190,7 +187,6 @@ static void test_no_height_field(void) {
     g_assert_cmpint(marked, ==, result.stacked);
     g_assert_cmpint(marked, >, SIDE * SIDE / 20);
     g_assert_cmpfloat_with_epsilon((double)z[middle], 4.1, 0.01);
-    exr_part_free(part);
 }
 
 static void test_bad(void) {
@@ -199,12 +195,11 @@ static void test_bad(void) {
     g_autofree char *mdf = g_build_filename(path, "products/mdf.exr", NULL);
     g_autofree char *file = g_build_filename(session_fixture_folder, "bad.exr", NULL);
     struct export_surface_result result;
-    struct exr_file *exr = exr_read(mdf, NULL);
+    g_autoptr(ExrFile) exr = exr_read(mdf, NULL);
     struct exr_part *first = exr->parts->pdata[0];
     for (int i = 0; i < SIDE * SIDE; i++)
         first->planes[0][i] = i % 2 ? NAN : INFINITY;
     g_assert_true(exr_write(mdf, exr, EXR_NONE, FALSE, NULL));
-    exr_file_free(exr);
     g_assert_true(export_as(path, file, EXPORT_POINTS, FALSE, &result, &error));
     g_unlink(mdf);
     g_assert_false(export_as(path, file, EXPORT_POINTS, FALSE, &result, &error));

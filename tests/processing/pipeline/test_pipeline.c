@@ -35,7 +35,7 @@ static void check_btf(const struct fixture *fixture) {
             g_autofree char *file = g_strdup_printf("btf/view_%04d.exr", view);
             g_autofree char *path = fixture_product(fixture, file);
             g_autofree char *name = g_strdup_printf("light_%04d", light);
-            struct exr_part *part = exr_read_part(path, name, &error);
+            g_autoptr(ExrPart) part = exr_read_part(path, name, &error);
             g_assert_no_error(error);
             int turn = view / N_CAMERAS;
             const struct session_shot *shot = &fixture->shots[turn * (N_LIGHTS + N_LASERS) + light];
@@ -54,7 +54,6 @@ static void check_btf(const struct fixture *fixture) {
             g_assert_cmpint(holes, ==, 0);
             check_place(part, "view.centre_mm", 650, theta_deg, -fixture_turn_deg(turn));
             check_place(part, "light.position_mm", lamp.distance_mm, 35, phi_deg);
-            exr_part_free(part);
         }
 }
 

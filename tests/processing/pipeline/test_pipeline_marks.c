@@ -20,7 +20,7 @@ static void test_nan(struct fixture *fixture, gconstpointer unused) {
     fixture_capture(fixture, 0, fixture->n_shots, one_nan);
     fixture_process(fixture, 2, FALSE);
     g_autofree char *path = fixture_product(fixture, "btf/view_0000.exr");
-    struct exr_part *part = exr_read_part(path, "light_0001", NULL);
+    g_autoptr(ExrPart) part = exr_read_part(path, "light_0001", NULL);
     int holes, zeros = 0;
     g_assert_true(exr_get_int(part, "mesorig.holes", &holes, NULL));
     for (int i = 0; i < TEXELS * TEXELS; i++) {
@@ -29,7 +29,6 @@ static void test_nan(struct fixture *fixture, gconstpointer unused) {
     }
     g_assert_cmpint(holes, >, 0);
     g_assert_cmpint(zeros, ==, holes);
-    exr_part_free(part);
     fixture_capture(fixture, 1, 2, all_nan);
     fixture_process_fails(fixture, DATA_ERROR_INVALID, "000002");
 }
@@ -90,15 +89,13 @@ static void test_marks(struct fixture *fixture, gconstpointer unused) {
     fixture_capture(fixture, 0, fixture->n_shots, all_sorts);
     fixture_process(fixture, 2, FALSE);
     g_autofree char *path = fixture_product(fixture, "btf/view_0000.exr");
-    struct exr_part *part = exr_read_part(path, "light_0001", &error);
+    g_autoptr(ExrPart) part = exr_read_part(path, "light_0001", &error);
     g_assert_no_error(error);
     check_mark(part, BTF_FLAG_BOUND, "mesorig.bounds", SATURATED);
     check_mark(part, BTF_FLAG_SHORTER, "mesorig.shorter", BRIGHT);
     check_mark(part, BTF_FLAG_HOLE, "mesorig.holes", SIDE / 2 * SIDE + SIDE / 2);
-    exr_part_free(part);
-    part = exr_read_part(path, "light_0000", NULL);
-    g_assert_null(exr_part_plane(part, "mark"));
-    exr_part_free(part);
+    g_autoptr(ExrPart) other = exr_read_part(path, "light_0000", NULL);
+    g_assert_null(exr_part_plane(other, "mark"));
     struct btf_matrix *btf = btf_matrix_read(fixture->path, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpint(btf->holes, >, 0);

@@ -68,7 +68,7 @@ static void test_predicted(struct fixture *fixture, gconstpointer unused) {
                                  again = fixture_process(fixture, 1, FALSE);
     g_autofree char *path = fixture_product(fixture, "mdf.exr");
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(path, &error);
+    g_autoptr(ExrFile) file = exr_read(path, &error);
     g_assert_no_error(error);
     int predicted = 0, measured = 0;
     for (guint v = 0; v < file->parts->len; v++) {
@@ -83,7 +83,6 @@ static void test_predicted(struct fixture *fixture, gconstpointer unused) {
             g_assert_true(p[i] != 0 || d[i] == -1);
         }
     }
-    exr_file_free(file);
     g_assert_cmpint(predicted, >=, 4);
     g_assert_cmpfloat(result.mdf_coverage, ==, measured / (double)(N_VIEWS * TEXELS * TEXELS));
     g_assert_cmpfloat(result.mdf_predicted, ==, predicted / (double)(N_VIEWS * TEXELS * TEXELS));

@@ -2,6 +2,7 @@
  * The session directory: what was planned comes back bit for bit, and commits are whole or not at
  * all.
  */
+#include "lib/assert_error.h"
 #include "lib/session_fixture.h"
 
 #include <sys/stat.h>
@@ -98,17 +99,14 @@ static void test_exists(void) {
                     *nowhere = g_build_filename(path, "a/b", NULL);
     g_autofree struct random_plan *p = session_fixture_random_plan(1, 1);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GDir) dir = NULL;
-    const char *name;
 
     g_assert_cmpint(g_mkdir(path, 0755), ==, 0); /* empty, which rename() would replace */
     g_assert_null(session_create(path, "x", &texts, &p->plan, &error));
-    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS);
-    g_clear_error(&error);
+    assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_EXISTS);
     g_assert_null(session_create(nowhere, "x", &texts, &p->plan, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
-    dir = g_dir_open(session_fixture_folder, 0, NULL);
-    while ((name = g_dir_read_name(dir)))
+    g_autoptr(GDir) dir = g_dir_open(session_fixture_folder, 0, NULL);
+    for (const char *name; (name = g_dir_read_name(dir));)
         g_assert_true(*name != '.'); /* nothing half made is left */
 }
 
@@ -116,16 +114,14 @@ static void test_commit(void) {
     g_autofree char *path = session_fixture_path("commit");
     g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GPtrArray) frames = NULL;
-    const struct session_frame *frame;
 
     g_assert_true(session_fixture_commit(session, 3, 2, &error));
     g_assert_true(session_fixture_commit(session, 2, 3, &error));
     g_assert_true(session_fixture_commit(session, 3, 1, &error)); /* retaken: replaces */
     g_assert_no_error(error);
-    frames = session_frames(session, &error);
+    g_autoptr(GPtrArray) frames = session_frames(session, &error);
     g_assert_cmpuint(frames->len, ==, 4);
-    frame = g_ptr_array_index(frames, 2);
+    const struct session_frame *frame = g_ptr_array_index(frames, 2);
     g_assert_cmpint(frame->shot, ==, 2);
     g_assert_cmpint(frame->camera, ==, 2);
     g_assert_cmpint(frame->retakes, ==, 2);
@@ -139,11 +135,11 @@ static void test_commit(void) {
 static void assert_commit_fails(Session *session, gint64 shot, const struct session_frame *frames,
                                 int n, int code) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(GPtrArray) before = session_frames(session, NULL), after = NULL;
+    g_autoptr(GPtrArray) before = session_frames(session, NULL);
 
     g_assert_false(session_commit_shot(session, shot, SHOT_DONE, frames, n, NULL, &error));
     g_assert_error(error, SESSION_ERROR, code);
-    after = session_frames(session, NULL);
+    g_autoptr(GPtrArray) after = session_frames(session, NULL);
     g_assert_cmpuint(after->len, ==, before->len);
 }
 
@@ -152,24 +148,21 @@ static void test_commit_refused(void) {
     g_autofree char *path = session_fixture_path("refuse");
     g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
-    struct session_frame frames[2], changed;
+    struct session_frame frames[2];
 
     g_assert_true(session_fixture_commit(session, 2, 2, NULL));
     frames[0] = session_fixture_frame(session, 4, 0);
     frames[1] = session_fixture_frame(session, 4, 1);
-    changed = frames[1];
-    changed.camera = 0; /* twice the same camera */
-    assert_commit_fails(session, 4, (struct session_frame[]){frames[0], changed}, 2,
-                        SESSION_ERROR_FORMAT);
-    changed = frames[1];
-    changed.bytes++;
-    assert_commit_fails(session, 4, (struct session_frame[]){frames[0], changed}, 2,
-                        SESSION_ERROR_IO);
-    changed = frames[1];
-    changed.path = (char *)"../000004_cam_1.exr";
-    assert_commit_fails(session, 4, &changed, 1, SESSION_ERROR_IO);
-    changed.path = (char *)"frames/none.exr";
-    assert_commit_fails(session, 4, &changed, 1, SESSION_ERROR_IO);
+    struct session_frame twice[2] = {frames[0], frames[1]}, longer[2] = {frames[0], frames[1]};
+    struct session_frame outside = frames[1], none = frames[1];
+    twice[1].camera = 0;
+    longer[1].bytes++;
+    outside.path = (char *)"../000004_cam_1.exr";
+    none.path = (char *)"frames/none.exr";
+    assert_commit_fails(session, 4, twice, 2, SESSION_ERROR_FORMAT);
+    assert_commit_fails(session, 4, longer, 2, SESSION_ERROR_IO);
+    assert_commit_fails(session, 4, &outside, 1, SESSION_ERROR_IO);
+    assert_commit_fails(session, 4, &none, 1, SESSION_ERROR_IO);
     assert_commit_fails(session, 5, frames, 2, SESSION_ERROR_IO);    /* of another shot */
     assert_commit_fails(session, 99, NULL, 0, SESSION_ERROR_FORMAT); /* not in the plan */
     g_assert_cmpint(session_fixture_state(session, 4), ==, SHOT_PLANNED);
@@ -181,53 +174,46 @@ static void test_commit_refused(void) {
 static void test_modes(void) {
     g_autofree char *path = session_fixture_path("modes");
     g_autoptr(GError) error = NULL;
-    g_autoptr(Session) reader = NULL, maker = NULL;
     int lost;
 
     session_close(session_fixture_create(path, 1, 3));
-    reader = session_open(path, SESSION_READ, &error);
-    maker = session_open(path, SESSION_PRODUCTS, &error);
+    g_autoptr(Session) reader = session_open(path, SESSION_READ, &error);
+    g_autoptr(Session) maker = session_open(path, SESSION_PRODUCTS, &error);
     g_assert_no_error(error);
     g_assert_false(session_set_value(reader, "a", "b", &error));
-    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
-    g_clear_error(&error);
+    assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_IO);
     g_assert_false(session_add_event(reader, 0, "info", "x", "y", &error));
     g_clear_error(&error);
     g_assert_false(session_verify(maker, FALSE, &lost, &error));
     g_clear_error(&error);
     g_assert_false(session_commit_shot(maker, 1, SHOT_DONE, NULL, 0, NULL, &error));
-    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
-    g_clear_error(&error);
+    assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_IO);
     g_assert_true(session_set_value(maker, "a", "b", &error));
 }
 
 static void test_facts(void) {
-    g_autofree char *path = session_fixture_path("facts"), *file = NULL, *value = NULL,
-                    *gone = NULL, *rig = NULL;
+    g_autofree char *path = session_fixture_path("facts");
     g_autoptr(Session) session = session_fixture_create(path, 1, 3);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GPtrArray) events = NULL;
-    const struct session_event *event;
+    g_autofree char *rig = session_value(session, "rig_path");
 
-    rig = session_value(session, "rig_path");
     g_assert_cmpstr(rig, ==, "/etc/mesorig/rig.conf");
     g_assert_null(session_value(session, "state"));
     g_assert_true(session_set_value(session, "state", "running", &error));
     g_assert_true(session_set_value(session, "state", "done", &error));
-    value = session_value(session, "state");
+    g_autofree char *value = session_value(session, "state");
     g_assert_cmpstr(value, ==, "done");
     g_assert_true(session_set_value(session, "state", NULL, &error));
-    gone = session_value(session, "state");
-    g_assert_null(gone);
+    g_assert_null(session_value(session, "state"));
     g_assert_true(session_add_event(session, 1.5, "warning", "lamps", "dim\xff", &error));
     g_assert_true(session_add_event(session, NAN, "info", "x", "second", &error));
-    events = session_events(session, &error);
+    g_autoptr(GPtrArray) events = session_events(session, &error);
     g_assert_cmpuint(events->len, ==, 2);
-    event = g_ptr_array_index(events, 0);
+    const struct session_event *event = g_ptr_array_index(events, 0);
     g_assert_cmpfloat(event->time_s, ==, 1.5);
     g_assert_cmpstr(event->level, ==, "warning");
     g_assert_cmpstr(event->message, ==, "dim\xef\xbf\xbd");
-    file = session_file(session, "products/mdf.exr");
+    g_autofree char *file = session_file(session, "products/mdf.exr");
     g_assert_true(g_file_set_contents(file, "abc", 3, NULL));
     g_assert_true(session_add_product(session, "products/mdf.exr", "mesorig", &error));
     g_assert_true(session_add_product(session, "products/mdf.exr", "mesorig again", &error));
@@ -235,26 +221,23 @@ static void test_facts(void) {
     g_assert_false(session_add_product(session, "products/no.exr", "mesorig", &error));
     g_clear_error(&error);
     g_assert_false(session_add_product(session, "../x", "mesorig", &error));
-    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
-    g_clear_error(&error);
+    assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_IO);
     g_assert_null(session_text(session, "nothing", &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
 }
 
 static void test_verify(void) {
     g_autofree char *path = session_fixture_path("verify");
-    g_autofree char *gone = NULL, *shorter = NULL, *changed = NULL;
     g_autoptr(Session) session = session_fixture_create(path, 1, 10);
+    g_autofree char *gone = session_file(session, "frames/000001_cam_0.exr");
+    g_autofree char *shorter = session_file(session, "frames/000002_cam_1.exr");
+    g_autofree char *changed = session_file(session, "frames/000003_cam_0.exr");
     g_autoptr(GError) error = NULL;
-    g_autoptr(GPtrArray) frames = NULL, events = NULL;
     int lost = -1;
 
     for (gint64 shot = 1; shot <= 5; shot++)
         g_assert_true(session_fixture_commit(session, shot, 2, NULL));
     g_assert_true(session_verify(session, TRUE, &lost, &error) && lost == 0);
-    gone = session_file(session, "frames/000001_cam_0.exr");
-    shorter = session_file(session, "frames/000002_cam_1.exr");
-    changed = session_file(session, "frames/000003_cam_0.exr");
     g_unlink(gone);
     g_assert_cmpint(truncate(shorter, 3), ==, 0);
     g_assert_true(g_file_set_contents(changed, "pixels 9 0", -1, NULL)); /* as long as before */
@@ -266,9 +249,9 @@ static void test_verify(void) {
     g_assert_true(session_verify(session, TRUE, &lost, &error));
     g_assert_cmpint(lost, ==, 1);
     g_assert_cmpint(session_fixture_state(session, 3), ==, SHOT_PLANNED);
-    frames = session_frames(session, &error);
+    g_autoptr(GPtrArray) frames = session_frames(session, &error);
     g_assert_cmpuint(frames->len, ==, 4);
-    events = session_events(session, &error);
+    g_autoptr(GPtrArray) events = session_events(session, &error);
     g_assert_cmpuint(events->len, ==, 3);
     g_assert_nonnull(strstr(((struct session_event *)g_ptr_array_index(events, 0))->message,
                             "frames/000001_cam_0.exr is gone"));
@@ -277,7 +260,6 @@ static void test_verify(void) {
 static void test_lock(void) {
     g_autofree char *path = session_fixture_path("lock");
     g_autoptr(GError) error = NULL;
-    g_autoptr(Session) reader = NULL, again = NULL;
     int ready[2];
     char byte;
     pid_t child;
@@ -292,13 +274,12 @@ static void test_lock(void) {
     }
     g_assert_cmpint(read(ready[0], &byte, 1), ==, 1);
     g_assert_null(session_open(path, SESSION_CAPTURE, &error));
-    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_LOCKED);
-    g_clear_error(&error);
-    reader = session_open(path, SESSION_READ, &error);
+    assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_LOCKED);
+    g_autoptr(Session) reader = session_open(path, SESSION_READ, &error);
     g_assert_no_error(error);
     kill(child, SIGKILL);
     session_fixture_wait(child, SIGKILL);
-    again = session_open(path, SESSION_CAPTURE, &error);
+    g_autoptr(Session) again = session_open(path, SESSION_CAPTURE, &error);
     g_assert_no_error(error);
     g_assert_nonnull(again);
     close(ready[0]);
@@ -308,7 +289,6 @@ static void test_lock(void) {
 /* One process commits two frames a shot, another counts: it never sees half a shot, nor fewer. */
 static void test_concurrent(void) {
     g_autofree char *path = session_fixture_path("two");
-    g_autoptr(Session) reader = NULL;
     g_autoptr(GError) error = NULL;
     guint seen = 0, reads = 0;
     pid_t child;
@@ -324,7 +304,7 @@ static void test_concurrent(void) {
         session_close(session);
         _exit(ok ? 0 : 1);
     }
-    reader = session_open(path, SESSION_PRODUCTS, &error);
+    g_autoptr(Session) reader = session_open(path, SESSION_PRODUCTS, &error);
     while (waitpid(child, &status, WNOHANG) == 0) {
         g_autoptr(GPtrArray) frames = session_frames(reader, &error);
 

@@ -1,6 +1,7 @@
 /*
  * What can happen to a session: kills, full disks, strangers' and damaged databases.
  */
+#include "lib/process.h"
 #include "lib/session_fixture.h"
 #include "lib/skip.h"
 
@@ -12,8 +13,6 @@ static void test_killed_commit(void) {
     session_close(session_fixture_create(path, 1, 250));
     for (int round = 0; round < 8; round++) {
         g_autoptr(GError) error = NULL;
-        g_autoptr(GPtrArray) frames = NULL, shots = NULL;
-        g_autoptr(Session) session = NULL;
         guint done = 0;
         int lost = -1;
         pid_t child = fork();
@@ -28,12 +27,12 @@ static void test_killed_commit(void) {
         g_usleep((gulong)g_rand_int_range(rand, 3000, 60000));
         kill(child, SIGKILL);
         session_fixture_wait(child, SIGKILL);
-        session = session_open(path, SESSION_CAPTURE, &error);
+        g_autoptr(Session) session = session_open(path, SESSION_CAPTURE, &error);
         g_assert_no_error(error);
         g_assert_true(session_verify(session, TRUE, &lost, &error));
         g_assert_cmpint(lost, ==, 0);
-        shots = session_shots(session, &error);
-        frames = session_frames(session, &error);
+        g_autoptr(GPtrArray) shots = session_shots(session, &error);
+        g_autoptr(GPtrArray) frames = session_frames(session, &error);
         for (guint i = 0; i < shots->len; i++)
             done += ((struct session_shot *)g_ptr_array_index(shots, i))->state == SHOT_DONE;
         g_assert_cmpuint(frames->len, ==, done * 3);
@@ -81,8 +80,7 @@ static void assert_not_opened(const char *path, const char *says) {
 
         g_assert_null(session_open(path, (enum session_mode)mode, &error));
         g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
-        if (!strstr(error->message, says))
-            g_error("\"%s\" does not say \"%s\"", error->message, says);
+        assert_has(error->message, says);
     }
 }
 
@@ -145,11 +143,10 @@ static void test_changed_rows(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(changes); i++) {
         g_autofree char *path = session_fixture_path("rows");
         g_autoptr(GError) error = NULL;
-        g_autoptr(Session) session = NULL;
 
         session_close(session_fixture_create(path, 6, 9));
         sql(path, changes[i]);
-        session = session_open(path, SESSION_READ, &error);
+        g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
         if (session)
             g_assert_null(session_shots(session, &error));
         g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
@@ -157,19 +154,17 @@ static void test_changed_rows(void) {
 }
 
 static void test_trigger(void) {
-    g_autofree char *path = session_fixture_path("trigger"), *value = NULL;
+    g_autofree char *path = session_fixture_path("trigger");
     g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = NULL;
 
     session_close(session_fixture_create(path, 6, 9));
     sql(path, "CREATE TRIGGER t AFTER INSERT ON event BEGIN"
               " INSERT INTO value VALUES ('evil', 'yes'); END;"
               "INSERT INTO frame VALUES (1, 0, '../../etc/passwd', 'x', 1, 0, 0)");
-    session = session_open(path, SESSION_PRODUCTS, &error);
+    g_autoptr(Session) session = session_open(path, SESSION_PRODUCTS, &error);
     g_assert_no_error(error);
     g_assert_true(session_add_event(session, 0, "info", "a", "b", &error));
-    value = session_value(session, "evil");
-    g_assert_null(value);
+    g_assert_null(session_value(session, "evil"));
     g_assert_null(session_frames(session, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
 }
@@ -201,8 +196,9 @@ static void read_everything(const char *path, enum session_mode mode) {
 }
 
 static void test_mutated(void) {
-    g_autofree char *path = session_fixture_path("mutated"), *file = NULL, *bytes = NULL,
-                    *wal = NULL, *shm = NULL;
+    g_autofree char *path = session_fixture_path("mutated"), *bytes = NULL;
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    g_autofree char *wal = g_strconcat(file, "-wal", NULL), *shm = g_strconcat(file, "-shm", NULL);
     const char *wanted = g_getenv("MESORIG_FUZZ");
     GRand *rand = g_rand_new_with_seed(wanted ? g_random_int() : 7);
     Session *session = session_fixture_create(path, 6, 40);
@@ -211,9 +207,6 @@ static void test_mutated(void) {
     for (gint64 shot = 1; shot <= 20; shot++)
         g_assert_true(session_fixture_commit(session, shot, 2, NULL));
     session_close(session);
-    file = g_build_filename(path, "session.db", NULL);
-    wal = g_strconcat(file, "-wal", NULL);
-    shm = g_strconcat(file, "-shm", NULL);
     g_assert_true(g_file_get_contents(file, &bytes, &length, NULL));
     for (int i = 0; i < (wanted ? atoi(wanted) : 400); i++) {
         g_autofree char *copy = g_memdup2(bytes, length);
@@ -250,19 +243,16 @@ static int capture_until_full(const char *where) {
     g_autofree char *ballast = g_build_filename(where, "ballast", NULL);
     static const char block[4096];
     g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = NULL;
-    g_autoptr(GPtrArray) frames = NULL;
-    struct session_frame frame;
     gint64 shot = 1;
-    int fd, lost;
+    int lost;
 
     if (!mount_small(where, "size=1400k"))
         return 77;
-    session = session_fixture_create(path, 1, 250);
-    frame = session_fixture_frame(session, 1, 0);
+    g_autoptr(Session) session = session_fixture_create(path, 1, 250);
+    struct session_frame frame = session_fixture_frame(session, 1, 0);
     if (!session_commit_shot(session, 1, SHOT_DONE, &frame, 1, NULL, NULL))
         return 1;
-    fd = open(ballast, O_WRONLY | O_CREAT, 0600);
+    int fd = open(ballast, O_WRONLY | O_CREAT, 0600);
     while (write(fd, block, sizeof block) > 0)
         ;
     close(fd);
@@ -284,7 +274,7 @@ static int capture_until_full(const char *where) {
     if (!session_commit_shot(session, shot, SHOT_SKIPPED, NULL, 0, NULL, &error) ||
         !session_verify(session, TRUE, &lost, &error) || lost != 0)
         return 5;
-    frames = session_frames(session, &error);
+    g_autoptr(GPtrArray) frames = session_frames(session, &error);
     return frames && frames->len == 1 ? 0 : 6;
 }
 
@@ -292,14 +282,13 @@ static int create_when_full(const char *where) {
     g_autofree char *path = g_build_filename(where, "full.session", NULL);
     g_autofree struct random_plan *p = session_fixture_random_plan(1, 300);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GDir) dir = NULL;
 
     if (!mount_small(where, "size=40k"))
         return 77;
     if (session_create(path, "x", &texts, &p->plan, &error) ||
         !g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL))
         return 1;
-    dir = g_dir_open(where, 0, NULL);
+    g_autoptr(GDir) dir = g_dir_open(where, 0, NULL);
     return g_dir_read_name(dir) == NULL ? 0 : 2;
 }
 
@@ -307,28 +296,33 @@ static int read_only_medium(const char *where) {
     g_autofree char *path = g_build_filename(where, "still.session", NULL);
     g_autofree struct random_plan *p = session_fixture_random_plan(1, 30);
     g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = NULL;
 
     if (!mount_small(where, "size=4m"))
         return 77;
     session_close(session_fixture_create(path, 1, 30));
     if (mount("none", where, NULL, MS_REMOUNT | MS_RDONLY, NULL) != 0)
         return 77;
-    session = session_open(path, SESSION_READ, &error);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
     if (!session)
         return 1;
     session_fixture_assert_plan(session, p);
     return 0;
 }
 
-static void in_name_space(int (*run)(const char *where), const char *name) {
-    g_autofree char *where = g_build_filename(session_fixture_folder, name, NULL);
+struct name_space {
+    int (*run)(const char *where); /* 77: may not mount, else an exit code */
+    const char *folder;
+};
+
+static void test_in_name_space(gconstpointer data) {
+    const struct name_space *space = data;
+    g_autofree char *where = g_build_filename(session_fixture_folder, space->folder, NULL);
     pid_t child;
     int status;
 
     g_mkdir(where, 0755);
     if ((child = fork()) == 0)
-        _exit(run(where));
+        _exit(space->run(where));
     g_assert_cmpint(waitpid(child, &status, 0), ==, child);
     g_assert_true(WIFEXITED(status));
     if (WEXITSTATUS(status) == 77)
@@ -337,19 +331,10 @@ static void in_name_space(int (*run)(const char *where), const char *name) {
         g_assert_cmpint(WEXITSTATUS(status), ==, 0);
 }
 
-static void test_disk_full(void) {
-    in_name_space(capture_until_full, "small");
-}
-
-static void test_create_full(void) {
-    in_name_space(create_when_full, "smaller");
-}
-
-static void test_read_only(void) {
-    in_name_space(read_only_medium, "readonly");
-}
-
 int main(int argc, char **argv) {
+    static const struct name_space small = {capture_until_full, "small"},
+                                   smaller = {create_when_full, "smaller"},
+                                   read_only = {read_only_medium, "readonly"};
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/session-damage/killed-commit", test_killed_commit);
     g_test_add_func("/session-damage/killed-create", test_killed_create);
@@ -358,8 +343,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/session-damage/changed-rows", test_changed_rows);
     g_test_add_func("/session-damage/trigger", test_trigger);
     g_test_add_func("/session-damage/mutated", test_mutated);
-    g_test_add_func("/session-damage/disk-full", test_disk_full);
-    g_test_add_func("/session-damage/create-full", test_create_full);
-    g_test_add_func("/session-damage/read-only-medium", test_read_only);
+    g_test_add_data_func("/session-damage/disk-full", &small, test_in_name_space);
+    g_test_add_data_func("/session-damage/create-full", &smaller, test_in_name_space);
+    g_test_add_data_func("/session-damage/read-only-medium", &read_only, test_in_name_space);
     return session_fixture_run();
 }
