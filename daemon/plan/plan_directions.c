@@ -111,28 +111,6 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-static gboolean cannot_turn(const struct session_conf *conf, const struct axis_motion *limits,
-                            const char *camera, double theta_deg, double phi_deg, gint64 udeg,
-                            GError **error) {
-    plan_set_error(error, PLAN_ERROR_LIMITS, conf, "views", NULL,
-                   "the turntable cannot turn to %g°, from where %s would see theta %g° phi "
-                   "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig file",
-                   (double)udeg / UDEG, camera, theta_deg, phi_deg, limits->min_deg,
-                   limits->max_deg);
-    return FALSE;
-}
-
-static void add_turn(struct plan_build *b, gint64 udeg, int camera) {
-    int at = find_udeg(b->turns, sizeof(struct plan_turn), udeg);
-
-    if (at < 0) {
-        struct plan_turn turn = {udeg, 0};
-        g_array_append_val(b->turns, turn);
-        at = (int)b->turns->len - 1;
-    }
-    g_array_index(b->turns, struct plan_turn, at).cameras |= 1u << camera;
-}
-
 /* A camera at azimuth φ_c sees the sample from φ_c − τ. */
 static gboolean plan_directions_add_view(struct plan_build *b, const struct stands *cameras,
                                          double theta_deg, double phi_deg, GError **error) {
@@ -143,10 +121,22 @@ static gboolean plan_directions_add_view(struct plan_build *b, const struct stan
 
     if (camera < 0)
         return none_stands(cameras, theta_deg, error);
-    if (!plan_axis_reach(limits, udeg, &udeg))
-        return cannot_turn(b->conf, limits, cameras->list[camera].name, theta_deg, phi_deg, udeg,
-                           error);
-    add_turn(b, udeg, camera);
+    if (!plan_axis_reach(limits, udeg, &udeg)) {
+        plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "views", NULL,
+                       "the turntable cannot turn to %g°, from where %s would see theta %g° phi "
+                       "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig "
+                       "file",
+                       (double)udeg / UDEG, cameras->list[camera].name, theta_deg, phi_deg,
+                       limits->min_deg, limits->max_deg);
+        return FALSE;
+    }
+    int at = find_udeg(b->turns, sizeof(struct plan_turn), udeg);
+    if (at < 0) {
+        struct plan_turn turn = {udeg, 0};
+        g_array_append_val(b->turns, turn);
+        at = (int)b->turns->len - 1;
+    }
+    g_array_index(b->turns, struct plan_turn, at).cameras |= 1u << camera;
     struct session_direction d =
         plan_directions_direction_of(cameras, camera, (int)b->views->len, theta_deg, phi_deg);
     d.turntable_deg = (double)udeg / UDEG;

@@ -48,14 +48,15 @@ gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
 /* Which of the cameras (bits) cannot see the disc of radius_mm around the origin because the arc or
- * one of the lights (positions at arc 0) is in the way, or shade one of the lights. */
+ * one of the lights (of struct vec3, positions at arc 0) is in the way, or shade one of the lights.
+ */
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
-                     const struct vec3 *lights, int n_lights);
+                     const GArray *lights);
 
 /* The smallest turn of the arc, up to 20°, after which none of the cameras is blocked; FALSE if
  * there is none that the axis can reach. */
 gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
-                    gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
+                    gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
 /* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
@@ -96,7 +97,7 @@ struct plan_path {
     int n;
     double (*cost)(gconstpointer data, int from, int to);
     gconstpointer data;
-    int longest_carried; /* Or-opt: longest segment that is moved at once */
+    int longest_moved; /* Or-opt: longest segment that is moved at once */
     double least;
 };
 
@@ -107,17 +108,15 @@ void plan_path_improve(struct plan_path *path, gint64 budget);
  * shorter than floor_s costs floor_s: something else takes that long meanwhile. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
 
-/* Puts shots into the quickest order that is found. shots[i].pose is an index into poses; on return
- * it is the number of the visit. Returns how many visits there are. SHOT_DARK come first, skipped
- * shots last, with visits of their own. Sweeps of a laser unit that is mounted by hand come in
- * blocks, one for each of its places. */
+/* Puts shots into an order. shots[i].pose is an index into poses; on return it is the number of the
+ * visit. Returns how many visits there are. SHOT_DARK come first, skipped shots last, with visits
+ * of their own. Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its
+ * places.
+ *
+ * ORDER_QUICKEST: the quickest that is found. ORDER_VIEWS: that of a program that does not plan:
+ * for τ, for α, for lamps, for lasers. */
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
-               const struct rig_timing *timing);
-
-/* The same in the order of a program that does not plan: for τ, for α, for lamps, for lasers; and
- * before all that, for the places of a laser unit that is mounted by hand. */
-int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
-                      const struct rig_timing *timing);
+               const struct rig_timing *timing, enum session_order wanted);
 
 /* From the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
