@@ -9,13 +9,9 @@
 #define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
 
-static const struct mark_seen *marks_of(const struct flight *flight) {
-    return (const struct mark_seen *)(void *)flight->marks->data;
-}
-
 static void keep_outputs(Capture *capture, const struct flight *flight) {
     const struct calibration *known = capture->calibration;
-    const struct mark_seen *seen = marks_of(flight);
+    const struct mark_seen *seen = (const struct mark_seen *)(void *)flight->marks->data;
     if (!known->lamp_radiometry[flight->shot->device].known)
         return;
     for (int c = 0; c < known->rig.n_cameras; c++) {
@@ -77,14 +73,6 @@ static void check_seen(const Capture *capture, const GArray *seen, struct marks_
                 (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
-/* Light reflected by a nearby sample may make marks look displaced under one lamp; a real movement
- * also shows under the next lamp. */
-static void report_suspicion(Capture *capture, const char *what) {
-    g_autofree char *text = g_strdup_printf(
-        "something may have moved since the rig was calibrated: %s; the next shot will tell", what);
-    capture_add_event(capture, "warning", "marks", text);
-}
-
 char *capture_marks_check(Capture *capture, const struct flight *flight) {
     const struct rig *rig = &capture->calibration->rig;
     if (flight->shot->kind != SHOT_LAMP || !flight->marks)
@@ -108,7 +96,12 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
     g_autofree char *what = marks_describe(rig, &check);
     capture->moved = capture->suspected & suspected;
     if (capture->moved == 0) {
-        report_suspicion(capture, what);
+        /* Light reflected by a nearby sample may make marks look displaced under one lamp; a real
+         * movement also shows under the next lamp. */
+        g_autofree char *text = g_strdup_printf("something may have moved since the rig was "
+                                                "calibrated: %s; the next shot will tell",
+                                                what);
+        capture_add_event(capture, "warning", "marks", text);
         return NULL;
     }
     capture_marks_forget(capture);

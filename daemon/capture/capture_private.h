@@ -75,7 +75,7 @@ double capture_now_s(const Capture *capture);
 /* Adds an event to the session, if the disk still takes it, and passes it to the listener. */
 void capture_add_event(Capture *capture, const char *level, const char *source,
                        const char *message);
-void capture_save_value(Capture *capture, const char *key, double value);
+void capture_save_value(Session *session, const char *key, double value);
 
 extern const struct intake_hooks capture_intake_hooks;
 extern const struct sequencer_hooks capture_sequencer_hooks;

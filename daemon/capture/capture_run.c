@@ -33,11 +33,6 @@ void capture_start_clock(Capture *capture) {
     capture->since_us = clock_now_us(capture->devices->clock);
 }
 
-static void stop_clock(Capture *capture) {
-    capture->clock_base_s = capture_now_s(capture);
-    capture->since_us = -1;
-}
-
 static gboolean notify_changed(gpointer data) {
     Capture *capture = data;
     capture->changed_source = 0;
@@ -90,10 +85,9 @@ static void report_suppressed(Capture *capture, struct event_limit *limits, cons
     }
 }
 
-void capture_save_value(Capture *capture, const char *key, double value) {
+void capture_save_value(Session *session, const char *key, double value) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
-    g_ascii_dtostr(text, sizeof text, value);
-    session_set_value(capture->session, key, text, NULL);
+    session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), NULL);
 }
 
 /* Stores figures of the whole session for the report, including runs before a resume. */
@@ -103,11 +97,12 @@ static void save_clock(Capture *capture) {
 
     getrusage(RUSAGE_SELF, &usage);
     capture->clock_saved_s = capture_now_s(capture);
-    capture_save_value(capture, "clock_s", capture->clock_saved_s);
-    capture_save_value(capture, "real_s", capture->real_base_s + real_s);
-    capture_save_value(capture, "frames", capture->frames_base + (double)capture->frames);
-    capture_save_value(capture, "retakes", capture->retakes_base + (double)capture->retakes);
-    capture_save_value(capture, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
+    capture_save_value(capture->session, "clock_s", capture->clock_saved_s);
+    capture_save_value(capture->session, "real_s", capture->real_base_s + real_s);
+    capture_save_value(capture->session, "frames", capture->frames_base + (double)capture->frames);
+    capture_save_value(capture->session, "retakes",
+                       capture->retakes_base + (double)capture->retakes);
+    capture_save_value(capture->session, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
 }
 
 static const char *const state_names[] = {
@@ -143,7 +138,8 @@ void capture_clear_flights(Capture *capture) {
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
     report_suppressed(capture, capture->retake_limits, "refused or lost and taken again");
     report_suppressed(capture, capture->saturated_limits, "saturated");
-    stop_clock(capture);
+    capture->clock_base_s = capture_now_s(capture); /* it stands from now on */
+    capture->since_us = -1;
     save_clock(capture);
     capture_set_state(capture, state);
 }
@@ -359,9 +355,9 @@ static gboolean on_may_trigger(gpointer data) {
 static void capture_run_on_frame(const struct session_shot *shot, int camera, int sub, Frame *frame,
                                  int retakes, gpointer data) {
     Capture *capture = data;
-    if (!g_queue_peek_tail(&capture->flights) ||
-        ((struct flight *)g_queue_peek_tail(&capture->flights))->shot != shot) {
-        struct flight *flight = g_new0(struct flight, 1);
+    struct flight *flight = g_queue_peek_tail(&capture->flights);
+    if (!flight || flight->shot != shot) {
+        flight = g_new0(struct flight, 1);
         flight->shot = shot;
         flight->signal_dn = -HUGE_VAL;
         g_queue_push_tail(&capture->flights, flight);
@@ -414,18 +410,6 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_run_changed(capture);
 }
 
-static void begin_leg(Capture *capture) {
-    guint n = capture_mount_reach(capture);
-    g_clear_pointer(&capture->leg, g_ptr_array_unref);
-    capture->leg = g_ptr_array_sized_new(n);
-    for (guint i = 0; i < n; i++)
-        g_ptr_array_add(capture->leg, capture->remaining->pdata[i]);
-    if (n == 0)
-        capture_mount_ask(capture);
-    else
-        sequencer_start(capture->sequencer, capture->leg);
-}
-
 static void capture_run_begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
@@ -440,10 +424,19 @@ static void capture_run_begin(gpointer data) {
             g_ptr_array_add(capture->remaining, shot);
     }
     capture_start_clock(capture);
-    if (capture->remaining->len == 0)
+    if (capture->remaining->len == 0) {
         capture_come_to_rest(capture, CAPTURE_DONE);
+        return;
+    }
+    guint n = capture_mount_reach(capture);
+    g_clear_pointer(&capture->leg, g_ptr_array_unref);
+    capture->leg = g_ptr_array_sized_new(n);
+    for (guint i = 0; i < n; i++)
+        g_ptr_array_add(capture->leg, capture->remaining->pdata[i]);
+    if (n == 0)
+        capture_mount_ask(capture);
     else
-        begin_leg(capture);
+        sequencer_start(capture->sequencer, capture->leg);
 }
 
 /* Not from within the caller's call, since events may follow at once. */
