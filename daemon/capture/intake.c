@@ -237,29 +237,6 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     hand_back(lane, job, result);
 }
 
-static void ending_free(struct ending *ending) {
-    frame_unref(ending->job.frame);
-    sweep_free(ending->sweep);
-    sweep_free(ending->short_sweep);
-    g_clear_error(&ending->error);
-    g_free(ending);
-}
-
-static void write_ending(struct lane *lane, struct ending *ending) {
-    const struct session_conf *conf = lane->intake->setup.conf;
-    struct intake_file file;
-    intake_describe(lane, &ending->job, &file);
-    file.dark_dn = ending->dark_dn;
-    if (ending->short_sweep)
-        sweep_set_shorter(ending->sweep, ending->short_sweep,
-                          conf->laser_exposure_us / conf->laser_short_us);
-    struct intake_result result = {.laser_seen = ending->laser_seen,
-                                   .error = g_steal_pointer(&ending->error)};
-    if (!result.error && !result.laser_seen)
-        intake_write_sweep(&file, ending->sweep, &result.frame, &result.error);
-    hand_back(lane, &ending->job, result);
-}
-
 static gboolean is_current(const Intake *intake, const struct job *job) {
     return job->generation == (guint)g_atomic_int_get(&intake->generation);
 }
@@ -275,12 +252,27 @@ static void add_bytes(Intake *intake, gssize bytes) {
 static void finish_sweep(gpointer data, gpointer lane_data) {
     struct ending *ending = data;
     struct lane *lane = lane_data;
-    const gsize bytes = ending->bytes;
+    const struct session_conf *conf = lane->intake->setup.conf;
     setpriority(PRIO_PROCESS, 0, FINISH_NICE);
-    if (is_current(lane->intake, &ending->job))
-        write_ending(lane, ending);
-    ending_free(ending);
-    add_bytes(lane->intake, -(gssize)bytes);
+    if (is_current(lane->intake, &ending->job)) {
+        struct intake_file file;
+        intake_describe(lane, &ending->job, &file);
+        file.dark_dn = ending->dark_dn;
+        if (ending->short_sweep)
+            sweep_set_shorter(ending->sweep, ending->short_sweep,
+                              conf->laser_exposure_us / conf->laser_short_us);
+        struct intake_result result = {.laser_seen = ending->laser_seen,
+                                       .error = g_steal_pointer(&ending->error)};
+        if (!result.error && !result.laser_seen)
+            intake_write_sweep(&file, ending->sweep, &result.frame, &result.error);
+        hand_back(lane, &ending->job, result);
+    }
+    frame_unref(ending->job.frame);
+    sweep_free(ending->sweep);
+    sweep_free(ending->short_sweep);
+    g_clear_error(&ending->error);
+    add_bytes(lane->intake, -(gssize)ending->bytes);
+    g_free(ending);
     g_mutex_lock(&lane->mutex);
     lane->n_endings--;
     g_cond_signal(&lane->finished);
@@ -303,14 +295,6 @@ static void end_sweep(struct lane *lane, const struct job *job) {
     lane->n_endings++;
     g_mutex_unlock(&lane->mutex);
     g_thread_pool_push(lane->finisher, ending, NULL);
-}
-
-/* A camera's results come in the order of its shots. */
-static void await_endings(struct lane *lane) {
-    g_mutex_lock(&lane->mutex);
-    while (lane->n_endings > 0)
-        g_cond_wait(&lane->finished, &lane->mutex);
-    g_mutex_unlock(&lane->mutex);
 }
 
 /* Those of the frames that have one exposure. */
@@ -357,8 +341,13 @@ static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
     g_return_if_fail(job->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == shot_n_frames(conf, job->shot);
-    if (last && job->shot->kind != SHOT_SWEEP)
-        await_endings(lane);
+    if (last && job->shot->kind != SHOT_SWEEP) {
+        /* Wait for the finisher: a camera's results come in the order of its shots. */
+        g_mutex_lock(&lane->mutex);
+        while (lane->n_endings > 0)
+            g_cond_wait(&lane->finished, &lane->mutex);
+        g_mutex_unlock(&lane->mutex);
+    }
     if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
         keep_raw(lane, job);
     switch (job->shot->kind) {
@@ -420,15 +409,6 @@ static gpointer lane_run(gpointer data) {
     return NULL;
 }
 
-static void report_results(Intake *intake) {
-    struct finished *finished;
-    while ((finished = g_async_queue_try_pop(intake->finished))) {
-        if (finished->generation == intake->generation)
-            intake->hooks.result(&finished->result, intake->hooks.data);
-        finished_free(finished);
-    }
-}
-
 static void set_full(Intake *intake, gboolean full) {
     if (full == intake->full)
         return;
@@ -450,7 +430,12 @@ static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data
 static gboolean woken(gpointer data) {
     Intake *intake = data;
     g_source_set_ready_time(intake->wake, -1);
-    report_results(intake);
+    struct finished *finished;
+    while ((finished = g_async_queue_try_pop(intake->finished))) {
+        if (finished->generation == intake->generation)
+            intake->hooks.result(&finished->result, intake->hooks.data);
+        finished_free(finished);
+    }
     if (intake->full && queued_bytes(intake) <= intake->setup.full_bytes / 2) {
         set_full(intake, FALSE);
         intake->hooks.room(intake->hooks.data);
