@@ -141,22 +141,17 @@ static gboolean preparer_on_deadline(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Descriptors are passed on and closed by the child, so that no copy of this process, which may be
- * large, has to be made for that. */
-static GSubprocess *start_child(GError **error) {
-    g_autofree char *program = find_program(error);
-    return program
-               ? g_subprocess_new(G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
-                                      G_SUBPROCESS_FLAGS_INHERIT_FDS,
-                                  error, program, "--prepare", NULL)
-               : NULL;
-}
-
 void preparer_run(const struct preparer_request *request, GCancellable *cancellable,
                   GAsyncReadyCallback callback, gpointer data) {
     GTask *task = g_task_new(NULL, cancellable, callback, data);
     GError *error = NULL;
-    g_autoptr(GSubprocess) process = start_child(&error);
+    /* Descriptors are passed on and closed by the child, so that no copy of this process, which may
+     * be large, has to be made for that. */
+    const GSubprocessFlags flags = G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
+                                   G_SUBPROCESS_FLAGS_INHERIT_FDS;
+    g_autofree char *program = find_program(&error);
+    g_autoptr(GSubprocess) process =
+        program ? g_subprocess_new(flags, &error, program, "--prepare", NULL) : NULL;
     if (!process) {
         g_task_return_error(task, error);
         g_object_unref(task);

@@ -71,14 +71,6 @@ static gboolean read_request(struct prepare_work *work) {
            take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
 }
 
-static void preparer_child_work_clear(struct prepare_work *work) {
-    g_free(work->text);
-    g_free(work->path);
-    g_free(work->calibration);
-    g_free(work->session_path);
-    g_free(work->directory);
-}
-
 /* The soft limit of CPU time sends a signal that can be reported; the hard one only kills. */
 static gboolean limit(int resource, guint64 value) {
     const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
@@ -97,44 +89,28 @@ static gboolean limit_memory(guint64 bytes) {
 #endif
 }
 
-/* Ends with its parent, and sets its limits of time and memory. */
-static gboolean preparer_child_submit(const struct prepare_work *work) {
-    setpriority(PRIO_PROCESS, 0, NICE);
-    return prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work->parent &&
-           limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work->cpu_s) &&
-           limit_memory(work->memory_bytes);
-}
-
-static GVariant *preparer_child_check(const struct prepare_work *work,
-                                      const struct session_conf *conf, GError **error) {
-    const struct devices *devices = &work->devices;
-    struct plan *plan = *work->directory
-                            ? capture_validate(devices, conf, work->directory, error)
-                            : plan_build(conf, &devices->geometry, &devices->timing, error);
-    GVariant *report = plan ? report_plan(conf, plan) : NULL;
-    plan_free(plan);
-    return report;
-}
-
-static GVariant *preparer_child_examine(const struct prepare_work *work, GError **error) {
-    g_autofree char *warning = NULL;
-    if (!capture_examine(&work->devices, work->directory, &warning, error))
-        return NULL;
-    return g_variant_new_string(warning ? warning : "");
-}
-
 /* A floating result. */
 static GVariant *do_work(const struct prepare_work *work, GError **error) {
+    const struct devices *devices = &work->devices;
     struct session_conf conf = {0};
     GVariant *result = NULL;
-    if (work->task == PREPARER_EXAMINE)
-        return preparer_child_examine(work, error);
+    if (work->task == PREPARER_EXAMINE) {
+        g_autofree char *warning = NULL;
+        if (!capture_examine(devices, work->directory, &warning, error))
+            return NULL;
+        return g_variant_new_string(warning ? warning : "");
+    }
     if (!session_conf_load(&conf, work->session_path, error))
         return NULL;
-    if (work->task == PREPARER_CHECK)
-        result = preparer_child_check(work, &conf, error);
-    else if (capture_create(&work->devices, &conf, work->directory, error))
+    if (work->task == PREPARER_CHECK) {
+        struct plan *plan = *work->directory
+                                ? capture_validate(devices, &conf, work->directory, error)
+                                : plan_build(&conf, &devices->geometry, &devices->timing, error);
+        result = plan ? report_plan(&conf, plan) : NULL;
+        plan_free(plan);
+    } else if (capture_create(devices, &conf, work->directory, error)) {
         result = g_variant_new_string("");
+    }
     session_conf_clear(&conf);
     return result;
 }
@@ -147,18 +123,17 @@ static gboolean preparer_child_answer(int fd, GVariant *result, const GError *er
     return write_all(fd, g_variant_get_data(variant), g_variant_get_size(variant));
 }
 
-/* Libraries must not print into the answer. */
-static int keep_output(void) {
-    const int fd = dup(STDOUT_FILENO);
-    return fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 ? fd : -1;
-}
-
 int preparer_child(void) {
     struct prepare_work work = {0};
     g_autoptr(GError) error = NULL;
     close_range(STDERR_FILENO + 1, ~0U, 0);
-    const int fd = keep_output();
-    gboolean ok = fd >= 0 && read_request(&work) && preparer_child_submit(&work);
+    const int fd = dup(STDOUT_FILENO); /* libraries must not print into the answer */
+    setpriority(PRIO_PROCESS, 0, NICE);
+    /* Ends with its parent, and has limits of time and memory. */
+    gboolean ok = fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 && read_request(&work) &&
+                  prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work.parent &&
+                  limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work.cpu_s) &&
+                  limit_memory(work.memory_bytes);
     if (ok) {
         GVariant *result = do_work(&work, &error);
         ok = preparer_child_answer(fd, result, error);
@@ -166,6 +141,10 @@ int preparer_child(void) {
         g_printerr("mesorigd: --prepare is for mesorigd itself: it needs a request of the same "
                    "version at its standard input\n");
     }
-    preparer_child_work_clear(&work);
+    g_free(work.text);
+    g_free(work.path);
+    g_free(work.calibration);
+    g_free(work.session_path);
+    g_free(work.directory);
     return ok ? 0 : 1;
 }

@@ -134,25 +134,14 @@ static gboolean go_public(struct daemon *daemon, GError **error) {
     return TRUE;
 }
 
-static gboolean open_first_rig(Bus *bus, GError **error) {
-    if (!rig_path)
-        return TRUE;
-    g_autofree char *path = g_canonicalize_filename(rig_path, NULL);
-    return bus_open_rig(bus, path, error);
-}
-
-static void mesorigd_make_safe(Bus *bus) {
+/* Make the rig safe first, before clients are disconnected. */
+static void shut_down(struct daemon *daemon) {
     g_autoptr(GError) error = NULL;
-    if (bus_end(bus, &error))
+    sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
+    if (bus_end(daemon->bus, &error))
         g_message("the rig is safe");
     else
         g_warning("the rig is NOT safe: %s", error->message);
-}
-
-/* Make the rig safe first, before clients are disconnected. */
-static void shut_down(struct daemon *daemon) {
-    sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
-    mesorigd_make_safe(daemon->bus);
     g_clear_handle_id(&daemon->watchdog_id, g_source_remove);
     if (daemon->server)
         bus_unserve(daemon->bus, daemon->server);
@@ -171,7 +160,8 @@ static int mesorigd_serve(void) {
     guint ids[G_N_ELEMENTS(signals)];
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
         ids[i] = g_unix_signal_add(signals[i], mesorigd_on_signal, &daemon);
-    if (open_first_rig(daemon.bus, &error) && go_public(&daemon, &error))
+    g_autofree char *path = rig_path ? g_canonicalize_filename(rig_path, NULL) : NULL;
+    if ((!path || bus_open_rig(daemon.bus, path, &error)) && go_public(&daemon, &error))
         g_main_loop_run(daemon.loop);
     if (error)
         daemon.exit_code = mesorigd_fail(error);
