@@ -40,8 +40,9 @@ void run_pass_time(struct run *run, int seconds);
 
 /* All lamps and lasers are off, the axes stand. */
 void run_check_safe(struct run *run);
-/* Of struct session_frame, the caller's. */
+/* Of struct session_frame or session_shot, the caller's. */
 GPtrArray *run_frames(const char *session_path);
+GPtrArray *run_shots(const char *session_path);
 /* The path of a session that nothing happened to, made once. */
 const char *run_undisturbed(void);
 /* Every frame is there and is, to the bit, what it should be. */

@@ -51,23 +51,25 @@ static void test_whole(void) {
     run_free(run);
 }
 
+static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *relative = session_frame_path(shot, "cam30");
+    g_autofree char *file = g_build_filename(path, relative, NULL);
+    struct exr_part *part = exr_read_part(file, "radiance", &error);
+    g_assert_no_error(error);
+    return part;
+}
+
 /* The picture under each lamp is what the lamp's distance and angle say, within the sample's. */
 static void test_radiance(void) {
-    g_autofree char *path = NULL;
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(run_undisturbed(), SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
-    g_autoptr(GPtrArray) lights = session_lights(session, &error);
+    g_autoptr(GPtrArray) shots = run_shots(run_undisturbed());
     double mean[2] = {0};
     int n[2] = {0};
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
             continue;
-        g_autofree char *relative = session_frame_path(shot, "cam30");
-        g_autofree char *file = session_file(session, relative);
-        struct exr_part *part = exr_read_part(file, "radiance", &error);
-        g_assert_no_error(error);
+        struct exr_part *part = radiance_of(run_undisturbed(), shot);
         mean[shot->device] += exr_part_plane(part, "Y")[16 * 32 + 16];
         n[shot->device]++;
         exr_part_free(part);
@@ -265,6 +267,29 @@ static void test_disk_full(void) {
     run_free(run);
 }
 
+/* One frame of each sweep is among those that are kept on request, with this exposure. Returns how
+ * many sweeps there are. */
+static int check_laser_frames(struct run *run, const char *name, double exposure_us) {
+    g_autoptr(GPtrArray) frames = run_frames(run->session);
+    g_autoptr(GError) error = NULL;
+    int n = 0;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (!g_str_has_prefix(frame->path, "laser/"))
+            continue;
+        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
+        g_autofree char *file = g_build_filename(run->session, stem, name, NULL);
+        struct exr_part *part = exr_read_part(file, "frame", &error);
+        double us = 0;
+        g_assert_no_error(error);
+        g_assert_true(exr_get_double(part, "mesorig.exposure_us", &us, NULL));
+        g_assert_cmpfloat(us, ==, exposure_us);
+        exr_part_free(part);
+        n++;
+    }
+    return n;
+}
+
 /* Frames of a sweep are kept on request; the frames' pixels are those the analysis is made of. */
 static void test_keep_laser_frames(void) {
     struct run *run =
@@ -272,18 +297,7 @@ static void test_keep_laser_frames(void) {
     run_start(run);
     run_to_end(run);
     run_check_same(run);
-    g_autoptr(GPtrArray) frames = run_frames(run->session);
-    int n = 0;
-    for (guint i = 0; i < frames->len; i++) {
-        const struct session_frame *frame = frames->pdata[i];
-        if (!g_str_has_prefix(frame->path, "laser/"))
-            continue;
-        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
-        g_autofree char *last = g_build_filename(run->session, stem, "0011.exr", NULL);
-        g_assert_true(g_file_test(last, G_FILE_TEST_EXISTS));
-        n++;
-    }
-    g_assert_cmpint(n, >, 0);
+    g_assert_cmpint(check_laser_frames(run, "0011.exr", 4000), >, 0);
     run_free(run);
 }
 
@@ -291,40 +305,12 @@ static void test_keep_laser_frames(void) {
 static void test_short_laser(void) {
     struct run *run = run_new((const struct change[]){
         {"[capture]", "keep_laser_frames = yes"}, {"[capture]", "laser_short_us = 250"}, {0}});
-    g_autoptr(GError) error = NULL;
     run_as_planned(run);
     g_clear_pointer(&run->capture, capture_free);
     run_check_whole(run->session);
-    g_autoptr(GPtrArray) frames = run_frames(run->session);
-    int n = 0;
-    for (guint i = 0; i < frames->len; i++) {
-        const struct session_frame *frame = frames->pdata[i];
-        if (!g_str_has_prefix(frame->path, "laser/"))
-            continue;
-        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
-        for (int k = 0; k < 2; k++) {
-            g_autofree char *file =
-                g_build_filename(run->session, stem, k ? "0011.exr" : "0011_short.exr", NULL);
-            struct exr_part *part = exr_read_part(file, "frame", &error);
-            double us = 0;
-            g_assert_no_error(error);
-            g_assert_true(exr_get_double(part, "mesorig.exposure_us", &us, NULL));
-            g_assert_cmpfloat(us, ==, k ? 4000 : 250);
-            exr_part_free(part);
-        }
-        n++;
-    }
-    g_assert_cmpint(n, >, 0);
+    g_assert_cmpint(check_laser_frames(run, "0011.exr", 4000), >, 0);
+    g_assert_cmpint(check_laser_frames(run, "0011_short.exr", 250), >, 0);
     run_free(run);
-}
-
-static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *relative = session_frame_path(shot, "cam30");
-    g_autofree char *file = g_build_filename(path, relative, NULL);
-    struct exr_part *part = exr_read_part(file, "radiance", &error);
-    g_assert_no_error(error);
-    return part;
 }
 
 /* How much more radiance the first picture shows. */
@@ -349,9 +335,7 @@ static void test_too_bright(void) {
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "taken again at 25000 µs"));
     g_assert_null(strstr(run->told->str, "saturated in the shortest exposure"));
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
     int shorter = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
@@ -376,9 +360,7 @@ static void test_saturated(void) {
     run_start(run);
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "saturated in the shortest exposure"));
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
     int noted = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
@@ -411,9 +393,7 @@ static double lacks_of_bent_camera(gboolean known) {
     run_open_devices(run);
     run_start(run);
     run_to_end(run);
-    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
-    g_assert_no_error(error);
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
     double lacks = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
