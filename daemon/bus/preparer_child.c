@@ -92,8 +92,7 @@ static gboolean limit_memory(guint64 bytes) {
 /* A floating result. */
 static GVariant *do_work(const struct prepare_work *work, GError **error) {
     const struct devices *devices = &work->devices;
-    struct session_conf conf = {0};
-    GVariant *result = NULL;
+    g_auto(SessionConf) conf = {0};
     if (work->task == PREPARER_EXAMINE) {
         g_autofree char *warning = NULL;
         if (!capture_examine(devices, work->directory, &warning, error))
@@ -102,17 +101,13 @@ static GVariant *do_work(const struct prepare_work *work, GError **error) {
     }
     if (!session_conf_load(&conf, work->session_path, error))
         return NULL;
-    if (work->task == PREPARER_CHECK) {
-        struct plan *plan = *work->directory
-                                ? capture_validate(devices, &conf, work->directory, error)
-                                : plan_build(&conf, &devices->geometry, &devices->timing, error);
-        result = plan ? report_plan(&conf, plan) : NULL;
-        plan_free(plan);
-    } else if (capture_create(devices, &conf, work->directory, error)) {
-        result = g_variant_new_string("");
-    }
-    session_conf_clear(&conf);
-    return result;
+    if (work->task == PREPARER_BEGIN)
+        return capture_create(devices, &conf, work->directory, error) ? g_variant_new_string("")
+                                                                      : NULL;
+    g_autoptr(Plan) plan = *work->directory
+                               ? capture_validate(devices, &conf, work->directory, error)
+                               : plan_build(&conf, &devices->geometry, &devices->timing, error);
+    return plan ? report_plan(&conf, plan) : NULL;
 }
 
 static gboolean preparer_child_answer(int fd, GVariant *result, const GError *error) {

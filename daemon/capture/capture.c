@@ -126,7 +126,7 @@ static void capture_note(Session *session, const char *level, const char *source
 
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error) {
-    struct plan *plan = capture_validate(devices, conf, directory, error);
+    g_autoptr(Plan) plan = capture_validate(devices, conf, directory, error);
     if (!plan)
         return FALSE;
     g_autoptr(GPtrArray) warnings = NULL;
@@ -146,7 +146,6 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
                           calibrated ? devices->calibration_path : "nominal", NULL);
         capture_note(session, "warning", "calibration", warnings);
     }
-    plan_free(plan);
     return session != NULL;
 }
 
@@ -200,7 +199,7 @@ static gboolean can_read_darks(Session *session, const GPtrArray *shots,
 gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
                          GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_CAPTURE, error);
-    struct session_conf conf = {0};
+    g_auto(SessionConf) conf = {0};
     *ret_warning = NULL;
     if (!session || !session_verify(session, FALSE, NULL, error))
         return FALSE;
@@ -208,14 +207,14 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     if (!text || !session_conf_parse(&conf, text, session_path(session), error))
         return FALSE;
     g_autoptr(GPtrArray) shots = session_shots(session, error);
-    gboolean ok = shots && capture_check_rig(session, shots, devices, error);
+    if (!shots || !capture_check_rig(session, shots, devices, error))
+        return FALSE;
     /* A dark frame that cannot be read also fails its checksum, and so is taken again. */
-    if (ok && !can_read_darks(session, shots, &conf, &devices->geometry))
-        ok = session_verify(session, TRUE, NULL, error);
-    session_conf_clear(&conf);
-    if (ok)
-        *ret_warning = capture_check_calibration(session, devices);
-    return ok;
+    if (!can_read_darks(session, shots, &conf, &devices->geometry) &&
+        !session_verify(session, TRUE, NULL, error))
+        return FALSE;
+    *ret_warning = capture_check_calibration(session, devices);
+    return TRUE;
 }
 
 /* Checks rig and disk, and takes the time and the dark frames of what is there already. */

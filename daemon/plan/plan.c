@@ -9,19 +9,6 @@
 
 G_DEFINE_QUARK(plan_error, plan_error)
 
-static int pose_for(struct plan_build *b, gint64 turn_udeg, gint64 arc_udeg) {
-    gint64 key = turn_udeg * 4 * PLAN_FULL_TURN + arc_udeg;
-    int index = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
-
-    if (index < 0) {
-        struct plan_pose pose = {turn_udeg, arc_udeg};
-        index = (int)b->poses->len;
-        g_array_append_val(b->poses, pose);
-        g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(index + 1));
-    }
-    return index;
-}
-
 /* The sweep angles at which the sheet passes the edges of the sample's box. */
 static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot, GError **error) {
     const struct session_grid *grid = &b->conf->grid;
@@ -63,8 +50,16 @@ struct pose_plan { /* shots of some cameras in one pose */
 static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
                          enum session_shot_kind kind, const struct session_direction *source,
                          GError **error) {
+    gint64 key = p->turn_udeg * 4 * PLAN_FULL_TURN + p->arc_udeg;
+    int pose = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
+    if (pose < 0) {
+        struct plan_pose added = {p->turn_udeg, p->arc_udeg};
+        pose = (int)b->poses->len;
+        g_array_append_val(b->poses, added);
+        g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(pose + 1));
+    }
     struct session_shot shot = {.kind = kind,
-                                .pose = pose_for(b, p->turn_udeg, p->arc_udeg),
+                                .pose = pose,
                                 .turntable_deg = (double)p->turn_udeg / UDEG,
                                 .arc_deg = (double)p->arc_udeg / UDEG,
                                 .source = source->index,
@@ -158,10 +153,10 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArr
     return add_shots(b, &p, error);
 }
 
-static gboolean add_pose(struct plan_build *b, const struct plan_turn *turn, int azimuth,
+static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, int azimuth,
                          GError **error) {
     g_autoptr(GArray) lights = lights_at(b, azimuth);
-    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, gint64, azimuth);
+    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, struct plan_angle, azimuth).udeg;
     struct pose_plan p = {.turn_udeg = turn->udeg, .azimuth = azimuth, .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
@@ -186,11 +181,11 @@ static gboolean add_poses(struct plan_build *b, GError **error) {
     struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
 
     for (guint t = 0; t < b->turns->len; t++)
-        dark.cameras |= g_array_index(b->turns, struct plan_turn, t).cameras;
+        dark.cameras |= g_array_index(b->turns, struct plan_angle, t).cameras;
     g_array_append_val(b->shots, dark);
     for (guint t = 0; t < b->turns->len; t++)
         for (guint a = 0; a < b->azimuths->len; a++)
-            if (!add_pose(b, &g_array_index(b->turns, struct plan_turn, t), (int)a, error))
+            if (!add_pose(b, &g_array_index(b->turns, struct plan_angle, t), (int)a, error))
                 return FALSE;
     return TRUE;
 }
@@ -385,8 +380,8 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     b.views = owning_array(sizeof(struct session_direction), clear_direction);
     b.lights = owning_array(sizeof(struct session_direction), clear_direction);
     b.lasers = owning_array(sizeof(struct session_direction), clear_direction);
-    b.turns = g_array_new(FALSE, FALSE, sizeof(struct plan_turn));
-    b.azimuths = g_array_new(FALSE, FALSE, sizeof(gint64));
+    b.turns = g_array_new(FALSE, FALSE, sizeof(struct plan_angle));
+    b.azimuths = g_array_new(FALSE, FALSE, sizeof(struct plan_angle));
     b.light_at = g_array_new(FALSE, FALSE, sizeof(int));
     b.laser_at = g_array_new(FALSE, FALSE, sizeof(int));
     b.poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));

@@ -15,8 +15,9 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg;
 };
 
-/* All cameras that show a view at one angle of the turntable. */
-struct plan_turn {
+/* An angle that some direction needs: of the turntable, with the cameras that show a view there, or
+ * the light's azimuth α − τ (no cameras). */
+struct plan_angle {
     gint64 udeg;
     guint32 cameras;
 };
@@ -27,8 +28,7 @@ struct plan_build {
     const struct rig_timing *timing;
     double radius_mm;                /* around the sample */
     GArray *views, *lights, *lasers; /* of struct session_direction */
-    GArray *turns;                   /* of struct plan_turn */
-    GArray *azimuths;                /* of gint64: α − τ that light some direction */
+    GArray *turns, *azimuths;        /* of struct plan_angle */
     GArray *light_at, *laser_at; /* of int: which of them each light and laser position is lit at */
     GArray *poses;               /* of struct plan_pose */
     GHashTable *pose_index;      /* of poses, number + 1 */
@@ -69,23 +69,31 @@ void plan_set_error(GError **error, enum plan_error code, const struct session_c
  * it will lack. g_free(); NULL: none. */
 char *plan_missing(const struct session_plan *plan);
 
-/* Times of moves between poses, both axes together; a table, so that orders are tried quickly. */
+/* Times of moves between poses, both axes together; tables, so that orders are tried quickly. */
+struct plan_axis_moves {
+    gboolean wraps;
+    int *at;   /* row of each pose in the table */
+    int n;     /* different positions of the axis */
+    double *s; /* n × n, from row to column */
+};
+
 struct plan_moves {
     int n;
     const struct plan_pose *poses; /* borrowed */
-    gboolean turn_wraps, arc_wraps;
-    int *turn_at, *arc_at;  /* row of each pose in the tables */
-    int n_turn, n_arc;      /* different positions of each axis */
-    double *turn_s, *arc_s; /* from row to column */
+    struct plan_axis_moves turntable, arc;
 };
 
 struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
                                   const struct rig_timing *timing);
 void plan_moves_free(struct plan_moves *moves); /* NULL is ignored */
 
+static inline double plan_axis_move_s(const struct plan_axis_moves *axis, int from, int to) {
+    return axis->s[(gsize)axis->at[from] * (gsize)axis->n + (gsize)axis->at[to]];
+}
+
 static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
-    double turn = m->turn_s[(gsize)m->turn_at[from] * (gsize)m->n_turn + (gsize)m->turn_at[to]];
-    double arc = m->arc_s[(gsize)m->arc_at[from] * (gsize)m->n_arc + (gsize)m->arc_at[to]];
+    double turn = plan_axis_move_s(&m->turntable, from, to);
+    double arc = plan_axis_move_s(&m->arc, from, to);
     return turn > arc ? turn : arc;
 }
 

@@ -32,26 +32,25 @@ static int compare_udeg(gconstpointer a, gconstpointer b) {
 }
 
 /* Numbers the different positions of an axis and makes the table of times between them. */
-static double *axis_table(const gint64 *udeg, int n, const struct axis_motion *motion, int *ret_at,
-                          int *ret_n) {
+static struct plan_axis_moves axis_moves(const gint64 *udeg, int n,
+                                         const struct axis_motion *motion) {
     g_autofree gint64 *sorted = g_memdup2(udeg, sizeof *udeg * (gsize)n);
-    int m = 0;
+    struct plan_axis_moves axis = {.wraps = motion->wraps, .at = g_new0(int, n)};
 
     qsort(sorted, (gsize)n, sizeof *sorted, compare_udeg);
     for (int i = 0; i < n; i++)
-        if (i == 0 || sorted[i] != sorted[m - 1])
-            sorted[m++] = sorted[i];
+        if (i == 0 || sorted[i] != sorted[axis.n - 1])
+            sorted[axis.n++] = sorted[i];
+    const gsize rows = (gsize)axis.n;
     for (int i = 0; i < n; i++)
-        ret_at[i] =
-            (int)((gint64 *)bsearch(&udeg[i], sorted, (gsize)m, sizeof *sorted, compare_udeg) -
-                  sorted);
-    double *table = g_new(double, (gsize)m *(gsize)m);
-    for (int i = 0; i < m; i++)
-        for (int j = 0; j < m; j++)
-            table[(gsize)i * (gsize)m + (gsize)j] =
+        axis.at[i] =
+            (int)((gint64 *)bsearch(&udeg[i], sorted, rows, sizeof *sorted, compare_udeg) - sorted);
+    axis.s = g_new(double, rows *rows);
+    for (gsize i = 0; i < rows; i++)
+        for (gsize j = 0; j < rows; j++)
+            axis.s[i * rows + j] =
                 axis_move_time_s(motion, (double)sorted[i] / UDEG, (double)sorted[j] / UDEG);
-    *ret_n = m;
-    return table;
+    return axis;
 }
 
 struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
@@ -59,28 +58,24 @@ struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
     struct plan_moves *moves = g_new0(struct plan_moves, 1);
     g_autofree gint64 *turn = g_new0(gint64, n), *arc = g_new0(gint64, n);
 
-    *moves = (struct plan_moves){.n = n,
-                                 .poses = poses,
-                                 .turn_wraps = timing->turntable.wraps,
-                                 .arc_wraps = timing->arc.wraps,
-                                 .turn_at = g_new0(int, n),
-                                 .arc_at = g_new0(int, n)};
     for (int i = 0; i < n; i++) {
         turn[i] = poses[i].turntable_udeg;
         arc[i] = poses[i].arc_udeg;
     }
-    moves->turn_s = axis_table(turn, n, &timing->turntable, moves->turn_at, &moves->n_turn);
-    moves->arc_s = axis_table(arc, n, &timing->arc, moves->arc_at, &moves->n_arc);
+    *moves = (struct plan_moves){.n = n,
+                                 .poses = poses,
+                                 .turntable = axis_moves(turn, n, &timing->turntable),
+                                 .arc = axis_moves(arc, n, &timing->arc)};
     return moves;
 }
 
 void plan_moves_free(struct plan_moves *moves) {
     if (!moves)
         return;
-    g_free(moves->turn_at);
-    g_free(moves->arc_at);
-    g_free(moves->turn_s);
-    g_free(moves->arc_s);
+    g_free(moves->turntable.at);
+    g_free(moves->turntable.s);
+    g_free(moves->arc.at);
+    g_free(moves->arc.s);
     g_free(moves);
 }
 
@@ -133,7 +128,7 @@ static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows
     for (int i = 0; i < n; i++) {
         gint64 turn = t->moves->poses[poses[i]].turntable_udeg;
         gint64 arc = t->moves->poses[poses[i]].arc_udeg;
-        gboolean wraps = t->moves->turn_wraps || t->moves->arc_wraps;
+        gboolean wraps = t->moves->turntable.wraps || t->moves->arc.wraps;
         if (rows == ROWS_OF_ARC)
             cells[i] = (struct cell){arc, turn, poses[i]};
         else if (rows == ROWS_OF_TURNTABLE)

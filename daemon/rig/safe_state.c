@@ -41,45 +41,16 @@ struct repaired { /* a section reduced to its valid keys */
 };
 
 /* Keys that neither identify the device nor determine how it is switched or stopped. */
-static const char *const harmless[] = {"warm_up_s",
-                                       "warm_up_ms",
-                                       "wraps",
-                                       "min_deg",
-                                       "max_deg",
-                                       "speed_deg_s",
-                                       "accel_deg_s2",
-                                       "backlash_deg",
-                                       "settle_ms",
-                                       "home_deg",
-                                       "steps_per_deg",
-                                       "tolerance_deg",
-                                       "target_register",
-                                       "target_bits",
-                                       "speed_register",
-                                       "speed_bits",
-                                       "speed_scale",
-                                       "accel_register",
-                                       "accel_bits",
-                                       "accel_scale",
-                                       "start",
-                                       "home",
-                                       "homing",
-                                       "clear",
-                                       "watchdog",
-                                       "watchdog_ms",
-                                       "poll_ms",
-                                       "start_ms",
-                                       "stall_ms",
-                                       "lost_ms",
-                                       "homed_bit",
-                                       "fault_bit",
-                                       "limit_bit",
-                                       "verify",
-                                       "watchdog_register",
-                                       "watchdog_after_s",
-                                       "watchdog_scale",
-                                       "pulse_coil",
-                                       NULL};
+static const char *const harmless[] = {
+    /* motion and waiting */
+    "warm_up_s", "warm_up_ms", "wraps", "min_deg", "max_deg", "speed_deg_s", "accel_deg_s2",
+    "backlash_deg", "settle_ms", "home_deg", "steps_per_deg", "tolerance_deg", "target_register",
+    "target_bits", "speed_register", "speed_bits", "speed_scale", "accel_register", "accel_bits",
+    "accel_scale", "start", "home", "homing", "clear", "poll_ms", "start_ms", "stall_ms", "lost_ms",
+    "homed_bit", "fault_bit", "limit_bit", "verify",
+    /* watchdogs */
+    "watchdog", "watchdog_ms", "watchdog_register", "watchdog_after_s", "watchdog_scale",
+    "pulse_coil", NULL};
 
 /* Keys of the line: with a wrong one the device does not answer, and counts as not off. */
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
@@ -315,8 +286,7 @@ static gboolean secure_section(const struct job *job, const char *text, GError *
     return safe;
 }
 
-static void set_result(struct result *result, gboolean safe, const struct job *job,
-                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+G_GNUC_PRINTF(4, 5)
 static void set_result(struct result *result, gboolean safe, const struct job *job,
                        const char *format, ...) {
     va_list args;

@@ -241,6 +241,13 @@ void run_check_whole(const char *path) {
     g_assert_cmpstr(state, ==, "done");
 }
 
+void run_finish(struct run *run) {
+    run_to_end(run);
+    run_check_whole(run->session);
+    run_check_same(run);
+    run_free(run);
+}
+
 int run_tests(void) {
     top = g_dir_make_tmp("mesorig-capture-XXXXXX", NULL);
     int result = g_test_run();

@@ -49,3 +49,5 @@ const char *run_undisturbed(void);
 void run_check_same(struct run *run);
 /* The session is done, and every frame of a done shot is there. */
 void run_check_whole(const char *path);
+/* To the end, with both of these checks, and frees the run. */
+void run_finish(struct run *run);

@@ -100,9 +100,7 @@ static void test_pause(void) {
         run_check_safe(run);
     }
     run_continue(run);
-    run_to_end(run);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 static void test_abort(void) {
@@ -163,10 +161,7 @@ static void test_lost_files(void) {
     g_assert_true(g_file_set_contents(spoilt, zeros, dark->bytes, NULL));
     run_resume(run);
     g_assert_cmpint(run_status(run).shots_done, ==, run_status(run).shots - 2);
-    run_to_end(run);
-    run_check_whole(run->session);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 static void test_locked(void) {
@@ -179,9 +174,7 @@ static void test_locked(void) {
     g_clear_error(&error);
     g_assert_null(capture_start(run->devices, &run->conf, run->session, NULL, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS);
-    run_to_end(run);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 /* The same from another process. */
@@ -261,10 +254,7 @@ static void test_disk_full(void) {
     g_assert_nonnull(strstr(run_status(run).reason, "disk is full"));
     run_check_safe(run);
     run_continue(run);
-    run_to_end(run);
-    run_check_whole(run->session);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 /* One frame of each sweep is among those that are kept on request, with this exposure. Returns how

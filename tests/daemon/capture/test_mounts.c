@@ -163,14 +163,14 @@ static int check_blocks(const struct plan *plan, const struct rig_timing *timing
 
 /* All that a rig with five units takes is taken, and with one unit it takes little longer. */
 static void test_plan_demo(void) {
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
     demo_plan(&conf, &rig, &timing);
-    struct plan *five = build(&conf, &rig, &timing);
+    g_autoptr(Plan) five = build(&conf, &rig, &timing);
     g_assert_cmpint(five->n_mounts, ==, 0);
     timing.mounts[0] = 0x1e;
-    struct plan *one = build(&conf, &rig, &timing);
+    g_autoptr(Plan) one = build(&conf, &rig, &timing);
     g_assert_cmpint(check_blocks(one, &timing), ==, 5);
     g_assert_cmpint(one->session.n_shots, ==, five->session.n_shots);
     g_assert_cmpint(one->n_frames, ==, five->n_frames);
@@ -178,9 +178,6 @@ static void test_plan_demo(void) {
     g_test_message("one unit %.0f s, five %.0f s, lower bound %.0f s", one->predicted_s,
                    five->predicted_s, one->lower_bound_s);
     g_assert_cmpfloat(one->predicted_s, <, 1.15 * five->predicted_s);
-    plan_free(one);
-    plan_free(five);
-    session_conf_clear(&conf);
 }
 
 static void random_conf(GRand *rand, struct session_conf *conf) {
@@ -210,7 +207,7 @@ static void random_mounts(GRand *rand, struct rig_timing *timing) {
 
 static void test_plan_random(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(11);
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
     int most = 0;
@@ -218,12 +215,10 @@ static void test_plan_random(void) {
     for (int round = 0; round < 25; round++) {
         random_mounts(rand, &timing);
         random_conf(rand, &conf);
-        struct plan *plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
         most = MAX(most, check_blocks(plan, &timing));
-        plan_free(plan);
     }
     g_assert_cmpint(most, >, 2);
-    session_conf_clear(&conf);
 }
 
 /* How often an operator was asked for a mounting; nothing went wrong. */

@@ -281,19 +281,17 @@ static void test_two_interlocks(void) {
 static void test_demo_plan(void) {
     g_autoptr(GError) error = NULL;
     struct devices *devices = devices_open(DEMO, &error);
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
 
     g_assert_no_error(error);
     g_assert_true(session_conf_load(&conf, SOURCE_DIR "/etc/demo/session.conf", &error));
-    struct plan *plan = plan_build(&conf, &devices->geometry, &devices->timing, &error);
+    g_autoptr(Plan) plan = plan_build(&conf, &devices->geometry, &devices->timing, &error);
     g_assert_no_error(error);
     g_test_message("predicted %.0f s, bound %.0f s, nested %.0f s, %d poses, %d frames",
                    plan->predicted_s, plan->lower_bound_s, plan->nested_s, plan->n_poses,
                    plan->n_frames);
     g_assert_cmpfloat(plan->predicted_s, <=, 1.05 * plan->lower_bound_s);
     g_assert_cmpuint(plan->notes->len, ==, 0);
-    plan_free(plan);
-    session_conf_clear(&conf);
     devices_close(devices);
     spin();
 }

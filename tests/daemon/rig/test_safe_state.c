@@ -278,6 +278,14 @@ static void test_deaf(struct fixture *fixture, gconstpointer data) {
     assert_has(fixture->said, "lamps bank: off, read back\n");
 }
 
+static gboolean is_held(VirtualModbus *device) {
+    const int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    g_assert_cmpint(fd, >=, 0);
+    const gboolean held = flock(fd, LOCK_EX | LOCK_NB) < 0;
+    close(fd);
+    return held;
+}
+
 /* As by another program that takes the line for itself, for a time. */
 static GPid hold(VirtualModbus *device, double seconds) {
     const pid_t pid = fork();
@@ -290,15 +298,9 @@ static GPid hold(VirtualModbus *device, double seconds) {
         g_usleep((gulong)(seconds * 1e6));
         _exit(0);
     }
+    while (!is_held(device))
+        g_usleep(1000);
     return pid;
-}
-
-static gboolean is_held(VirtualModbus *device) {
-    const int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
-    g_assert_cmpint(fd, >=, 0);
-    const gboolean held = flock(fd, LOCK_EX | LOCK_NB) < 0;
-    close(fd);
-    return held;
 }
 
 static void test_held(struct fixture *fixture, gconstpointer data) {
@@ -306,8 +308,6 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
     write_rig(fixture);
     light_up(fixture);
     const GPid pid = hold(fixture->devices[which], 60);
-    while (!is_held(fixture->devices[which]))
-        g_usleep(1000);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     kill(pid, SIGKILL);
     waitpid(pid, NULL, 0);
@@ -322,8 +322,6 @@ static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
     write_rig(fixture);
     light_up(fixture);
     const GPid pid = hold(fixture->devices[LASER], 2);
-    while (!is_held(fixture->devices[LASER]))
-        g_usleep(1000);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     waitpid(pid, NULL, 0);
     g_assert_true(is_dark(fixture));
@@ -376,6 +374,11 @@ static void start_daemon(struct fixture *fixture) {
     g_usleep(G_USEC_PER_SEC * 3 / 2); /* it is watching, and has heard of the daemon */
 }
 
+static void read_log(struct fixture *fixture) {
+    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
+    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+}
+
 static gint64 wait_for_dark(struct fixture *fixture) {
     const gint64 began = g_get_monotonic_time();
     while (!is_dark(fixture) && g_get_monotonic_time() < began + 30 * G_USEC_PER_SEC)
@@ -402,8 +405,7 @@ static void test_death(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_assert_true(g_subprocess_get_if_signaled(fixture->daemon));
-    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    read_log(fixture);
     assert_has(fixture->said, "the daemon has left without a goodbye");
     assert_says_not(fixture, "NOT safe");
 }
@@ -430,8 +432,7 @@ static void test_normal_end(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 0);
     g_assert_true(is_dark(fixture));
     wait_for_guardian_end(fixture);
-    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    read_log(fixture);
     assert_has(fixture->said, "the rig is safe");
     assert_says_not(fixture, "guardian");
 }
@@ -444,8 +445,7 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_fail(fixture->devices[LASER], &deaf);
     g_subprocess_send_signal(fixture->daemon, SIGTERM);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
-    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    read_log(fixture);
     assert_has(fixture->said, "the rig is NOT safe: ");
     assert_says_not(fixture, "the rig is safe");
     virtual_modbus_fail(fixture->devices[LASER], &none);
