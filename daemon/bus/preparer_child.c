@@ -3,8 +3,8 @@
 #include "capture/capture.h"
 #include "plan/report.h"
 
-#include <errno.h>
-#include <stdio.h>
+#include <gio/gunixinputstream.h>
+#include <gio/gunixoutputstream.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -20,26 +20,6 @@ struct prepare_work {
     char *text, *path, *calibration, *session_path, *directory;
 };
 
-static gboolean preparer_child_read_all(int fd, GByteArray *to) {
-    guint8 buffer[65536];
-    ssize_t n;
-    while ((n = read(fd, buffer, sizeof buffer)) > 0 || (n < 0 && errno == EINTR))
-        if (n > 0)
-            g_byte_array_append(to, buffer, (guint)n);
-    return n == 0;
-}
-
-static gboolean write_all(int fd, const guint8 *data, gsize size) {
-    while (size > 0) {
-        const ssize_t n = write(fd, data, size);
-        if (n < 0 && errno != EINTR)
-            return FALSE;
-        data += MAX(n, 0);
-        size -= (gsize)MAX(n, 0);
-    }
-    return TRUE;
-}
-
 static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
     if (g_variant_get_size(bytes) != size)
         return FALSE;
@@ -49,12 +29,13 @@ static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
 
 /* Reads the request of the daemon, which must be of the same version. */
 static gboolean read_request(struct prepare_work *work) {
-    g_autoptr(GByteArray) read = g_byte_array_new();
+    g_autoptr(GInputStream) from = g_unix_input_stream_new(STDIN_FILENO, FALSE);
+    g_autoptr(GOutputStream) to = g_memory_output_stream_new_resizable();
     const char *version;
     g_autoptr(GVariant) geometry = NULL, timing = NULL;
-    if (!preparer_child_read_all(STDIN_FILENO, read))
+    if (g_output_stream_splice(to, from, G_OUTPUT_STREAM_SPLICE_CLOSE_TARGET, NULL, NULL) < 0)
         return FALSE;
-    g_autoptr(GBytes) bytes = g_byte_array_free_to_bytes(g_steal_pointer(&read));
+    g_autoptr(GBytes) bytes = g_memory_output_stream_steal_as_bytes(G_MEMORY_OUTPUT_STREAM(to));
     g_autoptr(GVariant) request = g_variant_ref_sink(
         g_variant_new_from_bytes(G_VARIANT_TYPE(PREPARER_REQUEST_TYPE), bytes, FALSE));
     if (!g_variant_is_normal_form(request))
@@ -110,14 +91,6 @@ static GVariant *do_work(const struct prepare_work *work, GError **error) {
     return plan ? report_plan(&conf, plan) : NULL;
 }
 
-static gboolean preparer_child_answer(int fd, GVariant *result, const GError *error) {
-    g_autofree char *message = g_utf8_make_valid(error ? error->message : "", -1);
-    g_autoptr(GVariant) variant = g_variant_ref_sink(g_variant_new(
-        PREPARER_ANSWER, error ? g_quark_to_string(error->domain) : "", error ? error->code : 0,
-        message, result ? result : g_variant_new_string("")));
-    return write_all(fd, g_variant_get_data(variant), g_variant_get_size(variant));
-}
-
 int preparer_child(void) {
     struct prepare_work work = {0};
     g_autoptr(GError) error = NULL;
@@ -131,7 +104,13 @@ int preparer_child(void) {
                   limit_memory(work.memory_bytes);
     if (ok) {
         GVariant *result = do_work(&work, &error);
-        ok = preparer_child_answer(fd, result, error);
+        g_autofree char *message = g_utf8_make_valid(error ? error->message : "", -1);
+        g_autoptr(GVariant) answer = g_variant_ref_sink(g_variant_new(
+            PREPARER_ANSWER, error ? g_quark_to_string(error->domain) : "", error ? error->code : 0,
+            message, result ? result : g_variant_new_string("")));
+        g_autoptr(GOutputStream) to = g_unix_output_stream_new(fd, FALSE);
+        ok = g_output_stream_write_all(to, g_variant_get_data(answer), g_variant_get_size(answer),
+                                       NULL, NULL, NULL);
     } else {
         g_printerr("mesorigd: --prepare is for mesorigd itself: it needs a request of the same "
                    "version at its standard input\n");

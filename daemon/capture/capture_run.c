@@ -191,10 +191,16 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
-static char *note_of(const Capture *capture, const struct flight *flight) {
+/* FALSE after a fault: nothing is in flight any more. */
+static gboolean commit(Capture *capture, struct flight *flight) {
+    struct session_frame frames[RIG_MAX_CAMERAS];
     g_autoptr(GString) note = g_string_new(flight->shot->note);
+    g_autoptr(GError) error = NULL;
     gboolean any = FALSE;
+    int n = 0;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        if (flight->shot->cameras & 1u << c)
+            frames[n++] = flight->frames[c];
         if (flight->saturated[c] == 0)
             continue;
         g_string_append(note, any ? ", " : note->len > 0 ? "; saturated: " : "saturated: ");
@@ -202,21 +208,8 @@ static char *note_of(const Capture *capture, const struct flight *flight) {
                                capture->devices->geometry.cameras[c].name, flight->saturated[c]);
         any = TRUE;
     }
-    return note->len > 0 ? g_strdup(note->str) : NULL;
-}
-
-/* FALSE after a fault: nothing is in flight any more. */
-static gboolean commit(Capture *capture, struct flight *flight) {
-    struct session_frame frames[RIG_MAX_CAMERAS];
-    int n = 0;
-    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
-        if (flight->shot->cameras & 1u << c)
-            frames[n++] = flight->frames[c];
-    }
-    g_autoptr(GError) error = NULL;
-    g_autofree char *note = note_of(capture, flight);
-    if (!session_commit_shot(capture->session, flight->shot->id, SHOT_DONE, frames, n, note,
-                             &error)) {
+    if (!session_commit_shot(capture->session, flight->shot->id, SHOT_DONE, frames, n,
+                             note->len > 0 ? note->str : NULL, &error)) {
         stop_for_disk(capture, error);
         return FALSE;
     }
@@ -228,21 +221,17 @@ static gboolean commit(Capture *capture, struct flight *flight) {
     return TRUE;
 }
 
-static gboolean lamp_gives_light(const Capture *capture, const struct flight *flight) {
-    int bits = 16;
-    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
-        if (flight->shot->cameras & 1u << c)
-            bits = MIN(bits, capture->devices->cameras[c]->format.bits);
-    }
-    return flight->shot->kind != SHOT_LAMP || flight->signal_dn > LAMP_SIGNAL * ((1 << bits) - 1);
-}
-
 /* In planned order, whichever camera's worker was quicker. */
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
     while ((flight = g_queue_peek_head(&capture->flights)) &&
            flight->back == flight->shot->cameras) {
-        if (!lamp_gives_light(capture, flight)) {
+        int bits = 16;
+        for (int c = 0; c < capture->devices->geometry.n_cameras; c++)
+            if (flight->shot->cameras & 1u << c)
+                bits = MIN(bits, capture->devices->cameras[c]->format.bits);
+        if (flight->shot->kind == SHOT_LAMP &&
+            !(flight->signal_dn > LAMP_SIGNAL * ((1 << bits) - 1))) {
             const char *lamp = capture->devices->geometry.lamps[flight->shot->device].name;
             g_autofree char *reason =
                 g_strdup_printf("lamp %s gives no light: no camera saw more than its dark level. "
@@ -290,21 +279,15 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
                       capture->devices->geometry.cameras[result->frame.camera].name, message);
 }
 
-static struct flight *find_flight(Capture *capture, const struct session_shot *shot) {
-    for (GList *at = capture->flights.head; at; at = at->next) {
-        struct flight *flight = at->data;
-        if (flight->shot == shot)
-            return flight;
-    }
-    return NULL;
-}
-
 static void on_result(const struct intake_result *result, gpointer data) {
     Capture *capture = data;
-    struct flight *flight = find_flight(capture, result->shot);
     int camera = result->frame.camera;
-    if (!flight)
+    const GList *at = capture->flights.head;
+    while (at && ((struct flight *)at->data)->shot != result->shot)
+        at = at->next;
+    if (!at)
         return;
+    struct flight *flight = at->data;
     if (result->error) {
         stop_for_disk(capture, result->error);
         return;

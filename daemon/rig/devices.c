@@ -35,20 +35,6 @@ static void devices_on_interlock(Interlock *interlock, gboolean closed, gpointer
     interlock_report(devices->guard, closed && all_closed(devices));
 }
 
-static gboolean open_guard(struct devices *devices, GError **error) {
-    g_autoptr(Config) config = config_parse("[interlock of the rig]\ndriver=all\n", "", error);
-    if (!config)
-        return FALSE;
-    devices->guard = interlock_open(&all_driver, config_find(config, "interlock", "of the rig"),
-                                    NULL, devices->clock, error);
-    if (!devices->guard)
-        return FALSE;
-    for (int i = 0; i < devices->n_interlocks; i++)
-        interlock_listen(devices->interlocks[i], devices_on_interlock, devices);
-    interlock_report(devices->guard, all_closed(devices));
-    return TRUE;
-}
-
 /* Adds the section of the rig file to the error of a driver that cannot open its device, unless the
  * error names a place in the rig file already. Always FALSE. */
 static gboolean devices_fail_at(const struct config_section *section, GError **error) {
@@ -72,7 +58,19 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
             return devices_fail_at(section, error);
         devices->interlocks[devices->n_interlocks++] = opened;
     }
-    return devices->n_interlocks == 0 || open_guard(devices, error);
+    if (devices->n_interlocks == 0)
+        return TRUE;
+    g_autoptr(Config) config = config_parse("[interlock of the rig]\ndriver=all\n", "", error);
+    if (!config)
+        return FALSE;
+    devices->guard = interlock_open(&all_driver, config_find(config, "interlock", "of the rig"),
+                                    NULL, devices->clock, error);
+    if (!devices->guard)
+        return FALSE;
+    for (int i = 0; i < devices->n_interlocks; i++)
+        interlock_listen(devices->interlocks[i], devices_on_interlock, devices);
+    interlock_report(devices->guard, all_closed(devices));
+    return TRUE;
 }
 
 static Axis *devices_open_axis(struct devices *devices, const struct config_section *section,
