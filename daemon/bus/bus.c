@@ -16,8 +16,8 @@ static void bus_notify(Bus *bus) {
         bus->func(bus, bus->data);
 }
 
-static void event(Capture *capture, const char *level, const char *source, const char *message,
-                  gpointer data) {
+static void bus_on_event(Capture *capture, const char *level, const char *source,
+                         const char *message, gpointer data) {
     Bus *bus = data;
     const gboolean bad = strcmp(level, "error") == 0;
     bus_rig1_emit_event(bus->object, level, source, message);
@@ -123,7 +123,7 @@ gboolean bus_need_absolute(const char *path, GError **error) {
     return FALSE;
 }
 
-static void show_nothing(Bus *bus) {
+static void show_idle(Bus *bus) {
     g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "prompt", "",
                  "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
                  bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
@@ -170,7 +170,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     hold_clock(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
-    show_nothing(bus);
+    show_idle(bus);
     return TRUE;
 }
 
@@ -192,7 +192,7 @@ void bus_close_rig(Bus *bus) {
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
     g_hash_table_remove_all(bus->faults);
-    show_nothing(bus);
+    show_idle(bus);
 }
 
 /* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
@@ -224,13 +224,13 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
     if (process && !(bus->follower = follower_start(directory, &error)))
-        event(capture, "warning", "process", error->message, bus);
+        bus_on_event(capture, "warning", "process", error->message, bus);
     bus_changed(capture, bus);
 }
 
 gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
                    gboolean process, GError **error) {
-    const struct capture_callbacks callbacks = {bus_changed, event, bus};
+    const struct capture_callbacks callbacks = {bus_changed, bus_on_event, bus};
     bus->is_safe = FALSE;
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
@@ -264,7 +264,7 @@ Bus *bus_new(const char *address) {
     memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
     bus->queue = bus_queue_new(bus);
     bus_answer_calls(bus);
-    show_nothing(bus);
+    show_idle(bus);
     return bus;
 }
 

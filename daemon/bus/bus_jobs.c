@@ -174,8 +174,8 @@ static gboolean bus_jobs_check_options(GVariant *options, struct start_options *
             ret->calibration = g_variant_dup_string(value, NULL);
         } else {
             g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                        "no such option, or not of its type: %s (there are: process, a boolean, "
-                        "and calibration, a string)",
+                        "the option %s does not exist or has the wrong type: give process "
+                        "(boolean) or calibration (string)",
                         key);
             return FALSE;
         }

@@ -180,10 +180,10 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
         reply(connection, message,
               n < 0
                   ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                                "%d calls of all clients are waiting, and more may not: try again",
+                                "%d calls of all clients are waiting, which is the most: try again",
                                 MAX_WAITING)
                   : g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                                "%d calls of yours are waiting, and more may not: wait for their "
+                                "%d of your calls are waiting, which is the most: wait for their "
                                 "answers",
                                 MAX_OF_CLIENT));
         g_object_unref(message);

@@ -71,10 +71,11 @@ static void preparer_report_end(const struct child *child, GError **error) {
     g_autofree char *memory =
         g_format_size_full(child->limits.memory_bytes, G_FORMAT_SIZE_IEC_UNITS);
     if (child->late)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "%s took longer than the %u s that it may take: give a smaller one, or look at "
-                    "what its files are",
-                    what, child->limits.wall_s);
+        g_set_error(
+            error, BUS_ERROR, BUS_ERROR_LIMIT,
+            "%s took longer than the %u s that it may take: give a smaller session, or check "
+            "which files it names",
+            what, child->limits.wall_s);
     else if (signal == SIGXCPU)
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
                     "%s took more than the %u s of computing time that it may take: give fewer "
@@ -126,7 +127,8 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
         preparer_report_end(child, &error);
     else
         g_set_error(&error, BUS_ERROR, BUS_ERROR_FAILED,
-                    "%s could not be asked of mesorigd's child", doing[child->task]);
+                    "%s failed: mesorigd's child did not take the request or gave no answer",
+                    doing[child->task]);
     if (answer)
         g_task_return_pointer(task, answer, (GDestroyNotify)g_variant_unref);
     else

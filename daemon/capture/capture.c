@@ -281,8 +281,8 @@ void capture_free(Capture *capture) {
     calibration_free(capture->calibration);
     capture_marks_forget(capture);
     for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
-        frame_unref(capture->views[c].frame);
-        g_free(capture->views[c].thumbnail.rgb);
+        frame_unref(capture->latest[c].frame);
+        g_free(capture->latest[c].thumbnail.rgb);
     }
     g_clear_handle_id(&capture->changed_source, g_source_remove);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
@@ -403,15 +403,15 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
 
 const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera) {
     if (camera < 0 || camera >= capture->devices->geometry.n_cameras ||
-        !capture->views[camera].frame)
+        !capture->latest[camera].frame)
         return NULL;
-    struct view *view = &capture->views[camera];
-    if (!view->fresh) {
-        g_free(view->thumbnail.rgb);
-        thumbnail_make(view->frame, &view->thumbnail.width, &view->thumbnail.height,
-                       &view->thumbnail.rgb);
-        view->thumbnail.time_s = view->time_s;
-        view->fresh = TRUE;
+    struct latest_picture *latest = &capture->latest[camera];
+    if (!latest->fresh) {
+        g_free(latest->thumbnail.rgb);
+        thumbnail_make(latest->frame, &latest->thumbnail.width, &latest->thumbnail.height,
+                       &latest->thumbnail.rgb);
+        latest->thumbnail.time_s = latest->time_s;
+        latest->fresh = TRUE;
     }
-    return &view->thumbnail;
+    return &latest->thumbnail;
 }

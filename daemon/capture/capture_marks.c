@@ -41,9 +41,9 @@ static guint32 accepted(const Capture *capture) {
 }
 
 static void report_first_check(Capture *capture, const struct marks_check *check) {
-    if (capture->marks_told)
+    if (capture->marks_reported)
         return;
-    capture->marks_told = TRUE;
+    capture->marks_reported = TRUE;
     g_autofree char *text =
         check->n_seen > 0
             ? g_strdup_printf("quick check: %d marks seen, %.3f px off where calibration has them",

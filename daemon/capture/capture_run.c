@@ -67,7 +67,7 @@ static void report_rate_limited(Capture *capture, struct event_limit *limit, con
     g_autofree char *text =
         limit->suppressed == 0
             ? g_strdup(message)
-            : g_strdup_printf("%s (and %d more since last told)", message, limit->suppressed);
+            : g_strdup_printf("%s (and %d more since the last report)", message, limit->suppressed);
     *limit = (struct event_limit){.reported = TRUE, .reported_s = capture_now_s(capture)};
     capture_add_event(capture, "warning", source, text);
 }
@@ -351,11 +351,11 @@ static void capture_run_on_frame(const struct session_shot *shot, int camera, in
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
          shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
-        struct view *view = &capture->views[camera];
-        frame_unref(view->frame);
-        view->frame = frame_ref(frame);
-        view->time_s = time_s;
-        view->fresh = FALSE;
+        struct latest_picture *latest = &capture->latest[camera];
+        frame_unref(latest->frame);
+        latest->frame = frame_ref(frame);
+        latest->time_s = time_s;
+        latest->fresh = FALSE;
     }
     capture_run_changed(capture);
 }

@@ -409,7 +409,7 @@ static gboolean make_jobs(const SafeState *state) {
     int fds[2];
 
     if (pipe2(fds, O_CLOEXEC) < 0) {
-        g_print("NOT safe: no pipe: %s\n", g_strerror(errno));
+        g_print("NOT safe: cannot make a pipe: %s\n", g_strerror(errno));
         return FALSE;
     }
     g_autoptr(GArray) pids = start_lines(state, fds);
@@ -425,8 +425,8 @@ static gboolean make_jobs(const SafeState *state) {
         if (reported[i])
             continue;
         safe = FALSE;
-        g_print("%s: NOT safe: its driver has crashed, or has not come to an end within %d s\n",
-                job->name, (int)(LIMIT_US / G_USEC_PER_SEC));
+        g_print("%s: NOT safe: its driver has crashed, or has not ended within %d s\n", job->name,
+                (int)(LIMIT_US / G_USEC_PER_SEC));
     }
     return safe;
 }
