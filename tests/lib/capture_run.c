@@ -78,6 +78,12 @@ void run_start(struct run *run) {
     g_assert_no_error(error);
 }
 
+struct run *run_begin(const struct change *changes) {
+    struct run *run = run_new(changes);
+    run_start(run);
+    return run;
+}
+
 void run_resume(struct run *run) {
     g_autoptr(GError) error = NULL;
     struct capture_callbacks callbacks = callbacks_of(run);
@@ -198,8 +204,7 @@ const char *run_undisturbed(void) {
     static char *path;
     if (path)
         return path;
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     run_to_end(run);
     path = g_build_filename(top, "undisturbed.session", NULL);
     g_assert_cmpint(g_rename(run->session, path), ==, 0);

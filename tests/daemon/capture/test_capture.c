@@ -124,8 +124,7 @@ static void test_abort(void) {
 
 /* Killed at any moment: a new process finds what was committed and takes the rest. */
 static void test_resume(void) {
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     gint64 frames = g_test_rand_int_range(1, 20);
     while (run_until(run, frames) < CAPTURE_PAUSED) {
         for (int i = g_test_rand_int_range(0, 30); i > 0; i--)
@@ -149,8 +148,7 @@ static void test_resume(void) {
 
 /* A frame's file that is gone is taken again; a dark frame's that cannot be read, too. */
 static void test_lost_files(void) {
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     run_to_end(run);
     g_autoptr(GPtrArray) frames = run_frames(run->session);
     const struct session_frame *dark = frames->pdata[0], *last = frames->pdata[frames->len - 1];
@@ -179,8 +177,7 @@ static void test_locked(void) {
 
 /* The same from another process. */
 static void test_locked_elsewhere(void) {
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     run_until(run, 10);
     const char *const argv[] = {"/proc/self/exe", "--resume", run->directory, NULL};
     g_autofree char *out = NULL;
@@ -283,8 +280,7 @@ static int check_laser_frames(struct run *run, const char *name, double exposure
 /* Frames of a sweep are kept on request; the frames' pixels are those the analysis is made of. */
 static void test_keep_laser_frames(void) {
     struct run *run =
-        run_new((const struct change[]){{"[capture]", "keep_laser_frames = yes"}, {0}});
-    run_start(run);
+        run_begin((const struct change[]){{"[capture]", "keep_laser_frames = yes"}, {0}});
     run_to_end(run);
     run_check_same(run);
     g_assert_cmpint(check_laser_frames(run, "0011.exr", 4000), >, 0);
@@ -320,8 +316,8 @@ static double radiance_ratio(const char *a_path, const char *b_path,
 /* A bracket far too long: each picture is taken again with shorter exposures until it holds, and
  * says the same as one that was well exposed at once. */
 static void test_too_bright(void) {
-    struct run *run = run_new((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
-    run_start(run);
+    struct run *run =
+        run_begin((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "taken again at 25000 µs"));
     g_assert_null(strstr(run->told->str, "saturated in the shortest exposure"));
@@ -345,9 +341,8 @@ static void test_too_bright(void) {
 
 /* Where retaking is not wanted, the picture is kept, and told of. */
 static void test_saturated(void) {
-    struct run *run = run_new(
+    struct run *run = run_begin(
         (const struct change[]){{"[capture]", "exposures_us = 400000\nsaturated_pct = 100"}, {0}});
-    run_start(run);
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "saturated in the shortest exposure"));
     g_autoptr(GPtrArray) shots = run_shots(run->session);

@@ -29,8 +29,7 @@ static const struct retakes {
 /* Pictures that are refused or lost are taken again until they are good; nothing else changes. */
 static void test_retakes(gconstpointer data) {
     const struct retakes *expected = data;
-    struct run *run = run_new(expected->changes);
-    run_start(run);
+    struct run *run = run_begin(expected->changes);
     g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
     g_assert_cmpint(run_status(run).retakes, >, 5);
     g_assert_nonnull(strstr(run->told->str, expected->told));
@@ -47,8 +46,7 @@ static void test_retakes(gconstpointer data) {
 
 static void test_slow(void) {
     struct run *run =
-        run_new((const struct change[]){{"[camera cam30]", "fault_slow_ms = 300"}, {0}});
-    run_start(run);
+        run_begin((const struct change[]){{"[camera cam30]", "fault_slow_ms = 300"}, {0}});
     g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
     g_assert_cmpint(run_status(run).retakes, ==, 0);
     run_check_same(run);
@@ -58,8 +56,7 @@ static void test_slow(void) {
 /* Never in time: that ends, in words. */
 static void test_too_slow(void) {
     struct run *run =
-        run_new((const struct change[]){{"[camera cam30]", "fault_slow_ms = 60000"}, {0}});
-    run_start(run);
+        run_begin((const struct change[]){{"[camera cam30]", "fault_slow_ms = 60000"}, {0}});
     run_to_pause(run, "cam30");
     g_assert_nonnull(strstr(run_status(run).reason, "4 attempts"));
     g_assert_cmpint(run_status(run).retakes, ==, 3);
@@ -70,8 +67,7 @@ static void test_too_slow(void) {
 /* A camera that comes back by itself is waited for. */
 static void test_disconnect(void) {
     struct run *run =
-        run_new((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"}, {0}});
-    run_start(run);
+        run_begin((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"}, {0}});
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "cam60"));
     run_check_same(run);
@@ -80,10 +76,9 @@ static void test_disconnect(void) {
 
 static void test_disconnect_for_long(void) {
     struct run *run =
-        run_new((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"},
-                                        {"[camera cam60]", "fault_reconnect_s = 3000"},
-                                        {0}});
-    run_start(run);
+        run_begin((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"},
+                                          {"[camera cam60]", "fault_reconnect_s = 3000"},
+                                          {0}});
     run_to_pause(run, "cam60");
     g_assert_nonnull(strstr(run_status(run).reason, "gone"));
     run_check_safe(run);
@@ -97,8 +92,7 @@ static void test_disconnect_for_long(void) {
 }
 
 static void check_stall(const char *head, const char *kind, const char *line) {
-    struct run *run = run_new((const struct change[]){{head, kind}, {head, line}, {0}});
-    run_start(run);
+    struct run *run = run_begin((const struct change[]){{head, kind}, {head, line}, {0}});
     g_autofree char *name = g_strndup(head + 6, strlen(head) - 7);
     run_to_pause(run, name);
     run_check_safe(run);
@@ -114,9 +108,8 @@ static void test_stall(void) {
 }
 
 static void test_dead_lamp(void) {
-    struct run *run = run_new((const struct change[]){
+    struct run *run = run_begin((const struct change[]){
         {"[lamps bank]", "fault_dead = lamp60"}, {"[lamps bank]", "fault_dead_after = 2"}, {0}});
-    run_start(run);
     run_to_pause(run, "lamp lamp60 gives no light");
     run_check_safe(run);
     run_continue(run);
@@ -129,8 +122,7 @@ static void test_dead_lamp(void) {
 
 static void test_laser_stays_on(void) {
     struct run *run =
-        run_new((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"}, {0}});
-    run_start(run);
+        run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"}, {0}});
     run_to_pause(run, "laser laser30 stays on");
     g_clear_pointer(&run->capture, capture_free);
     run_change_rig(run, NULL);
@@ -141,8 +133,8 @@ static void test_laser_stays_on(void) {
 /* A laser that does not answer when it is told to go off: said again as often as it happens, and
  * gone on with only when it is dark. */
 static void test_deaf_laser(void) {
-    struct run *run = run_new((const struct change[]){{"[laser laser30]", "fault_deaf = 5"}, {0}});
-    run_start(run);
+    struct run *run =
+        run_begin((const struct change[]){{"[laser laser30]", "fault_deaf = 5"}, {0}});
     run_to_pause(run, "THE RIG COULD NOT BE MADE SAFE: laser laser30");
     g_assert_nonnull(strstr(run_status(run).reason, "cut its power by hand"));
     g_auto(GStrv) told_once = g_strsplit(run->told->str, "error laser30: THE RIG", -1);
@@ -165,9 +157,8 @@ static void test_deaf_laser(void) {
 static void check_interlock(double after_s) {
     g_autofree char *after = g_strdup_printf("open_after_s = %g", after_s);
     g_autoptr(GError) error = NULL;
-    struct run *run = run_new((const struct change[]){
+    struct run *run = run_begin((const struct change[]){
         {"[interlock door]", after}, {"[interlock door]", "open_for_s = 30"}, {0}});
-    run_start(run);
     run_to_pause(run, "interlock door is open");
     run_check_safe(run);
     g_assert_false(capture_continue(run->capture, &error));

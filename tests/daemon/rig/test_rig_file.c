@@ -22,20 +22,6 @@ static G_NO_INLINE char *demo_text(void) {
     return text;
 }
 
-/* The demo's rig with one piece replaced, and the line that piece is in. */
-static char *with(const char *from, const char *to, int *ret_line) {
-    char *text = demo_text();
-    const char *at = strstr(text, from);
-
-    g_assert_nonnull(at);
-    *ret_line = 1;
-    for (const char *c = text; c < at; c++)
-        *ret_line += *c == '\n';
-    char *changed = g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
-    g_free(text);
-    return changed;
-}
-
 static char *written(const char *text) {
     GError *error = NULL;
     g_autofree char *path = NULL;
@@ -49,6 +35,21 @@ static char *written(const char *text) {
     g_assert_true(g_close(fd, NULL));
     g_assert_true(g_file_set_contents(path, moved, -1, &error));
     return g_steal_pointer(&path);
+}
+
+/* Writes the demo's rig with one piece replaced. Returns its path, and the line that piece is in.
+ */
+static char *with(const char *from, const char *to, int *ret_line) {
+    g_autofree char *text = demo_text();
+    const char *at = strstr(text, from);
+
+    g_assert_nonnull(at);
+    *ret_line = 1;
+    for (const char *c = text; c < at; c++)
+        *ret_line += *c == '\n';
+    g_autofree char *changed =
+        g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
+    return written(changed);
 }
 
 static void test_demo_geometry(void) {
@@ -136,8 +137,7 @@ static void test_bad_files(void) {
         g_autoptr(GError) error = NULL;
         struct rig rig = {.n_cameras = 77};
         int line;
-        g_autofree char *text = with(bad->from, bad->to, &line);
-        g_autofree char *path = written(text);
+        g_autofree char *path = with(bad->from, bad->to, &line);
         g_assert_false(devices_read_geometry(path, &rig, &error));
         g_assert_nonnull(error);
         assert_message(bad, path, line, error);
@@ -232,8 +232,7 @@ static void test_open_refused(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
         g_autoptr(GError) error = NULL;
         int line;
-        g_autofree char *text = with(files[i].from, files[i].to, &line);
-        g_autofree char *path = written(text);
+        g_autofree char *path = with(files[i].from, files[i].to, &line);
         g_assert_null(devices_open(path, &error));
         g_assert_nonnull(error);
         assert_message(&files[i], path, line, error);

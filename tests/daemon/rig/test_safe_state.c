@@ -123,6 +123,11 @@ static void light_up(struct fixture *fixture) {
         virtual_modbus_set_coil(fixture->devices[BANK], i, TRUE);
 }
 
+static void write_lit_rig(struct fixture *fixture) {
+    write_rig(fixture);
+    light_up(fixture);
+}
+
 static gboolean has_light(VirtualModbus *device) {
     struct virtual_modbus_state state;
     gboolean any = FALSE;
@@ -155,8 +160,7 @@ static void assert_says_not(struct fixture *fixture, const char *words) {
 }
 
 static void test_well(struct fixture *fixture, gconstpointer data) {
-    light_up(fixture);
-    write_rig(fixture);
+    write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     g_assert_true(is_dark(fixture));
     assert_has(fixture->said, "laser top: off, read back\n");
@@ -177,8 +181,7 @@ static void test_gone(struct fixture *fixture, gconstpointer data) {
     g_autofree char *bus =
         g_strdup_printf("bus = %s\n", virtual_modbus_bus(fixture->devices[gone]));
     replace(fixture, bus, is_serial[gone] ? "bus = /dev/gone\n" : "bus = tcp:127.0.0.1:1\n");
-    light_up(fixture);
-    write_rig(fixture);
+    write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, gone == DOOR ? 0 : 1);
     g_assert_true(gone == LASER || !has_light(fixture->devices[LASER]));
     g_assert_true(gone == BANK || !has_light(fixture->devices[BANK]));
@@ -220,8 +223,7 @@ static void test_mistakes(struct fixture *fixture, gconstpointer data) {
     for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
         write_text(fixture);
         replace(fixture, mistakes[i][0], mistakes[i][1]);
-        write_rig(fixture);
-        light_up(fixture);
+        write_lit_rig(fixture);
         const int code = safe_state(fixture);
         if (code != 0 || !is_dark(fixture))
             g_error("“%s”: %d, %s", mistakes[i][1], code, fixture->said);
@@ -246,8 +248,7 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         write_text(fixture);
         replace(fixture, cases[i].what, cases[i].with);
-        write_rig(fixture);
-        light_up(fixture);
+        write_lit_rig(fixture);
         g_assert_cmpint(safe_state(fixture), ==, 1);
         g_assert_true(has_light(fixture->devices[LASER]) != cases[i].dark);
         g_assert_false(has_light(fixture->devices[BANK]));
@@ -260,8 +261,7 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
 /* An unknown key beside all that says which coil it is. */
 static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
     replace(fixture, "coil = 3", "coil = 3\ncolour = red");
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     g_assert_true(is_dark(fixture));
     assert_has(fixture->said, "[laser top] colour: there is no such key");
@@ -269,8 +269,7 @@ static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
 
 static void test_deaf(struct fixture *fixture, gconstpointer data) {
     const struct virtual_modbus_faults deaf = {.deaf = TRUE};
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     virtual_modbus_fail(fixture->devices[LASER], &deaf);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     g_assert_false(has_light(fixture->devices[BANK]));
@@ -305,8 +304,7 @@ static GPid hold(VirtualModbus *device, double seconds) {
 
 static void test_held(struct fixture *fixture, gconstpointer data) {
     const enum which which = (enum which)GPOINTER_TO_INT(data);
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     const GPid pid = hold(fixture->devices[which], 60);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     kill(pid, SIGKILL);
@@ -319,8 +317,7 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
 }
 
 static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     const GPid pid = hold(fixture->devices[LASER], 2);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     waitpid(pid, NULL, 0);
