@@ -16,8 +16,8 @@ static void bus_notify(Bus *bus) {
         bus->func(bus, bus->data);
 }
 
-static void event(Capture *capture, const char *level, const char *source, const char *message,
-                  gpointer data) {
+static void bus_on_event(Capture *capture, const char *level, const char *source,
+                         const char *message, gpointer data) {
     Bus *bus = data;
     const gboolean bad = strcmp(level, "error") == 0;
     bus_rig1_emit_event(bus->object, level, source, message);
@@ -28,19 +28,14 @@ static void event(Capture *capture, const char *level, const char *source, const
                      "MESORIG_SOURCE", source, "MESSAGE", "%s: %s", source, message);
 }
 
-/* Real seconds from now to the end. A simulated rig's clock runs at a pace of its own, which is
- * taken from what was done so far. */
-static double bus_real_left_s(Bus *bus, const struct capture_status *status) {
-    if (!clock_is_virtual(bus->devices->clock))
-        return status->left_s;
-    const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
-    const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
-    return simulated_s > 0 ? status->left_s * real_s / simulated_s : -1;
-}
-
 static void show_status(Bus *bus, const struct capture_status *status) {
-    const gboolean runs = status->state <= CAPTURE_PAUSING;
-    const double left_s = runs ? bus_real_left_s(bus, status) : -1;
+    double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1; /* in real time */
+    if (left_s >= 0 && clock_is_virtual(bus->devices->clock)) {
+        /* A simulated rig's clock runs at a pace of its own, taken from what was done so far. */
+        const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
+        const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
+        left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
+    }
     const guint64 end = left_s >= 0 && left_s < 1e9
                             ? (guint64)(g_get_real_time() / G_USEC_PER_SEC) + (guint64)left_s
                             : 0;
@@ -56,19 +51,13 @@ static void show_devices(Bus *bus) {
     bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults));
 }
 
-static void remove_control(Bus *bus) {
-    if (!bus->directory)
-        return;
-    g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
-    g_unlink(path);
-}
-
 static void end_capture(Bus *bus) {
     if (bus->end_id)
         g_source_remove(bus->end_id);
     bus->end_id = 0;
     if (bus->capture) {
-        remove_control(bus);
+        g_autofree char *control = g_build_filename(bus->directory, BUS_CONTROL, NULL);
+        g_unlink(control);
         bus_keep_thumbnails(bus);
     }
     g_clear_pointer(&bus->capture, capture_free);
@@ -134,7 +123,7 @@ gboolean bus_need_absolute(const char *path, GError **error) {
     return FALSE;
 }
 
-static void show_nothing(Bus *bus) {
+static void show_idle(Bus *bus) {
     g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "prompt", "",
                  "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
                  bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
@@ -153,19 +142,6 @@ static void hold_clock(Bus *bus, gboolean hold) {
     (hold ? clock_hold : clock_release)(bus->devices->clock);
 }
 
-/* Warns of each laser that stays on when this program dies, since its device has no watchdog. */
-static void warn_of_lasers(const struct devices *devices) {
-    for (int i = 0; i < devices->geometry.n_lasers; i++) {
-        const Laser *laser = devices->lasers[i];
-        if (rig_laser_unit(&devices->timing, i) == i && !laser->driver->simulated &&
-            laser->watchdog_s == 0)
-            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
-                      "stops or the line is cut: give it one, or wire an interlock relay; see "
-                      "\"Watchdogs of devices\" in docs/safety.md",
-                      laser->device.name, laser->device.info->name);
-    }
-}
-
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     if (!bus_need_free(bus, error) || !bus_need_absolute(path, error))
         return FALSE;
@@ -182,11 +158,19 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
         return FALSE;
     }
     bus->is_safe = FALSE;
-    warn_of_lasers(bus->devices);
+    for (int i = 0; i < bus->devices->geometry.n_lasers; i++) {
+        const Laser *laser = bus->devices->lasers[i];
+        if (rig_laser_unit(&bus->devices->timing, i) == i && !laser->driver->simulated &&
+            laser->watchdog_s == 0)
+            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
+                      "stops or the line is cut: give it one, or wire an interlock relay; see "
+                      "\"Watchdogs of devices\" in docs/safety.md",
+                      laser->device.name, laser->device.info->name);
+    }
     hold_clock(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
-    show_nothing(bus);
+    show_idle(bus);
     return TRUE;
 }
 
@@ -208,7 +192,7 @@ void bus_close_rig(Bus *bus) {
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
     g_hash_table_remove_all(bus->faults);
-    show_nothing(bus);
+    show_idle(bus);
 }
 
 /* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
@@ -218,14 +202,6 @@ static void remember_rig(Bus *bus) {
     g_autofree char *known = session ? session_value(session, "rig_path") : NULL;
     if (session && g_strcmp0(known, bus->rig_path) != 0)
         session_set_value(session, "rig_path", bus->rig_path, NULL);
-}
-
-static void write_control(Bus *bus) {
-    g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
-    g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
-    g_autoptr(GError) error = NULL;
-    if (!g_file_set_contents(path, line, -1, &error))
-        g_message("other terminals will not find this session by its folder: %s", error->message);
 }
 
 static void show_beginning(Bus *bus, Capture *capture, const char *directory, gboolean process) {
@@ -241,16 +217,20 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     bus->started_elapsed_s = status.elapsed_s;
     memset(bus->thumbnail_time_s, 0, sizeof(bus->thumbnail_time_s));
     remember_rig(bus);
-    write_control(bus);
+    g_autofree char *control = g_build_filename(directory, BUS_CONTROL, NULL);
+    g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
+    if (!g_file_set_contents(control, line, -1, &error))
+        g_message("other terminals will not find this session by its folder: %s", error->message);
+    g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
     if (process && !(bus->follower = follower_start(directory, &error)))
-        event(capture, "warning", "process", error->message, bus);
+        bus_on_event(capture, "warning", "process", error->message, bus);
     bus_changed(capture, bus);
 }
 
 gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
                    gboolean process, GError **error) {
-    const struct capture_callbacks callbacks = {bus_changed, event, bus};
+    const struct capture_callbacks callbacks = {bus_changed, bus_on_event, bus};
     bus->is_safe = FALSE;
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
@@ -284,16 +264,8 @@ Bus *bus_new(const char *address) {
     memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
     bus->queue = bus_queue_new(bus);
     bus_answer_calls(bus);
-    show_nothing(bus);
+    show_idle(bus);
     return bus;
-}
-
-static void unexport(GDBusInterfaceSkeleton *skeleton) {
-    GList *connections = g_dbus_interface_skeleton_get_connections(skeleton);
-    g_dbus_interface_skeleton_flush(skeleton);
-    if (connections)
-        g_dbus_interface_skeleton_unexport(skeleton);
-    g_list_free_full(connections, g_object_unref);
 }
 
 gboolean bus_end(Bus *bus, GError **error) {
@@ -314,7 +286,12 @@ void bus_free(Bus *bus) {
     bus->func = NULL;
     bus_close_rig(bus);
     bus_queue_close(bus->queue);
-    unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
+    GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
+    GList *connections = g_dbus_interface_skeleton_get_connections(skeleton);
+    g_dbus_interface_skeleton_flush(skeleton);
+    if (connections)
+        g_dbus_interface_skeleton_unexport(skeleton);
+    g_list_free_full(connections, g_object_unref);
     g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);

@@ -20,14 +20,6 @@ static void bus_devices_add_axis(struct listing *list, const Axis *axis) {
                                                : "ok");
 }
 
-static void add_bank(struct listing *list, const LampBank *bank) {
-    int on = 0;
-    for (int i = 0; i < bank->n; i++)
-        on += lamps_is_on(bank, i);
-    g_autofree char *health = on ? g_strdup_printf("%d on", on) : g_strdup("off");
-    bus_devices_add(list, &bank->device, health);
-}
-
 GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
     struct listing list = {.faults = faults};
     g_variant_builder_init(&list.builder, G_VARIANT_TYPE("a(ssss)"));
@@ -38,8 +30,13 @@ GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
             bus_devices_add_axis(&list, devices->sweeps[i]);
-    for (int i = 0; i < devices->n_banks; i++)
-        add_bank(&list, devices->banks[i]);
+    for (int i = 0; i < devices->n_banks; i++) {
+        int on = 0;
+        for (int k = 0; k < devices->banks[i]->n; k++)
+            on += lamps_is_on(devices->banks[i], k);
+        g_autofree char *health = on ? g_strdup_printf("%d on", on) : g_strdup("off");
+        bus_devices_add(&list, &devices->banks[i]->device, health);
+    }
     for (int i = 0; i < devices->geometry.n_cameras; i++)
         bus_devices_add(&list, &devices->cameras[i]->device, "ok");
     for (int i = 0; i < devices->geometry.n_lasers; i++)

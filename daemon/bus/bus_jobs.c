@@ -16,12 +16,6 @@ struct bus_job {
     gboolean process;
 };
 
-static void bus_jobs_job_free(struct bus_job *job) {
-    g_object_unref(job->cancellable);
-    g_free(job->directory);
-    g_free(job);
-}
-
 static void bus_jobs_fail(struct bus_job *job, GError *error) {
     g_dbus_method_invocation_take_error(g_steal_pointer(&job->invocation), bus_errors_wrap(error));
 }
@@ -106,7 +100,9 @@ static void on_prepared(GObject *source, GAsyncResult *result, gpointer data) {
     } else {
         g_clear_error(&error);
     }
-    bus_jobs_job_free(job);
+    g_object_unref(job->cancellable);
+    g_free(job->directory);
+    g_free(job);
 }
 
 static struct bus_job *start_job(Bus *bus, GDBusMethodInvocation *invocation,
@@ -124,20 +120,18 @@ static struct bus_job *start_job(Bus *bus, GDBusMethodInvocation *invocation,
     return job;
 }
 
-static gboolean is_of_client(const struct bus_job *job, GDBusMethodInvocation *invocation) {
-    return g_dbus_method_invocation_get_connection(job->invocation) ==
-               g_dbus_method_invocation_get_connection(invocation) &&
-           g_strcmp0(g_dbus_method_invocation_get_sender(job->invocation),
-                     g_dbus_method_invocation_get_sender(invocation)) == 0;
-}
-
 static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **error) {
+    GDBusConnection *connection = g_dbus_method_invocation_get_connection(invocation);
+    const char *sender = g_dbus_method_invocation_get_sender(invocation);
     int n = 0;
     gboolean own = FALSE;
     for (guint i = 0; i < bus->jobs->len; i++) {
         const struct bus_job *job = bus->jobs->pdata[i];
-        n += job->task == PREPARER_CHECK;
-        own |= job->task == PREPARER_CHECK && is_of_client(job, invocation);
+        if (job->task != PREPARER_CHECK)
+            continue;
+        n++;
+        own |= g_dbus_method_invocation_get_connection(job->invocation) == connection &&
+               g_strcmp0(g_dbus_method_invocation_get_sender(job->invocation), sender) == 0;
     }
     if (!own && n < MAX_CHECKS)
         return TRUE;
@@ -180,8 +174,8 @@ static gboolean bus_jobs_check_options(GVariant *options, struct start_options *
             ret->calibration = g_variant_dup_string(value, NULL);
         } else {
             g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                        "no such option, or not of its type: %s (there are: process, a boolean, "
-                        "and calibration, a string)",
+                        "the option %s does not exist or has the wrong type: give process "
+                        "(boolean) or calibration (string)",
                         key);
             return FALSE;
         }

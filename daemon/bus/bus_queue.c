@@ -77,10 +77,6 @@ static void run_soon(struct bus_queue *queue, int priority, GSourceFunc func, gp
     g_source_attach(source, queue->context);
 }
 
-static gboolean wants_reply(GDBusMessage *message) {
-    return !(g_dbus_message_get_flags(message) & G_DBUS_MESSAGE_FLAGS_NO_REPLY_EXPECTED);
-}
-
 /* Takes the error. */
 static void reply(GDBusConnection *connection, GDBusMessage *message, GError *error) {
     g_autoptr(GDBusMessage) answer = NULL;
@@ -92,7 +88,7 @@ static void reply(GDBusConnection *connection, GDBusMessage *message, GError *er
     } else {
         answer = g_dbus_message_new_method_reply(message);
     }
-    if (wants_reply(message))
+    if (!(g_dbus_message_get_flags(message) & G_DBUS_MESSAGE_FLAGS_NO_REPLY_EXPECTED))
         g_dbus_connection_send_message(connection, answer, G_DBUS_SEND_MESSAGE_FLAGS_NONE, NULL,
                                        NULL);
 }
@@ -136,13 +132,6 @@ static gboolean is_safe_state(GDBusMessage *message) {
            !*g_dbus_message_get_signature(message);
 }
 
-/* Identifies the client by its unique bus name; a peer-to-peer client has none, so by its
- * connection. */
-static char *client_of(GDBusConnection *connection, GDBusMessage *message) {
-    const char *sender = g_dbus_message_get_sender(message);
-    return sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);
-}
-
 /* How many of a client wait already, before this one is added; −1: others have filled the queue. */
 static int bus_queue_enter(struct bus_queue *queue, const char *client) {
     g_mutex_lock(&queue->lock);
@@ -171,16 +160,6 @@ static gboolean bus_queue_leave(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-static GError *too_many(int n) {
-    return n < 0 ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                               "%d calls of all clients are waiting, and more may not: try again",
-                               MAX_WAITING)
-                 : g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                               "%d calls of yours are waiting, and more may not: wait for their "
-                               "answers",
-                               MAX_OF_CLIENT);
-}
-
 /* GDBus passes a call on by an idle source of the default priority; so does leave(), just before.
  */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
@@ -192,10 +171,21 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
         ask_for_safety(queue, connection, message);
         return NULL;
     }
-    g_autofree char *client = client_of(connection, message);
+    /* The client by its unique bus name; a peer-to-peer client has none, so by its connection. */
+    const char *sender = g_dbus_message_get_sender(message);
+    g_autofree char *client =
+        sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);
     const int n = bus_queue_enter(queue, client);
     if (n < 0 || n >= MAX_OF_CLIENT) {
-        reply(connection, message, too_many(n));
+        reply(connection, message,
+              n < 0
+                  ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
+                                "%d calls of all clients are waiting, which is the most: try again",
+                                MAX_WAITING)
+                  : g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
+                                "%d of your calls are waiting, which is the most: wait for their "
+                                "answers",
+                                MAX_OF_CLIENT));
         g_object_unref(message);
         return NULL;
     }

@@ -17,7 +17,7 @@ static gboolean new_connection(GDBusServer *server, GDBusConnection *connection,
     g_autoptr(GError) error = NULL;
     if (bus_export(bus, connection, &error))
         return TRUE;
-    g_warning("a client was turned away: %s", error->message);
+    g_warning("cannot serve a client: %s", error->message);
     return FALSE;
 }
 

@@ -37,25 +37,22 @@ void bus_keep_thumbnails(Bus *bus) {
     }
 }
 
-static int bus_thumbnails_find_camera(Bus *bus, const char *name, GError **error) {
-    g_autoptr(GString) names = g_string_new(NULL);
-    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
-        if (strcmp(bus->devices->geometry.cameras[i].name, name) == 0)
-            return i;
-        g_string_append_printf(names, "%s%s", i ? ", " : "",
-                               bus->devices->geometry.cameras[i].name);
-    }
-    g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN, "no camera “%s”: there are %s", name,
-                names->str);
-    return -1;
-}
-
 const struct capture_thumbnail *bus_thumbnail(Bus *bus, const char *camera, GError **error) {
-    const int index =
-        bus_need_rig(bus, error) ? bus_thumbnails_find_camera(bus, camera, error) : -1;
-    if (index >= 0 && !bus->capture && bus->kept[index].rgb)
+    g_autoptr(GString) names = g_string_new(NULL);
+    int index = 0;
+    if (!bus_need_rig(bus, error))
+        return NULL;
+    const struct rig *rig = &bus->devices->geometry;
+    for (; index < rig->n_cameras && strcmp(rig->cameras[index].name, camera) != 0; index++)
+        g_string_append_printf(names, "%s%s", index ? ", " : "", rig->cameras[index].name);
+    if (index == rig->n_cameras) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN, "no camera “%s”: there are %s", camera,
+                    names->str);
+        return NULL;
+    }
+    if (!bus->capture && bus->kept[index].rgb)
         return &bus->kept[index];
-    if (index < 0 || !bus_need_capture(bus, error))
+    if (!bus_need_capture(bus, error))
         return NULL;
     const struct capture_thumbnail *found = capture_thumbnail(bus->capture, index);
     if (!found)

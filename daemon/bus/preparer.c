@@ -71,10 +71,11 @@ static void preparer_report_end(const struct child *child, GError **error) {
     g_autofree char *memory =
         g_format_size_full(child->limits.memory_bytes, G_FORMAT_SIZE_IEC_UNITS);
     if (child->late)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "%s took longer than the %u s that it may take: give a smaller one, or look at "
-                    "what its files are",
-                    what, child->limits.wall_s);
+        g_set_error(
+            error, BUS_ERROR, BUS_ERROR_LIMIT,
+            "%s took longer than the %u s that it may take: give a smaller session, or check "
+            "which files it names",
+            what, child->limits.wall_s);
     else if (signal == SIGXCPU)
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
                     "%s took more than the %u s of computing time that it may take: give fewer "
@@ -126,7 +127,8 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
         preparer_report_end(child, &error);
     else
         g_set_error(&error, BUS_ERROR, BUS_ERROR_FAILED,
-                    "%s could not be asked of mesorigd's child", doing[child->task]);
+                    "%s failed: mesorigd's child did not take the request or gave no answer",
+                    doing[child->task]);
     if (answer)
         g_task_return_pointer(task, answer, (GDestroyNotify)g_variant_unref);
     else
@@ -141,22 +143,17 @@ static gboolean preparer_on_deadline(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Descriptors are passed on and closed by the child, so that no copy of this process, which may be
- * large, has to be made for that. */
-static GSubprocess *start_child(GError **error) {
-    g_autofree char *program = find_program(error);
-    return program
-               ? g_subprocess_new(G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
-                                      G_SUBPROCESS_FLAGS_INHERIT_FDS,
-                                  error, program, "--prepare", NULL)
-               : NULL;
-}
-
 void preparer_run(const struct preparer_request *request, GCancellable *cancellable,
                   GAsyncReadyCallback callback, gpointer data) {
     GTask *task = g_task_new(NULL, cancellable, callback, data);
     GError *error = NULL;
-    g_autoptr(GSubprocess) process = start_child(&error);
+    /* Descriptors are passed on and closed by the child, so that no copy of this process, which may
+     * be large, has to be made for that. */
+    const GSubprocessFlags flags = G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
+                                   G_SUBPROCESS_FLAGS_INHERIT_FDS;
+    g_autofree char *program = find_program(&error);
+    g_autoptr(GSubprocess) process =
+        program ? g_subprocess_new(flags, &error, program, "--prepare", NULL) : NULL;
     if (!process) {
         g_task_return_error(task, error);
         g_object_unref(task);

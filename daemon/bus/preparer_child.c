@@ -3,8 +3,8 @@
 #include "capture/capture.h"
 #include "plan/report.h"
 
-#include <errno.h>
-#include <stdio.h>
+#include <gio/gunixinputstream.h>
+#include <gio/gunixoutputstream.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -20,26 +20,6 @@ struct prepare_work {
     char *text, *path, *calibration, *session_path, *directory;
 };
 
-static gboolean preparer_child_read_all(int fd, GByteArray *to) {
-    guint8 buffer[65536];
-    ssize_t n;
-    while ((n = read(fd, buffer, sizeof buffer)) > 0 || (n < 0 && errno == EINTR))
-        if (n > 0)
-            g_byte_array_append(to, buffer, (guint)n);
-    return n == 0;
-}
-
-static gboolean write_all(int fd, const guint8 *data, gsize size) {
-    while (size > 0) {
-        const ssize_t n = write(fd, data, size);
-        if (n < 0 && errno != EINTR)
-            return FALSE;
-        data += MAX(n, 0);
-        size -= (gsize)MAX(n, 0);
-    }
-    return TRUE;
-}
-
 static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
     if (g_variant_get_size(bytes) != size)
         return FALSE;
@@ -49,12 +29,13 @@ static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
 
 /* Reads the request of the daemon, which must be of the same version. */
 static gboolean read_request(struct prepare_work *work) {
-    g_autoptr(GByteArray) read = g_byte_array_new();
+    g_autoptr(GInputStream) from = g_unix_input_stream_new(STDIN_FILENO, FALSE);
+    g_autoptr(GOutputStream) to = g_memory_output_stream_new_resizable();
     const char *version;
     g_autoptr(GVariant) geometry = NULL, timing = NULL;
-    if (!preparer_child_read_all(STDIN_FILENO, read))
+    if (g_output_stream_splice(to, from, G_OUTPUT_STREAM_SPLICE_CLOSE_TARGET, NULL, NULL) < 0)
         return FALSE;
-    g_autoptr(GBytes) bytes = g_byte_array_free_to_bytes(g_steal_pointer(&read));
+    g_autoptr(GBytes) bytes = g_memory_output_stream_steal_as_bytes(G_MEMORY_OUTPUT_STREAM(to));
     g_autoptr(GVariant) request = g_variant_ref_sink(
         g_variant_new_from_bytes(G_VARIANT_TYPE(PREPARER_REQUEST_TYPE), bytes, FALSE));
     if (!g_variant_is_normal_form(request))
@@ -69,14 +50,6 @@ static gboolean read_request(struct prepare_work *work) {
     return strcmp(version, MESORIG_VERSION) == 0 &&
            take_bytes(geometry, &work->devices.geometry, sizeof work->devices.geometry) &&
            take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
-}
-
-static void preparer_child_work_clear(struct prepare_work *work) {
-    g_free(work->text);
-    g_free(work->path);
-    g_free(work->calibration);
-    g_free(work->session_path);
-    g_free(work->directory);
 }
 
 /* The soft limit of CPU time sends a signal that can be reported; the hard one only kills. */
@@ -97,75 +70,55 @@ static gboolean limit_memory(guint64 bytes) {
 #endif
 }
 
-/* Ends with its parent, and sets its limits of time and memory. */
-static gboolean preparer_child_submit(const struct prepare_work *work) {
-    setpriority(PRIO_PROCESS, 0, NICE);
-    return prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work->parent &&
-           limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work->cpu_s) &&
-           limit_memory(work->memory_bytes);
-}
-
-static GVariant *preparer_child_check(const struct prepare_work *work,
-                                      const struct session_conf *conf, GError **error) {
-    const struct devices *devices = &work->devices;
-    struct plan *plan = *work->directory
-                            ? capture_validate(devices, conf, work->directory, error)
-                            : plan_build(conf, &devices->geometry, &devices->timing, error);
-    GVariant *report = plan ? report_plan(conf, plan) : NULL;
-    plan_free(plan);
-    return report;
-}
-
-static GVariant *preparer_child_examine(const struct prepare_work *work, GError **error) {
-    g_autofree char *warning = NULL;
-    if (!capture_examine(&work->devices, work->directory, &warning, error))
-        return NULL;
-    return g_variant_new_string(warning ? warning : "");
-}
-
 /* A floating result. */
 static GVariant *do_work(const struct prepare_work *work, GError **error) {
-    struct session_conf conf = {0};
-    GVariant *result = NULL;
-    if (work->task == PREPARER_EXAMINE)
-        return preparer_child_examine(work, error);
+    const struct devices *devices = &work->devices;
+    g_auto(SessionConf) conf = {0};
+    if (work->task == PREPARER_EXAMINE) {
+        g_autofree char *warning = NULL;
+        if (!capture_examine(devices, work->directory, &warning, error))
+            return NULL;
+        return g_variant_new_string(warning ? warning : "");
+    }
     if (!session_conf_load(&conf, work->session_path, error))
         return NULL;
-    if (work->task == PREPARER_CHECK)
-        result = preparer_child_check(work, &conf, error);
-    else if (capture_create(&work->devices, &conf, work->directory, error))
-        result = g_variant_new_string("");
-    session_conf_clear(&conf);
-    return result;
-}
-
-static gboolean preparer_child_answer(int fd, GVariant *result, const GError *error) {
-    g_autofree char *message = g_utf8_make_valid(error ? error->message : "", -1);
-    g_autoptr(GVariant) variant = g_variant_ref_sink(g_variant_new(
-        PREPARER_ANSWER, error ? g_quark_to_string(error->domain) : "", error ? error->code : 0,
-        message, result ? result : g_variant_new_string("")));
-    return write_all(fd, g_variant_get_data(variant), g_variant_get_size(variant));
-}
-
-/* Libraries must not print into the answer. */
-static int keep_output(void) {
-    const int fd = dup(STDOUT_FILENO);
-    return fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 ? fd : -1;
+    if (work->task == PREPARER_BEGIN)
+        return capture_create(devices, &conf, work->directory, error) ? g_variant_new_string("")
+                                                                      : NULL;
+    g_autoptr(Plan) plan = *work->directory
+                               ? capture_validate(devices, &conf, work->directory, error)
+                               : plan_build(&conf, &devices->geometry, &devices->timing, error);
+    return plan ? report_plan(&conf, plan) : NULL;
 }
 
 int preparer_child(void) {
     struct prepare_work work = {0};
     g_autoptr(GError) error = NULL;
     close_range(STDERR_FILENO + 1, ~0U, 0);
-    const int fd = keep_output();
-    gboolean ok = fd >= 0 && read_request(&work) && preparer_child_submit(&work);
+    const int fd = dup(STDOUT_FILENO); /* libraries must not print into the answer */
+    setpriority(PRIO_PROCESS, 0, NICE);
+    /* Ends with its parent, and has limits of time and memory. */
+    gboolean ok = fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 && read_request(&work) &&
+                  prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work.parent &&
+                  limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work.cpu_s) &&
+                  limit_memory(work.memory_bytes);
     if (ok) {
         GVariant *result = do_work(&work, &error);
-        ok = preparer_child_answer(fd, result, error);
+        g_autofree char *message = g_utf8_make_valid(error ? error->message : "", -1);
+        g_autoptr(GVariant) answer = g_variant_ref_sink(g_variant_new(
+            PREPARER_ANSWER, error ? g_quark_to_string(error->domain) : "", error ? error->code : 0,
+            message, result ? result : g_variant_new_string("")));
+        g_autoptr(GOutputStream) to = g_unix_output_stream_new(fd, FALSE);
+        ok = g_output_stream_write_all(to, g_variant_get_data(answer), g_variant_get_size(answer),
+                                       NULL, NULL, NULL);
     } else {
         g_printerr("mesorigd: --prepare is for mesorigd itself: it needs a request of the same "
                    "version at its standard input\n");
     }
-    preparer_child_work_clear(&work);
+    g_free(work.text);
+    g_free(work.path);
+    g_free(work.calibration);
+    g_free(work.session_path);
+    g_free(work.directory);
     return ok ? 0 : 1;
 }

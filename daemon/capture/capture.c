@@ -29,14 +29,6 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
     return plan;
 }
 
-static void count_shots(Capture *capture) {
-    for (guint i = 0; i < capture->shots->len; i++) {
-        const struct session_shot *shot = capture->shots->pdata[i];
-        capture->n_shots += shot->state != SHOT_SKIPPED;
-        capture->n_done += shot->state == SHOT_DONE;
-    }
-}
-
 /* The latest dark shot of a camera that was taken before what remains. */
 static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
     const struct session_shot *found = NULL;
@@ -50,18 +42,34 @@ static const struct session_shot *dark_before(const GPtrArray *shots, int camera
     return found;
 }
 
-static gboolean load_darks(Capture *capture, GError **error) {
-    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
-        const struct session_shot *shot = dark_before(capture->shots, c);
-        if (shot && !intake_load_dark(capture->intake, shot, c, error))
-            return FALSE;
+/* Reads conf, shots and calibration from the session, whose texts name it in errors. */
+static gboolean read_session(Capture *capture, GError **error) {
+    Session *session = capture->session;
+    const char *path = session_path(session);
+    g_autofree char *text = session_text(session, "session.conf", error);
+    if (!text || !session_conf_parse(&capture->conf, text, path, error) ||
+        !(capture->shots = session_shots(session, error)))
+        return FALSE;
+    for (guint i = 0; i < capture->shots->len; i++) {
+        const struct session_shot *shot = capture->shots->pdata[i];
+        capture->n_shots += shot->state != SHOT_SKIPPED;
+        capture->n_done += shot->state == SHOT_DONE;
     }
-    return TRUE;
+    g_autofree char *calibration = session_text(session, "calibration.conf", error);
+    return calibration &&
+           (capture->calibration = calibration_from_text(calibration, path, error)) != NULL;
 }
 
-static Capture *capture_new(struct devices *devices, Session *session,
-                            const struct capture_callbacks *callbacks) {
+/* A session directory with everything that captures into it; nothing begins yet. */
+static Capture *capture_open(struct devices *devices, const char *directory,
+                             const struct capture_callbacks *callbacks, GError **error) {
+    struct intake_hooks intake_hooks = capture_intake_hooks;
+    struct sequencer_hooks hooks = capture_sequencer_hooks;
+    Session *session = session_open(directory, SESSION_CAPTURE, error);
+    if (!session)
+        return NULL;
     Capture *capture = g_new0(Capture, 1);
+    intake_hooks.data = hooks.data = capture;
     capture->devices = devices;
     capture->session = session;
     if (callbacks)
@@ -70,29 +78,16 @@ static Capture *capture_new(struct devices *devices, Session *session,
     capture->since_us = -1;
     capture->left_committed = -1;
     g_queue_init(&capture->flights);
-    return capture;
-}
-
-/* Everything but the session itself; takes what it says of conf and shots. */
-static gboolean capture_set_up(Capture *capture, GError **error) {
-    struct intake_hooks intake_hooks = capture_intake_hooks;
-    struct sequencer_hooks hooks = capture_sequencer_hooks;
-    intake_hooks.data = hooks.data = capture;
-    Session *session = capture->session;
-    g_autofree char *text = session_text(session, "session.conf", error);
-    if (!text || !session_conf_parse(&capture->conf, text, session_path(session), error) ||
-        !(capture->shots = session_shots(session, error)))
-        return FALSE;
-    g_autofree char *calibration = session_text(session, "calibration.conf", error);
-    if (!calibration ||
-        !(capture->calibration = calibration_from_text(calibration, session_path(session), error)))
-        return FALSE;
-    struct intake_setup setup = {.devices = capture->devices,
+    if (!read_session(capture, error)) {
+        capture_free(capture);
+        return NULL;
+    }
+    struct intake_setup setup = {.devices = devices,
                                  .conf = &capture->conf,
                                  .directory = session_path(session),
                                  .calibration = capture->calibration};
     capture->intake = intake_new(&setup, &intake_hooks);
-    capture->sequencer = sequencer_new(capture->devices, &capture->conf, &hooks);
+    capture->sequencer = sequencer_new(devices, &capture->conf, &hooks);
     capture->predicted_s = load_value(session, "predicted_s");
     capture->lower_bound_s = load_value(session, "lower_bound_s");
     capture->clock_base_s = load_value(session, "clock_s");
@@ -100,8 +95,9 @@ static gboolean capture_set_up(Capture *capture, GError **error) {
     capture->real_base_s = load_value(session, "real_s");
     capture->frames_base = load_value(session, "frames");
     capture->retakes_base = load_value(session, "retakes");
-    count_shots(capture);
-    return capture_mount_load(capture, error);
+    if (!capture_mount_load(capture, error))
+        g_clear_pointer(&capture, capture_free);
+    return capture;
 }
 
 static Session *create_session(const struct devices *devices, const struct session_conf *conf,
@@ -128,32 +124,9 @@ static void capture_note(Session *session, const char *level, const char *source
         session_add_event(session, 0, level, source, messages->pdata[i], NULL);
 }
 
-static void keep_value(Session *session, const char *key, double value) {
-    char text[G_ASCII_DTOSTR_BUF_SIZE];
-    session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), NULL);
-}
-
-static void keep_plan(Session *session, const struct plan *plan) {
-    keep_value(session, "predicted_s", plan->predicted_s);
-    keep_value(session, "lower_bound_s", plan->lower_bound_s);
-    keep_value(session, "predicted_bytes", (double)plan->bytes);
-    capture_note(session, "info", "plan", plan->notes);
-}
-
-/* Which calibration it was is in the session as a whole; here where it came from. */
-static void keep_calibration(Session *session, const struct devices *devices,
-                             const struct calibration *calibration, const GPtrArray *warnings) {
-    gboolean calibrated = FALSE;
-    for (int i = 0; i < CALIBRATION_PARTS; i++)
-        calibrated |= calibration->parts[i].done;
-    session_set_value(session, "calibration", calibrated ? devices->calibration_path : "nominal",
-                      NULL);
-    capture_note(session, "warning", "calibration", warnings);
-}
-
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error) {
-    struct plan *plan = capture_validate(devices, conf, directory, error);
+    g_autoptr(Plan) plan = capture_validate(devices, conf, directory, error);
     if (!plan)
         return FALSE;
     g_autoptr(GPtrArray) warnings = NULL;
@@ -161,33 +134,36 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
     g_autoptr(Session) session =
         calibration ? create_session(devices, conf, directory, plan, calibration, error) : NULL;
     if (session) {
-        keep_plan(session, plan);
-        keep_calibration(session, devices, calibration, warnings);
+        gboolean calibrated = FALSE;
+        for (int i = 0; i < CALIBRATION_PARTS; i++)
+            calibrated |= calibration->parts[i].done;
+        capture_save_value(session, "predicted_s", plan->predicted_s);
+        capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
+        capture_save_value(session, "predicted_bytes", (double)plan->bytes);
+        capture_note(session, "info", "plan", plan->notes);
+        /* The session has the calibration as a whole; this says where it came from. */
+        session_set_value(session, "calibration",
+                          calibrated ? devices->calibration_path : "nominal", NULL);
+        capture_note(session, "warning", "calibration", warnings);
     }
-    plan_free(plan);
     return session != NULL;
-}
-
-/* Passes on the warnings of making the session. */
-static gboolean report_beginning(Capture *capture, GError **error) {
-    g_autoptr(GPtrArray) events = session_events(capture->session, error);
-    for (guint i = 0; events && i < events->len && capture->callbacks.event; i++) {
-        const struct session_event *event = events->pdata[i];
-        capture->callbacks.event(capture, event->level, event->source, event->message,
-                                 capture->callbacks.data);
-    }
-    return events != NULL;
 }
 
 Capture *capture_begin(struct devices *devices, const char *directory,
                        const struct capture_callbacks *callbacks, GError **error) {
-    Session *session = session_open(directory, SESSION_CAPTURE, error);
-    if (!session)
+    Capture *capture = capture_open(devices, directory, callbacks, error);
+    if (!capture)
         return NULL;
-    Capture *capture = capture_new(devices, session, callbacks);
-    if (!report_beginning(capture, error) || !capture_set_up(capture, error)) {
+    g_autoptr(GPtrArray) events = session_events(capture->session, error);
+    if (!events) {
         capture_free(capture);
         return NULL;
+    }
+    /* Passes on the warnings of making the session. */
+    for (guint i = 0; i < events->len && capture->callbacks.event; i++) {
+        const struct session_event *event = events->pdata[i];
+        capture->callbacks.event(capture, event->level, event->source, event->message,
+                                 capture->callbacks.data);
     }
     capture_begin_soon(capture);
     return capture;
@@ -199,16 +175,6 @@ Capture *capture_start(struct devices *devices, const struct session_conf *conf,
     return capture_create(devices, conf, directory, error)
                ? capture_begin(devices, directory, callbacks, error)
                : NULL;
-}
-
-static gboolean take_latest_time(Capture *capture, GError **error) {
-    g_autoptr(GPtrArray) frames = session_frames(capture->session, error);
-    for (guint i = 0; frames && i < frames->len; i++) {
-        const struct session_frame *frame = frames->pdata[i];
-        if (isfinite(frame->captured_s))
-            capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
-    }
-    return frames != NULL;
 }
 
 /* Every dark frame that what remains needs. */
@@ -230,51 +196,56 @@ static gboolean can_read_darks(Session *session, const GPtrArray *shots,
     return TRUE;
 }
 
-/* A dark frame that cannot be read also fails its checksum, and so is taken again. */
-static gboolean capture_do_examine(Session *session, const struct devices *devices,
-                                   char **ret_warning, GError **error) {
-    struct session_conf conf = {0};
-    if (!session_verify(session, FALSE, NULL, error))
+gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
+                         GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_CAPTURE, error);
+    g_auto(SessionConf) conf = {0};
+    *ret_warning = NULL;
+    if (!session || !session_verify(session, FALSE, NULL, error))
         return FALSE;
     g_autofree char *text = session_text(session, "session.conf", error);
     if (!text || !session_conf_parse(&conf, text, session_path(session), error))
         return FALSE;
     g_autoptr(GPtrArray) shots = session_shots(session, error);
-    gboolean ok = shots && capture_check_rig(session, shots, devices, error);
-    if (ok && !can_read_darks(session, shots, &conf, &devices->geometry))
-        ok = session_verify(session, TRUE, NULL, error);
-    session_conf_clear(&conf);
-    if (ok)
-        *ret_warning = capture_check_calibration(session, devices);
-    return ok;
-}
-
-gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
-                         GError **error) {
-    g_autoptr(Session) session = session_open(directory, SESSION_CAPTURE, error);
-    *ret_warning = NULL;
-    return session && capture_do_examine(session, devices, ret_warning, error);
-}
-
-static gboolean check_resumed(Capture *capture, GError **error) {
-    if (!capture_check_rig(capture->session, capture->shots, capture->devices, error) ||
-        !take_latest_time(capture, error))
+    if (!shots || !capture_check_rig(session, shots, devices, error))
         return FALSE;
+    /* A dark frame that cannot be read also fails its checksum, and so is taken again. */
+    if (!can_read_darks(session, shots, &conf, &devices->geometry) &&
+        !session_verify(session, TRUE, NULL, error))
+        return FALSE;
+    *ret_warning = capture_check_calibration(session, devices);
+    return TRUE;
+}
+
+/* Checks rig and disk, and takes the time and the dark frames of what is there already. */
+static gboolean prepare_resumed(Capture *capture, GError **error) {
+    if (!capture_check_rig(capture->session, capture->shots, capture->devices, error))
+        return FALSE;
+    g_autoptr(GPtrArray) frames = session_frames(capture->session, error);
+    if (!frames)
+        return FALSE;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (isfinite(frame->captured_s))
+            capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
+    }
     double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
     double bytes = load_value(capture->session, "predicted_bytes") * part;
     if (part > 0 &&
         !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
         return FALSE;
-    return load_darks(capture, error);
+    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        const struct session_shot *shot = dark_before(capture->shots, c);
+        if (shot && !intake_load_dark(capture->intake, shot, c, error))
+            return FALSE;
+    }
+    return TRUE;
 }
 
 Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
                        const struct capture_callbacks *callbacks, GError **error) {
-    Session *session = session_open(directory, SESSION_CAPTURE, error);
-    if (!session)
-        return NULL;
-    Capture *capture = capture_new(devices, session, callbacks);
-    if (!capture_set_up(capture, error) || !check_resumed(capture, error)) {
+    Capture *capture = capture_open(devices, directory, callbacks, error);
+    if (!capture || !prepare_resumed(capture, error)) {
         capture_free(capture);
         return NULL;
     }
@@ -302,7 +273,7 @@ void capture_free(Capture *capture) {
     if (capture->sequencer)
         sequencer_stop(capture->sequencer, NULL);
     if (capture->since_us >= 0)
-        capture_save_value(capture, "clock_s", capture_now_s(capture));
+        capture_save_value(capture->session, "clock_s", capture_now_s(capture));
     intake_free(capture->intake);
     g_queue_clear_full(&capture->flights, capture_flight_free);
     sequencer_free(capture->sequencer);
@@ -310,8 +281,8 @@ void capture_free(Capture *capture) {
     calibration_free(capture->calibration);
     capture_marks_forget(capture);
     for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
-        frame_unref(capture->views[c].frame);
-        g_free(capture->views[c].thumbnail.rgb);
+        frame_unref(capture->latest[c].frame);
+        g_free(capture->latest[c].thumbnail.rgb);
     }
     g_clear_handle_id(&capture->changed_source, g_source_remove);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
@@ -432,15 +403,15 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
 
 const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera) {
     if (camera < 0 || camera >= capture->devices->geometry.n_cameras ||
-        !capture->views[camera].frame)
+        !capture->latest[camera].frame)
         return NULL;
-    struct view *view = &capture->views[camera];
-    if (!view->fresh) {
-        g_free(view->thumbnail.rgb);
-        thumbnail_make(view->frame, &view->thumbnail.width, &view->thumbnail.height,
-                       &view->thumbnail.rgb);
-        view->thumbnail.time_s = view->time_s;
-        view->fresh = TRUE;
+    struct latest_picture *latest = &capture->latest[camera];
+    if (!latest->fresh) {
+        g_free(latest->thumbnail.rgb);
+        thumbnail_make(latest->frame, &latest->thumbnail.width, &latest->thumbnail.height,
+                       &latest->thumbnail.rgb);
+        latest->thumbnail.time_s = latest->time_s;
+        latest->fresh = TRUE;
     }
-    return &view->thumbnail;
+    return &latest->thumbnail;
 }

@@ -1,19 +1,5 @@
 #include "capture_calibration.h"
 
-static void warn_of_age(const struct devices *devices, const struct calibration *calibration,
-                        GPtrArray *warnings) {
-    for (int i = 0; i < CALIBRATION_PARTS; i++) {
-        double days = calibration_age_days(calibration, (enum calibration_kind)i);
-        if (days <= devices->calibration_days)
-            continue;
-        g_ptr_array_add(warnings, g_strdup_printf("the calibration of %s in %s is %.0f days old; "
-                                                  "“mesorig calibrate %s” renews it",
-                                                  calibration_part_name((enum calibration_kind)i),
-                                                  devices->calibration_path, days,
-                                                  calibration_part_name((enum calibration_kind)i)));
-    }
-}
-
 struct calibration *capture_calibration(const struct devices *devices, GPtrArray **ret_warnings,
                                         GError **error) {
     const char *path = devices->calibration_path;
@@ -24,7 +10,15 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
         calibration = calibration_read(path, error);
         if (!calibration || !calibration_check_rig(calibration, path, &devices->geometry, error))
             return NULL;
-        warn_of_age(devices, calibration, warnings);
+        for (int i = 0; i < CALIBRATION_PARTS; i++) {
+            const char *part = calibration_part_name((enum calibration_kind)i);
+            double days = calibration_age_days(calibration, (enum calibration_kind)i);
+            if (days > devices->calibration_days)
+                g_ptr_array_add(warnings,
+                                g_strdup_printf("the calibration of %s in %s is %.0f days old; "
+                                                "“mesorig calibrate %s” renews it",
+                                                part, path, days, part));
+        }
     } else {
         calibration = calibration_new(&devices->geometry);
         if (path)

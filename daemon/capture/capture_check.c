@@ -47,10 +47,23 @@ gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
     return FALSE;
 }
 
-static gboolean check_camera_sizes(const char *path, const struct rig *then, const struct rig *now,
-                                   GError **error) {
-    for (int c = 0; c < MIN(then->n_cameras, now->n_cameras); c++) {
-        const struct rig_camera *a = &then->cameras[c], *b = &now->cameras[c];
+gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
+                           GError **error) {
+    const struct rig *rig = &devices->geometry;
+    const char *path = session_path(session);
+    g_autofree char *text = session_text(session, "calibration.conf", error);
+    struct rig then;
+    if (!text || !rig_from_text(&then, text, path, error))
+        return FALSE;
+    if (strcmp(then.id, rig->id)) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file it "
+                    "was begun with",
+                    path, then.id, rig->id);
+        return FALSE;
+    }
+    for (int c = 0; c < MIN(then.n_cameras, rig->n_cameras); c++) {
+        const struct rig_camera *a = &then.cameras[c], *b = &rig->cameras[c];
         if (!strcmp(a->name, b->name) && a->width == b->width && a->height == b->height)
             continue;
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
@@ -59,11 +72,6 @@ static gboolean check_camera_sizes(const char *path, const struct rig *then, con
                     path, c, a->name, a->width, a->height, b->name, b->width, b->height);
         return FALSE;
     }
-    return TRUE;
-}
-
-static gboolean capture_check_check_shots(const char *path, const GPtrArray *shots,
-                                          const struct rig *rig, GError **error) {
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         int n = shot->kind == SHOT_SWEEP ? rig->n_lasers : rig->n_lamps;
@@ -80,41 +88,16 @@ static gboolean capture_check_check_shots(const char *path, const GPtrArray *sho
     return TRUE;
 }
 
-/* Whether what a capture would be begun with now is what this one was begun with. */
-static gboolean capture_check_is_same(Session *session, const struct devices *devices,
-                                      const char *text) {
-    g_autoptr(GPtrArray) warnings = NULL;
+char *capture_check_calibration(Session *session, const struct devices *devices) {
+    g_autofree char *text = session_text(session, "calibration.conf", NULL);
     g_autofree char *begun_with = session_value(session, "calibration");
+    g_autoptr(GPtrArray) warnings = NULL;
     struct devices then = *devices;
     if (begun_with && g_path_is_absolute(begun_with))
         then.calibration_path = begun_with; /* it may not be the one that the rig file names */
     g_autoptr(Calibration) now = capture_calibration(&then, &warnings, NULL);
     g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
-    return g_strcmp0(text, now_text) == 0;
-}
-
-gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
-                           GError **error) {
-    const struct rig *rig = &devices->geometry;
-    const char *path = session_path(session);
-    g_autofree char *text = session_text(session, "calibration.conf", error);
-    struct rig then;
-    if (!text || !rig_from_text(&then, text, path, error))
-        return FALSE;
-    if (strcmp(then.id, rig->id)) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file it "
-                    "was begun with",
-                    path, then.id, rig->id);
-        return FALSE;
-    }
-    return check_camera_sizes(path, &then, rig, error) &&
-           capture_check_check_shots(path, shots, rig, error);
-}
-
-char *capture_check_calibration(Session *session, const struct devices *devices) {
-    g_autofree char *text = session_text(session, "calibration.conf", NULL);
-    if (capture_check_is_same(session, devices, text))
+    if (g_strcmp0(text, now_text) == 0)
         return NULL;
     return g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
                     "frames from before and after may not fit together. What is "

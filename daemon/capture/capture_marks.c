@@ -9,13 +9,9 @@
 #define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
 
-static const struct fiducial_seen *marks_of(const struct flight *flight) {
-    return (const struct fiducial_seen *)(void *)flight->marks->data;
-}
-
 static void keep_outputs(Capture *capture, const struct flight *flight) {
     const struct calibration *known = capture->calibration;
-    const struct fiducial_seen *seen = marks_of(flight);
+    const struct fiducial_seen *seen = (const struct mark_seen *)(void *)flight->marks->data;
     if (!known->lamp_radiometry[flight->shot->device].known)
         return;
     for (int c = 0; c < known->rig.n_cameras; c++) {
@@ -46,9 +42,9 @@ static guint32 accepted(const Capture *capture) {
 }
 
 static void report_first_check(Capture *capture, const struct fiducials_check *check) {
-    if (capture->marks_told)
+    if (capture->marks_reported)
         return;
-    capture->marks_told = TRUE;
+    capture->marks_reported = TRUE;
     g_autofree char *text =
         check->n_seen > 0
             ? g_strdup_printf("quick check: %d marks seen, %.3f px off where calibration has them",
@@ -78,14 +74,6 @@ static void check_seen(const Capture *capture, const GArray *seen, struct fiduci
                     (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
-/* Light reflected by a nearby sample may make marks look displaced under one lamp; a real movement
- * also shows under the next lamp. */
-static void report_suspicion(Capture *capture, const char *what) {
-    g_autofree char *text = g_strdup_printf(
-        "something may have moved since the rig was calibrated: %s; the next shot will tell", what);
-    capture_add_event(capture, "warning", "marks", text);
-}
-
 char *capture_marks_check(Capture *capture, const struct flight *flight) {
     const struct rig *rig = &capture->calibration->rig;
     if (flight->shot->kind != SHOT_LAMP || !flight->marks)
@@ -109,7 +97,12 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
     g_autofree char *what = fiducials_describe(rig, &check);
     capture->moved = capture->suspected & suspected;
     if (capture->moved == 0) {
-        report_suspicion(capture, what);
+        /* Light reflected by a nearby sample may make marks look displaced under one lamp; a real
+         * movement also shows under the next lamp. */
+        g_autofree char *text = g_strdup_printf("something may have moved since the rig was "
+                                                "calibrated: %s; the next shot will tell",
+                                                what);
+        capture_add_event(capture, "warning", "marks", text);
         return NULL;
     }
     capture_marks_forget(capture);

@@ -14,27 +14,20 @@ static char *key_of(const Capture *capture, int unit) {
     return g_strdup_printf("mount.%s", capture_mount_name_of(capture, unit));
 }
 
-/* −1 if the session does not say, or names what the rig file no longer has. */
-static int capture_mount_place_of(const Capture *capture, int unit) {
-    g_autofree char *key = key_of(capture, unit);
-    g_autofree char *said = session_value(capture->session, key);
-    for (int i = 0; said && i < capture->devices->geometry.n_lasers; i++) {
-        if (rig_laser_unit(timing_of(capture), i) == unit &&
-            !strcmp(capture_mount_name_of(capture, i), said))
-            return i;
-    }
-    return -1;
-}
-
 gboolean capture_mount_load(Capture *capture, GError **error) {
     capture->wanted_mount = -1;
     for (int i = 0; i < capture->devices->geometry.n_lasers; i++) {
         capture->mounted[i] = i;
         if (!timing_of(capture)->mounts[i])
             continue;
-        int place = capture->mounted[i] = capture_mount_place_of(capture, i);
-        if (place >= 0 &&
-            !laser_mount(capture->devices->lasers[i], capture_mount_name_of(capture, place), error))
+        g_autofree char *key = key_of(capture, i);
+        g_autofree char *said = session_value(capture->session, key);
+        capture->mounted[i] = -1; /* the session does not say, or names what the rig has no more */
+        for (int k = 0; said && k < capture->devices->geometry.n_lasers; k++)
+            if (rig_laser_unit(timing_of(capture), k) == i &&
+                !strcmp(capture_mount_name_of(capture, k), said))
+                capture->mounted[i] = k;
+        if (capture->mounted[i] >= 0 && !laser_mount(capture->devices->lasers[i], said, error))
             return FALSE;
     }
     return TRUE;
@@ -48,16 +41,13 @@ static int in_place(const Capture *capture, const struct session_shot *shot) {
     return place < 0 ? -1 : place == shot->device;
 }
 
-static gboolean is_hand_mounted(const Capture *capture, const struct session_shot *shot) {
-    return shot->kind == SHOT_SWEEP &&
-           timing_of(capture)->mounts[rig_laser_unit(timing_of(capture), shot->device)] != 0;
-}
-
 static void put_in_place_first(Capture *capture) {
     GPtrArray *shots = capture->remaining;
     guint end = 0;
     for (guint i = 0; i < shots->len; i++) {
-        if (is_hand_mounted(capture, shots->pdata[i]) && in_place(capture, shots->pdata[i]) == 1)
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind == SHOT_SWEEP && in_place(capture, shot) == 1 &&
+            timing_of(capture)->mounts[rig_laser_unit(timing_of(capture), shot->device)] != 0)
             end = i + 1;
     }
     g_autoptr(GPtrArray) sorted = g_ptr_array_sized_new(end);
@@ -84,20 +74,6 @@ guint capture_mount_reach(Capture *capture) {
     return reach;
 }
 
-/* Units of which nothing is known are asked for first: whoever began the session is still there. */
-static int next_wanted(const Capture *capture) {
-    int wanted = -1;
-    for (guint i = capture->committed; i < capture->remaining->len; i++) {
-        const struct session_shot *shot = capture->remaining->pdata[i];
-        int known = in_place(capture, shot);
-        if (known < 0)
-            return shot->device;
-        if (known == 0 && wanted < 0)
-            wanted = shot->device;
-    }
-    return wanted;
-}
-
 static char *describe_place(const Capture *capture, int laser) {
     double theta_rad, phi_rad;
     rig_angles(capture->devices->geometry.lasers[laser].position_mm, &theta_rad, &phi_rad);
@@ -106,7 +82,17 @@ static char *describe_place(const Capture *capture, int laser) {
 }
 
 void capture_mount_ask(Capture *capture) {
-    int wanted = next_wanted(capture);
+    int wanted = -1;
+    /* Units of which nothing is known are asked for first: whoever began the session is still
+     * there. */
+    for (guint i = capture->committed; i < capture->remaining->len; i++) {
+        const struct session_shot *shot = capture->remaining->pdata[i];
+        int known = in_place(capture, shot);
+        if (known < 0 || (known == 0 && wanted < 0))
+            wanted = shot->device;
+        if (known < 0)
+            break;
+    }
     g_return_if_fail(wanted >= 0);
     const char *unit = capture_mount_name_of(capture, rig_laser_unit(timing_of(capture), wanted));
     g_autofree char *place = describe_place(capture, wanted);

@@ -23,7 +23,7 @@ struct event_limit { /* rate limit of one kind of event of one camera */
     int suppressed;
 };
 
-struct view { /* a camera's latest picture */
+struct latest_picture { /* of a camera */
     Frame *frame;
     double time_s;
     gboolean fresh; /* the thumbnail is of that frame */
@@ -59,11 +59,11 @@ struct Capture {
     double left_s, left_at_s; /* predicted, and when */
     gint64 left_committed;    /* committed then; −1: not yet */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
-    struct view views[RIG_MAX_CAMERAS];
-    guint32 moved;       /* of what the session was paused for: capture_marks.c */
-    guint32 suspected;   /* of what the shot before seemed to show */
-    GQueue *marks;       /* of GArray of struct fiducial_seen: of the last shots */
-    gboolean marks_told; /* how they looked at the beginning */
+    struct latest_picture latest[RIG_MAX_CAMERAS];
+    guint32 moved;           /* of what the session was paused for: capture_marks.c */
+    guint32 suspected;       /* of what the shot before seemed to show */
+    GQueue *marks;           /* of GArray of struct fiducial_seen: of the last shots */
+    gboolean marks_reported; /* how they looked at the beginning */
     guint changed_source;
     gint64 changed_at_us;
     guint starter;
@@ -75,7 +75,7 @@ double capture_now_s(const Capture *capture);
 /* Adds an event to the session, if the disk still takes it, and passes it to the listener. */
 void capture_add_event(Capture *capture, const char *level, const char *source,
                        const char *message);
-void capture_save_value(Capture *capture, const char *key, double value);
+void capture_save_value(Session *session, const char *key, double value);
 
 extern const struct intake_hooks capture_intake_hooks;
 extern const struct sequencer_hooks capture_sequencer_hooks;

@@ -33,11 +33,6 @@ void capture_start_clock(Capture *capture) {
     capture->since_us = clock_now_us(capture->devices->clock);
 }
 
-static void stop_clock(Capture *capture) {
-    capture->clock_base_s = capture_now_s(capture);
-    capture->since_us = -1;
-}
-
 static gboolean notify_changed(gpointer data) {
     Capture *capture = data;
     capture->changed_source = 0;
@@ -72,7 +67,7 @@ static void report_rate_limited(Capture *capture, struct event_limit *limit, con
     g_autofree char *text =
         limit->suppressed == 0
             ? g_strdup(message)
-            : g_strdup_printf("%s (and %d more since last told)", message, limit->suppressed);
+            : g_strdup_printf("%s (and %d more since the last report)", message, limit->suppressed);
     *limit = (struct event_limit){.reported = TRUE, .reported_s = capture_now_s(capture)};
     capture_add_event(capture, "warning", source, text);
 }
@@ -90,10 +85,9 @@ static void report_suppressed(Capture *capture, struct event_limit *limits, cons
     }
 }
 
-void capture_save_value(Capture *capture, const char *key, double value) {
+void capture_save_value(Session *session, const char *key, double value) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
-    g_ascii_dtostr(text, sizeof text, value);
-    session_set_value(capture->session, key, text, NULL);
+    session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), NULL);
 }
 
 /* Stores figures of the whole session for the report, including runs before a resume. */
@@ -103,11 +97,12 @@ static void save_clock(Capture *capture) {
 
     getrusage(RUSAGE_SELF, &usage);
     capture->clock_saved_s = capture_now_s(capture);
-    capture_save_value(capture, "clock_s", capture->clock_saved_s);
-    capture_save_value(capture, "real_s", capture->real_base_s + real_s);
-    capture_save_value(capture, "frames", capture->frames_base + (double)capture->frames);
-    capture_save_value(capture, "retakes", capture->retakes_base + (double)capture->retakes);
-    capture_save_value(capture, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
+    capture_save_value(capture->session, "clock_s", capture->clock_saved_s);
+    capture_save_value(capture->session, "real_s", capture->real_base_s + real_s);
+    capture_save_value(capture->session, "frames", capture->frames_base + (double)capture->frames);
+    capture_save_value(capture->session, "retakes",
+                       capture->retakes_base + (double)capture->retakes);
+    capture_save_value(capture->session, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
 }
 
 static const char *const state_names[] = {
@@ -143,7 +138,8 @@ void capture_clear_flights(Capture *capture) {
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
     report_suppressed(capture, capture->retake_limits, "refused or lost and taken again");
     report_suppressed(capture, capture->saturated_limits, "saturated");
-    stop_clock(capture);
+    capture->clock_base_s = capture_now_s(capture); /* it stands from now on */
+    capture->since_us = -1;
     save_clock(capture);
     capture_set_state(capture, state);
 }
@@ -195,10 +191,16 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
-static char *note_of(const Capture *capture, const struct flight *flight) {
+/* FALSE after a fault: nothing is in flight any more. */
+static gboolean commit(Capture *capture, struct flight *flight) {
+    struct session_frame frames[RIG_MAX_CAMERAS];
     g_autoptr(GString) note = g_string_new(flight->shot->note);
+    g_autoptr(GError) error = NULL;
     gboolean any = FALSE;
+    int n = 0;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        if (flight->shot->cameras & 1u << c)
+            frames[n++] = flight->frames[c];
         if (flight->saturated[c] == 0)
             continue;
         g_string_append(note, any ? ", " : note->len > 0 ? "; saturated: " : "saturated: ");
@@ -206,21 +208,8 @@ static char *note_of(const Capture *capture, const struct flight *flight) {
                                capture->devices->geometry.cameras[c].name, flight->saturated[c]);
         any = TRUE;
     }
-    return note->len > 0 ? g_strdup(note->str) : NULL;
-}
-
-/* FALSE after a fault: nothing is in flight any more. */
-static gboolean commit(Capture *capture, struct flight *flight) {
-    struct session_frame frames[RIG_MAX_CAMERAS];
-    int n = 0;
-    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
-        if (flight->shot->cameras & 1u << c)
-            frames[n++] = flight->frames[c];
-    }
-    g_autoptr(GError) error = NULL;
-    g_autofree char *note = note_of(capture, flight);
-    if (!session_commit_shot(capture->session, flight->shot->id, SHOT_DONE, frames, n, note,
-                             &error)) {
+    if (!session_commit_shot(capture->session, flight->shot->id, SHOT_DONE, frames, n,
+                             note->len > 0 ? note->str : NULL, &error)) {
         stop_for_disk(capture, error);
         return FALSE;
     }
@@ -232,21 +221,17 @@ static gboolean commit(Capture *capture, struct flight *flight) {
     return TRUE;
 }
 
-static gboolean lamp_gives_light(const Capture *capture, const struct flight *flight) {
-    int bits = 16;
-    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
-        if (flight->shot->cameras & 1u << c)
-            bits = MIN(bits, capture->devices->cameras[c]->format.bits);
-    }
-    return flight->shot->kind != SHOT_LAMP || flight->signal_dn > LAMP_SIGNAL * ((1 << bits) - 1);
-}
-
 /* In planned order, whichever camera's worker was quicker. */
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
     while ((flight = g_queue_peek_head(&capture->flights)) &&
            flight->back == flight->shot->cameras) {
-        if (!lamp_gives_light(capture, flight)) {
+        int bits = 16;
+        for (int c = 0; c < capture->devices->geometry.n_cameras; c++)
+            if (flight->shot->cameras & 1u << c)
+                bits = MIN(bits, capture->devices->cameras[c]->format.bits);
+        if (flight->shot->kind == SHOT_LAMP &&
+            !(flight->signal_dn > LAMP_SIGNAL * ((1 << bits) - 1))) {
             const char *lamp = capture->devices->geometry.lamps[flight->shot->device].name;
             g_autofree char *reason =
                 g_strdup_printf("lamp %s gives no light: no camera saw more than its dark level. "
@@ -294,21 +279,15 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
                       capture->devices->geometry.cameras[result->frame.camera].name, message);
 }
 
-static struct flight *find_flight(Capture *capture, const struct session_shot *shot) {
-    for (GList *at = capture->flights.head; at; at = at->next) {
-        struct flight *flight = at->data;
-        if (flight->shot == shot)
-            return flight;
-    }
-    return NULL;
-}
-
 static void on_result(const struct intake_result *result, gpointer data) {
     Capture *capture = data;
-    struct flight *flight = find_flight(capture, result->shot);
     int camera = result->frame.camera;
-    if (!flight)
+    const GList *at = capture->flights.head;
+    while (at && ((struct flight *)at->data)->shot != result->shot)
+        at = at->next;
+    if (!at)
         return;
+    struct flight *flight = at->data;
     if (result->error) {
         stop_for_disk(capture, result->error);
         return;
@@ -359,9 +338,9 @@ static gboolean on_may_trigger(gpointer data) {
 static void capture_run_on_frame(const struct session_shot *shot, int camera, int sub, Frame *frame,
                                  int retakes, gpointer data) {
     Capture *capture = data;
-    if (!g_queue_peek_tail(&capture->flights) ||
-        ((struct flight *)g_queue_peek_tail(&capture->flights))->shot != shot) {
-        struct flight *flight = g_new0(struct flight, 1);
+    struct flight *flight = g_queue_peek_tail(&capture->flights);
+    if (!flight || flight->shot != shot) {
+        flight = g_new0(struct flight, 1);
         flight->shot = shot;
         flight->signal_dn = -HUGE_VAL;
         g_queue_push_tail(&capture->flights, flight);
@@ -372,11 +351,11 @@ static void capture_run_on_frame(const struct session_shot *shot, int camera, in
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
          shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
-        struct view *view = &capture->views[camera];
-        frame_unref(view->frame);
-        view->frame = frame_ref(frame);
-        view->time_s = time_s;
-        view->fresh = FALSE;
+        struct latest_picture *latest = &capture->latest[camera];
+        frame_unref(latest->frame);
+        latest->frame = frame_ref(frame);
+        latest->time_s = time_s;
+        latest->fresh = FALSE;
     }
     capture_run_changed(capture);
 }
@@ -414,18 +393,6 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_run_changed(capture);
 }
 
-static void begin_leg(Capture *capture) {
-    guint n = capture_mount_reach(capture);
-    g_clear_pointer(&capture->leg, g_ptr_array_unref);
-    capture->leg = g_ptr_array_sized_new(n);
-    for (guint i = 0; i < n; i++)
-        g_ptr_array_add(capture->leg, capture->remaining->pdata[i]);
-    if (n == 0)
-        capture_mount_ask(capture);
-    else
-        sequencer_start(capture->sequencer, capture->leg);
-}
-
 static void capture_run_begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
@@ -440,10 +407,19 @@ static void capture_run_begin(gpointer data) {
             g_ptr_array_add(capture->remaining, shot);
     }
     capture_start_clock(capture);
-    if (capture->remaining->len == 0)
+    if (capture->remaining->len == 0) {
         capture_come_to_rest(capture, CAPTURE_DONE);
+        return;
+    }
+    guint n = capture_mount_reach(capture);
+    g_clear_pointer(&capture->leg, g_ptr_array_unref);
+    capture->leg = g_ptr_array_sized_new(n);
+    for (guint i = 0; i < n; i++)
+        g_ptr_array_add(capture->leg, capture->remaining->pdata[i]);
+    if (n == 0)
+        capture_mount_ask(capture);
     else
-        begin_leg(capture);
+        sequencer_start(capture->sequencer, capture->leg);
 }
 
 /* Not from within the caller's call, since events may follow at once. */

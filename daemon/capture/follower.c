@@ -69,10 +69,6 @@ Follower *follower_start(const char *directory, GError **error) {
     return follower;
 }
 
-gboolean follower_is_running(const Follower *follower) {
-    return follower && follower->running;
-}
-
 void follower_free(Follower *follower) {
     if (!follower)
         return;

@@ -11,8 +11,6 @@ typedef struct Follower Follower;
 /* The program is looked for beside this executable, then in PATH. */
 Follower *follower_start(const char *directory, GError **error);
 
-gboolean follower_is_running(const Follower *follower);
-
 /* Asks the child to end, waits a moment for it, then makes it. NULL is ignored. */
 void follower_free(Follower *follower);
 

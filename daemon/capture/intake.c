@@ -27,7 +27,7 @@ struct job {
 };
 
 /* A sweep all of whose frames were taken. */
-struct ending {
+struct complete_sweep {
     struct job job; /* the last; its frame is owned */
     Sweep *sweep, *short_sweep;
     double dark_dn;
@@ -45,10 +45,10 @@ struct lane {
     GThread *thread;
     GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
     GPtrArray *batch;
-    GThreadPool *finisher; /* of one thread, of struct ending */
+    GThreadPool *finisher; /* of one thread, of struct complete_sweep */
     GMutex mutex;
     GCond finished;
-    int n_endings; /* guarded by mutex */
+    int n_complete; /* guarded by mutex */
 
     guint generation;
     const struct session_shot *shot; /* being collected */
@@ -123,7 +123,7 @@ static void intake_describe(struct lane *lane, const struct job *job, struct int
 }
 
 /* Hands a camera's part of a shot back to the main loop. Takes what result owns. */
-static void hand_back(struct lane *lane, const struct job *job, struct intake_result result) {
+static void return_result(struct lane *lane, const struct job *job, struct intake_result result) {
     struct finished *finished = g_new0(struct finished, 1);
     finished->generation = job->generation;
     finished->result = result;
@@ -174,11 +174,11 @@ static void finish_dark(struct lane *lane, const struct job *job) {
     result.error = g_steal_pointer(&lane->error);
     if (!result.error)
         intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
-    hand_back(lane, job, result);
+    return_result(lane, job, result);
 }
 
 /* Finds the marks beside the sample; NULL if there are none. */
-static GArray *look_at_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
+static GArray *measure_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
     const struct session_shot *shot = job->shot;
     if (!calibration || calibration->rig.n_fiducials == 0 ||
@@ -231,34 +231,11 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
         file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
                                              conf->gain_db, bend_of(lane, job->frame));
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
-    result.marks = look_at_marks(lane, job, merged);
+    result.marks = measure_marks(lane, job, merged);
     result.error = g_steal_pointer(&lane->error);
     if (!result.error)
         intake_write_lamp(&file, merged, &result.frame, &result.error);
-    hand_back(lane, job, result);
-}
-
-static void ending_free(struct ending *ending) {
-    frame_unref(ending->job.frame);
-    sweep_free(ending->sweep);
-    sweep_free(ending->short_sweep);
-    g_clear_error(&ending->error);
-    g_free(ending);
-}
-
-static void write_ending(struct lane *lane, struct ending *ending) {
-    const struct session_conf *conf = lane->intake->setup.conf;
-    struct intake_file file;
-    intake_describe(lane, &ending->job, &file);
-    file.dark_dn = ending->dark_dn;
-    if (ending->short_sweep)
-        sweep_set_shorter(ending->sweep, ending->short_sweep,
-                          conf->laser_exposure_us / conf->laser_short_us);
-    struct intake_result result = {.laser_seen = ending->laser_seen,
-                                   .error = g_steal_pointer(&ending->error)};
-    if (!result.error && !result.laser_seen)
-        intake_write_sweep(&file, ending->sweep, &result.frame, &result.error);
-    hand_back(lane, &ending->job, result);
+    return_result(lane, job, result);
 }
 
 static gboolean is_current(const Intake *intake, const struct job *job) {
@@ -274,44 +251,51 @@ static void add_bytes(Intake *intake, gssize bytes) {
 
 /* The finisher's; setpriority() is of the calling thread alone, on Linux. */
 static void finish_sweep(gpointer data, gpointer lane_data) {
-    struct ending *ending = data;
+    struct complete_sweep *complete = data;
     struct lane *lane = lane_data;
-    const gsize bytes = ending->bytes;
+    const struct session_conf *conf = lane->intake->setup.conf;
     setpriority(PRIO_PROCESS, 0, FINISH_NICE);
-    if (is_current(lane->intake, &ending->job))
-        write_ending(lane, ending);
-    ending_free(ending);
-    add_bytes(lane->intake, -(gssize)bytes);
+    if (is_current(lane->intake, &complete->job)) {
+        struct intake_file file;
+        intake_describe(lane, &complete->job, &file);
+        file.dark_dn = complete->dark_dn;
+        if (complete->short_sweep)
+            sweep_set_shorter(complete->sweep, complete->short_sweep,
+                              conf->laser_exposure_us / conf->laser_short_us);
+        struct intake_result result = {.laser_seen = complete->laser_seen,
+                                       .error = g_steal_pointer(&complete->error)};
+        if (!result.error && !result.laser_seen)
+            intake_write_sweep(&file, complete->sweep, &result.frame, &result.error);
+        return_result(lane, &complete->job, result);
+    }
+    frame_unref(complete->job.frame);
+    sweep_free(complete->sweep);
+    sweep_free(complete->short_sweep);
+    g_clear_error(&complete->error);
+    add_bytes(lane->intake, -(gssize)complete->bytes);
+    g_free(complete);
     g_mutex_lock(&lane->mutex);
-    lane->n_endings--;
+    lane->n_complete--;
     g_cond_signal(&lane->finished);
     g_mutex_unlock(&lane->mutex);
 }
 
-static void end_sweep(struct lane *lane, const struct job *job) {
-    struct ending *ending = g_new0(struct ending, 1);
-    ending->job = *job;
-    ending->job.frame = frame_ref(job->frame);
-    ending->sweep = g_steal_pointer(&lane->sweep);
-    ending->short_sweep = g_steal_pointer(&lane->short_sweep);
-    ending->dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
-    ending->laser_seen = lane->laser_seen;
-    ending->error = g_steal_pointer(&lane->error);
-    ending->bytes =
-        sweep_bytes(ending->sweep) + (ending->short_sweep ? sweep_bytes(ending->short_sweep) : 0);
-    add_bytes(lane->intake, (gssize)ending->bytes);
+static void queue_sweep(struct lane *lane, const struct job *job) {
+    struct complete_sweep *complete = g_new0(struct complete_sweep, 1);
+    complete->job = *job;
+    complete->job.frame = frame_ref(job->frame);
+    complete->sweep = g_steal_pointer(&lane->sweep);
+    complete->short_sweep = g_steal_pointer(&lane->short_sweep);
+    complete->dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
+    complete->laser_seen = lane->laser_seen;
+    complete->error = g_steal_pointer(&lane->error);
+    complete->bytes = sweep_bytes(complete->sweep) +
+                      (complete->short_sweep ? sweep_bytes(complete->short_sweep) : 0);
+    add_bytes(lane->intake, (gssize)complete->bytes);
     g_mutex_lock(&lane->mutex);
-    lane->n_endings++;
+    lane->n_complete++;
     g_mutex_unlock(&lane->mutex);
-    g_thread_pool_push(lane->finisher, ending, NULL);
-}
-
-/* A camera's results come in the order of its shots. */
-static void await_endings(struct lane *lane) {
-    g_mutex_lock(&lane->mutex);
-    while (lane->n_endings > 0)
-        g_cond_wait(&lane->finished, &lane->mutex);
-    g_mutex_unlock(&lane->mutex);
+    g_thread_pool_push(lane->finisher, complete, NULL);
 }
 
 /* Those of the frames that have one exposure. */
@@ -358,8 +342,13 @@ static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
     g_return_if_fail(job->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == shot_n_frames(conf, job->shot);
-    if (last && job->shot->kind != SHOT_SWEEP)
-        await_endings(lane);
+    if (last && job->shot->kind != SHOT_SWEEP) {
+        /* Wait for the finisher: a camera's results come in the order of its shots. */
+        g_mutex_lock(&lane->mutex);
+        while (lane->n_complete > 0)
+            g_cond_wait(&lane->finished, &lane->mutex);
+        g_mutex_unlock(&lane->mutex);
+    }
     if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
         keep_raw(lane, job);
     switch (job->shot->kind) {
@@ -376,7 +365,7 @@ static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
     case SHOT_SWEEP:
         take_sweep(lane, jobs, n);
         if (last)
-            end_sweep(lane, job);
+            queue_sweep(lane, job);
         break;
     }
     if (last)
@@ -421,15 +410,6 @@ static gpointer lane_run(gpointer data) {
     return NULL;
 }
 
-static void report_results(Intake *intake) {
-    struct finished *finished;
-    while ((finished = g_async_queue_try_pop(intake->finished))) {
-        if (finished->generation == intake->generation)
-            intake->hooks.result(&finished->result, intake->hooks.data);
-        finished_free(finished);
-    }
-}
-
 static void set_full(Intake *intake, gboolean full) {
     if (full == intake->full)
         return;
@@ -448,10 +428,15 @@ static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data
     return func(data);
 }
 
-static gboolean woken(gpointer data) {
+static gboolean intake_on_wake(gpointer data) {
     Intake *intake = data;
     g_source_set_ready_time(intake->wake, -1);
-    report_results(intake);
+    struct finished *finished;
+    while ((finished = g_async_queue_try_pop(intake->finished))) {
+        if (finished->generation == intake->generation)
+            intake->hooks.result(&finished->result, intake->hooks.data);
+        finished_free(finished);
+    }
     if (intake->full && queued_bytes(intake) <= intake->setup.full_bytes / 2) {
         set_full(intake, FALSE);
         intake->hooks.room(intake->hooks.data);
@@ -495,7 +480,7 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
     intake->hooks = *hooks;
     intake->finished = g_async_queue_new_full(finished_free);
     intake->wake = g_source_new(&funcs, sizeof(GSource));
-    g_source_set_callback(intake->wake, woken, intake, NULL);
+    g_source_set_callback(intake->wake, intake_on_wake, intake, NULL);
     g_source_attach(intake->wake, NULL);
     intake->lanes = g_ptr_array_new_with_free_func(lane_free);
     for (int c = 0; c < setup->devices->geometry.n_cameras; c++)

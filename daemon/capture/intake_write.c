@@ -24,32 +24,27 @@ static enum exr_compression compression_of(const struct intake_file *file) {
     return n <= SMALL_PIXELS ? EXR_NONE : EXR_PIZ;
 }
 
-static char *exposures_text(const struct intake_file *file) {
-    int n = file->shot->kind == SHOT_SWEEP ? 2 : shot_n_frames(file->conf, file->shot);
-    GString *text = g_string_new(NULL);
-    gint64 before = -1;
-    for (int i = 0; i < n; i++) {
-        gint64 us = file->bracket ? file->bracket[i]->exposure_us
-                                  : shot_exposure_us(file->conf, file->shot, i);
-        if (us != before)
-            g_string_append_printf(text, "%s%" G_GINT64_FORMAT, text->len ? ";" : "", us);
-        before = us;
-    }
-    return g_string_free(text, FALSE);
-}
-
 static struct exr_part *part_new(const struct intake_file *file, const char *name,
                                  const char *const *channels, enum exr_type type,
                                  const char *unit) {
     const Frame *frame = file->last;
     struct exr_part *part = exr_part_new(name, frame->width, frame->height, channels, type);
-    g_autofree char *exposures = exposures_text(file);
+    g_autoptr(GString) exposures = g_string_new(NULL);
+    int n = file->shot->kind == SHOT_SWEEP ? 2 : shot_n_frames(file->conf, file->shot);
+    gint64 before = -1;
+    for (int i = 0; i < n; i++) {
+        gint64 us = file->bracket ? file->bracket[i]->exposure_us
+                                  : shot_exposure_us(file->conf, file->shot, i);
+        if (us != before)
+            g_string_append_printf(exposures, "%s%" G_GINT64_FORMAT, exposures->len ? ";" : "", us);
+        before = us;
+    }
     exr_set_string(part, "mesorig.camera", file->camera_name);
     exr_set_int(part, "mesorig.shot", (int)file->shot->id);
     exr_set_double(part, "mesorig.turntable_deg", file->shot->turntable_deg);
     exr_set_double(part, "mesorig.arc_deg", file->shot->arc_deg);
     exr_set_string(part, "mesorig.cfa", cfa_name(frame->cfa));
-    exr_set_string(part, "mesorig.exposures_us", exposures);
+    exr_set_string(part, "mesorig.exposures_us", exposures->str);
     exr_set_double(part, "mesorig.dark_dn", file->dark_dn);
     exr_set_int(part, "mesorig.saturated", (int)file->saturated);
     exr_set_string(part, "mesorig.unit", unit);
@@ -60,15 +55,18 @@ static void intake_write_fill(struct exr_part *part, const float *pixels) {
     memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
 }
 
-static gboolean intake_write_write_frame(const struct intake_file *file, struct exr_file *exr,
-                                         struct session_frame *ret_frame, GError **error) {
+/* Frees exr. */
+static gboolean intake_write_frame(const struct intake_file *file, struct exr_file *exr,
+                                   struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
     g_autofree char *path = g_build_filename(file->directory, relative, NULL);
-    if (!exr_write_below(file->directory, relative, exr, compression_of(file), TRUE, error) ||
-        !(ret_frame->sha256 = exr_sha256(path, &ret_frame->bytes, error)))
-        return FALSE;
-    ret_frame->path = g_steal_pointer(&relative);
-    return TRUE;
+    gboolean ok =
+        exr_write_below(file->directory, relative, exr, compression_of(file), TRUE, error) &&
+        (ret_frame->sha256 = exr_sha256(path, &ret_frame->bytes, error));
+    exr_file_free(exr);
+    if (ok)
+        ret_frame->path = g_steal_pointer(&relative);
+    return ok;
 }
 
 gboolean intake_write_lamp(const struct intake_file *file, const float *radiance,
@@ -84,9 +82,7 @@ gboolean intake_write_lamp(const struct intake_file *file, const float *radiance
                       exr_part_plane(part, "saturated"));
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = intake_write_write_frame(file, exr, ret_frame, error);
-    exr_file_free(exr);
-    return ok;
+    return intake_write_frame(file, exr, ret_frame, error);
 }
 
 static char *dark_name(gint64 exposure_us) {
@@ -103,9 +99,7 @@ gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposur
         intake_write_fill(part, pixels[i]);
         exr_file_add(exr, part);
     }
-    gboolean ok = intake_write_write_frame(file, exr, ret_frame, error);
-    exr_file_free(exr);
-    return ok;
+    return intake_write_frame(file, exr, ret_frame, error);
 }
 
 gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
@@ -123,28 +117,19 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
     sweep_finish_both(sweep, file->conf->laser_threshold_dn, &first, &second);
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = intake_write_write_frame(file, exr, ret_frame, error);
-    exr_file_free(exr);
-    return ok;
-}
-
-/* The folder of a shot's and camera's raw frames, made if it is not there; relative. g_free(). */
-static char *raw_folder(const struct intake_file *file, GError **error) {
-    g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
-    relative[strlen(relative) - strlen(".exr")] = '\0';
-    g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
-    if (g_mkdir(folder, 0777) == 0 || errno == EEXIST)
-        return g_steal_pointer(&relative);
-    const int code = errno;
-    g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(code), "%s: %s", folder,
-                g_strerror(code));
-    return NULL;
+    return intake_write_frame(file, exr, ret_frame, error);
 }
 
 gboolean intake_write_raw(const struct intake_file *file, int sub, GError **error) {
-    g_autofree char *folder = raw_folder(file, error);
-    if (!folder)
+    g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
+    relative[strlen(relative) - strlen(".exr")] = '\0';
+    g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
+    if (g_mkdir(folder, 0777) != 0 && errno != EEXIST) {
+        const int code = errno;
+        g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(code), "%s: %s", folder,
+                    g_strerror(code));
         return FALSE;
+    }
     /* Those of a sweep come faster than they can be compressed. */
     const gboolean sweep = file->shot->kind == SHOT_SWEEP;
     const int step = sweep ? shot_sweep_step(file->conf, file->shot, sub) : sub;
@@ -152,7 +137,7 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
     const gboolean is_short = sweep && shot_exposure_us(file->conf, file->shot, sub) <
                                            shot_exposure_us(file->conf, file->shot, last);
     g_autofree char *path =
-        g_strdup_printf("%s/%04d%s.exr", folder, step, is_short ? "_short" : "");
+        g_strdup_printf("%s/%04d%s.exr", relative, step, is_short ? "_short" : "");
     struct exr_part *part = part_new(file, "frame", mono_channels,
                                      file->last->bits <= HALF_BITS ? EXR_HALF : EXR_FLOAT, "DN");
     if (file->shot->kind != SHOT_DARK)

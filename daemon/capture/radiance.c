@@ -32,10 +32,14 @@ static inline float straight(float above_dark, float bend) {
     return 2 * above_dark / (1 + sqrtf(MAX(root, 0)));
 }
 
-static gint64 merge_pixels(const Frame *const *frames, const float *const *dark, int n,
-                           const float *ms, float scale, float bend, float *ret) {
+void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
+                    double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
     gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;
     int limit = radiance_saturation(frames[0]->bits);
+    float scale = (float)pow(10, -gain_db / 20), bend = (float)bend_per_dn;
+    g_autofree float *ms = g_new0(float, n);
+    for (int i = 0; i < n; i++)
+        ms[i] = frames[i]->exposure_us * 1e-3f;
     gint64 saturated = 0;
     for (gsize p = 0; p < n_pixels; p++) {
         float sum = 0, time = 0;
@@ -51,16 +55,7 @@ static gint64 merge_pixels(const Frame *const *frames, const float *const *dark,
         }
         ret[p] = sum / time * scale;
     }
-    return saturated;
-}
-
-void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
-                    double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
-    g_autofree float *ms = g_new0(float, n);
-    for (int i = 0; i < n; i++)
-        ms[i] = frames[i]->exposure_us * 1e-3f;
-    float scale = (float)pow(10, -gain_db / 20);
-    ret_stats->saturated = merge_pixels(frames, dark, n, ms, scale, (float)bend_per_dn, ret);
+    ret_stats->saturated = saturated;
     ret_stats->signal_dn = mean_above(frames[n - 1], dark[n - 1]);
 }
 

@@ -47,15 +47,11 @@ struct Sequencer {
 static void advance(Sequencer *seq);
 static void sequencer_prepare(Sequencer *seq);
 
-static void quiet(Sequencer *seq) {
+gboolean sequencer_stop(Sequencer *seq, GError **error) {
     seq->state = IDLE;
     seq->shot = NULL;
     seq->pending = seq->exposing = seq->waiting = 0;
     clock_cancel(seq->devices->clock, &seq->timer);
-}
-
-gboolean sequencer_stop(Sequencer *seq, GError **error) {
-    quiet(seq);
     gboolean safe = stage_make_safe(seq->stage, error);
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
         camera_disarm(seq->devices->cameras[c]);
@@ -86,11 +82,11 @@ static void sequencer_finish(Sequencer *seq) {
 /* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
  * laser off, is taken from the middle, where a laser that shines on would light the sample. */
 static double sweep_at_deg(const struct session_shot *shot, int step) {
-    double way = shot->sweep_to_deg - shot->sweep_from_deg;
+    double span_deg = shot->sweep_to_deg - shot->sweep_from_deg;
     if (step >= shot->sweep_steps)
-        return shot->sweep_from_deg + way / 2;
+        return shot->sweep_from_deg + span_deg / 2;
     return shot->sweep_from_deg +
-           (shot->sweep_steps > 1 ? step * way / (shot->sweep_steps - 1) : 0);
+           (shot->sweep_steps > 1 ? step * span_deg / (shot->sweep_steps - 1) : 0);
 }
 
 static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot *shot, int sub) {
@@ -410,10 +406,6 @@ void sequencer_pause(Sequencer *seq) {
 
 void sequencer_poke(Sequencer *seq) {
     advance(seq);
-}
-
-gboolean sequencer_is_running(const Sequencer *seq) {
-    return seq->state != IDLE;
 }
 
 const char *sequencer_open_interlock(const Sequencer *seq) {

@@ -42,7 +42,6 @@ void sequencer_poke(Sequencer *sequencer);
 /* Now: the rig is made safe, frames on their way are forgotten, no hook is called. */
 gboolean sequencer_stop(Sequencer *sequencer, GError **error);
 
-gboolean sequencer_is_running(const Sequencer *sequencer);
 const char *sequencer_open_interlock(const Sequencer *sequencer);
 
 /* The shot under way, or NULL; and which of its pictures. */

@@ -102,14 +102,6 @@ static void start_homing(struct track *track) {
         axis_fault(track, error);
 }
 
-/* A stop that nobody asked for: a limit switch, or somebody at the drive's own panel. */
-static void axis_stopped(struct track *track) {
-    g_autoptr(GError) error = NULL;
-    device_error_set(&error, DEVICE_ERROR_STALLED, track->axis->device.who,
-                     "it was stopped on its way to %g°", track->target_deg);
-    axis_fault(track, error);
-}
-
 static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
     struct track *track = data;
     if (!track->stage->active)
@@ -127,7 +119,11 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
         track->at_deg = track->target_deg;
         stage_changed(track->stage);
     } else {
-        axis_stopped(track);
+        /* A stop that nobody asked for: a limit switch, or somebody at the drive's own panel. */
+        g_autoptr(GError) stalled = NULL;
+        device_error_set(&stalled, DEVICE_ERROR_STALLED, axis->device.who,
+                         "it was stopped on its way to %g°", track->target_deg);
+        axis_fault(track, stalled);
     }
 }
 

@@ -19,12 +19,6 @@ static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb
     }
 }
 
-static inline void swap(float *a, float *b) {
-    float kept = *a;
-    *a = *b;
-    *b = kept;
-}
-
 /* The value that sorting would put at k: only the part that holds it is divided further. */
 static float select_value(float *values, gsize n, gsize k) {
     gssize low = 0, high = (gssize)n - 1, at = (gssize)k;
@@ -36,8 +30,11 @@ static float select_value(float *values, gsize n, gsize k) {
                 i++;
             while (values[j] > middle)
                 j--;
-            if (i <= j)
-                swap(&values[i++], &values[j--]);
+            if (i <= j) {
+                float kept = values[i];
+                values[i++] = values[j];
+                values[j--] = kept;
+            }
         }
         if (at <= j)
             high = j;
@@ -47,17 +44,6 @@ static float select_value(float *values, gsize n, gsize k) {
             break;
     }
     return values[k];
-}
-
-static float white_level(const float *values, gsize n) {
-    g_autofree float *copy = g_memdup2(values, n * sizeof(float));
-    return MAX(select_value(copy, n, (gsize)((n - 1) * 0.99)), 1.0f);
-}
-
-static guint8 srgb(double linear) {
-    double v = CLAMP(linear, 0, 1);
-    v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-    return (guint8)lround(255 * v);
 }
 
 void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb) {
@@ -72,10 +58,14 @@ void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 
         for (int x = 0; x < width; x++)
             merge_square(frame, x * side, y * side, side, &values[((gsize)y * width + x) * 3]);
     }
-    float white = white_level(values, n);
+    g_autofree float *copy = g_memdup2(values, n * sizeof(float));
+    float white = MAX(select_value(copy, n, (gsize)((n - 1) * 0.99)), 1.0f);
     *ret_rgb = g_new(guint8, n);
-    for (gsize i = 0; i < n; i++)
-        (*ret_rgb)[i] = srgb(values[i] / white);
+    for (gsize i = 0; i < n; i++) {
+        double v = CLAMP((double)(values[i] / white), 0, 1); /* linear, then sRGB */
+        v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+        (*ret_rgb)[i] = (guint8)lround(255 * v);
+    }
     *ret_width = width;
     *ret_height = height;
 }

@@ -134,33 +134,6 @@ static gboolean go_public(struct daemon *daemon, GError **error) {
     return TRUE;
 }
 
-static gboolean open_first_rig(Bus *bus, GError **error) {
-    if (!rig_path)
-        return TRUE;
-    g_autofree char *path = g_canonicalize_filename(rig_path, NULL);
-    return bus_open_rig(bus, path, error);
-}
-
-static void mesorigd_make_safe(Bus *bus) {
-    g_autoptr(GError) error = NULL;
-    if (bus_end(bus, &error))
-        g_message("the rig is safe");
-    else
-        g_warning("the rig is NOT safe: %s", error->message);
-}
-
-/* Make the rig safe first, before clients are disconnected. */
-static void shut_down(struct daemon *daemon) {
-    sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
-    mesorigd_make_safe(daemon->bus);
-    g_clear_handle_id(&daemon->watchdog_id, g_source_remove);
-    if (daemon->server)
-        bus_unserve(daemon->bus, daemon->server);
-    bus_free(daemon->bus);
-    if (daemon->name_id)
-        g_bus_unown_name(daemon->name_id);
-}
-
 static int mesorigd_serve(void) {
     struct daemon daemon = {.loop = g_main_loop_new(NULL, FALSE)};
     g_autoptr(GError) error = NULL;
@@ -171,11 +144,24 @@ static int mesorigd_serve(void) {
     guint ids[G_N_ELEMENTS(signals)];
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
         ids[i] = g_unix_signal_add(signals[i], mesorigd_on_signal, &daemon);
-    if (open_first_rig(daemon.bus, &error) && go_public(&daemon, &error))
+    g_autofree char *path = rig_path ? g_canonicalize_filename(rig_path, NULL) : NULL;
+    if ((!path || bus_open_rig(daemon.bus, path, &error)) && go_public(&daemon, &error))
         g_main_loop_run(daemon.loop);
     if (error)
         daemon.exit_code = mesorigd_fail(error);
-    shut_down(&daemon);
+    /* Make the rig safe first, before clients are disconnected. */
+    g_autoptr(GError) unsafe = NULL;
+    sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
+    if (bus_end(daemon.bus, &unsafe))
+        g_message("the rig is safe");
+    else
+        g_warning("the rig is NOT safe: %s", unsafe->message);
+    g_clear_handle_id(&daemon.watchdog_id, g_source_remove);
+    if (daemon.server)
+        bus_unserve(daemon.bus, daemon.server);
+    bus_free(daemon.bus);
+    if (daemon.name_id)
+        g_bus_unown_name(daemon.name_id);
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
         g_source_remove(ids[i]);
     g_main_loop_unref(daemon.loop);

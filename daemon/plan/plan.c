@@ -9,19 +9,6 @@
 
 G_DEFINE_QUARK(plan_error, plan_error)
 
-static int pose_for(struct plan_build *b, gint64 turn_udeg, gint64 arc_udeg) {
-    gint64 key = turn_udeg * 4 * PLAN_FULL_TURN + arc_udeg;
-    int index = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
-
-    if (index < 0) {
-        struct plan_pose pose = {turn_udeg, arc_udeg};
-        index = (int)b->poses->len;
-        g_array_append_val(b->poses, pose);
-        g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(index + 1));
-    }
-    return index;
-}
-
 /* The sweep angles at which the sheet passes the edges of the sample's box. */
 static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot, GError **error) {
     const struct session_grid *grid = &b->conf->grid;
@@ -63,8 +50,16 @@ struct pose_plan { /* shots of some cameras in one pose */
 static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
                          enum session_shot_kind kind, const struct session_direction *source,
                          GError **error) {
+    gint64 key = p->turn_udeg * 4 * PLAN_FULL_TURN + p->arc_udeg;
+    int pose = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
+    if (pose < 0) {
+        struct plan_pose added = {p->turn_udeg, p->arc_udeg};
+        pose = (int)b->poses->len;
+        g_array_append_val(b->poses, added);
+        g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(pose + 1));
+    }
     struct session_shot shot = {.kind = kind,
-                                .pose = pose_for(b, p->turn_udeg, p->arc_udeg),
+                                .pose = pose,
                                 .turntable_deg = (double)p->turn_udeg / UDEG,
                                 .arc_deg = (double)p->arc_udeg / UDEG,
                                 .source = source->index,
@@ -95,34 +90,21 @@ static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GErro
     return TRUE;
 }
 
-/* Positions, with the arc at 0, of the lights that shine at one azimuth. */
-static int lights_at(const struct plan_build *b, int azimuth,
-                     struct vec3 ret[RIG_MAX_LAMPS + RIG_MAX_LASERS]) {
-    gboolean lamp[RIG_MAX_LAMPS] = {FALSE}, laser[RIG_MAX_LASERS] = {FALSE};
-    int n = 0;
+/* Positions (struct vec3), with the arc at 0, of the lights that shine at one azimuth. */
+static GArray *lights_at(const struct plan_build *b, int azimuth) {
+    GArray *positions = g_array_new(FALSE, FALSE, sizeof(struct vec3));
 
-    for (guint i = 0; i < b->lights->len; i++)
+    for (guint i = 0; i < b->lights->len; i++) {
+        int lamp = g_array_index(b->lights, struct session_direction, i).device;
         if (g_array_index(b->light_at, int, i) == azimuth)
-            lamp[g_array_index(b->lights, struct session_direction, i).device] = TRUE;
-    for (guint i = 0; i < b->lasers->len; i++)
+            g_array_append_val(positions, b->rig->lamps[lamp].position_mm);
+    }
+    for (guint i = 0; i < b->lasers->len; i++) {
+        int laser = g_array_index(b->lasers, struct session_direction, i).device;
         if (g_array_index(b->laser_at, int, i) == azimuth)
-            laser[g_array_index(b->lasers, struct session_direction, i).device] = TRUE;
-    for (int i = 0; i < b->rig->n_lamps; i++)
-        if (lamp[i])
-            ret[n++] = b->rig->lamps[i].position_mm;
-    for (int i = 0; i < b->rig->n_lasers; i++)
-        if (laser[i])
-            ret[n++] = b->rig->lasers[i].position_mm;
-    return n;
-}
-
-static char *camera_names(const struct rig *rig, guint32 cameras) {
-    GString *names = g_string_new(NULL);
-
-    for (int c = 0; c < rig->n_cameras; c++)
-        if (cameras & 1u << c)
-            g_string_append_printf(names, "%s%s", names->len ? ", " : "", rig->cameras[c].name);
-    return g_string_free(names, FALSE);
+            g_array_append_val(positions, b->rig->lasers[laser].position_mm);
+    }
+    return positions;
 }
 
 /* Notes of the same text are counted. */
@@ -138,31 +120,31 @@ static void plan_note(struct plan_build *b, const char *text) {
     g_array_append_val(b->note_counts, one);
 }
 
-static gboolean refuse_blocked(const struct pose_plan *p, const char *names, GError **error) {
-    g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
-                "the light arc stands in the picture of %s with the turntable at %g° and the arc "
-                "at %g°: turn [lights] and [lasers] by another offset_deg, or set [capture] "
-                "on_blocked = shift",
-                names, (double)p->turn_udeg / UDEG, (double)p->arc_udeg / UDEG);
-    return FALSE;
-}
-
 /* Gives cameras in whose picture the arc stands a pose of their own, or none. */
-static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const struct vec3 *lights,
-                            int n_lights, GError **error) {
-    g_autofree char *names = camera_names(b->rig, p.cameras), *text = NULL;
+static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
+                            GError **error) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    g_autofree char *text = NULL;
     gint64 shift;
 
-    if (b->conf->on_blocked == BLOCKED_REFUSE)
-        return refuse_blocked(&p, names, error);
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        if (p.cameras & 1u << c)
+            g_string_append_printf(names, "%s%s", names->len ? ", " : "", b->rig->cameras[c].name);
+    if (b->conf->on_blocked == BLOCKED_REFUSE) {
+        g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
+                    "the light arc stands in the picture of %s with the turntable at %g° and the "
+                    "arc at %g°: turn [lights] and [lasers] by another offset_deg, or set "
+                    "[capture] on_blocked = shift",
+                    names->str, (double)p.turn_udeg / UDEG, (double)p.arc_udeg / UDEG);
+        return FALSE;
+    }
     if (b->conf->on_blocked == BLOCKED_SHIFT &&
-        plan_shift(b->rig, &b->timing->arc, p.cameras, p.arc_udeg, b->radius_mm, lights, n_lights,
-                   &shift) &&
+        plan_shift(b->rig, &b->timing->arc, p.cameras, p.arc_udeg, b->radius_mm, lights, &shift) &&
         plan_axis_reach(&b->timing->arc, p.arc_udeg + shift, &p.arc_udeg)) {
         text = g_strdup_printf("arc shifted by %+.1f°: it stood in the picture of %s",
-                               (double)shift / UDEG, names);
+                               (double)shift / UDEG, names->str);
     } else {
-        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names,
+        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names->str,
                                b->conf->on_blocked == BLOCKED_SHIFT ? ", shifted by 20° too" : "");
         p.state = SHOT_SKIPPED;
     }
@@ -171,11 +153,10 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const stru
     return add_shots(b, &p, error);
 }
 
-static gboolean add_pose(struct plan_build *b, const struct plan_turn *turn, int azimuth,
+static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, int azimuth,
                          GError **error) {
-    struct vec3 lights[RIG_MAX_LAMPS + RIG_MAX_LASERS];
-    int n_lights = lights_at(b, azimuth, lights);
-    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, gint64, azimuth);
+    g_autoptr(GArray) lights = lights_at(b, azimuth);
+    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, struct plan_angle, azimuth).udeg;
     struct pose_plan p = {.turn_udeg = turn->udeg, .azimuth = azimuth, .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
@@ -187,49 +168,48 @@ static gboolean add_pose(struct plan_build *b, const struct plan_turn *turn, int
             b->timing->arc.max_deg);
         return FALSE;
     }
-    guint32 blocked = plan_blocked(b->rig, turn->cameras, (double)p.arc_udeg / UDEG, b->radius_mm,
-                                   lights, n_lights);
+    guint32 blocked =
+        plan_blocked(b->rig, turn->cameras, (double)p.arc_udeg / UDEG, b->radius_mm, lights);
     p.cameras = turn->cameras & ~blocked;
     if (!add_shots(b, &p, error))
         return FALSE;
     p.cameras = blocked;
-    return !blocked || add_blocked(b, p, lights, n_lights, error);
+    return !blocked || add_blocked(b, p, lights, error);
 }
 
 static gboolean add_poses(struct plan_build *b, GError **error) {
     struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
 
     for (guint t = 0; t < b->turns->len; t++)
-        dark.cameras |= g_array_index(b->turns, struct plan_turn, t).cameras;
+        dark.cameras |= g_array_index(b->turns, struct plan_angle, t).cameras;
     g_array_append_val(b->shots, dark);
     for (guint t = 0; t < b->turns->len; t++)
         for (guint a = 0; a < b->azimuths->len; a++)
-            if (!add_pose(b, &g_array_index(b->turns, struct plan_turn, t), (int)a, error))
+            if (!add_pose(b, &g_array_index(b->turns, struct plan_angle, t), (int)a, error))
                 return FALSE;
     return TRUE;
 }
 
-/* Line, counted from 1, of a section's heading in the session file; 0: it has none. */
-static int section_line(const struct session_conf *conf, const char *section) {
-    g_autofree char *heading = g_strdup_printf("[%s]", section);
-    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
-    for (int i = 0; lines[i]; i++)
-        if (g_str_has_prefix(g_strchug(lines[i]), heading))
-            return i + 1;
-    return 0;
-}
-
 void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
                     const char *section, const char *key, const char *format, ...) {
+    g_autoptr(GString) place = g_string_new(NULL);
     va_list args;
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    const int line = conf->path && conf->text ? section_line(conf, section) : 0;
-    g_autofree char *at = line > 0 ? g_strdup_printf(":%d", line) : NULL;
-    const gboolean placed = conf->path && conf->text;
-    g_set_error(error, PLAN_ERROR, (gint)code, "%s%s%s[%s]%s%s: %s", placed ? conf->path : "",
-                at ? at : "", placed ? ": " : "", section, key ? " " : "", key ? key : "", what);
+    if (conf->path && conf->text) {
+        g_autofree char *heading = g_strdup_printf("[%s]", section);
+        g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
+        int line = 0;
+        while (lines[line] && !g_str_has_prefix(g_strchug(lines[line]), heading))
+            line++;
+        g_string_append(place, conf->path);
+        if (lines[line])
+            g_string_append_printf(place, ":%d", line + 1);
+        g_string_append(place, ": ");
+    }
+    g_set_error(error, PLAN_ERROR, (gint)code, "%s[%s]%s%s: %s", place->str, section,
+                key ? " " : "", key ? key : "", what);
 }
 
 static gboolean plan_check_exposure(const struct plan_build *b, int camera, double exposure_us,
@@ -261,37 +241,25 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
     return TRUE;
 }
 
-static guint64 plan_bytes_of(const struct plan_build *b, const struct session_shot *shot,
-                             int n_frames) {
-    guint64 pixels = 0;
-
-    for (int c = 0; c < b->rig->n_cameras; c++)
-        if (shot->cameras & 1u << c)
-            pixels += (guint64)b->rig->cameras[c].width * (guint64)b->rig->cameras[c].height;
-    guint64 raw = b->conf->keep_exposures ? pixels * 4 * (guint64)n_frames : 0;
-    if (shot->kind == SHOT_LAMP)
-        return pixels * 2 + raw;
-    if (shot->kind == SHOT_DARK)
-        return pixels * 4 * (guint64)(n_frames / b->conf->dark_frames) + raw;
-    return pixels * 4 * (3 + (b->conf->keep_laser_frames ? (guint64)n_frames : 0));
-}
-
 static void plan_count(const struct plan_build *b, struct plan *plan) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
-        int n = shot_n_frames(b->conf, shot);
-        plan->n_frames += n * __builtin_popcount(shot->cameras);
-        plan->bytes += plan_bytes_of(b, shot, n);
-    }
-}
-
-static void take_notes(struct plan_build *b, struct plan *plan) {
-    for (guint i = 0; i < b->notes->len; i++) {
-        int n = g_array_index(b->note_counts, int, i);
-        g_ptr_array_add(plan->notes, g_strdup_printf("%d pose%s: %s", n, n == 1 ? "" : "s",
-                                                     (char *)b->notes->pdata[i]));
+        const guint64 n = (guint64)shot_n_frames(b->conf, shot);
+        guint64 pixels = 0;
+        for (int c = 0; c < b->rig->n_cameras; c++)
+            if (shot->cameras & 1u << c)
+                pixels += (guint64)b->rig->cameras[c].width * (guint64)b->rig->cameras[c].height;
+        plan->n_frames += (int)n * __builtin_popcount(shot->cameras);
+        if (shot->kind == SHOT_LAMP)
+            plan->bytes += pixels * 2;
+        else if (shot->kind == SHOT_DARK)
+            plan->bytes += pixels * 4 * (n / (guint64)b->conf->dark_frames);
+        else
+            plan->bytes += pixels * 4 * (3 + (b->conf->keep_laser_frames ? n : 0));
+        if (shot->kind != SHOT_SWEEP && b->conf->keep_exposures)
+            plan->bytes += pixels * 4 * n;
     }
 }
 
@@ -301,12 +269,10 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
     g_array_append_vals(nested, b->shots->data, b->shots->len);
-    plan_order_nested(nested, poses, n_poses, b->timing);
+    plan_order(nested, poses, n_poses, b->timing, ORDER_VIEWS);
     plan->nested_s = plan_total_s(nested, b->conf, b->timing);
     plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
-    plan->n_poses = b->conf->order == ORDER_VIEWS
-                        ? plan_order_nested(b->shots, poses, n_poses, b->timing)
-                        : plan_order(b->shots, poses, n_poses, b->timing);
+    plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing, b->conf->order);
     plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
@@ -336,7 +302,11 @@ static struct plan *plan_finish(struct plan_build *b) {
     plan_predict(b, plan);
     plan_count(b, plan);
     plan->n_mounts = count_mounts(b);
-    take_notes(b, plan);
+    for (guint i = 0; i < b->notes->len; i++) {
+        int n = g_array_index(b->note_counts, int, i);
+        g_ptr_array_add(plan->notes, g_strdup_printf("%d pose%s: %s", n, n == 1 ? "" : "s",
+                                                     (char *)b->notes->pdata[i]));
+    }
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
                                           .n_lights = (int)b->lights->len,
@@ -365,36 +335,6 @@ static GArray *owning_array(gsize size, GDestroyNotify clear) {
 
     g_array_set_clear_func(array, clear);
     return array;
-}
-
-static void build_init(struct plan_build *b) {
-    b->views = owning_array(sizeof(struct session_direction), clear_direction);
-    b->lights = owning_array(sizeof(struct session_direction), clear_direction);
-    b->lasers = owning_array(sizeof(struct session_direction), clear_direction);
-    b->turns = g_array_new(FALSE, FALSE, sizeof(struct plan_turn));
-    b->azimuths = g_array_new(FALSE, FALSE, sizeof(gint64));
-    b->light_at = g_array_new(FALSE, FALSE, sizeof(int));
-    b->laser_at = g_array_new(FALSE, FALSE, sizeof(int));
-    b->poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
-    b->pose_index = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
-    b->shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
-    b->notes = g_ptr_array_new_with_free_func(g_free);
-    b->note_counts = g_array_new(FALSE, FALSE, sizeof(int));
-}
-
-static void build_clear(struct plan_build *b) {
-    g_clear_pointer(&b->views, g_array_unref);
-    g_clear_pointer(&b->lights, g_array_unref);
-    g_clear_pointer(&b->lasers, g_array_unref);
-    g_clear_pointer(&b->shots, g_array_unref);
-    g_array_unref(b->turns);
-    g_array_unref(b->azimuths);
-    g_array_unref(b->light_at);
-    g_array_unref(b->laser_at);
-    g_array_unref(b->poses);
-    g_hash_table_unref(b->pose_index);
-    g_ptr_array_unref(b->notes);
-    g_array_unref(b->note_counts);
 }
 
 /* The time that planning takes grows with the square of the poses, the memory with that of the
@@ -437,11 +377,33 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     GError *why = NULL;
 
     b.radius_mm = hypot(conf->grid.width_mm, conf->grid.height_mm) / 2;
-    build_init(&b);
+    b.views = owning_array(sizeof(struct session_direction), clear_direction);
+    b.lights = owning_array(sizeof(struct session_direction), clear_direction);
+    b.lasers = owning_array(sizeof(struct session_direction), clear_direction);
+    b.turns = g_array_new(FALSE, FALSE, sizeof(struct plan_angle));
+    b.azimuths = g_array_new(FALSE, FALSE, sizeof(struct plan_angle));
+    b.light_at = g_array_new(FALSE, FALSE, sizeof(int));
+    b.laser_at = g_array_new(FALSE, FALSE, sizeof(int));
+    b.poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
+    b.pose_index = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
+    b.shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
+    b.notes = g_ptr_array_new_with_free_func(g_free);
+    b.note_counts = g_array_new(FALSE, FALSE, sizeof(int));
     if (plan_add_directions(&b, &why) && plan_check_directions(&b, &why) &&
         check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why))
         plan = plan_finish(&b);
-    build_clear(&b);
+    g_clear_pointer(&b.views, g_array_unref);
+    g_clear_pointer(&b.lights, g_array_unref);
+    g_clear_pointer(&b.lasers, g_array_unref);
+    g_clear_pointer(&b.shots, g_array_unref);
+    g_array_unref(b.turns);
+    g_array_unref(b.azimuths);
+    g_array_unref(b.light_at);
+    g_array_unref(b.laser_at);
+    g_array_unref(b.poses);
+    g_hash_table_unref(b.pose_index);
+    g_ptr_array_unref(b.notes);
+    g_array_unref(b.note_counts);
     if (why)
         g_propagate_error(error, why);
     return plan;

@@ -75,6 +75,8 @@ gboolean session_conf_load(struct session_conf *conf, const char *path, GError *
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
 void session_conf_clear(struct session_conf *conf);
+typedef struct session_conf SessionConf;
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(SessionConf, session_conf_clear)
 
 struct plan {
     struct session_plan session; /* grid, directions, shots; owned by the plan */
@@ -104,6 +106,8 @@ enum plan_error {
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error);
 void plan_free(struct plan *plan); /* NULL is ignored */
+typedef struct plan Plan;
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)
 
 /* Predicted time of those of the shots that are still planned, in this order and from a given pose;
  * for the time left. */

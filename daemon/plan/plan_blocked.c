@@ -21,13 +21,13 @@ static double cone_clearance_mm(struct vec3 eye, struct vec3 body, double radius
 
 /* Lamps, lasers and cameras are taken to be as wide as the arc that carries the lights. */
 static gboolean is_blocked(const struct rig *rig, int camera, double arc_rad, double radius_mm,
-                           const struct vec3 *lights, int n_lights) {
+                           const GArray *lights) {
     struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
 
     if (rig_arc_clearance_mm(rig, camera, arc_rad, radius_mm) < 0)
         return TRUE;
-    for (int i = 0; i < n_lights; i++) {
-        struct vec3 light = rig_turn(lights[i], arc_rad);
+    for (guint i = 0; i < lights->len; i++) {
+        struct vec3 light = rig_turn(g_array_index(lights, struct vec3, i), arc_rad);
         gboolean nearer = vec3_length(light) < vec3_length(eye);
         if (cone_clearance_mm(nearer ? eye : light, nearer ? light : eye, radius_mm,
                               rig->arc_width_mm / 2) < 0)
@@ -37,17 +37,17 @@ static gboolean is_blocked(const struct rig *rig, int camera, double arc_rad, do
 }
 
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
-                     const struct vec3 *lights, int n_lights) {
+                     const GArray *lights) {
     guint32 blocked = 0;
 
     for (int c = 0; c < rig->n_cameras; c++)
-        if ((cameras & 1u << c) && is_blocked(rig, c, RAD(arc_deg), radius_mm, lights, n_lights))
+        if ((cameras & 1u << c) && is_blocked(rig, c, RAD(arc_deg), radius_mm, lights))
             blocked |= 1u << c;
     return blocked;
 }
 
 gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
-                    gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
+                    gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg) {
     for (gint64 shift = SHIFT_STEP_UDEG; shift <= LARGEST_SHIFT_DEG * UDEG;
          shift += SHIFT_STEP_UDEG) {
@@ -55,7 +55,7 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
             gint64 reached;
             double arc_deg = (double)(arc_udeg + sign * shift) / UDEG;
             if (!plan_axis_reach(arc, arc_udeg + sign * shift, &reached) ||
-                plan_blocked(rig, cameras, arc_deg, radius_mm, lights, n_lights))
+                plan_blocked(rig, cameras, arc_deg, radius_mm, lights))
                 continue;
             *ret_shift_udeg = sign * shift;
             return TRUE;
@@ -64,20 +64,17 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
     return FALSE;
 }
 
-static int missing_of(const struct session_plan *plan, const struct session_direction *view) {
-    int n = 0;
-    for (int i = 0; i < plan->n_shots; i++) {
-        const struct session_shot *shot = &plan->shots[i];
-        n += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
-             shot->turntable_deg == view->turntable_deg && (shot->cameras >> view->device & 1) != 0;
-    }
-    return n;
-}
-
 char *plan_missing(const struct session_plan *plan) {
     int views = 0, pictures = 0;
     for (int i = 0; i < plan->n_views; i++) {
-        const int n = missing_of(plan, &plan->views[i]);
+        const struct session_direction *view = &plan->views[i];
+        int n = 0;
+        for (int k = 0; k < plan->n_shots; k++) {
+            const struct session_shot *shot = &plan->shots[k];
+            n += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
+                 shot->turntable_deg == view->turntable_deg &&
+                 (shot->cameras >> view->device & 1) != 0;
+        }
         if (n > BTF_MOST_MISSING * plan->n_lights)
             views++;
         else

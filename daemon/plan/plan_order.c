@@ -7,8 +7,8 @@
 /* Sessions of more shots than this keep the order their poses give. */
 #define SEARCH_LARGEST 1500
 /* Up to this many shots, all candidates are improved, not the best alone. */
-#define SEARCH_ALL      40
-#define LONGEST_CARRIED 8
+#define SEARCH_ALL    40
+#define LONGEST_MOVED 8
 
 typedef GArray Order; /* of guint: indices of shots */
 
@@ -86,14 +86,6 @@ static void plan_order_collect(struct orderer *o) {
     }
 }
 
-static void uncollect(struct orderer *o) {
-    for (int p = 0; p < o->moves->n; p++) {
-        g_array_unref(o->poses[p].lamps);
-        g_array_unref(o->poses[p].sweeps);
-    }
-    g_clear_pointer(&o->poses, g_free);
-}
-
 static void plan_order_append(struct orderer *o, Order *order, guint index) {
     const struct session_shot *shot = plan_order_shot_at(o->shots, index);
 
@@ -101,36 +93,33 @@ static void plan_order_append(struct orderer *o, Order *order, guint index) {
     o->lit = shot->kind == SHOT_LAMP ? shot->device : -1;
 }
 
-/* Up or down the lamps, so that one that is still on from the pose before comes first. */
-static void append_lamps(struct orderer *o, Order *order, const GArray *lamps) {
-    guint n = lamps->len;
-    gboolean down =
-        n > 0 && plan_order_shot_at(o->shots, g_array_index(lamps, guint, n - 1))->device == o->lit;
-
-    for (guint i = 0; i < n; i++)
-        plan_order_append(o, order, g_array_index(lamps, guint, down ? n - 1 - i : i));
-}
-
 static void append_sweeps(struct orderer *o, Order *order, const GArray *sweeps) {
     for (guint i = 0; i < sweeps->len; i++)
         plan_order_append(o, order, g_array_index(sweeps, guint, i));
 }
 
-/* What takes longest to prepare comes first: it is prepared during the move. */
-static void append_pose(struct orderer *o, Order *order, int pose) {
-    const struct pose_shots *shots = &o->poses[pose];
-    double lamp_s = 0, sweep_s = 0;
+/* The time that the first of some shots takes to prepare; 0 if there is none. */
+static double first_lead_s(const struct orderer *o, const GArray *indices) {
+    return indices->len
+               ? plan_lead_s(NULL, plan_order_shot_at(o->shots, g_array_index(indices, guint, 0)),
+                             o->timing)
+               : 0;
+}
 
-    if (shots->lamps->len)
-        lamp_s = plan_lead_s(
-            NULL, plan_order_shot_at(o->shots, g_array_index(shots->lamps, guint, 0)), o->timing);
-    if (shots->sweeps->len)
-        sweep_s = plan_lead_s(
-            NULL, plan_order_shot_at(o->shots, g_array_index(shots->sweeps, guint, 0)), o->timing);
-    if (sweep_s >= lamp_s)
+/* What takes longest to prepare comes first: it is prepared during the move. The lamps follow in
+ * ascending or descending order, so that one that is still on from the pose before comes first. */
+static void append_pose(struct orderer *o, Order *order, const struct pose_shots *shots) {
+    const GArray *lamps = shots->lamps;
+    const gboolean sweeps_first = first_lead_s(o, shots->sweeps) >= first_lead_s(o, lamps);
+
+    if (sweeps_first)
         append_sweeps(o, order, shots->sweeps);
-    append_lamps(o, order, shots->lamps);
-    if (sweep_s < lamp_s)
+    const guint n = lamps->len;
+    const gboolean down =
+        n > 0 && plan_order_shot_at(o->shots, g_array_index(lamps, guint, n - 1))->device == o->lit;
+    for (guint i = 0; i < n; i++)
+        plan_order_append(o, order, g_array_index(lamps, guint, down ? n - 1 - i : i));
+    if (!sweeps_first)
         append_sweeps(o, order, shots->sweeps);
 }
 
@@ -146,7 +135,7 @@ static void order_by_poses(struct orderer *o, Order *order) {
     plan_tour(o->moves, poses, n, o->readout_s);
     o->lit = -1;
     for (int i = 0; i < n; i++)
-        append_pose(o, order, poses[i]);
+        append_pose(o, order, &o->poses[poses[i]]);
 }
 
 static gboolean has_lamp(const struct orderer *o, int pose, int lamp) {
@@ -174,33 +163,29 @@ static int lamp_beside_sweeps(const struct orderer *o) {
     return best;
 }
 
-static void tour_with_lamp(struct orderer *o, Order *order, int lamp, gboolean sweep, int *poses) {
-    int n = 0;
-
-    for (int p = 0; p < o->moves->n; p++)
-        if (has_lamp(o, p, lamp))
-            poses[n++] = p;
-    plan_tour(o->moves, poses, n, o->readout_s);
-    for (int k = 0; k < n; k++) {
-        const struct pose_shots *shots = &o->poses[poses[k]];
-        for (guint i = 0; i < shots->lamps->len; i++) {
-            guint index = g_array_index(shots->lamps, guint, i);
-            if (plan_order_shot_at(o->shots, index)->device == lamp)
-                plan_order_append(o, order, index);
-        }
-        if (sweep)
-            append_sweeps(o, order, shots->sweeps);
-    }
-}
-
 /* One lamp in all poses before the next one: what is quickest where lamps take longer to warm up
  * than axes to move. Sweeps are taken beside one lamp, or, if that is −1, at last. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {
     g_autofree int *poses = g_new(int, o->moves->n);
-    int n = 0;
 
-    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++)
-        tour_with_lamp(o, order, lamp, lamp == beside, poses);
+    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++) {
+        int n = 0;
+        for (int p = 0; p < o->moves->n; p++)
+            if (has_lamp(o, p, lamp))
+                poses[n++] = p;
+        plan_tour(o->moves, poses, n, o->readout_s);
+        for (int k = 0; k < n; k++) {
+            const struct pose_shots *shots = &o->poses[poses[k]];
+            for (guint i = 0; i < shots->lamps->len; i++) {
+                guint index = g_array_index(shots->lamps, guint, i);
+                if (plan_order_shot_at(o->shots, index)->device == lamp)
+                    plan_order_append(o, order, index);
+            }
+            if (lamp == beside)
+                append_sweeps(o, order, shots->sweeps);
+        }
+    }
+    int n = 0;
     for (int p = 0; p < o->moves->n; p++)
         if (o->poses[p].sweeps->len && !has_lamp(o, p, beside))
             poses[n++] = p;
@@ -255,26 +240,6 @@ static GArray *arranged(GArray *shots, const Order *order) {
     return result;
 }
 
-/* The same shots in another order; what they own stays theirs. */
-static void replace(GArray *shots, const GArray *with) {
-    g_assert(shots->len == with->len);
-    memcpy(shots->data, with->data, with->len * sizeof(struct session_shot));
-}
-
-/* Instead of indices of poses, numbers of visits. */
-static int number_visits(GArray *shots) {
-    int visit = -1, pose = -1;
-
-    for (guint i = 0; i < shots->len; i++) {
-        struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
-        if (shot->pose != pose)
-            visit++;
-        pose = shot->pose;
-        shot->pose = visit;
-    }
-    return visit + 1;
-}
-
 /* Cost: time between the end of one shot's exposures and the start of the next. The first shot
  * follows the previous block, or the dark frames, which are taken in its own pose; the last one is
  * followed by its read-out. */
@@ -301,7 +266,7 @@ static struct plan_path plan_order_path_of(const struct orderer *o, Order *order
                               .n = (int)order->len,
                               .cost = plan_order_between,
                               .data = o,
-                              .longest_carried = LONGEST_CARRIED};
+                              .longest_moved = LONGEST_MOVED};
 }
 
 static Order *ordered(struct orderer *o, int candidate) {
@@ -362,7 +327,11 @@ static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
         g_array_append_vals(whole, order->data, order->len);
         if (order->len)
             o->before = (int)g_array_index(order, guint, order->len - 1);
-        uncollect(o);
+        for (int p = 0; p < o->moves->n; p++) {
+            g_array_unref(o->poses[p].lamps);
+            g_array_unref(o->poses[p].sweeps);
+        }
+        g_clear_pointer(&o->poses, g_free);
     }
     o->before = -1;
     return whole;
@@ -393,28 +362,6 @@ static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *b
     return n_blocks;
 }
 
-/* Lamps, which go with any block, where their pose is visited for a sweep anyway. */
-static void spread_lamps(GArray *shots, int n_poses, int *block_of) {
-    g_autofree int *last = g_new0(int, n_poses);
-
-    for (guint i = 0; i < shots->len; i++) {
-        const struct session_shot *shot = plan_order_shot_at(shots, i);
-        if (plan_order_is_lit(shot) && shot->kind == SHOT_SWEEP)
-            last[shot->pose] = MAX(last[shot->pose], block_of[i]);
-    }
-    for (guint i = 0; i < shots->len; i++)
-        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
-            block_of[i] = last[plan_order_shot_at(shots, i)->pose];
-}
-
-/* The same, a lamp at a time: where lamps take long to warm up, every block visits the poses
- * anyway, with a lamp of its own. */
-static void spread_lamps_singly(GArray *shots, int n_blocks, int *block_of) {
-    for (guint i = 0; i < shots->len; i++)
-        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
-            block_of[i] = plan_order_shot_at(shots, i)->device % n_blocks;
-}
-
 static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
     struct plan_path ours = plan_order_path_of(o, order), known = plan_order_path_of(o, *best);
     gboolean quicker = plan_path_cost(&ours) < plan_path_cost(&known) - 1e-9;
@@ -424,52 +371,65 @@ static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
         *best = order;
 }
 
-static Order *best_order(struct orderer *o) {
-    g_autofree int *block_of = g_new0(int, o->shots->len);
-    int n_blocks = block_by_mount(o->shots, o->timing, block_of);
+/* The quickest of: everything in blocks by mount, nested or not; and lamps, which go with any
+ * block, spread over the blocks. */
+static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
+    GArray *shots = o->shots;
     Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
 
     if (n_blocks == 1)
         return best;
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, nested_of_block));
-    spread_lamps(o->shots, o->moves->n, block_of);
+
+    /* Lamps where their pose is visited for a sweep anyway. */
+    g_autofree int *last = g_new0(int, o->moves->n);
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = plan_order_shot_at(shots, i);
+        if (plan_order_is_lit(shot) && shot->kind == SHOT_SWEEP)
+            last[shot->pose] = MAX(last[shot->pose], block_of[i]);
+    }
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = last[plan_order_shot_at(shots, i)->pose];
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
-    spread_lamps_singly(o->shots, n_blocks, block_of);
+
+    /* A lamp at a time: where lamps take long to warm up, every block visits the poses anyway, with
+     * a lamp of its own. */
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = plan_order_shot_at(shots, i)->device % n_blocks;
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
     return best;
 }
 
-static struct orderer orderer_of(GArray *shots, const struct plan_pose *poses, int n_poses,
-                                 const struct rig_timing *timing) {
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct rig_timing *timing, enum session_order wanted) {
     struct orderer o = {.shots = shots, .timing = timing, .before = -1};
+    g_autofree int *block_of = g_new0(int, shots->len);
+    const int n_blocks = block_by_mount(shots, timing, block_of);
+    int visit = -1, pose = -1;
 
     for (guint i = 0; i < shots->len; i++)
         if (plan_order_shot_at(shots, i)->kind == SHOT_DARK)
             o.dark = plan_order_shot_at(shots, i);
     o.moves = plan_moves_new(poses, n_poses, timing);
-    return o;
-}
-
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
-               const struct rig_timing *timing) {
-    struct orderer o = orderer_of(shots, poses, n_poses, timing);
-    g_autoptr(GArray) order = best_order(&o);
-    g_autoptr(GArray) result = arranged(shots, order);
-
+    g_autoptr(GArray) order = wanted == ORDER_VIEWS
+                                  ? in_blocks(&o, block_of, n_blocks, nested_of_block)
+                                  : best_order(&o, n_blocks, block_of);
     plan_moves_free(o.moves);
-    replace(shots, result);
-    return number_visits(shots);
-}
 
-int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
-                      const struct rig_timing *timing) {
-    struct orderer o = orderer_of(shots, poses, n_poses, timing);
-    g_autofree int *block_of = g_new0(int, shots->len);
-    int n_blocks = block_by_mount(shots, timing, block_of);
-    g_autoptr(GArray) order = in_blocks(&o, block_of, n_blocks, nested_of_block);
+    /* The same shots in another order; what they own stays theirs. */
     g_autoptr(GArray) result = arranged(shots, order);
+    g_assert(shots->len == result->len);
+    memcpy(shots->data, result->data, result->len * sizeof(struct session_shot));
 
-    plan_moves_free(o.moves);
-    replace(shots, result);
-    return number_visits(shots);
+    /* Instead of indices of poses, numbers of visits. */
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+        if (shot->pose != pose)
+            visit++;
+        pose = shot->pose;
+        shot->pose = visit;
+    }
+    return visit + 1;
 }

@@ -15,8 +15,9 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg;
 };
 
-/* All cameras that show a view at one angle of the turntable. */
-struct plan_turn {
+/* An angle that some direction needs: of the turntable, with the cameras that show a view there, or
+ * the light's azimuth α − τ (no cameras). */
+struct plan_angle {
     gint64 udeg;
     guint32 cameras;
 };
@@ -27,8 +28,7 @@ struct plan_build {
     const struct rig_timing *timing;
     double radius_mm;                /* around the sample */
     GArray *views, *lights, *lasers; /* of struct session_direction */
-    GArray *turns;                   /* of struct plan_turn */
-    GArray *azimuths;                /* of gint64: α − τ that light some direction */
+    GArray *turns, *azimuths;        /* of struct plan_angle */
     GArray *light_at, *laser_at; /* of int: which of them each light and laser position is lit at */
     GArray *poses;               /* of struct plan_pose */
     GHashTable *pose_index;      /* of poses, number + 1 */
@@ -48,14 +48,15 @@ gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
 /* Which of the cameras (bits) cannot see the disc of radius_mm around the origin because the arc or
- * one of the lights (positions at arc 0) is in the way, or shade one of the lights. */
+ * one of the lights (of struct vec3, positions at arc 0) is in the way, or shade one of the lights.
+ */
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
-                     const struct vec3 *lights, int n_lights);
+                     const GArray *lights);
 
 /* The smallest turn of the arc, up to 20°, after which none of the cameras is blocked; FALSE if
  * there is none that the axis can reach. */
 gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
-                    gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
+                    gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
 /* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
@@ -68,23 +69,31 @@ void plan_set_error(GError **error, enum plan_error code, const struct session_c
  * it will lack. g_free(); NULL: none. */
 char *plan_missing(const struct session_plan *plan);
 
-/* Times of moves between poses, both axes together; a table, so that orders are tried quickly. */
+/* Times of moves between poses, both axes together; tables, so that orders are tried quickly. */
+struct plan_axis_moves {
+    gboolean wraps;
+    int *at;   /* row of each pose in the table */
+    int n;     /* different positions of the axis */
+    double *s; /* n × n, from row to column */
+};
+
 struct plan_moves {
     int n;
     const struct plan_pose *poses; /* borrowed */
-    gboolean turn_wraps, arc_wraps;
-    int *turn_at, *arc_at;  /* row of each pose in the tables */
-    int n_turn, n_arc;      /* different positions of each axis */
-    double *turn_s, *arc_s; /* from row to column */
+    struct plan_axis_moves turntable, arc;
 };
 
 struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
                                   const struct rig_timing *timing);
 void plan_moves_free(struct plan_moves *moves); /* NULL is ignored */
 
+static inline double plan_axis_move_s(const struct plan_axis_moves *axis, int from, int to) {
+    return axis->s[(gsize)axis->at[from] * (gsize)axis->n + (gsize)axis->at[to]];
+}
+
 static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
-    double turn = m->turn_s[(gsize)m->turn_at[from] * (gsize)m->n_turn + (gsize)m->turn_at[to]];
-    double arc = m->arc_s[(gsize)m->arc_at[from] * (gsize)m->n_arc + (gsize)m->arc_at[to]];
+    double turn = plan_axis_move_s(&m->turntable, from, to);
+    double arc = plan_axis_move_s(&m->arc, from, to);
     return turn > arc ? turn : arc;
 }
 
@@ -96,7 +105,7 @@ struct plan_path {
     int n;
     double (*cost)(gconstpointer data, int from, int to);
     gconstpointer data;
-    int longest_carried; /* Or-opt: longest segment that is moved at once */
+    int longest_moved; /* Or-opt: longest segment that is moved at once */
     double least;
 };
 
@@ -107,17 +116,15 @@ void plan_path_improve(struct plan_path *path, gint64 budget);
  * shorter than floor_s costs floor_s: something else takes that long meanwhile. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
 
-/* Puts shots into the quickest order that is found. shots[i].pose is an index into poses; on return
- * it is the number of the visit. Returns how many visits there are. SHOT_DARK come first, skipped
- * shots last, with visits of their own. Sweeps of a laser unit that is mounted by hand come in
- * blocks, one for each of its places. */
+/* Puts shots into an order. shots[i].pose is an index into poses; on return it is the number of the
+ * visit. Returns how many visits there are. SHOT_DARK come first, skipped shots last, with visits
+ * of their own. Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its
+ * places.
+ *
+ * ORDER_QUICKEST: the quickest that is found. ORDER_VIEWS: that of a program that does not plan:
+ * for τ, for α, for lamps, for lasers. */
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
-               const struct rig_timing *timing);
-
-/* The same in the order of a program that does not plan: for τ, for α, for lamps, for lasers; and
- * before all that, for the places of a laser unit that is mounted by hand. */
-int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
-                      const struct rig_timing *timing);
+               const struct rig_timing *timing, enum session_order wanted);
 
 /* From the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,

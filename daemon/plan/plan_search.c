@@ -9,12 +9,12 @@ static double plan_search_cost(const struct plan_path *t, int from, int to) {
 }
 
 /* The element at an index, −1 before the first and after the last. */
-static int at(const struct plan_path *t, int place) {
-    return place < 0 || place >= t->n ? -1 : t->order[place];
+static int at(const struct plan_path *t, int index) {
+    return index < 0 || index >= t->n ? -1 : t->order[index];
 }
 
-static double edge(const struct plan_path *t, int from_place, int to_place) {
-    return plan_search_cost(t, at(t, from_place), at(t, to_place));
+static double edge(const struct plan_path *t, int from_index, int to_index) {
+    return plan_search_cost(t, at(t, from_index), at(t, to_index));
 }
 
 double plan_path_cost(const struct plan_path *path) {
@@ -26,19 +26,19 @@ double plan_path_cost(const struct plan_path *path) {
 }
 
 /* Cost of both edges of a segment from a to b between two neighbours. */
-static double plan_search_join(const struct plan_path *t, int from_place, int a, int b,
-                               int to_place) {
-    return plan_search_cost(t, at(t, from_place), a) + plan_search_cost(t, b, at(t, to_place));
+static double plan_search_join(const struct plan_path *t, int from_index, int a, int b,
+                               int to_index) {
+    return plan_search_cost(t, at(t, from_index), a) + plan_search_cost(t, b, at(t, to_index));
 }
 
 /* 2-opt: reverses the segment i … j where that reduces the cost. Moves have a direction (backlash),
  * so the segment itself has another cost backwards. */
-static gboolean improve_by_turning(struct plan_path *t, gint64 *budget) {
+static gboolean improve_by_reversing(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 
     for (int i = 0; i < t->n - 1 && *budget > 0; i++) {
         double change = 0;
-        for (int j = i + 1; j<t->n && * budget> 0; j++, (*budget)--) {
+        for (int j = i + 1; *budget > 0 && j < t->n; j++, (*budget)--) {
             change += plan_search_cost(t, t->order[j], t->order[j - 1]) - edge(t, j - 1, j);
             double ends = plan_search_join(t, i - 1, t->order[j], t->order[i], j + 1) -
                           edge(t, i - 1, i) - edge(t, j, j + 1);
@@ -57,7 +57,7 @@ static gboolean improve_by_turning(struct plan_path *t, gint64 *budget) {
 }
 
 /* Moves the k elements from index i to before index j, which is not among them. */
-static void carry(struct plan_path *t, int i, int k, int j) {
+static void move_segment(struct plan_path *t, int i, int k, int j) {
     g_autofree int *taken = g_memdup2(t->order + i, sizeof(int) * (gsize)k);
 
     if (j > i) {
@@ -70,10 +70,10 @@ static void carry(struct plan_path *t, int i, int k, int j) {
 }
 
 /* Or-opt: moves a segment of a few elements to where it costs less. */
-static gboolean improve_by_carrying(struct plan_path *t, gint64 *budget) {
+static gboolean improve_by_moving(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 
-    for (int k = 1; k <= t->longest_carried; k++)
+    for (int k = 1; k <= t->longest_moved; k++)
         for (int i = 0; i + k <= t->n && *budget > 0; i++) {
             double gain = edge(t, i - 1, i) + edge(t, i + k - 1, i + k) - edge(t, i - 1, i + k);
             if (gain <= GAIN)
@@ -85,7 +85,7 @@ static gboolean improve_by_carrying(struct plan_path *t, gint64 *budget) {
                               edge(t, j - 1, j);
                 if (loss >= gain - GAIN)
                     continue;
-                carry(t, i, k, j);
+                move_segment(t, i, k, j);
                 improved = TRUE;
                 break;
             }
@@ -95,6 +95,6 @@ static gboolean improve_by_carrying(struct plan_path *t, gint64 *budget) {
 
 void plan_path_improve(struct plan_path *path, gint64 budget) {
     while (budget > 0 && plan_path_cost(path) > path->least + GAIN &&
-           (improve_by_turning(path, &budget) || improve_by_carrying(path, &budget)))
+           (improve_by_reversing(path, &budget) || improve_by_moving(path, &budget)))
         ;
 }

@@ -25,19 +25,8 @@ double plan_readout_s(const struct session_shot *shot, const struct rig_timing *
     return slowest_s(shot, timing->readout_us);
 }
 
-static double step_s(const struct session_shot *shot, const struct rig_timing *timing) {
-    double step_deg = (shot->sweep_to_deg - shot->sweep_from_deg) / (shot->sweep_steps - 1);
-
-    return axis_move_time_s(&timing->sweep[shot->device], shot->sweep_from_deg,
-                            shot->sweep_from_deg + step_deg);
-}
-
 static double middle_deg(const struct session_shot *shot) {
     return (shot->sweep_from_deg + shot->sweep_to_deg) / 2;
-}
-
-static double to_middle_s(const struct session_shot *shot, const struct rig_timing *timing) {
-    return axis_move_time_s(&timing->sweep[shot->device], shot->sweep_to_deg, middle_deg(shot));
 }
 
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
@@ -50,9 +39,15 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
         return 0;
     for (int i = 0; i < n; i++)
         sum_s += shot_exposure_us(conf, shot, i) / 1e6;
-    if (shot->kind == SHOT_SWEEP)
-        sum_s += (shot->sweep_steps - 1) * MAX(0, step_s(shot, timing) - readout_s) +
-                 MAX(0, to_middle_s(shot, timing) - readout_s);
+    if (shot->kind == SHOT_SWEEP) {
+        const struct axis_motion *sweep = &timing->sweep[shot->device];
+        double from_deg = shot->sweep_from_deg, to_deg = shot->sweep_to_deg;
+        double step_deg = (to_deg - from_deg) / (shot->sweep_steps - 1);
+        double step_s = axis_move_time_s(sweep, from_deg, from_deg + step_deg);
+        double to_middle_s = axis_move_time_s(sweep, to_deg, middle_deg(shot));
+        sum_s +=
+            (shot->sweep_steps - 1) * MAX(0, step_s - readout_s) + MAX(0, to_middle_s - readout_s);
+    }
     return sum_s;
 }
 

@@ -6,9 +6,9 @@
 /* Costs looked up before the local search gives up improving a tour. */
 #define SEARCH_BUDGET 300000
 /* More poses than this are left in the best order by rows. */
-#define SEARCH_LARGEST  3000
-#define LONGEST_CARRIED 3
-#define GAIN_S          1e-9
+#define SEARCH_LARGEST 3000
+#define LONGEST_MOVED  3
+#define GAIN_S         1e-9
 
 struct tour {
     const struct plan_moves *moves;
@@ -32,26 +32,25 @@ static int compare_udeg(gconstpointer a, gconstpointer b) {
 }
 
 /* Numbers the different positions of an axis and makes the table of times between them. */
-static double *axis_table(const gint64 *udeg, int n, const struct axis_motion *motion, int *ret_at,
-                          int *ret_n) {
+static struct plan_axis_moves axis_moves(const gint64 *udeg, int n,
+                                         const struct axis_motion *motion) {
     g_autofree gint64 *sorted = g_memdup2(udeg, sizeof *udeg * (gsize)n);
-    int m = 0;
+    struct plan_axis_moves axis = {.wraps = motion->wraps, .at = g_new0(int, n)};
 
     qsort(sorted, (gsize)n, sizeof *sorted, compare_udeg);
     for (int i = 0; i < n; i++)
-        if (i == 0 || sorted[i] != sorted[m - 1])
-            sorted[m++] = sorted[i];
+        if (i == 0 || sorted[i] != sorted[axis.n - 1])
+            sorted[axis.n++] = sorted[i];
+    const gsize rows = (gsize)axis.n;
     for (int i = 0; i < n; i++)
-        ret_at[i] =
-            (int)((gint64 *)bsearch(&udeg[i], sorted, (gsize)m, sizeof *sorted, compare_udeg) -
-                  sorted);
-    double *table = g_new(double, (gsize)m *(gsize)m);
-    for (int i = 0; i < m; i++)
-        for (int j = 0; j < m; j++)
-            table[(gsize)i * (gsize)m + (gsize)j] =
+        axis.at[i] =
+            (int)((gint64 *)bsearch(&udeg[i], sorted, rows, sizeof *sorted, compare_udeg) - sorted);
+    axis.s = g_new(double, rows *rows);
+    for (gsize i = 0; i < rows; i++)
+        for (gsize j = 0; j < rows; j++)
+            axis.s[i * rows + j] =
                 axis_move_time_s(motion, (double)sorted[i] / UDEG, (double)sorted[j] / UDEG);
-    *ret_n = m;
-    return table;
+    return axis;
 }
 
 struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
@@ -59,28 +58,24 @@ struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
     struct plan_moves *moves = g_new0(struct plan_moves, 1);
     g_autofree gint64 *turn = g_new0(gint64, n), *arc = g_new0(gint64, n);
 
-    *moves = (struct plan_moves){.n = n,
-                                 .poses = poses,
-                                 .turn_wraps = timing->turntable.wraps,
-                                 .arc_wraps = timing->arc.wraps,
-                                 .turn_at = g_new0(int, n),
-                                 .arc_at = g_new0(int, n)};
     for (int i = 0; i < n; i++) {
         turn[i] = poses[i].turntable_udeg;
         arc[i] = poses[i].arc_udeg;
     }
-    moves->turn_s = axis_table(turn, n, &timing->turntable, moves->turn_at, &moves->n_turn);
-    moves->arc_s = axis_table(arc, n, &timing->arc, moves->arc_at, &moves->n_arc);
+    *moves = (struct plan_moves){.n = n,
+                                 .poses = poses,
+                                 .turntable = axis_moves(turn, n, &timing->turntable),
+                                 .arc = axis_moves(arc, n, &timing->arc)};
     return moves;
 }
 
 void plan_moves_free(struct plan_moves *moves) {
     if (!moves)
         return;
-    g_free(moves->turn_at);
-    g_free(moves->arc_at);
-    g_free(moves->turn_s);
-    g_free(moves->arc_s);
+    g_free(moves->turntable.at);
+    g_free(moves->turntable.s);
+    g_free(moves->arc.at);
+    g_free(moves->arc.s);
     g_free(moves);
 }
 
@@ -102,49 +97,45 @@ static int compare_cells(gconstpointer a, gconstpointer b) {
     return x->pose - y->pose;
 }
 
-/* ROWS_OF_LIGHT: along a row both axes turn together, so that the light stands still as the sample
- * sees it. */
-static struct cell cell_of(const struct plan_moves *moves, enum rows rows, int pose) {
-    gint64 turn = moves->poses[pose].turntable_udeg, arc = moves->poses[pose].arc_udeg;
-    gint64 apart = arc - turn;
-
-    if (moves->turn_wraps || moves->arc_wraps)
-        apart = (apart % (360 * (gint64)UDEG) + 360 * (gint64)UDEG) % (360 * (gint64)UDEG);
-    if (rows == ROWS_OF_ARC)
-        return (struct cell){arc, turn, pose};
-    if (rows == ROWS_OF_TURNTABLE)
-        return (struct cell){turn, arc, pose};
-    return (struct cell){apart, turn, pose};
-}
-
 /* Appends a row, entered where it costs least in all, going up or down and once around. */
 static void plan_tour_append_row(struct tour *t, const struct cell *row, int k) {
-    int best_start = 0, best_way = 1;
+    int best_start = 0, best_step = 1;
     double best = G_MAXDOUBLE;
 
-    for (int way = 1; way >= -1; way -= 2) {
+    for (int step = 1; step >= -1; step -= 2) {
         double around = 0;
         for (int i = 0; i < k; i++)
-            around += plan_tour_cost(t, row[i].pose, row[(i + way + k) % k].pose);
+            around += plan_tour_cost(t, row[i].pose, row[(i + step + k) % k].pose);
         for (int start = 0; start < k; start++) {
             double enter = t->n ? plan_tour_cost(t, t->order[t->n - 1], row[start].pose) : 0;
-            double gap = plan_tour_cost(t, row[(start - way + k) % k].pose, row[start].pose);
+            double gap = plan_tour_cost(t, row[(start - step + k) % k].pose, row[start].pose);
             if (enter + around - gap < best - GAIN_S) {
                 best = enter + around - gap;
                 best_start = start;
-                best_way = way;
+                best_step = step;
             }
         }
     }
     for (int i = 0; i < k; i++)
-        t->order[t->n++] = row[((best_start + i * best_way) % k + k) % k].pose;
+        t->order[t->n++] = row[((best_start + i * best_step) % k + k) % k].pose;
 }
 
+/* ROWS_OF_LIGHT: along a row both axes turn together, so that the light stands still as the sample
+ * sees it. */
 static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows) {
     g_autofree struct cell *cells = g_new(struct cell, n);
 
-    for (int i = 0; i < n; i++)
-        cells[i] = cell_of(t->moves, rows, poses[i]);
+    for (int i = 0; i < n; i++) {
+        gint64 turn = t->moves->poses[poses[i]].turntable_udeg;
+        gint64 arc = t->moves->poses[poses[i]].arc_udeg;
+        gboolean wraps = t->moves->turntable.wraps || t->moves->arc.wraps;
+        if (rows == ROWS_OF_ARC)
+            cells[i] = (struct cell){arc, turn, poses[i]};
+        else if (rows == ROWS_OF_TURNTABLE)
+            cells[i] = (struct cell){turn, arc, poses[i]};
+        else
+            cells[i] = (struct cell){wraps ? plan_wrap(arc - turn) : arc - turn, turn, poses[i]};
+    }
     qsort(cells, (gsize)n, sizeof *cells, compare_cells);
     t->n = 0;
     for (int i = 0, k; i < n; i += k) {
@@ -175,20 +166,6 @@ static void tour_nearest(struct tour *t, const int *poses, int n) {
     }
 }
 
-/* Improves a tour; returns what it costs. */
-static double plan_tour_improve(const struct tour *t) {
-    struct plan_path path = {.order = t->order,
-                             .n = t->n,
-                             .cost = cost_of,
-                             .data = t,
-                             .longest_carried = LONGEST_CARRIED,
-                             .least = t->floor_s * (t->n - 1)};
-
-    if (t->n <= SEARCH_LARGEST)
-        plan_path_improve(&path, SEARCH_BUDGET);
-    return plan_path_cost(&path);
-}
-
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s) {
     g_autofree int *order = g_new(int, MAX(n, 1)), *best = g_memdup2(poses, sizeof(int) * (gsize)n);
     double best_s = G_MAXDOUBLE;
@@ -199,7 +176,15 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
             tour_by_rows(&t, poses, n, (enum rows)candidate);
         else
             tour_nearest(&t, poses, n);
-        double cost_s = plan_tour_improve(&t);
+        struct plan_path path = {.order = t.order,
+                                 .n = t.n,
+                                 .cost = cost_of,
+                                 .data = &t,
+                                 .longest_moved = LONGEST_MOVED,
+                                 .least = floor_s * (t.n - 1)};
+        if (t.n <= SEARCH_LARGEST)
+            plan_path_improve(&path, SEARCH_BUDGET);
+        double cost_s = plan_path_cost(&path);
         if (cost_s < best_s - GAIN_S) {
             best_s = cost_s;
             memcpy(best, order, sizeof(int) * (gsize)n);

@@ -64,23 +64,6 @@ static double get_double(GVariant *report, const char *key) {
     return value;
 }
 
-static void append_times(GString *text, GVariant *report) {
-    const double predicted_s = get_double(report, "predicted_s");
-    const double bound_s = get_double(report, "lower_bound_s");
-    const double nested_s = get_double(report, "nested_s");
-    g_autofree char *predicted = report_duration(predicted_s);
-    g_autofree char *bound = report_duration(bound_s);
-    g_autofree char *nested = report_duration(nested_s);
-    g_string_append_printf(text, "predicted time  %s", predicted);
-    if (bound_s > 0)
-        g_string_append_printf(text, ", %.1f %% above the lower bound of %s",
-                               100 * (predicted_s / bound_s - 1), bound);
-    g_string_append(text, "\n");
-    if (predicted_s > 0)
-        g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,
-                               nested_s / predicted_s);
-}
-
 char *report_text(GVariant *report) {
     GString *text = g_string_new(NULL);
     const char *name = "";
@@ -100,7 +83,20 @@ char *report_text(GVariant *report) {
     if (mounts > 0)
         g_string_append_printf(
             text, "laser mounts    %d by hand; the operator's time is not predicted\n", mounts);
-    append_times(text, report);
+    const double predicted_s = get_double(report, "predicted_s");
+    const double bound_s = get_double(report, "lower_bound_s");
+    const double nested_s = get_double(report, "nested_s");
+    g_autofree char *predicted = report_duration(predicted_s);
+    g_autofree char *bound = report_duration(bound_s);
+    g_autofree char *nested = report_duration(nested_s);
+    g_string_append_printf(text, "predicted time  %s", predicted);
+    if (bound_s > 0)
+        g_string_append_printf(text, ", %.1f %% above the lower bound of %s",
+                               100 * (predicted_s / bound_s - 1), bound);
+    g_string_append(text, "\n");
+    if (predicted_s > 0)
+        g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,
+                               nested_s / predicted_s);
     g_autofree const char **notes = NULL;
     g_variant_lookup(report, "notes", "^a&s", &notes);
     for (int i = 0; notes && notes[i]; i++)

@@ -6,33 +6,26 @@
 /* The position of a pixel's peak is kept in 15 bits, see frames/sweep.c. */
 #define MAX_SWEEP_STEPS G_MAXINT16
 
-struct preset {
-    const char *name;
-    const char *rings;
-};
-
-static const struct preset hemisphere_presets[] = {
+static const struct {
+    const char *name, *rings;
+} presets[] = {
     {"12x5", "15:12; 30:12; 45:12; 60:12; 75:12"},
     {"12x8", "12:12; 21:12; 30:12; 39:12; 48:12; 57:12; 66:12; 75:12"},
     {"81", "0:1; 15:6; 30:12; 45:18; 60:20; 75:24"},
     {"26", "15:2; 30:6; 45:6; 60:6; 75:6"},
-    {NULL, NULL},
 };
 
-struct fields {
+struct fields { /* the session, and what is checked before it becomes a part of it */
+    struct session_conf conf;
     char *name;
-    double width_mm, height_mm, reference_mm, depth_mm;
     double flat_mm, flat_error_mm, flat_radius_mm;
     struct option_doubles flat_hole_mm;
     int texels, texels_x, texels_y;
     struct option_doubles exposures_us;
-    double gain_db, laser_exposure_us, laser_short_us, sweep_margin_mm, laser_threshold_dn,
-        saturated_pct;
-    int sweep_steps, dark_frames, retries, on_blocked, order;
-    gboolean keep_laser_frames, keep_exposures;
 };
 
 #define FIELD(member) G_STRUCT_OFFSET(struct fields, member)
+#define CONF(member)  FIELD(conf.member)
 
 static const struct option session_options[] = {
     {"name", OPTION_STRING, .offset = FIELD(name), .help = "Name of the sample or session"},
@@ -40,9 +33,9 @@ static const struct option session_options[] = {
 };
 
 static const struct option sample_options[] = {
-    {"width_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = FIELD(width_mm),
+    {"width_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = CONF(grid.width_mm),
      .help = "Width of the sample, along x at turntable 0"},
-    {"height_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = FIELD(height_mm),
+    {"height_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = CONF(grid.height_mm),
      .help = "Height of the sample, along y at turntable 0"},
     {"texels", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels),
      .help = "Texels across and along; or give texels_x and texels_y"},
@@ -50,9 +43,9 @@ static const struct option sample_options[] = {
      .help = "Texels across the width"},
     {"texels_y", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels_y),
      .help = "Texels along the height"},
-    {"reference_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = FIELD(reference_mm),
+    {"reference_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = CONF(grid.reference_mm),
      .help = "Height of the reference plane, just above the structure, over the turntable's top"},
-    {"depth_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = FIELD(depth_mm),
+    {"depth_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = CONF(grid.depth_mm),
      .help = "Depth of the structure below the reference plane, at most"},
     {"flat_radius_mm", OPTION_DOUBLE, "mm", 0, 2000, "0", .offset = FIELD(flat_radius_mm),
      .help = "How far a flat, level face around the sample reaches, on which the laser's line "
@@ -72,36 +65,36 @@ static const char *const order_choices[] = {"quickest", "views", NULL};
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
      .help = "Exposures of one bracket under a lamp, ascending, at most twelve"},
-    {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = FIELD(gain_db),
+    {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = CONF(gain_db),
      .help = "Gain of all cameras"},
-    {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = FIELD(laser_exposure_us),
+    {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = CONF(laser_exposure_us),
      .help = "Exposure of a frame of a laser sweep"},
-    {"laser_short_us", OPTION_DOUBLE, "us", 0, 60e6, "0", .offset = FIELD(laser_short_us),
+    {"laser_short_us", OPTION_DOUBLE, "us", 0, 60e6, "0", .offset = CONF(laser_short_us),
      .help = "Exposure of one more frame at each step of a laser sweep, shorter, for pixels that "
              "saturate in the other; 0: none"},
-    {"sweep_steps", OPTION_INT, NULL, 8, MAX_SWEEP_STEPS, "96", .offset = FIELD(sweep_steps),
+    {"sweep_steps", OPTION_INT, NULL, 8, MAX_SWEEP_STEPS, "96", .offset = CONF(sweep_steps),
      .help = "Frames of one laser sweep"},
-    {"sweep_margin_mm", OPTION_DOUBLE, "mm", 0, 200, "2", .offset = FIELD(sweep_margin_mm),
+    {"sweep_margin_mm", OPTION_DOUBLE, "mm", 0, 200, "2", .offset = CONF(sweep_margin_mm),
      .help = "How far a sweep goes beyond the sample on both sides"},
-    {"dark_frames", OPTION_INT, NULL, 1, 1000, "4", .offset = FIELD(dark_frames),
+    {"dark_frames", OPTION_INT, NULL, 1, 1000, "4", .offset = CONF(dark_frames),
      .help = "Dark frames averaged for each exposure"},
-    {"retries", OPTION_INT, NULL, 0, 100, "3", .offset = FIELD(retries),
+    {"retries", OPTION_INT, NULL, 0, 100, "3", .offset = CONF(retries),
      .help = "How often a shot is taken again before the session is paused"},
-    {"saturated_pct", OPTION_DOUBLE, "%", 0, 100, "0.1", .offset = FIELD(saturated_pct),
+    {"saturated_pct", OPTION_DOUBLE, "%", 0, 100, "0.1", .offset = CONF(saturated_pct),
      .help = "Pixels that may be saturated in the shortest exposure before a picture is taken "
              "again with a quarter of it"},
-    {"laser_threshold_dn", OPTION_DOUBLE, "DN", 0, 65535, "40", .offset = FIELD(laser_threshold_dn),
+    {"laser_threshold_dn", OPTION_DOUBLE, "DN", 0, 65535, "40", .offset = CONF(laser_threshold_dn),
      .help = "How far a laser's peak must stand above the background to count"},
     {"on_blocked", OPTION_CHOICE, .fallback = "shift", .choices = blocked_choices,
-     .offset = FIELD(on_blocked),
+     .offset = CONF(on_blocked),
      .help = "What to do where the light arc stands in a camera's picture"},
     {"order", OPTION_CHOICE, .fallback = "quickest", .choices = order_choices,
-     .offset = FIELD(order),
+     .offset = CONF(order),
      .help = "The quickest order of shots, or view after view, so that the material can be looked "
              "at while it is captured"},
-    {"keep_laser_frames", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_laser_frames),
+    {"keep_laser_frames", OPTION_BOOL, .fallback = "no", .offset = CONF(keep_laser_frames),
      .help = "Keep every frame of the laser sweeps as well"},
-    {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_exposures),
+    {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = CONF(keep_exposures),
      .help = "Keep every dark frame and every exposure of a bracket as well; an exposure may then "
              "be given twice: calibration tells noise by such pairs"},
     {NULL},
@@ -166,32 +159,10 @@ static gboolean rings_meet(const struct ring *a, const struct ring *b) {
     return fabs(remainder(a->offset_deg - b->offset_deg, step)) < 2e-6;
 }
 
-static gboolean check_rings(const struct config_section *section, const struct ring *rings, int n,
-                            GError **error) {
-    int directions = 0;
-
-    for (int i = 0; i < n; i++) {
-        directions += rings[i].count;
-        for (int j = 0; j < i; j++)
-            if (rings_meet(&rings[i], &rings[j])) {
-                config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
-                                 "rings %d and %d share a direction at theta %g; leave one out or "
-                                 "give it another offset",
-                                 j + 1, i + 1, rings[i].theta_deg);
-                return FALSE;
-            }
-    }
-    if (directions > MAX_DIRECTIONS) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
-                         "%d directions in all; at most %d", directions, MAX_DIRECTIONS);
-        return FALSE;
-    }
-    return TRUE;
-}
-
 static gboolean fill_rings(const struct config_section *section, char **items, double offset_deg,
                            struct ring *rings, int *ret_n, GError **error) {
     guint n = g_strv_length(items);
+    int directions = 0;
 
     if (n < 1 || n > PLAN_MAX_RINGS) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "rings", "%u rings; give 1 to %d", n,
@@ -208,22 +179,37 @@ static gboolean fill_rings(const struct config_section *section, char **items, d
             return FALSE;
         }
         rings[i].offset_deg += offset_deg;
+        directions += rings[i].count;
+    }
+    for (guint i = 0; i < n; i++)
+        for (guint j = 0; j < i; j++)
+            if (rings_meet(&rings[i], &rings[j])) {
+                config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
+                                 "rings %u and %u share a direction at theta %g; leave one out or "
+                                 "give it another offset",
+                                 j + 1, i + 1, rings[i].theta_deg);
+                return FALSE;
+            }
+    if (directions > MAX_DIRECTIONS) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
+                         "%d directions in all; at most %d", directions, MAX_DIRECTIONS);
+        return FALSE;
     }
     *ret_n = (int)n;
-    return check_rings(section, rings, *ret_n, error);
+    return TRUE;
 }
 
 static char **preset_rings(const struct config_section *section, const char *name, GError **error) {
     g_autoptr(GString) names = g_string_new(NULL);
 
-    for (const struct preset *p = hemisphere_presets; p->name; p++) {
-        if (g_str_equal(p->name, name)) {
-            char **items = g_strsplit(p->rings, ";", -1);
+    for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
+        if (g_str_equal(presets[i].name, name)) {
+            char **items = g_strsplit(presets[i].rings, ";", -1);
             for (char **item = items; *item; item++)
                 g_strstrip(*item);
             return items;
         }
-        g_string_append_printf(names, "%s%s", names->len ? ", " : "", p->name);
+        g_string_append_printf(names, "%s%s", names->len ? ", " : "", presets[i].name);
     }
     config_set_error(error, CONFIG_ERROR_UNKNOWN, section, "preset",
                      "there is no \"%s\"; choose from: %s, or write rings = theta:count; ...", name,
@@ -278,10 +264,9 @@ static gboolean check_sections(const Config *config, GError **error) {
     return TRUE;
 }
 
-static gboolean session_conf_take_name(struct session_conf *conf,
-                                       const struct config_section *section, struct fields *fields,
+static gboolean session_conf_take_name(const struct config_section *section, struct fields *f,
                                        GError **error) {
-    const char *name = fields->name;
+    const char *name = f->name;
 
     if (!*name || *name == '.' || strlen(name) > 100 || strchr(name, '/') ||
         !g_utf8_validate(name, -1, NULL)) {
@@ -289,12 +274,14 @@ static gboolean session_conf_take_name(struct session_conf *conf,
                          "must be 1 to 100 characters that can be part of a file's name");
         return FALSE;
     }
-    conf->name = g_steal_pointer(&fields->name);
+    f->conf.name = g_steal_pointer(&f->name);
     return TRUE;
 }
 
-static gboolean take_grid(struct session_conf *conf, const struct config_section *section,
-                          const struct fields *f, GError **error) {
+static gboolean take_sample(const struct config_section *section, struct fields *f,
+                            GError **error) {
+    struct session_grid *grid = &f->conf.grid;
+    const struct option_doubles *hole = &f->flat_hole_mm;
     gboolean both = f->texels > 0, each = f->texels_x > 0 && f->texels_y > 0;
 
     if (both == each || (both && (f->texels_x || f->texels_y))) {
@@ -302,51 +289,41 @@ static gboolean take_grid(struct session_conf *conf, const struct config_section
                          "give either texels, or both texels_x and texels_y, 1 or more");
         return FALSE;
     }
-    if (f->depth_mm > f->reference_mm) {
+    if (grid->depth_mm > grid->reference_mm) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "depth_mm",
-                         "%g mm reaches below the turntable's top: reference_mm is %g", f->depth_mm,
-                         f->reference_mm);
+                         "%g mm reaches below the turntable's top: reference_mm is %g",
+                         grid->depth_mm, grid->reference_mm);
         return FALSE;
     }
-    conf->grid = (struct session_grid){.width = both ? f->texels : f->texels_x,
-                                       .height = both ? f->texels : f->texels_y,
-                                       .width_mm = f->width_mm,
-                                       .height_mm = f->height_mm,
-                                       .reference_mm = f->reference_mm,
-                                       .depth_mm = f->depth_mm};
-    return TRUE;
-}
-
-static gboolean take_reference(struct session_conf *conf, const struct config_section *section,
-                               const struct fields *f, GError **error) {
-    const struct option_doubles *hole = &f->flat_hole_mm;
-
+    grid->width = both ? f->texels : f->texels_x;
+    grid->height = both ? f->texels : f->texels_y;
     if (f->flat_radius_mm == 0)
         return TRUE;
-    if (hole->n != 2 || hole->values[0] < f->width_mm || hole->values[1] < f->height_mm) {
+    if (hole->n != 2 || hole->values[0] < grid->width_mm || hole->values[1] < grid->height_mm) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_hole_mm",
                          "must be two numbers, width; height, of a box that holds the sample, at "
                          "least %g;%g",
-                         f->width_mm, f->height_mm);
+                         grid->width_mm, grid->height_mm);
         return FALSE;
     }
     if (f->flat_radius_mm <= MIN(hole->values[0], hole->values[1]) / 2 ||
-        f->flat_mm > f->reference_mm) {
+        f->flat_mm > grid->reference_mm) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
                          "nothing of the flat face is left: it must reach beyond the box of "
                          "flat_hole_mm, and flat_mm may not be above reference_mm");
         return FALSE;
     }
-    conf->reference = (struct laser_reference){.plane_mm = f->flat_mm,
-                                               .plane_error_mm = f->flat_error_mm,
-                                               .hole_mm = {hole->values[0], hole->values[1]},
-                                               .top_mm = f->reference_mm,
-                                               .radius_mm = f->flat_radius_mm};
+    f->conf.reference = (struct laser_reference){.plane_mm = f->flat_mm,
+                                                 .plane_error_mm = f->flat_error_mm,
+                                                 .hole_mm = {hole->values[0], hole->values[1]},
+                                                 .top_mm = grid->reference_mm,
+                                                 .radius_mm = f->flat_radius_mm};
     return TRUE;
 }
 
-static gboolean take_capture(struct session_conf *conf, const struct config_section *section,
-                             const struct fields *f, GError **error) {
+static gboolean take_capture(const struct config_section *section, struct fields *f,
+                             GError **error) {
+    struct session_conf *conf = &f->conf;
     int n = f->exposures_us.n;
 
     if (n < 1 || n > PLAN_MAX_BRACKET) {
@@ -358,70 +335,22 @@ static gboolean take_capture(struct session_conf *conf, const struct config_sect
         conf->exposures_us[i] = f->exposures_us.values[i];
         double before = i > 0 ? conf->exposures_us[i - 1] : 0;
         if (conf->exposures_us[i] < before ||
-            (conf->exposures_us[i] == before && !f->keep_exposures)) {
+            (conf->exposures_us[i] == before && !conf->keep_exposures)) {
             config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
                              "%g does not follow on %g: write the shortest first",
                              conf->exposures_us[i], before);
             return FALSE;
         }
     }
-    if (f->laser_short_us != 0 &&
-        (f->laser_short_us < 1 || llround(f->laser_short_us) >= llround(f->laser_exposure_us))) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "laser_short_us",
-                         "must be 0, or from 1 to less than laser_exposure_us, which is %g",
-                         f->laser_exposure_us);
-        return FALSE;
-    }
     conf->n_exposures = n;
-    conf->gain_db = f->gain_db;
-    conf->laser_exposure_us = f->laser_exposure_us;
-    conf->laser_short_us = f->laser_short_us;
-    conf->sweep_steps = f->sweep_steps;
-    conf->sweep_margin_mm = f->sweep_margin_mm;
-    conf->dark_frames = f->dark_frames;
-    conf->retries = f->retries;
-    conf->saturated_pct = f->saturated_pct;
-    conf->laser_threshold_dn = f->laser_threshold_dn;
-    conf->on_blocked = (enum on_blocked)f->on_blocked;
-    conf->order = (enum session_order)f->order;
-    conf->keep_laser_frames = f->keep_laser_frames;
-    conf->keep_exposures = f->keep_exposures;
-    return TRUE;
-}
-
-static gboolean session_conf_read_session(struct session_conf *conf, const Config *config,
-                                          GError **error) {
-    const struct config_section *section = session_conf_need(config, "session", error);
-    struct fields f = {0};
-
-    if (!section || !options_parse(session_options, section, NULL, &f, error))
-        return FALSE;
-    gboolean ok = session_conf_take_name(conf, section, &f, error);
-    options_clear(session_options, &f);
-    return ok;
-}
-
-static gboolean session_conf_read_sample(struct session_conf *conf, const Config *config,
-                                         GError **error) {
-    const struct config_section *section = session_conf_need(config, "sample", error);
-    struct fields f = {0};
-
-    if (!section || !options_parse(sample_options, section, NULL, &f, error))
-        return FALSE;
-    gboolean ok = take_grid(conf, section, &f, error) && take_reference(conf, section, &f, error);
-    options_clear(sample_options, &f);
-    return ok;
-}
-
-static gboolean read_capture(struct session_conf *conf, const Config *config, GError **error) {
-    const struct config_section *section = session_conf_need(config, "capture", error);
-    struct fields f = {0};
-
-    if (!section || !options_parse(capture_options, section, NULL, &f, error))
-        return FALSE;
-    gboolean ok = take_capture(conf, section, &f, error);
-    options_clear(capture_options, &f);
-    return ok;
+    if (conf->laser_short_us == 0 ||
+        (conf->laser_short_us >= 1 &&
+         llround(conf->laser_short_us) < llround(conf->laser_exposure_us)))
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, "laser_short_us",
+                     "must be 0, or from 1 to less than laser_exposure_us, which is %g",
+                     conf->laser_exposure_us);
+    return FALSE;
 }
 
 static gboolean session_conf_read_directions(struct session_conf *conf, const Config *config,
@@ -439,30 +368,49 @@ static gboolean session_conf_read_directions(struct session_conf *conf, const Co
     return FALSE;
 }
 
-static gboolean read_config(struct session_conf *conf, const Config *config, GError **error) {
-    conf->text = g_strdup(config_text(config));
-    conf->path = g_strdup(config_path(config));
-    if (check_sections(config, error) && session_conf_read_session(conf, config, error) &&
-        session_conf_read_sample(conf, config, error) &&
-        session_conf_read_directions(conf, config, error) && read_capture(conf, config, error))
-        return TRUE;
-    session_conf_clear(conf);
-    return FALSE;
+static gboolean read_section(const Config *config, const char *class_name,
+                             const struct option *options, struct fields *f,
+                             gboolean (*take)(const struct config_section *section,
+                                              struct fields *f, GError **error),
+                             GError **error) {
+    const struct config_section *section = session_conf_need(config, class_name, error);
+
+    if (!section || !options_parse(options, section, NULL, f, error))
+        return FALSE;
+    gboolean ok = take(section, f, error);
+    options_clear(options, f);
+    return ok;
+}
+
+/* Takes ownership of config; NULL: the error is set already. */
+static gboolean read_config(struct session_conf *conf, Config *config, GError **error) {
+    struct fields f = {0};
+
+    *conf = f.conf;
+    if (!config)
+        return FALSE;
+    f.conf.text = g_strdup(config_text(config));
+    f.conf.path = g_strdup(config_path(config));
+    gboolean ok =
+        check_sections(config, error) &&
+        read_section(config, "session", session_options, &f, session_conf_take_name, error) &&
+        read_section(config, "sample", sample_options, &f, take_sample, error) &&
+        session_conf_read_directions(&f.conf, config, error) &&
+        read_section(config, "capture", capture_options, &f, take_capture, error);
+    config_free(config);
+    if (!ok)
+        session_conf_clear(&f.conf);
+    *conf = f.conf;
+    return ok;
 }
 
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error) {
-    memset(conf, 0, sizeof *conf);
-    g_autoptr(Config) config = config_load(path, error);
-
-    return config && read_config(conf, config, error);
+    return read_config(conf, config_load(path, error), error);
 }
 
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error) {
-    memset(conf, 0, sizeof *conf);
-    g_autoptr(Config) config = config_parse(text, path, error);
-
-    return config && read_config(conf, config, error);
+    return read_config(conf, config_parse(text, path, error), error);
 }
 
 void session_conf_clear(struct session_conf *conf) {

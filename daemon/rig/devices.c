@@ -35,7 +35,31 @@ static void devices_on_interlock(Interlock *interlock, gboolean closed, gpointer
     interlock_report(devices->guard, closed && all_closed(devices));
 }
 
-static gboolean open_guard(struct devices *devices, GError **error) {
+/* Adds the section of the rig file to the error of a driver that cannot open its device, unless the
+ * error names a place in the rig file already. Always FALSE. */
+static gboolean devices_fail_at(const struct config_section *section, GError **error) {
+    const char *path = config_path(section->config);
+
+    if (error && *error && g_strcmp0(error_details_file(*error), path) != 0) {
+        g_autofree char *where = g_strdup_printf("[%s]", section->group);
+        error_details_add_place(error, path, section->line, where);
+    }
+    return FALSE;
+}
+
+static gboolean open_interlocks(struct devices *devices, const struct layout *layout,
+                                GError **error) {
+    for (int i = 0; i < layout->n_interlocks; i++) {
+        const struct config_section *section = layout->interlocks[i];
+        gconstpointer driver = drivers_find(section, error);
+        Interlock *opened =
+            driver ? interlock_open(driver, section, NULL, devices->clock, error) : NULL;
+        if (!opened)
+            return devices_fail_at(section, error);
+        devices->interlocks[devices->n_interlocks++] = opened;
+    }
+    if (devices->n_interlocks == 0)
+        return TRUE;
     g_autoptr(Config) config = config_parse("[interlock of the rig]\ndriver=all\n", "", error);
     if (!config)
         return FALSE;
@@ -49,49 +73,14 @@ static gboolean open_guard(struct devices *devices, GError **error) {
     return TRUE;
 }
 
-/* Adds the section of the rig file to the error of a driver that cannot open its device, unless the
- * error names a place in the rig file already. */
-static void devices_add_place(const struct config_section *section, GError **error) {
-    const char *path = config_path(section->config);
-
-    if (!error || !*error || g_strcmp0(error_details_file(*error), path) == 0)
-        return;
-    g_autofree char *where = g_strdup_printf("[%s]", section->group);
-    error_details_add_place(error, path, section->line, where);
-}
-
-static gboolean open_interlocks(struct devices *devices, const struct layout *layout,
-                                GError **error) {
-    for (int i = 0; i < layout->n_interlocks; i++) {
-        const struct config_section *section = layout->interlocks[i];
-        const struct interlock_driver *driver = drivers_interlock(section, error);
-        if (!driver)
-            return FALSE;
-        Interlock *opened = interlock_open(driver, section, NULL, devices->clock, error);
-        if (!opened) {
-            devices_add_place(section, error);
-            return FALSE;
-        }
-        devices->interlocks[devices->n_interlocks++] = opened;
-    }
-    return devices->n_interlocks == 0 || open_guard(devices, error);
-}
-
 static Axis *devices_open_axis(struct devices *devices, const struct config_section *section,
                                GError **error) {
-    const struct axis_driver *driver = drivers_axis(section, error);
+    gconstpointer driver = drivers_find(section, error);
     Axis *axis = driver ? axis_open(driver, section, NULL, devices->clock, error) : NULL;
 
     if (!axis)
-        devices_add_place(section, error);
+        devices_fail_at(section, error);
     return axis;
-}
-
-static int same_sweep(const struct layout *layout, int laser) {
-    for (int i = 0; i < laser; i++)
-        if (layout->sweeps[i] == layout->sweeps[laser])
-            return i;
-    return -1;
 }
 
 static gboolean open_axes(struct devices *devices, const struct layout *layout, GError **error) {
@@ -104,10 +93,11 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
     devices->timing.turntable = devices->turntable->motion;
     devices->timing.arc = devices->arc->motion;
     for (int i = 0; i < layout->geometry.n_lasers; i++) {
-        int same = same_sweep(layout, i);
-        devices->sweeps[i] = same >= 0 ? devices->sweeps[same]
-                                       : devices_open_axis(devices, layout->sweeps[i], error);
-        if (!devices->sweeps[i])
+        for (int k = 0; k < i && !devices->sweeps[i]; k++)
+            if (layout->sweeps[k] == layout->sweeps[i])
+                devices->sweeps[i] = devices->sweeps[k];
+        if (!devices->sweeps[i] &&
+            !(devices->sweeps[i] = devices_open_axis(devices, layout->sweeps[i], error)))
             return FALSE;
         devices->timing.sweep[i] = devices->sweeps[i]->motion;
     }
@@ -116,14 +106,11 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
 
 static gboolean open_banks(struct devices *devices, const struct layout *layout, GError **error) {
     for (int i = 0; i < layout->n_banks; i++) {
-        const struct lamps_driver *driver = drivers_lamps(layout->banks[i], error);
-        if (!driver)
-            return FALSE;
-        LampBank *bank = lamps_open(driver, layout->banks[i], NULL, devices->clock, error);
-        if (!bank) {
-            devices_add_place(layout->banks[i], error);
-            return FALSE;
-        }
+        gconstpointer driver = drivers_find(layout->banks[i], error);
+        LampBank *bank =
+            driver ? lamps_open(driver, layout->banks[i], NULL, devices->clock, error) : NULL;
+        if (!bank)
+            return devices_fail_at(layout->banks[i], error);
         devices->banks[devices->n_banks++] = bank;
     }
     for (int i = 0; i < layout->geometry.n_lamps; i++) {
@@ -148,10 +135,8 @@ static gboolean open_mount(struct devices *devices, const struct layout *layout,
     Laser *laser = devices->lasers[unit];
 
     if (!laser_mount(laser, layout->lasers[i]->name, error) ||
-        !laser_mount(laser, layout->lasers[unit]->name, error)) {
-        devices_add_place(layout->lasers[i], error);
-        return FALSE;
-    }
+        !laser_mount(laser, layout->lasers[unit]->name, error))
+        return devices_fail_at(layout->lasers[i], error);
     devices->lasers[i] = laser;
     devices->timing.mounts[unit] |= 1u << i;
     devices->timing.laser_warm_up_s[i] = laser->warm_up_s;
@@ -167,23 +152,20 @@ static gboolean open_lasers(struct devices *devices, const struct layout *layout
                 return FALSE;
             continue;
         }
-        const struct laser_driver *driver = drivers_laser(layout->lasers[i], error);
-        if (!driver)
-            return FALSE;
-        devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
-        if (!devices->lasers[i]) {
-            devices_add_place(layout->lasers[i], error);
-            return FALSE;
-        }
+        gconstpointer driver = drivers_find(layout->lasers[i], error);
+        if (driver)
+            devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
+        if (!devices->lasers[i])
+            return devices_fail_at(layout->lasers[i], error);
         laser_guard(devices->lasers[i], devices->guard);
         devices->timing.laser_warm_up_s[i] = devices->lasers[i]->warm_up_s;
     }
     return TRUE;
 }
 
-static gboolean devices_check_format(const Camera *camera, const struct rig_camera *said,
+static gboolean devices_check_format(const struct camera_format *format,
+                                     const struct rig_camera *said,
                                      const struct config_section *section, GError **error) {
-    const struct camera_format *format = &camera->format;
     gboolean wide = said->width != format->width;
 
     if (!wide && said->height == format->height)
@@ -196,91 +178,70 @@ static gboolean devices_check_format(const Camera *camera, const struct rig_came
     return FALSE;
 }
 
-static gboolean finish_camera(struct devices *devices, const struct layout *layout, int i,
-                              GError **error) {
-    Camera *camera = devices->cameras[i];
-
-    if (!camera_open_finish(camera, error)) {
-        devices_add_place(layout->cameras[i], error);
-        return FALSE;
-    }
-    if (!devices_check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
-        return FALSE;
-    devices->timing.trigger_us[i] = camera->format.trigger_us;
-    devices->timing.readout_us[i] = camera->format.readout_us;
-    devices->timing.min_exposure_us[i] = camera->format.min_exposure_us;
-    devices->timing.max_exposure_us[i] = camera->format.max_exposure_us;
-    devices->timing.bits[i] = camera->format.bits;
-    return TRUE;
-}
-
 /* Opens all cameras before waiting for any, so that many take no longer than the slowest. */
 static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("camera");
 
     for (int i = 0; i < layout->geometry.n_cameras; i++) {
-        const struct camera_driver *driver = drivers_camera(layout->cameras[i], error);
-        if (!driver)
-            return FALSE;
-        devices->cameras[i] =
-            camera_open_begin(driver, layout->cameras[i], keys, devices->clock, error);
-        if (!devices->cameras[i]) {
-            devices_add_place(layout->cameras[i], error);
-            return FALSE;
-        }
+        const struct config_section *section = layout->cameras[i];
+        gconstpointer driver = drivers_find(section, error);
+        if (driver)
+            devices->cameras[i] = camera_open_begin(driver, section, keys, devices->clock, error);
+        if (!devices->cameras[i])
+            return devices_fail_at(section, error);
     }
-    for (int i = 0; i < layout->geometry.n_cameras; i++)
-        if (!finish_camera(devices, layout, i, error))
+    for (int i = 0; i < layout->geometry.n_cameras; i++) {
+        const struct camera_format *format = &devices->cameras[i]->format;
+        if (!camera_open_finish(devices->cameras[i], error))
+            return devices_fail_at(layout->cameras[i], error);
+        if (!devices_check_format(format, &layout->geometry.cameras[i], layout->cameras[i], error))
             return FALSE;
+        devices->timing.trigger_us[i] = format->trigger_us;
+        devices->timing.readout_us[i] = format->readout_us;
+        devices->timing.min_exposure_us[i] = format->min_exposure_us;
+        devices->timing.max_exposure_us[i] = format->max_exposure_us;
+        devices->timing.bits[i] = format->bits;
+    }
     return TRUE;
-}
-
-static struct devices *open_layout(const struct layout *layout, GError **error) {
-    struct devices *devices = g_new0(struct devices, 1);
-
-    devices->clock = layout->virtual_clock ? clock_new_virtual() : clock_new_real();
-    devices->geometry = layout->geometry;
-    devices->text = g_strdup(config_text(layout->config));
-    devices->path = g_canonicalize_filename(config_path(layout->config), NULL);
-    devices->calibration_path = g_strdup(layout->calibration_path);
-    devices->calibration_days = layout->calibration_days;
-    if (open_interlocks(devices, layout, error) && open_axes(devices, layout, error) &&
-        open_banks(devices, layout, error) && open_lasers(devices, layout, error) &&
-        open_cameras(devices, layout, error))
-        return devices;
-    devices_close(devices);
-    return NULL;
 }
 
 struct devices *devices_open(const char *rig_path, GError **error) {
     struct layout layout;
 
-    if (!layout_read(&layout, rig_path, error))
+    if (!layout_take(&layout, config_load(rig_path, error), error))
         return NULL;
-    struct devices *devices = open_layout(&layout, error);
+    struct devices *devices = g_new0(struct devices, 1);
+    devices->clock = layout.virtual_clock ? clock_new_virtual() : clock_new_real();
+    devices->geometry = layout.geometry;
+    devices->text = g_strdup(config_text(layout.config));
+    devices->path = g_canonicalize_filename(config_path(layout.config), NULL);
+    devices->calibration_path = g_strdup(layout.calibration_path);
+    devices->calibration_days = layout.calibration_days;
+    if (!open_interlocks(devices, &layout, error) || !open_axes(devices, &layout, error) ||
+        !open_banks(devices, &layout, error) || !open_lasers(devices, &layout, error) ||
+        !open_cameras(devices, &layout, error))
+        g_clear_pointer(&devices, devices_close);
     layout_clear(&layout);
     return devices;
 }
 
-gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
+static gboolean devices_take_geometry(Config *config, struct rig *ret, GError **error) {
     struct layout layout;
 
-    if (!layout_read(&layout, rig_path, error))
+    if (!layout_take(&layout, config, error))
         return FALSE;
     *ret = layout.geometry;
     layout_clear(&layout);
     return TRUE;
 }
 
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
+    return devices_take_geometry(config_load(rig_path, error), ret, error);
+}
+
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error) {
-    struct layout layout;
-
-    if (!layout_parse(&layout, text, path, error))
-        return FALSE;
-    *ret = layout.geometry;
-    layout_clear(&layout);
-    return TRUE;
+    return devices_take_geometry(config_parse(text, path, error), ret, error);
 }
 
 static gboolean is_first_sweep(const struct devices *devices, int laser) {
@@ -370,7 +331,8 @@ struct answer {
 };
 
 struct securing {
-    struct answer lasers[RIG_MAX_LASERS], banks[DEVICES_MAX_BANKS], axes[RIG_MAX_LASERS + 2];
+    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS + 2]; /* in order of requests */
+    int n;
     gboolean too_late;
 };
 
@@ -396,27 +358,27 @@ static void on_axis_stopped(Axis *axis, enum axis_event event, const GError *err
     take_answer(data, error);
 }
 
-static void secure_axis(Axis *axis, struct answer *answer) {
+static void secure_axis(Axis *axis, struct securing *securing) {
     g_autoptr(GError) error = NULL;
     if (!axis)
         return;
-    answer->done = FALSE;
+    struct answer *answer = &securing->answers[securing->n++];
     axis_listen(axis, on_axis_stopped, answer);
     if (!axis_halt(axis, &error))
         take_answer(answer, error);
 }
 
-static void secure_laser(Laser *laser, struct answer *answer) {
+static void secure_laser(Laser *laser, struct securing *securing) {
     g_autoptr(GError) error = NULL;
-    answer->done = FALSE;
+    struct answer *answer = &securing->answers[securing->n++];
     laser_listen(laser, devices_on_laser_off, answer);
     if (!laser_set(laser, FALSE, &error))
         take_answer(answer, error);
 }
 
-static void secure_bank(LampBank *bank, struct answer *answer) {
+static void secure_bank(LampBank *bank, struct securing *securing) {
     g_autoptr(GError) error = NULL;
-    answer->done = FALSE;
+    struct answer *answer = &securing->answers[securing->n++];
     lamps_listen(bank, on_lamps_off, answer);
     if (!lamps_all_off(bank, &error))
         take_answer(answer, error);
@@ -427,34 +389,14 @@ static gboolean on_too_late(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* The i-th answer, in the order of the requests; NULL after the last. */
-static struct answer *nth_answer(struct securing *securing, gsize i) {
-    struct answer *const lists[] = {securing->lasers, securing->banks, securing->axes};
-    const gsize lengths[] = {G_N_ELEMENTS(securing->lasers), G_N_ELEMENTS(securing->banks),
-                             G_N_ELEMENTS(securing->axes)};
-    for (gsize list = 0; list < G_N_ELEMENTS(lists); i -= lengths[list++])
-        if (i < lengths[list])
-            return &lists[list][i];
-    return NULL;
-}
-
-static gboolean is_answered(struct securing *securing) {
-    struct answer *answer;
-    for (gsize i = 0; (answer = nth_answer(securing, i)); i++)
-        if (!answer->done)
+static gboolean is_answered(const struct securing *securing) {
+    for (int i = 0; i < securing->n; i++)
+        if (!securing->answers[i].done)
             return FALSE;
     return TRUE;
 }
 
-/* The classes keep deadlines of their own; this one is for a rig whose clock does not run. */
-static void await_answers(struct securing *securing) {
-    guint timer = g_timeout_add(SECURE_MS, on_too_late, securing);
-    while (!is_answered(securing) && !securing->too_late)
-        g_main_context_iteration(NULL, TRUE);
-    g_source_remove(timer);
-}
-
-static void deafen(struct devices *devices) {
+static void devices_unlisten(struct devices *devices) {
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         if (devices->lasers[i])
             laser_listen(devices->lasers[i], NULL, NULL);
@@ -469,10 +411,27 @@ static void deafen(struct devices *devices) {
         axis_listen(devices->turntable, NULL, NULL);
 }
 
-static gboolean collect_answers(struct securing *securing, GError **error) {
+gboolean devices_secure(struct devices *devices, GError **error) {
+    struct securing securing = {0};
     GError *collected = NULL;
-    struct answer *answer;
-    for (gsize i = 0; (answer = nth_answer(securing, i)); i++) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            secure_laser(devices->lasers[i], &securing);
+    for (int i = 0; i < devices->n_banks; i++)
+        secure_bank(devices->banks[i], &securing);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (is_first_sweep(devices, i))
+            secure_axis(devices->sweeps[i], &securing);
+    secure_axis(devices->arc, &securing);
+    secure_axis(devices->turntable, &securing);
+    /* The classes keep deadlines of their own; this one is for a rig whose clock does not run. */
+    guint timer = g_timeout_add(SECURE_MS, on_too_late, &securing);
+    while (!is_answered(&securing) && !securing.too_late)
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(timer);
+    devices_unlisten(devices);
+    for (int i = 0; i < securing.n; i++) {
+        struct answer *answer = &securing.answers[i];
         if (!answer->done)
             device_error_set(&answer->error, DEVICE_ERROR_TIMEOUT, NULL,
                              "a device has not answered within %d s", SECURE_MS / 1000);
@@ -481,24 +440,4 @@ static gboolean collect_answers(struct securing *securing, GError **error) {
     if (collected)
         g_propagate_error(error, collected);
     return collected == NULL;
-}
-
-gboolean devices_secure(struct devices *devices, GError **error) {
-    struct securing securing = {0};
-    struct answer *answer;
-    for (gsize i = 0; (answer = nth_answer(&securing, i)); i++)
-        answer->done = TRUE; /* devices that exist reset this below */
-    for (int i = 0; i < devices->geometry.n_lasers; i++)
-        if (rig_laser_unit(&devices->timing, i) == i)
-            secure_laser(devices->lasers[i], &securing.lasers[i]);
-    for (int i = 0; i < devices->n_banks; i++)
-        secure_bank(devices->banks[i], &securing.banks[i]);
-    for (int i = 0; i < devices->geometry.n_lasers; i++)
-        if (is_first_sweep(devices, i))
-            secure_axis(devices->sweeps[i], &securing.axes[i]);
-    secure_axis(devices->arc, &securing.axes[RIG_MAX_LASERS]);
-    secure_axis(devices->turntable, &securing.axes[RIG_MAX_LASERS + 1]);
-    await_answers(&securing);
-    deafen(devices);
-    return collect_answers(&securing, error);
 }

@@ -33,8 +33,8 @@ static const struct {
     {"interlock", (gconstpointer const *)interlock_drivers},
 };
 
-static gconstpointer devices_drivers_find(const struct config_section *section,
-                                          gconstpointer const *drivers, GError **error) {
+static gconstpointer devices_drivers_choose(const struct config_section *section,
+                                            gconstpointer const *drivers, GError **error) {
     const char *name = config_value(section, "driver", NULL);
     g_autoptr(GString) names = g_string_new(NULL);
 
@@ -54,44 +54,28 @@ static gconstpointer devices_drivers_find(const struct config_section *section,
     return NULL;
 }
 
-const struct axis_driver *drivers_axis(const struct config_section *section, GError **error) {
-    return devices_drivers_find(section, (gconstpointer const *)axis_drivers, error);
-}
-
-const struct lamps_driver *drivers_lamps(const struct config_section *section, GError **error) {
-    return devices_drivers_find(section, (gconstpointer const *)lamps_drivers, error);
-}
-
-const struct camera_driver *drivers_camera(const struct config_section *section, GError **error) {
-    return devices_drivers_find(section, (gconstpointer const *)camera_drivers, error);
-}
-
-const struct laser_driver *drivers_laser(const struct config_section *section, GError **error) {
-    return devices_drivers_find(section, (gconstpointer const *)laser_drivers, error);
-}
-
-const struct interlock_driver *drivers_interlock(const struct config_section *section,
-                                                 GError **error) {
-    return devices_drivers_find(section, (gconstpointer const *)interlock_drivers, error);
-}
-
 const struct driver_info *drivers_by_name(const struct config_section *section) {
     const struct driver_info *info = NULL;
 
     for (gsize i = 0; i < G_N_ELEMENTS(classes) && !info; i++)
-        info = devices_drivers_find(section, classes[i].drivers, NULL);
+        info = devices_drivers_choose(section, classes[i].drivers, NULL);
     return info;
 }
 
-const struct driver_info *drivers_info(const struct config_section *section, GError **error) {
+gconstpointer drivers_find(const struct config_section *section, GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(classes); i++)
         if (g_str_equal(classes[i].class_name, section->class_name))
-            return devices_drivers_find(section, classes[i].drivers, error);
+            return devices_drivers_choose(section, classes[i].drivers, error);
     g_return_val_if_reached(NULL);
 }
 
-static void describe_json(const char *class_name, const char *name, const char *help,
-                          const struct option *options, GString *to) {
+static void devices_drivers_describe(const char *class_name, const char *name, const char *help,
+                                     const struct option *options, gboolean json, GString *to) {
+    if (!json) {
+        g_string_append_printf(to, "%s%s (%s): %s\n", to->len ? "\n" : "", name, class_name, help);
+        options_describe(options, to);
+        return;
+    }
     g_string_append(to, to->len > 1 ? ",{\"class\":" : "{\"class\":");
     json_append_string(to, class_name);
     g_string_append(to, ",\"name\":");
@@ -103,18 +87,8 @@ static void describe_json(const char *class_name, const char *name, const char *
     g_string_append_c(to, '}');
 }
 
-static void devices_drivers_describe(const char *class_name, const char *name, const char *help,
-                                     const struct option *options, gboolean json, GString *to) {
-    if (json) {
-        describe_json(class_name, name, help, options, to);
-        return;
-    }
-    g_string_append_printf(to, "%s%s (%s): %s\n", to->len ? "\n" : "", name, class_name, help);
-    options_describe(options, to);
-}
-
-/* What sections of the rig file say beside, or without, a driver. */
-static void describe_sections(const char *name, gboolean json, GString *to) {
+char *devices_describe_drivers(const char *name, gboolean json) {
+    /* What sections of the rig file say beside, or without, a driver. */
     static const char *const sections[][2] = {
         {"rig", "The rig as a whole, in its section [rig]"},
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
@@ -122,14 +96,6 @@ static void describe_sections(const char *name, gboolean json, GString *to) {
         {"laser", "A laser's place, in its section [laser NAME] beside its driver's options"},
         {"mark", "A white mark on the turntable beside the sample, in a section [mark NAME]"},
     };
-
-    for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)
-        if (!name || g_str_equal(name, sections[i][0]))
-            devices_drivers_describe("section", sections[i][0], sections[i][1],
-                                     layout_options(sections[i][0]), json, to);
-}
-
-char *devices_describe_drivers(const char *name, gboolean json) {
     GString *text = g_string_new(json ? "[" : NULL);
     gsize empty = text->len;
 
@@ -140,7 +106,10 @@ char *devices_describe_drivers(const char *name, gboolean json) {
                 devices_drivers_describe(info->class_name, info->name, info->help, info->options,
                                          json, text);
         }
-    describe_sections(name, json, text);
+    for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)
+        if (!name || g_str_equal(name, sections[i][0]))
+            devices_drivers_describe("section", sections[i][0], sections[i][1],
+                                     layout_options(sections[i][0]), json, text);
     if (text->len == empty) {
         g_string_free(text, TRUE);
         return NULL;

@@ -154,7 +154,7 @@ const char **layout_keys(const char *class_name) {
 /* Checks the driver's options without opening it, and reads the rig's own from the same section. */
 static gboolean devices_layout_read_device(const struct config_section *section,
                                            struct place_fields *place, GError **error) {
-    const struct driver_info *info = drivers_info(section, error);
+    const struct driver_info *info = drivers_find(section, error);
     const struct option *options = layout_options(section->class_name);
 
     if (!info)
@@ -331,23 +331,6 @@ static gboolean wire_mount(struct layout *layout, int i, const char *name, GErro
     return FALSE;
 }
 
-static gboolean read_mount(struct layout *layout, int i, struct place_fields *p, GError **error) {
-    return options_parse(mount_options, layout->lasers[i], NULL, p, error) &&
-           wire_mount(layout, i, p->mount_of, error);
-}
-
-static gboolean read_unit(struct layout *layout, int i, struct place_fields *p, GError **error) {
-    layout->unit[i] = i;
-    return devices_layout_read_device(layout->lasers[i], p, error) &&
-           wire_laser(layout, i, p->sweep, error);
-}
-
-static void place_laser(struct rig_laser *laser, const struct place_fields *place) {
-    laser->position_mm = devices_layout_position(place);
-    laser->axis = vec3(0, 1, 0);
-    laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
-}
-
 static gboolean read_laser(struct layout *layout, const struct config_section *section,
                            GError **error) {
     struct rig *rig = &layout->geometry;
@@ -358,10 +341,18 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
         !devices_layout_take_name(section, rig->lasers[i].name, error))
         return FALSE;
     layout->lasers[i] = section;
-    gboolean is_mount = config_value(section, "mount_of", NULL) != NULL;
-    gboolean ok = is_mount ? read_mount(layout, i, &p, error) : read_unit(layout, i, &p, error);
-    if (ok)
-        place_laser(&rig->lasers[i], &p);
+    layout->unit[i] = i;
+    gboolean ok = config_value(section, "mount_of", NULL)
+                      ? options_parse(mount_options, section, NULL, &p, error) &&
+                            wire_mount(layout, i, p.mount_of, error)
+                      : devices_layout_read_device(section, &p, error) &&
+                            wire_laser(layout, i, p.sweep, error);
+    struct rig_laser *laser = &rig->lasers[i];
+    if (ok) {
+        laser->position_mm = devices_layout_position(&p);
+        laser->axis = vec3(0, 1, 0);
+        laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
+    }
     options_clear(laser_options, &p);
     return ok;
 }
@@ -445,58 +436,55 @@ static gboolean check_class(const struct config_section *section, GError **error
     return FALSE;
 }
 
-static gboolean missing(const struct layout *layout, const char *what, GError **error) {
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-                "%s: there is no section %s; a rig needs [axis turntable], [axis arc], cameras, "
-                "and lamps or lasers",
-                config_path(layout->config), what);
-    return FALSE;
-}
-
 /* Axes that nothing uses are misspelt ones. */
-static gboolean check_axis(const struct layout *layout, const struct config_section *section,
-                           GError **error) {
-    if (!g_str_equal(section->class_name, "axis") || section == layout->turntable ||
-        section == layout->arc)
-        return TRUE;
+static gboolean devices_layout_uses(const struct layout *layout,
+                                    const struct config_section *axis) {
     for (int i = 0; i < layout->geometry.n_lasers; i++)
-        if (layout->sweeps[i] == section)
+        if (layout->sweeps[i] == axis)
             return TRUE;
-    config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                     "nothing uses this axis: it is neither turntable nor arc, and no laser names "
-                     "it as its sweep");
-    return FALSE;
-}
-
-/* Virtual time would run away from a real device. */
-static gboolean check_clock(const struct layout *layout, const struct config_section *section,
-                            GError **error) {
-    const char *driver = config_value(section, "driver", NULL);
-
-    if (!layout->virtual_clock || !driver || g_str_has_prefix(driver, "sim-"))
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
-                     "%s is a real device and cannot keep virtual time; write clock = real in "
-                     "[rig]",
-                     driver);
-    return FALSE;
+    return axis == layout->turntable || axis == layout->arc;
 }
 
 static gboolean check_whole(const struct layout *layout, GError **error) {
+    const struct rig *rig = &layout->geometry;
+    const struct {
+        gboolean there;
+        const char *what;
+    } needed[] = {
+        {layout->turntable != NULL, "[axis turntable]"},
+        {layout->arc != NULL, "[axis arc]"},
+        {rig->n_cameras > 0, "[camera NAME]"},
+        {rig->n_lamps + rig->n_lasers > 0, "[lamp NAME] or [laser NAME]"},
+    };
     gsize n;
     const struct config_section *sections = config_sections(layout->config, &n);
 
-    for (gsize i = 0; i < n; i++)
-        if (!check_axis(layout, &sections[i], error) || !check_clock(layout, &sections[i], error))
+    for (gsize i = 0; i < n; i++) {
+        const struct config_section *section = &sections[i];
+        const char *driver = config_value(section, "driver", NULL);
+        if (g_str_equal(section->class_name, "axis") && !devices_layout_uses(layout, section)) {
+            config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
+                             "nothing uses this axis: it is neither turntable nor arc, and no "
+                             "laser names it as its sweep");
             return FALSE;
-    if (!layout->turntable)
-        return missing(layout, "[axis turntable]", error);
-    if (!layout->arc)
-        return missing(layout, "[axis arc]", error);
-    if (layout->geometry.n_cameras == 0)
-        return missing(layout, "[camera NAME]", error);
-    if (layout->geometry.n_lamps + layout->geometry.n_lasers == 0)
-        return missing(layout, "[lamp NAME] or [laser NAME]", error);
+        }
+        /* Virtual time would run away from a real device. */
+        if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-")) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
+                             "%s is a real device and cannot keep virtual time; write clock = real "
+                             "in [rig]",
+                             driver);
+            return FALSE;
+        }
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(needed); i++)
+        if (!needed[i].there) {
+            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                        "%s: there is no section %s; a rig needs [axis turntable], [axis arc], "
+                        "cameras, and lamps or lasers",
+                        config_path(layout->config), needed[i].what);
+            return FALSE;
+        }
     return TRUE;
 }
 
@@ -513,7 +501,7 @@ static gboolean each_section(struct layout *layout, SectionFunc func, GError **e
     return TRUE;
 }
 
-static gboolean take_config(struct layout *layout, Config *config, GError **error) {
+gboolean layout_take(struct layout *layout, Config *config, GError **error) {
     memset(layout, 0, sizeof *layout);
     layout->config = config;
     if (layout->config && each_section(layout, take_section, error) &&
@@ -522,14 +510,6 @@ static gboolean take_config(struct layout *layout, Config *config, GError **erro
         return TRUE;
     layout_clear(layout);
     return FALSE;
-}
-
-gboolean layout_read(struct layout *layout, const char *path, GError **error) {
-    return take_config(layout, config_load(path, error), error);
-}
-
-gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error) {
-    return take_config(layout, config_parse(text, path, error), error);
 }
 
 void layout_clear(struct layout *layout) {

@@ -20,9 +20,9 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* Reads and checks everything that can be checked without a device; also drivers' own options. */
-gboolean layout_read(struct layout *layout, const char *path, GError **error);
-gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
+/* Checks everything that can be checked without a device; also drivers' own options. Takes
+ * ownership of config; NULL: the error is set already. */
+gboolean layout_take(struct layout *layout, Config *config, GError **error);
 void layout_clear(struct layout *layout);
 
 /* The keys that the rig reads in a section of a class beside the driver's, NULL-terminated; free
@@ -32,15 +32,8 @@ const char **layout_keys(const char *class_name);
 /* The table behind those keys, and that of [rig], [lamp] and [mark]; NULL if a class has none. */
 const struct option *layout_options(const char *class_name);
 
-/* Drivers by the driver key of a section; the error lists the existing drivers. */
-const struct axis_driver *drivers_axis(const struct config_section *section, GError **error);
-const struct lamps_driver *drivers_lamps(const struct config_section *section, GError **error);
-const struct camera_driver *drivers_camera(const struct config_section *section, GError **error);
-const struct laser_driver *drivers_laser(const struct config_section *section, GError **error);
-const struct interlock_driver *drivers_interlock(const struct config_section *section,
-                                                 GError **error);
+/* The driver that the driver key of a section names: a struct of the section's class, which begins
+ * with a struct driver_info. The error lists the existing drivers of that class. */
+gconstpointer drivers_find(const struct config_section *section, GError **error);
 /* Of any class, by that key alone; NULL if there is none of that name. */
 const struct driver_info *drivers_by_name(const struct config_section *section);
-
-/* Any of them. */
-const struct driver_info *drivers_info(const struct config_section *section, GError **error);

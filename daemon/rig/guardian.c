@@ -15,7 +15,7 @@
 #define END_MS     5000          /* time that a killed daemon gets to end */
 #define RESTART_US (10 * G_USEC_PER_SEC)
 
-enum word { BEAT = 'b', PAUSE = 'p', GOODBYE = 'q' };
+enum message { BEAT = 'b', PAUSE = 'p', GOODBYE = 'q' };
 
 struct Guardian {
     char *rig_path;
@@ -39,14 +39,14 @@ gboolean guardian_is_needed(const struct devices *devices) {
 }
 
 /* on_ended() reports a guardian that has ended, not this. */
-static void guardian_say(Guardian *guardian, enum word word) {
-    const char byte = (char)word;
+static void guardian_send(Guardian *guardian, enum message message) {
+    const char byte = (char)message;
     if (send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
-        g_debug("the guardian does not hear: %s", g_strerror(errno));
+        g_debug("cannot send to the guardian: %s", g_strerror(errno));
 }
 
 static gboolean on_beat(gpointer data) {
-    guardian_say(data, BEAT);
+    guardian_send(data, BEAT);
     return G_SOURCE_CONTINUE;
 }
 
@@ -72,7 +72,7 @@ static void on_ended(GPid pid, int status, gpointer data) {
     close(guardian->socket);
     guardian->socket = -1;
     g_warning("the guardian of %s has ended (status 0x%04x)%s", guardian->rig_path, (guint)status,
-              lasted ? "; it is started again"
+              lasted ? "; starting it again"
                      : ": if this program dies, nobody switches lasers and lamps off");
     if (lasted && !guardian_do_start(guardian, &error))
         g_warning("%s", error->message);
@@ -89,7 +89,7 @@ static gboolean guardian_do_start(Guardian *guardian, GError **error) {
 
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, fds) < 0) {
         g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(errno),
-                    "no guardian for %s: no pair of sockets: %s", guardian->rig_path,
+                    "no guardian for %s: cannot make a pair of sockets: %s", guardian->rig_path,
                     g_strerror(errno));
         return FALSE;
     }
@@ -122,7 +122,7 @@ Guardian *guardian_start(const char *rig_path, GError **error) {
 
 void guardian_set_busy(Guardian *guardian, gboolean busy) {
     if (guardian && guardian->socket >= 0)
-        guardian_say(guardian, busy ? PAUSE : BEAT);
+        guardian_send(guardian, busy ? PAUSE : BEAT);
 }
 
 static void guardian_on_gone(GPid pid, int status, gpointer unused) {
@@ -135,7 +135,7 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_clear_handle_id(&guardian->timer, g_source_remove);
     if (guardian->socket >= 0) {
         if (safe)
-            guardian_say(guardian, GOODBYE);
+            guardian_send(guardian, GOODBYE);
         close(guardian->socket);
     }
     if (guardian->watch) {
@@ -146,19 +146,19 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_free(guardian);
 }
 
-/* Heartbeats received from the daemon. */
+/* What the daemon has sent. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
 
-static enum news hear(gint64 *until_us) {
-    char words[64];
-    const ssize_t n = recv(STDIN_FILENO, words, sizeof words, MSG_DONTWAIT);
+static enum news guardian_receive(gint64 *until_us) {
+    char bytes[64];
+    const ssize_t n = recv(STDIN_FILENO, bytes, sizeof bytes, MSG_DONTWAIT);
 
     if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))
         return NEWS_DEAD;
     for (ssize_t i = 0; i < n; i++) {
-        if (words[i] == GOODBYE)
+        if (bytes[i] == GOODBYE)
             return NEWS_GOODBYE;
-        *until_us = words[i] == PAUSE ? G_MAXINT64 : g_get_monotonic_time() + HANG_US;
+        *until_us = bytes[i] == PAUSE ? G_MAXINT64 : g_get_monotonic_time() + HANG_US;
     }
     return NEWS_NONE;
 }
@@ -166,10 +166,10 @@ static enum news hear(gint64 *until_us) {
 static void kill_daemon(int daemon) {
     struct pollfd at = {.fd = daemon, .events = POLLIN};
 
-    g_printerr("mesorigd: guardian: the daemon has not been heard for %.1f s: it is killed\n",
+    g_printerr("mesorigd: guardian: no heartbeat from the daemon for %.1f s: killing it\n",
                HANG_US / 1e6);
     if (daemon < 0 || pidfd_send_signal(daemon, SIGKILL, NULL, 0) < 0)
-        g_printerr("mesorigd: guardian: the daemon cannot be killed: %s\n", g_strerror(errno));
+        g_printerr("mesorigd: guardian: cannot kill the daemon: %s\n", g_strerror(errno));
     else
         poll(&at, 1, END_MS);
 }
@@ -187,7 +187,7 @@ static gboolean watch_daemon(int daemon) {
         if (ready < 0 && errno != EINTR)
             return TRUE;
         if (ready > 0) {
-            const enum news news = at[0].revents ? hear(&until_us) : NEWS_DEAD;
+            const enum news news = at[0].revents ? guardian_receive(&until_us) : NEWS_DEAD;
             if (news != NEWS_NONE)
                 return news == NEWS_DEAD;
         }
@@ -208,7 +208,7 @@ int guardian_main(const char *rig_path) {
 
     if (!watch_daemon(daemon))
         return 0;
-    g_printerr("mesorigd: guardian: the daemon has left without a goodbye: %s is made safe\n",
+    g_printerr("mesorigd: guardian: the daemon has left without a goodbye: making %s safe\n",
                rig_path);
     if (!state) {
         g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);

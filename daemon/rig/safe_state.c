@@ -41,45 +41,16 @@ struct repaired { /* a section reduced to its valid keys */
 };
 
 /* Keys that neither identify the device nor determine how it is switched or stopped. */
-static const char *const harmless[] = {"warm_up_s",
-                                       "warm_up_ms",
-                                       "wraps",
-                                       "min_deg",
-                                       "max_deg",
-                                       "speed_deg_s",
-                                       "accel_deg_s2",
-                                       "backlash_deg",
-                                       "settle_ms",
-                                       "home_deg",
-                                       "steps_per_deg",
-                                       "tolerance_deg",
-                                       "target_register",
-                                       "target_bits",
-                                       "speed_register",
-                                       "speed_bits",
-                                       "speed_scale",
-                                       "accel_register",
-                                       "accel_bits",
-                                       "accel_scale",
-                                       "start",
-                                       "home",
-                                       "homing",
-                                       "clear",
-                                       "watchdog",
-                                       "watchdog_ms",
-                                       "poll_ms",
-                                       "start_ms",
-                                       "stall_ms",
-                                       "lost_ms",
-                                       "homed_bit",
-                                       "fault_bit",
-                                       "limit_bit",
-                                       "verify",
-                                       "watchdog_register",
-                                       "watchdog_after_s",
-                                       "watchdog_scale",
-                                       "pulse_coil",
-                                       NULL};
+static const char *const harmless[] = {
+    /* motion and waiting */
+    "warm_up_s", "warm_up_ms", "wraps", "min_deg", "max_deg", "speed_deg_s", "accel_deg_s2",
+    "backlash_deg", "settle_ms", "home_deg", "steps_per_deg", "tolerance_deg", "target_register",
+    "target_bits", "speed_register", "speed_bits", "speed_scale", "accel_register", "accel_bits",
+    "accel_scale", "start", "home", "homing", "clear", "poll_ms", "start_ms", "stall_ms", "lost_ms",
+    "homed_bit", "fault_bit", "limit_bit", "verify",
+    /* watchdogs */
+    "watchdog", "watchdog_ms", "watchdog_register", "watchdog_after_s", "watchdog_scale",
+    "pulse_coil", NULL};
 
 /* Keys of the line: with a wrong one the device does not answer, and counts as not off. */
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
@@ -90,10 +61,6 @@ static void safe_state_job_free(gpointer data) {
     g_free(job->name);
     g_free(job->line);
     g_free(job);
-}
-
-static gboolean is_class(const char *name, const char *const *classes) {
-    return g_strv_contains(classes, name);
 }
 
 static const char *const device_classes[] = {"laser", "lamps", "axis", NULL};
@@ -112,20 +79,11 @@ static gboolean is_job(const struct config_section *section, const struct driver
     static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
 
     if (info)
-        return is_class(info->class_name, device_classes);
+        return g_strv_contains(device_classes, info->class_name);
     if (config_value(section, "mount_of", NULL))
         return FALSE;
-    return is_class(section->class_name, device_classes) ||
-           (!is_class(section->class_name, others) && *config_keys(section));
-}
-
-static char *line_of(const struct config_section *section) {
-    const char *bus = config_value(section, "bus", NULL);
-    const char *serial = config_value(section, "serial", NULL);
-    const char *path = config_value(section, "path", NULL);
-
-    return bus ? g_strdup(bus)
-               : g_strdup_printf("usb %s %s", serial ? serial : "", path ? path : "");
+    return g_strv_contains(device_classes, section->class_name) ||
+           (!g_strv_contains(others, section->class_name) && *config_keys(section));
 }
 
 static void add_job(SafeState *state, const struct config_section *section) {
@@ -133,11 +91,15 @@ static void add_job(SafeState *state, const struct config_section *section) {
 
     if (!is_job(section, info))
         return;
+    const char *bus = config_value(section, "bus", NULL);
+    const char *serial = config_value(section, "serial", NULL);
+    const char *path = config_value(section, "path", NULL);
     struct job *job = g_new0(struct job, 1);
     job->section = section;
     job->info = info;
     job->name = g_strconcat(class_of(job), section->name ? " " : "", section->name, NULL);
-    job->line = line_of(section);
+    job->line =
+        bus ? g_strdup(bus) : g_strdup_printf("usb %s %s", serial ? serial : "", path ? path : "");
     g_ptr_array_add(state->jobs, job);
 }
 
@@ -230,8 +192,8 @@ static gboolean safe_state_is_wanted(const char *key, gboolean quick) {
     return !g_strv_contains(unwanted, key) && !(quick && strcmp(key, "retries") == 0);
 }
 
-static void mend_keys(const struct job *job, gboolean quick, const char *const *also,
-                      struct repaired *repaired) {
+static void safe_state_repair_keys(const struct job *job, gboolean quick, const char *const *also,
+                                   struct repaired *repaired) {
     int at = 1;
     g_autofree char *heading = g_strdup_printf("[%s]", job->section->group);
 
@@ -254,17 +216,12 @@ static void mend_keys(const struct job *job, gboolean quick, const char *const *
     }
 }
 
-static gboolean has_option(const struct driver_info *info, const char *key) {
-    for (const struct option *option = info->options; option && option->name; option++)
-        if (strcmp(option->name, key) == 0)
-            return TRUE;
-    return FALSE;
-}
-
 /* Adds keys without a default that do not matter here, but that the driver requires. */
 static void safe_state_add_missing(const struct job *job, const char *const *also, gboolean quick,
                                    struct repaired *repaired) {
     for (const struct option *option = job->info->options; option && option->name; option++) {
+        if (quick && strcmp(option->name, "retries") == 0)
+            g_string_append(repaired->text, "\nretries = 0");
         const gboolean list = option->type == OPTION_STRINGS;
         const char *value = config_value(job->section, option->name, NULL);
         if (option->fallback || !g_strv_contains(harmless, option->name) ||
@@ -274,16 +231,14 @@ static void safe_state_add_missing(const struct job *job, const char *const *als
         const double one = option->min == option->max ? 1 : CLAMP(1, option->min, option->max);
         g_string_append_printf(repaired->text, "\n%s = %s%d", option->name, list ? "0=" : "",
                                (int)ceil(one));
+        g_autofree char *note = g_strconcat(option->name, " is missing", NULL);
         if (!value)
-            g_string_append_printf(repaired->notes, "%s%s is missing",
-                                   repaired->notes->len ? "; " : "", option->name);
+            add_words(repaired->notes, note);
     }
-    if (quick && has_option(job->info, "retries"))
-        g_string_append(repaired->text, "\nretries = 0");
 }
 
 /* quick: try once only, while other devices wait for their turn. */
-static void mend_section(const struct job *job, gboolean quick, struct repaired *ret) {
+static void safe_state_repair(const struct job *job, gboolean quick, struct repaired *ret) {
     g_autofree const char **layout = layout_keys("laser");
     g_autoptr(GPtrArray) also = g_ptr_array_new();
 
@@ -292,15 +247,9 @@ static void mend_section(const struct job *job, gboolean quick, struct repaired 
         g_ptr_array_add(also, (gpointer)*key);
     g_ptr_array_add(also, NULL);
     note_problems(job, ret);
-    mend_keys(job, quick, (const char *const *)also->pdata, ret);
+    safe_state_repair_keys(job, quick, (const char *const *)also->pdata, ret);
     safe_state_add_missing(job, (const char *const *)also->pdata, quick, ret);
     g_string_append_printf(ret->text, "\n");
-}
-
-static void mended_clear(struct repaired *repaired) {
-    g_string_free(repaired->text, TRUE);
-    g_string_free(repaired->notes, TRUE);
-    g_string_free(repaired->doubts, TRUE);
 }
 
 /* Opens the device as a rig of one device. */
@@ -337,8 +286,7 @@ static gboolean secure_section(const struct job *job, const char *text, GError *
     return safe;
 }
 
-static void set_result(struct result *result, gboolean safe, const struct job *job,
-                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+G_GNUC_PRINTF(4, 5)
 static void set_result(struct result *result, gboolean safe, const struct job *job,
                        const char *format, ...) {
     va_list args;
@@ -351,25 +299,21 @@ static void set_result(struct result *result, gboolean safe, const struct job *j
                safe ? "" : "NOT safe: ", words);
 }
 
-static void no_driver(const struct job *job, GError **error) {
-    if (is_class(job->section->class_name, device_classes))
-        drivers_info(job->section, error);
-    else
-        config_set_error(error, CONFIG_ERROR_UNKNOWN, job->section, NULL,
-                         "there is no such section, and its driver is not known");
-}
-
 /* FALSE: to be tried again. */
 static gboolean try_job(const struct job *job, gboolean quick, struct result *result) {
     g_autoptr(GError) error = NULL;
     struct repaired repaired;
 
     if (!job->info) {
-        no_driver(job, &error);
+        if (g_strv_contains(device_classes, job->section->class_name))
+            drivers_find(job->section, &error);
+        else
+            config_set_error(&error, CONFIG_ERROR_UNKNOWN, job->section, NULL,
+                             "there is no such section, and its driver is not known");
         set_result(result, FALSE, job, "%s", error->message);
         return TRUE;
     }
-    mend_section(job, quick, &repaired);
+    safe_state_repair(job, quick, &repaired);
     const char *done = is_axis(job) ? "stands" : "off";
     const char *notes = repaired.notes->str;
     const gboolean safe = secure_section(job, repaired.text->str, &error);
@@ -382,13 +326,10 @@ static gboolean try_job(const struct job *job, gboolean quick, struct result *re
                    repaired.doubts->str, *notes ? "; " : "", notes);
     else
         set_result(result, TRUE, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
-    mended_clear(&repaired);
+    g_string_free(repaired.text, TRUE);
+    g_string_free(repaired.notes, TRUE);
+    g_string_free(repaired.doubts, TRUE);
     return safe || error->domain != DEVICE_ERROR;
-}
-
-static void send_result(int fd, const struct result *result) {
-    if (write(fd, result, sizeof *result) != sizeof *result)
-        g_printerr("mesorigd: %s\n", result->text);
 }
 
 /* One line's devices, in a process of its own. */
@@ -408,41 +349,28 @@ static void work_line(const SafeState *state, const char *line, int fd) {
             if (done[i] || strcmp(job->line, line) != 0)
                 continue;
             done[i] = try_job(job, pass == 0, &result) || late;
-            if (done[i])
-                send_result(fd, &result);
+            if (done[i] && write(fd, &result, sizeof result) != sizeof result)
+                g_printerr("mesorigd: %s\n", result.text);
             again |= !done[i];
         }
     }
 }
 
-static pid_t start_line(const SafeState *state, const char *line, const int *fds) {
-    const pid_t pid = fork();
-
-    if (pid != 0)
-        return pid;
-    close(fds[0]);
-    work_line(state, line, fds[1]);
-    _exit(0);
-}
-
-static gboolean is_first_of_line(const SafeState *state, guint i) {
-    const struct job *job = state->jobs->pdata[i];
-
-    for (guint k = 0; k < i; k++)
-        if (strcmp(((const struct job *)state->jobs->pdata[k])->line, job->line) == 0)
-            return FALSE;
-    return TRUE;
-}
-
 /* One process a line; if none can be had, it is done here. */
 static GArray *start_lines(const SafeState *state, const int *fds) {
     GArray *pids = g_array_new(FALSE, FALSE, sizeof(pid_t));
+    g_autoptr(GHashTable) lines = g_hash_table_new(g_str_hash, g_str_equal);
 
     for (guint i = 0; i < state->jobs->len; i++) {
         const struct job *job = state->jobs->pdata[i];
-        if (!is_first_of_line(state, i))
-            continue;
-        const pid_t pid = start_line(state, job->line, fds);
+        if (!g_hash_table_add(lines, job->line))
+            continue; /* the line has its process */
+        const pid_t pid = fork();
+        if (pid == 0) {
+            close(fds[0]);
+            work_line(state, job->line, fds[1]);
+            _exit(0);
+        }
         if (pid > 0)
             g_array_append_val(pids, pid);
         else
@@ -452,7 +380,7 @@ static GArray *start_lines(const SafeState *state, const int *fds) {
 }
 
 /* Collects the results of the lines' processes, until the last has ended. */
-static void hear_results(int fd, gboolean *heard, gboolean *ret_safe) {
+static void collect_results(int fd, gboolean *reported, gboolean *ret_safe) {
     const gint64 until = g_get_monotonic_time() + LIMIT_US;
     struct result result;
     ssize_t n = 1;
@@ -469,57 +397,47 @@ static void hear_results(int fd, gboolean *heard, gboolean *ret_safe) {
         if (n != sizeof result)
             continue;
         result.text[MAX_TEXT - 1] = '\0';
-        heard[result.job] = TRUE;
+        reported[result.job] = TRUE;
         *ret_safe &= result.safe;
         g_print("%s\n", result.text);
     }
 }
 
-static void end_lines(GArray *pids) {
-    for (guint i = 0; i < pids->len; i++) {
-        kill(g_array_index(pids, pid_t, i), SIGKILL);
-        waitpid(g_array_index(pids, pid_t, i), NULL, 0);
-    }
-    g_array_unref(pids);
-}
-
 static gboolean make_jobs(const SafeState *state) {
-    g_autofree gboolean *heard = g_new0(gboolean, state->jobs->len);
+    g_autofree gboolean *reported = g_new0(gboolean, state->jobs->len);
     gboolean safe = TRUE;
     int fds[2];
 
     if (pipe2(fds, O_CLOEXEC) < 0) {
-        g_print("NOT safe: no pipe: %s\n", g_strerror(errno));
+        g_print("NOT safe: cannot make a pipe: %s\n", g_strerror(errno));
         return FALSE;
     }
-    GArray *pids = start_lines(state, fds);
+    g_autoptr(GArray) pids = start_lines(state, fds);
     close(fds[1]);
-    hear_results(fds[0], heard, &safe);
-    end_lines(pids);
+    collect_results(fds[0], reported, &safe);
+    for (guint i = 0; i < pids->len; i++) {
+        kill(g_array_index(pids, pid_t, i), SIGKILL);
+        waitpid(g_array_index(pids, pid_t, i), NULL, 0);
+    }
     close(fds[0]);
     for (guint i = 0; i < state->jobs->len; i++) {
         const struct job *job = state->jobs->pdata[i];
-        if (heard[i])
+        if (reported[i])
             continue;
         safe = FALSE;
-        g_print("%s: NOT safe: its driver has crashed, or has not come to an end within %d s\n",
-                job->name, (int)(LIMIT_US / G_USEC_PER_SEC));
+        g_print("%s: NOT safe: its driver has crashed, or has not ended within %d s\n", job->name,
+                (int)(LIMIT_US / G_USEC_PER_SEC));
     }
     return safe;
 }
 
-/* Reports the problems of lines that belong to no device; those of devices are with their results.
- */
-static void report_problems(const SafeState *state) {
+gboolean safe_state_make(const SafeState *state) {
     gsize n;
     const struct config_problem *problems = config_problems(state->config, &n);
 
+    /* All lines that could not be read; those in a device's section are with its result, too. */
     for (gsize i = 0; i < n; i++)
         g_printerr("mesorigd: left out: %s\n", problems[i].message);
-}
-
-gboolean safe_state_make(const SafeState *state) {
-    report_problems(state);
     if (state->jobs->len == 0) {
         g_printerr("mesorigd: NOT safe: %s names no laser, no lamps and no axis\n",
                    config_path(state->config));

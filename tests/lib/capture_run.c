@@ -78,6 +78,12 @@ void run_start(struct run *run) {
     g_assert_no_error(error);
 }
 
+struct run *run_begin(const struct change *changes) {
+    struct run *run = run_new(changes);
+    run_start(run);
+    return run;
+}
+
 void run_resume(struct run *run) {
     g_autoptr(GError) error = NULL;
     struct capture_callbacks callbacks = callbacks_of(run);
@@ -159,6 +165,15 @@ GPtrArray *run_frames(const char *session_path) {
     return frames;
 }
 
+GPtrArray *run_shots(const char *session_path) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(session_path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    GPtrArray *shots = session_shots(session, &error);
+    g_assert_no_error(error);
+    return shots;
+}
+
 static void check_same_part(const char *path, const struct exr_part *a, const struct exr_part *b) {
     g_assert_cmpstr(a->name, ==, b->name);
     g_assert_cmpint(a->n_channels, ==, b->n_channels);
@@ -189,8 +204,7 @@ const char *run_undisturbed(void) {
     static char *path;
     if (path)
         return path;
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     run_to_end(run);
     path = g_build_filename(top, "undisturbed.session", NULL);
     g_assert_cmpint(g_rename(run->session, path), ==, 0);
@@ -212,13 +226,6 @@ void run_check_same(struct run *run) {
     }
 }
 
-static int bits_in(guint32 mask) {
-    int n = 0;
-    for (; mask; mask &= mask - 1)
-        n++;
-    return n;
-}
-
 void run_check_whole(const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(path, SESSION_CAPTURE, &error);
@@ -232,12 +239,20 @@ void run_check_whole(const char *path) {
         const struct session_shot *shot = shots->pdata[i];
         g_assert_cmpint(shot->state, !=, SHOT_PLANNED);
         if (shot->state == SHOT_DONE)
-            expected += bits_in(shot->cameras);
+            expected += __builtin_popcount(shot->cameras);
     }
     g_assert_cmpint(frames->len, ==, expected);
     g_autofree char *state = session_value(session, "state");
     g_assert_cmpstr(state, ==, "done");
 }
+
+void run_finish(struct run *run) {
+    run_to_end(run);
+    run_check_whole(run->session);
+    run_check_same(run);
+    run_free(run);
+}
+
 int run_tests(void) {
     top = g_dir_make_tmp("mesorig-capture-XXXXXX", NULL);
     int result = g_test_run();

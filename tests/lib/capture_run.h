@@ -29,6 +29,7 @@ void run_open_devices(struct run *run);
 void run_change_rig(struct run *run, const struct change *changes);
 
 void run_start(struct run *run);
+struct run *run_begin(const struct change *changes); /* both */
 void run_resume(struct run *run);
 void run_continue(struct run *run);
 struct capture_status run_status(struct run *run);
@@ -40,11 +41,14 @@ void run_pass_time(struct run *run, int seconds);
 
 /* All lamps and lasers are off, the axes stand. */
 void run_check_safe(struct run *run);
-/* Of struct session_frame, the caller's. */
+/* Of struct session_frame or session_shot, the caller's. */
 GPtrArray *run_frames(const char *session_path);
+GPtrArray *run_shots(const char *session_path);
 /* The path of a session that nothing happened to, made once. */
 const char *run_undisturbed(void);
 /* Every frame is there and is, to the bit, what it should be. */
 void run_check_same(struct run *run);
 /* The session is done, and every frame of a done shot is there. */
 void run_check_whole(const char *path);
+/* To the end, with both of these checks, and frees the run. */
+void run_finish(struct run *run);

@@ -1,6 +1,6 @@
 #include "long_session.h"
 
-char *long_session_write(const char *folder) {
+char *long_session_write(const char *folder, const char *rings) {
     char *path = g_build_filename(folder, "long.conf", NULL);
     g_autofree char *text = NULL;
     g_autoptr(GError) error = NULL;
@@ -8,7 +8,7 @@ char *long_session_write(const char *folder) {
     g_assert_no_error(error);
     g_auto(GStrv) parts = g_strsplit(text, "30:2; 60:2", -1);
     g_assert_cmpuint(g_strv_length(parts), ==, 3); /* views and lights */
-    g_autofree char *longer = g_strjoinv("30:16; 60:16", parts);
+    g_autofree char *longer = g_strjoinv(rings, parts);
     g_file_set_contents(path, longer, -1, &error);
     g_assert_no_error(error);
     return path;

@@ -3,4 +3,7 @@
 
 #include <glib.h>
 
-char *long_session_write(const char *folder);
+#define LONG_RINGS "30:16; 60:16"
+
+/* Its path, in the folder; g_free(). rings: of views and lights. */
+char *long_session_write(const char *folder, const char *rings);

@@ -63,6 +63,25 @@ GSubprocess *process_start(GSubprocessFlags flags, const char *log, const char *
     return process;
 }
 
+GArray *process_find(const char *file, const char *word) {
+    GArray *pids = g_array_new(FALSE, FALSE, sizeof(pid_t));
+    g_autoptr(GDir) proc = g_dir_open("/proc", 0, NULL);
+    for (const char *name; (name = g_dir_read_name(proc));) {
+        const pid_t pid = (pid_t)g_ascii_strtoll(name, NULL, 10);
+        g_autofree char *path = g_build_filename("/proc", name, file, NULL);
+        g_autofree char *text = NULL;
+        gsize length = 0;
+        if (pid == 0 || !g_file_get_contents(path, &text, &length, NULL))
+            continue;
+        const char *at = text;
+        while (at < text + length && strcmp(at, word) != 0)
+            at += strlen(at) + 1;
+        if (at < text + length)
+            g_array_append_val(pids, pid);
+    }
+    return pids;
+}
+
 void assert_has(const char *text, const char *words) {
     if (!text || !strstr(text, words))
         g_error("no “%s” in: %s", words, text);

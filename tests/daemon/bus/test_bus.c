@@ -82,7 +82,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->socket = g_build_filename(fixture->folder, "bus", NULL);
     fixture->address = g_strconcat("unix:path=", fixture->socket, NULL);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
-    fixture->session = long_session_write(fixture->folder);
+    fixture->session = long_session_write(fixture->folder, LONG_RINGS);
     fixture->bus = bus_new(fixture->address);
     fixture->server = bus_serve(fixture->bus, fixture->address, &error);
     bus_listen_client(fixture->bus, on_closed, fixture);
@@ -249,32 +249,21 @@ static void test_validate(struct fixture *fixture, gconstpointer data) {
     refused(fixture, "Start", start_parameters(SESSION, "here"), "BadPath", NULL);
 }
 
-/* The small rig's session with other views and lights. */
-static char *write_rings(struct fixture *fixture, const char *rings) {
-    char *path = g_build_filename(fixture->folder, "rings.conf", NULL);
-    g_autofree char *text = NULL;
-    g_assert_true(g_file_get_contents(SESSION, &text, NULL, NULL));
-    g_auto(GStrv) parts = g_strsplit(text, "30:2; 60:2", -1);
-    g_autofree char *changed = g_strjoinv(rings, parts);
-    g_assert_true(g_file_set_contents(path, changed, -1, NULL));
-    return path;
-}
-
 /* A session too large is refused at once, and by file and line; one that is planned for long is
  * given up when a limit is met, and the answer says which. */
 static void test_limits(struct fixture *fixture, gconstpointer data) {
-    g_autofree char *endless = write_rings(fixture, "30:510; 60:510");
+    g_autofree char *endless = long_session_write(fixture->folder, "30:510; 60:510");
     gboolean ok = TRUE;
     const char *text;
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
     g_autoptr(GVariant) wrong = ask(fixture, "Validate", g_variant_new("(ss)", endless, ""));
     g_variant_get(wrong, "(b&s@a{sv})", &ok, &text, NULL);
     g_assert_false(ok);
-    g_assert_nonnull(strstr(text, "rings.conf:"));
+    g_assert_nonnull(strstr(text, "long.conf:"));
     g_assert_nonnull(strstr(text, "at most 40000"));
     refused(fixture, "Start", start_parameters(endless, fixture->directory), "PlanSize", "poses");
 
-    g_autofree char *large = write_rings(fixture, "30:140; 60:140");
+    g_autofree char *large = long_session_write(fixture->folder, "30:140; 60:140");
     struct preparer_limits *limits = &fixture->bus->limits[PREPARER_CHECK];
     limits->wall_s = 1;
     refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "longer than the 1 s");
@@ -314,7 +303,7 @@ static void assert_cancelled(struct fixture *fixture, const char *words) {
 static void test_cancel(struct fixture *fixture, gconstpointer data) {
     static const char *const methods[] = {"SafeState", "Abort", "CloseRig"};
     static const char *const words[] = {"SafeState ended", "Abort ended", "closed meanwhile"};
-    g_autofree char *large = write_rings(fixture, "30:140; 60:140");
+    g_autofree char *large = long_session_write(fixture->folder, "30:140; 60:140");
     for (gsize i = 0; i < G_N_ELEMENTS(methods); i++) {
         if (i == 0)
             tell(fixture, "OpenRig", g_variant_new("(s)", RIG));

@@ -1,6 +1,7 @@
 /* SafeState is answered at once, whatever else clients ask of mesorigd: a program of its own, as
  * its clients see it. */
 #include "bus/bus.h"
+#include "lib/long_session.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 
@@ -199,11 +200,7 @@ static void test_others_served(struct fixture *fixture, gconstpointer data) {
 
 static void test_largest_plan(struct fixture *fixture, gconstpointer data) {
     double ms[ROUNDS];
-    g_autofree char *path = g_build_filename(fixture->folder, "large.conf", NULL), *text = NULL;
-    g_assert_true(g_file_get_contents(SOURCE_DIR "/tests/small/session.conf", &text, NULL, NULL));
-    g_auto(GStrv) parts = g_strsplit(text, "30:2; 60:2", -1);
-    g_autofree char *larger = g_strjoinv(PLAN_RINGS, parts);
-    g_assert_true(g_file_set_contents(path, larger, -1, NULL));
+    g_autofree char *path = long_session_write(fixture->folder, PLAN_RINGS);
     ask(fixture, "Validate", g_variant_new("(ss)", path, ""));
     for (int i = 0; i < ROUNDS; i++)
         ms[i] = safe_state_ms(fixture->operator);

@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/wait.h>
 
+#include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "session/session.h"
 
@@ -34,26 +35,12 @@ static GPid spawn(const char *const *argv, const char *mark) {
     return pid;
 }
 
-static gboolean carries_mark(const char *pid, const char *mark) {
-    g_autofree char *path = g_build_filename("/proc", pid, "environ", NULL);
-    g_autofree char *text = NULL;
-    gsize length = 0;
-    if (!g_ascii_isdigit(pid[0]) || !g_file_get_contents(path, &text, &length, NULL))
-        return FALSE;
-    g_autofree char *wanted = g_strconcat("MESORIG_TEST_MARK=", mark, NULL);
-    for (const char *at = text; at < text + length; at += strlen(at) + 1)
-        if (strcmp(at, wanted) == 0)
-            return TRUE;
-    return FALSE;
-}
-
 /* Client and daemon, whatever groups and sessions they have put themselves into. */
 static void kill_all(const char *mark) {
-    g_autoptr(GDir) proc = g_dir_open("/proc", 0, NULL);
-    const char *pid;
-    while ((pid = g_dir_read_name(proc)) != NULL)
-        if (carries_mark(pid, mark))
-            kill((pid_t)atoi(pid), SIGKILL);
+    g_autofree char *word = g_strconcat("MESORIG_TEST_MARK=", mark, NULL);
+    g_autoptr(GArray) pids = process_find("environ", word);
+    for (guint i = 0; i < pids->len; i++)
+        kill(g_array_index(pids, pid_t, i), SIGKILL);
 }
 
 /* Waits until it ends or a deadline; TRUE if it ended by itself, with success. */
@@ -93,22 +80,15 @@ static char *checksum(const char *session, const char *product) {
     return g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guint8 *)data, length);
 }
 
-static void process(const char *session, const char *mark) {
-    const char *const argv[] = {MESORIG, "process", session, NULL};
-    run_whole(argv, mark);
-}
-
-static int files_in(const char *session, const char *folder) {
-    g_autofree char *path = g_build_filename(session, folder, NULL);
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    int n = 0;
-    while (dir && g_dir_read_name(dir))
-        n++;
-    return n;
-}
-
 static int files_of(const char *session) {
-    return files_in(session, "frames") + files_in(session, "laser");
+    int n = 0;
+    for (int i = 0; i < 2; i++) {
+        g_autofree char *path = g_build_filename(session, i ? "laser" : "frames", NULL);
+        g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+        while (dir && g_dir_read_name(dir))
+            n++;
+    }
+    return n;
 }
 
 /* Shots that are done and that are still to be taken. */
@@ -179,13 +159,13 @@ static void test_kill(void) {
 
     const char *const capture[] = {MESORIG, "capture", RIG, SESSION, "-o", reference, NULL};
     run_whole(capture, "reference");
-    process(reference, "reference");
+    run_whole((const char *[]){MESORIG, "process", reference, NULL}, "reference");
 
     int kills = 0, amid = 0;
     for (int run = 0; kills < wanted; run++) {
         g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, run);
         kills += capture_with_kills(session, wanted - kills, random, &amid);
-        process(session, "process");
+        run_whole((const char *[]){MESORIG, "process", session, NULL}, "process");
         for (gsize i = 0; i < G_N_ELEMENTS(products); i++) {
             g_autofree char *expected = checksum(reference, products[i]);
             g_autofree char *found = checksum(session, products[i]);

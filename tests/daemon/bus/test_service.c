@@ -32,7 +32,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->folder = g_dir_make_tmp("mesorig-service-XXXXXX", NULL);
     fixture->address = g_strdup_printf("unix:path=%s/bus", fixture->folder);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
-    fixture->session = long_session_write(fixture->folder);
+    fixture->session = long_session_write(fixture->folder, LONG_RINGS);
     fixture->told = g_string_new("\n");
     g_snprintf(at.sun_path, sizeof(at.sun_path), "%s/notify", fixture->folder);
     fixture->notify_fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -67,7 +67,7 @@ static void start(struct fixture *fixture, const char *option) {
     g_assert_no_error(error);
 }
 
-static void hear(struct fixture *fixture) {
+static void collect(struct fixture *fixture) {
     char text[4096];
     ssize_t n;
     while ((n = recv(fixture->notify_fd, text, sizeof(text), 0)) > 0) {
@@ -85,7 +85,7 @@ static int count(struct fixture *fixture, const char *words) {
 
 static void wait_for(struct fixture *fixture, const char *words, int times) {
     const gint64 until = g_get_monotonic_time() + WAIT_US;
-    for (hear(fixture); count(fixture, words) < times; hear(fixture)) {
+    for (collect(fixture); count(fixture, words) < times; collect(fixture)) {
         if (g_get_monotonic_time() > until)
             g_error("never heard “%s”, but: %s", words, fixture->told->str);
         g_usleep(5000);
@@ -94,7 +94,7 @@ static void wait_for(struct fixture *fixture, const char *words, int times) {
 
 static int wait_for_end(struct fixture *fixture) {
     g_subprocess_wait(fixture->daemon, NULL, NULL);
-    hear(fixture);
+    collect(fixture);
     return g_subprocess_get_if_exited(fixture->daemon)
                ? g_subprocess_get_exit_status(fixture->daemon)
                : -1;
@@ -119,7 +119,7 @@ static void take_result(GObject *source, GAsyncResult *result, gpointer data) {
  * manager. */
 static GAsyncResult *wait_for_answer(struct fixture *fixture, GAsyncResult **result) {
     while (!*result) {
-        hear(fixture);
+        collect(fixture);
         if (!g_main_context_iteration(NULL, FALSE))
             g_usleep(5000);
     }
@@ -181,27 +181,13 @@ static void test_exit_with_client(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(wait_for_end(fixture), ==, 0);
 }
 
-/* How many processes have the session directory among their arguments, this test and the daemon not
- * among them. */
-static int followers(struct fixture *fixture) {
-    g_autoptr(GDir) proc = g_dir_open("/proc", 0, NULL);
-    const char *pid;
-    int n = 0;
-    while ((pid = g_dir_read_name(proc))) {
-        g_autofree char *path = g_build_filename("/proc", pid, "cmdline", NULL);
-        g_autofree char *text = NULL;
-        gsize length = 0;
-        if (!g_ascii_isdigit(pid[0]) || !g_file_get_contents(path, &text, &length, NULL))
-            continue;
-        for (const char *at = text; at < text + length; at += strlen(at) + 1)
-            n += strcmp(at, fixture->directory) == 0;
-    }
-    return n;
-}
-
-static void wait_for_followers(struct fixture *fixture, int wanted) {
+/* Until so many processes have the session directory among their arguments. */
+static void wait_for_followers(struct fixture *fixture, guint wanted) {
     const gint64 until = g_get_monotonic_time() + WAIT_US;
-    while (followers(fixture) != wanted) {
+    for (;;) {
+        g_autoptr(GArray) pids = process_find("cmdline", fixture->directory);
+        if (pids->len == wanted)
+            return;
         g_assert_cmpint(g_get_monotonic_time(), <, until);
         g_usleep(5000);
     }

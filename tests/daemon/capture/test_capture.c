@@ -51,23 +51,25 @@ static void test_whole(void) {
     run_free(run);
 }
 
+static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *relative = session_frame_path(shot, "cam30");
+    g_autofree char *file = g_build_filename(path, relative, NULL);
+    struct exr_part *part = exr_read_part(file, "radiance", &error);
+    g_assert_no_error(error);
+    return part;
+}
+
 /* The picture under each lamp is what the lamp's distance and angle say, within the sample's. */
 static void test_radiance(void) {
-    g_autofree char *path = NULL;
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(run_undisturbed(), SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
-    g_autoptr(GPtrArray) lights = session_lights(session, &error);
+    g_autoptr(GPtrArray) shots = run_shots(run_undisturbed());
     double mean[2] = {0};
     int n[2] = {0};
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
             continue;
-        g_autofree char *relative = session_frame_path(shot, "cam30");
-        g_autofree char *file = session_file(session, relative);
-        struct exr_part *part = exr_read_part(file, "radiance", &error);
-        g_assert_no_error(error);
+        struct exr_part *part = radiance_of(run_undisturbed(), shot);
         mean[shot->device] += exr_part_plane(part, "Y")[16 * 32 + 16];
         n[shot->device]++;
         exr_part_free(part);
@@ -98,9 +100,7 @@ static void test_pause(void) {
         run_check_safe(run);
     }
     run_continue(run);
-    run_to_end(run);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 static void test_abort(void) {
@@ -124,8 +124,7 @@ static void test_abort(void) {
 
 /* Killed at any moment: a new process finds what was committed and takes the rest. */
 static void test_resume(void) {
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     gint64 frames = g_test_rand_int_range(1, 20);
     while (run_until(run, frames) < CAPTURE_PAUSED) {
         for (int i = g_test_rand_int_range(0, 30); i > 0; i--)
@@ -149,8 +148,7 @@ static void test_resume(void) {
 
 /* A frame's file that is gone is taken again; a dark frame's that cannot be read, too. */
 static void test_lost_files(void) {
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     run_to_end(run);
     g_autoptr(GPtrArray) frames = run_frames(run->session);
     const struct session_frame *dark = frames->pdata[0], *last = frames->pdata[frames->len - 1];
@@ -161,10 +159,7 @@ static void test_lost_files(void) {
     g_assert_true(g_file_set_contents(spoilt, zeros, dark->bytes, NULL));
     run_resume(run);
     g_assert_cmpint(run_status(run).shots_done, ==, run_status(run).shots - 2);
-    run_to_end(run);
-    run_check_whole(run->session);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 static void test_locked(void) {
@@ -177,15 +172,12 @@ static void test_locked(void) {
     g_clear_error(&error);
     g_assert_null(capture_start(run->devices, &run->conf, run->session, NULL, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS);
-    run_to_end(run);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
 /* The same from another process. */
 static void test_locked_elsewhere(void) {
-    struct run *run = run_new(NULL);
-    run_start(run);
+    struct run *run = run_begin(NULL);
     run_until(run, 10);
     const char *const argv[] = {"/proc/self/exe", "--resume", run->directory, NULL};
     g_autofree char *out = NULL;
@@ -259,31 +251,39 @@ static void test_disk_full(void) {
     g_assert_nonnull(strstr(run_status(run).reason, "disk is full"));
     run_check_safe(run);
     run_continue(run);
-    run_to_end(run);
-    run_check_whole(run->session);
-    run_check_same(run);
-    run_free(run);
+    run_finish(run);
 }
 
-/* Frames of a sweep are kept on request; the frames' pixels are those the analysis is made of. */
-static void test_keep_laser_frames(void) {
-    struct run *run =
-        run_new((const struct change[]){{"[capture]", "keep_laser_frames = yes"}, {0}});
-    run_start(run);
-    run_to_end(run);
-    run_check_same(run);
+/* One frame of each sweep is among those that are kept on request, with this exposure. Returns how
+ * many sweeps there are. */
+static int check_laser_frames(struct run *run, const char *name, double exposure_us) {
     g_autoptr(GPtrArray) frames = run_frames(run->session);
+    g_autoptr(GError) error = NULL;
     int n = 0;
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = frames->pdata[i];
         if (!g_str_has_prefix(frame->path, "laser/"))
             continue;
         g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
-        g_autofree char *last = g_build_filename(run->session, stem, "0011.exr", NULL);
-        g_assert_true(g_file_test(last, G_FILE_TEST_EXISTS));
+        g_autofree char *file = g_build_filename(run->session, stem, name, NULL);
+        struct exr_part *part = exr_read_part(file, "frame", &error);
+        double us = 0;
+        g_assert_no_error(error);
+        g_assert_true(exr_get_double(part, "mesorig.exposure_us", &us, NULL));
+        g_assert_cmpfloat(us, ==, exposure_us);
+        exr_part_free(part);
         n++;
     }
-    g_assert_cmpint(n, >, 0);
+    return n;
+}
+
+/* Frames of a sweep are kept on request; the frames' pixels are those the analysis is made of. */
+static void test_keep_laser_frames(void) {
+    struct run *run =
+        run_begin((const struct change[]){{"[capture]", "keep_laser_frames = yes"}, {0}});
+    run_to_end(run);
+    run_check_same(run);
+    g_assert_cmpint(check_laser_frames(run, "0011.exr", 4000), >, 0);
     run_free(run);
 }
 
@@ -291,40 +291,12 @@ static void test_keep_laser_frames(void) {
 static void test_short_laser(void) {
     struct run *run = run_new((const struct change[]){
         {"[capture]", "keep_laser_frames = yes"}, {"[capture]", "laser_short_us = 250"}, {0}});
-    g_autoptr(GError) error = NULL;
     run_as_planned(run);
     g_clear_pointer(&run->capture, capture_free);
     run_check_whole(run->session);
-    g_autoptr(GPtrArray) frames = run_frames(run->session);
-    int n = 0;
-    for (guint i = 0; i < frames->len; i++) {
-        const struct session_frame *frame = frames->pdata[i];
-        if (!g_str_has_prefix(frame->path, "laser/"))
-            continue;
-        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
-        for (int k = 0; k < 2; k++) {
-            g_autofree char *file =
-                g_build_filename(run->session, stem, k ? "0011.exr" : "0011_short.exr", NULL);
-            struct exr_part *part = exr_read_part(file, "frame", &error);
-            double us = 0;
-            g_assert_no_error(error);
-            g_assert_true(exr_get_double(part, "mesorig.exposure_us", &us, NULL));
-            g_assert_cmpfloat(us, ==, k ? 4000 : 250);
-            exr_part_free(part);
-        }
-        n++;
-    }
-    g_assert_cmpint(n, >, 0);
+    g_assert_cmpint(check_laser_frames(run, "0011.exr", 4000), >, 0);
+    g_assert_cmpint(check_laser_frames(run, "0011_short.exr", 250), >, 0);
     run_free(run);
-}
-
-static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *relative = session_frame_path(shot, "cam30");
-    g_autofree char *file = g_build_filename(path, relative, NULL);
-    struct exr_part *part = exr_read_part(file, "radiance", &error);
-    g_assert_no_error(error);
-    return part;
 }
 
 /* How much more radiance the first picture shows. */
@@ -344,14 +316,12 @@ static double radiance_ratio(const char *a_path, const char *b_path,
 /* A bracket far too long: each picture is taken again with shorter exposures until it holds, and
  * says the same as one that was well exposed at once. */
 static void test_too_bright(void) {
-    struct run *run = run_new((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
-    run_start(run);
+    struct run *run =
+        run_begin((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "taken again at 25000 µs"));
     g_assert_null(strstr(run->told->str, "saturated in the shortest exposure"));
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
     int shorter = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
@@ -371,14 +341,11 @@ static void test_too_bright(void) {
 
 /* Where retaking is not wanted, the picture is kept, and told of. */
 static void test_saturated(void) {
-    struct run *run = run_new(
+    struct run *run = run_begin(
         (const struct change[]){{"[capture]", "exposures_us = 400000\nsaturated_pct = 100"}, {0}});
-    run_start(run);
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "saturated in the shortest exposure"));
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
     int noted = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
@@ -411,9 +378,7 @@ static double lacks_of_bent_camera(gboolean known) {
     run_open_devices(run);
     run_start(run);
     run_to_end(run);
-    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
-    g_autoptr(GPtrArray) shots = session_shots(session, &error);
-    g_assert_no_error(error);
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
     double lacks = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];

@@ -207,8 +207,7 @@ static void start_intake(struct bench *bench) {
     bench->intake = intake_new(&setup, &hooks);
 }
 
-static struct bench *bench_new(void) {
-    struct bench *bench = g_new0(struct bench, 1);
+static void set_up(struct bench *bench, gconstpointer data) {
     bench->devices.clock = clock_new_virtual();
     bench->devices.geometry.n_cameras = 1;
     bench->devices.geometry.n_lamps = 1;
@@ -230,17 +229,15 @@ static struct bench *bench_new(void) {
         g_mkdir(folder, 0777);
     }
     start_intake(bench);
-    return bench;
 }
 
-static void bench_free(struct bench *bench) {
+static void tear_down(struct bench *bench, gconstpointer data) {
     intake_free(bench->intake);
     clock_unref(bench->devices.clock);
     remove_tree(bench->directory);
     g_free(bench->directory);
     g_free(bench->path);
     g_free(bench->sha256);
-    g_free(bench);
 }
 
 static void give(struct bench *bench, const struct session_shot *shot, int sub, Frame *frame) {
@@ -332,8 +329,7 @@ static void check_lamp_file(struct bench *bench) {
     exr_part_free(part);
 }
 
-static void test_lamp(void) {
-    struct bench *bench = bench_new();
+static void test_lamp(struct bench *bench, gconstpointer data) {
     give_dark(bench);
     wait_for(bench, 1);
     struct exr_part *part = read_part(bench, "dark_4000_us");
@@ -344,12 +340,10 @@ static void test_lamp(void) {
     wait_for(bench, 2);
     check_lamp_file(bench);
     check_sha256(bench);
-    bench_free(bench);
 }
 
 /* With the dark level read back the next shot's file has the same bytes. */
-static void test_dark_again(void) {
-    struct bench *bench = bench_new();
+static void test_dark_again(struct bench *bench, gconstpointer data) {
     give_dark(bench);
     give_lamp(bench);
     wait_for(bench, 2);
@@ -369,7 +363,6 @@ static void test_dark_again(void) {
     bench->camera.format.width = SIDE + 1;
     g_assert_false(intake_load_dark(bench->intake, &dark_shot, 0, &error));
     g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
-    bench_free(bench);
 }
 
 /* Time at which the laser crosses pixel i, in frames; the pulse is a Gaussian of σ = 1.5 frames. */
@@ -390,8 +383,7 @@ static void give_sweep(struct bench *bench, double guard_dn) {
     give(bench, &sweep_shot, steps, flat_frame(guard_dn, 4000));
 }
 
-static void test_sweep(void) {
-    struct bench *bench = bench_new();
+static void test_sweep(struct bench *bench, gconstpointer data) {
     give_dark(bench);
     give_sweep(bench, BLACK + 20);
     wait_for(bench, 2);
@@ -411,13 +403,11 @@ static void test_sweep(void) {
     g_assert_true(exr_get_int(part, "sweep.steps", &steps, NULL));
     g_assert_cmpint(steps, ==, 20);
     exr_part_free(part);
-    bench_free(bench);
 }
 
 /* The same pulses five times too bright, and a second frame at each step, of a sixteenth: the short
  * one comes first. */
-static void test_short_sweep(void) {
-    struct bench *bench = bench_new();
+static void test_short_sweep(struct bench *bench, gconstpointer data) {
     bench->conf.laser_short_us = 250;
     bench->conf.keep_laser_frames = TRUE;
     const int n = shot_n_frames(&bench->conf, &sweep_shot);
@@ -453,21 +443,17 @@ static void test_short_sweep(void) {
     part = read_part(bench, "frame");
     check_double(part, "mesorig.exposure_us", 250);
     exr_part_free(part);
-    bench_free(bench);
 }
 
-static void test_laser_stays_on(void) {
-    struct bench *bench = bench_new();
+static void test_laser_stays_on(struct bench *bench, gconstpointer data) {
     give_dark(bench);
     give_sweep(bench, BLACK + 100);
     wait_for(bench, 2);
     g_assert_true(bench->laser_seen);
     g_assert_null(bench->path);
-    bench_free(bench);
 }
 
-static void test_keep_frames(void) {
-    struct bench *bench = bench_new();
+static void test_keep_frames(struct bench *bench, gconstpointer data) {
     bench->conf.keep_laser_frames = TRUE;
     give_sweep(bench, BLACK);
     wait_for(bench, 1);
@@ -477,12 +463,10 @@ static void test_keep_frames(void) {
     double d = (7 - crossing(11)) / 1.5;
     g_assert_cmpfloat(exr_part_plane(part, "Y")[11], ==, lround(BLACK + 2000 * exp(-d * d / 2)));
     exr_part_free(part);
-    bench_free(bench);
 }
 
 /* What was given before is forgotten, and a shot begun anew is not mixed up with it. */
-static void test_discard(void) {
-    struct bench *bench = bench_new();
+static void test_discard(struct bench *bench, gconstpointer data) {
     give_dark(bench);
     wait_for(bench, 1);
     give(bench, &lamp_shot, 0, flat_frame(3000, 1000));
@@ -495,13 +479,11 @@ static void test_discard(void) {
     give_sweep(bench, BLACK);
     wait_for(bench, 3);
     g_assert_nonnull(strstr(bench->path, "laser"));
-    bench_free(bench);
 }
 
 /* What is made of a sweep meanwhile does not let others pass, and a sweep that was not yet on disk
  * is forgotten like any other. */
-static void test_order(void) {
-    struct bench *bench = bench_new();
+static void test_order(struct bench *bench, gconstpointer data) {
     static const gint64 shots[] = {3, 2, 3, 3, 1};
     for (int round = 0; round < 3; round++) {
         give_sweep(bench, BLACK);
@@ -519,7 +501,6 @@ static void test_order(void) {
     give_lamp(bench);
     wait_for(bench, 16);
     check_lamp_file(bench);
-    bench_free(bench);
 }
 
 static void must_not_happen(gpointer data) {
@@ -527,8 +508,7 @@ static void must_not_happen(gpointer data) {
 }
 
 /* Four frames are too much: triggers wait and a virtual clock stands until they are worked on. */
-static void test_full(void) {
-    struct bench *bench = bench_new();
+static void test_full(struct bench *bench, gconstpointer data) {
     intake_free(bench->intake);
     bench->full_bytes = 4 * PIXELS * sizeof(guint16);
     start_intake(bench);
@@ -546,18 +526,15 @@ static void test_full(void) {
     }
     wait_for(bench, 1);
     g_assert_cmpint(filled, >, 0);
-    bench_free(bench);
 }
 
-static void test_unwritable(void) {
-    struct bench *bench = bench_new();
+static void test_unwritable(struct bench *bench, gconstpointer data) {
     g_autofree char *frames = g_build_filename(bench->directory, "frames", NULL);
     remove_tree(frames);
     give_dark(bench);
     while (bench->results < 1)
         g_main_context_iteration(NULL, TRUE);
     g_assert_true(bench->failed);
-    bench_free(bench);
 }
 
 int main(int argc, char **argv) {
@@ -568,15 +545,16 @@ int main(int argc, char **argv) {
     g_test_add_func("/radiance/saturation", test_saturation);
     g_test_add_func("/radiance/mean", test_mean);
     g_test_add_func("/thumbnail", test_thumbnail);
-    g_test_add_func("/intake/lamp", test_lamp);
-    g_test_add_func("/intake/dark-again", test_dark_again);
-    g_test_add_func("/intake/sweep", test_sweep);
-    g_test_add_func("/intake/sweep/short", test_short_sweep);
-    g_test_add_func("/intake/laser-stays-on", test_laser_stays_on);
-    g_test_add_func("/intake/keep-frames", test_keep_frames);
-    g_test_add_func("/intake/discard", test_discard);
-    g_test_add_func("/intake/order", test_order);
-    g_test_add_func("/intake/full", test_full);
-    g_test_add_func("/intake/unwritable", test_unwritable);
+#define ADD(path, func) g_test_add(path, struct bench, NULL, set_up, func, tear_down)
+    ADD("/intake/lamp", test_lamp);
+    ADD("/intake/dark-again", test_dark_again);
+    ADD("/intake/sweep", test_sweep);
+    ADD("/intake/sweep/short", test_short_sweep);
+    ADD("/intake/laser-stays-on", test_laser_stays_on);
+    ADD("/intake/keep-frames", test_keep_frames);
+    ADD("/intake/discard", test_discard);
+    ADD("/intake/order", test_order);
+    ADD("/intake/full", test_full);
+    ADD("/intake/unwritable", test_unwritable);
     return g_test_run();
 }

@@ -1,10 +1,9 @@
 /* A rig with one laser unit that somebody mounts at one place after the other: what its file may
  * say, what is planned, how the session asks, and that its pictures are those of a rig with a unit
  * at each place. */
-#include "capture/capture.h"
 #include "exr/exr.h"
+#include "lib/capture_run.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>
@@ -15,8 +14,6 @@
 #define SMALL   SOURCE_DIR "/tests/small/"
 #define DEMO    SOURCE_DIR "/etc/demo/"
 #define MESORIG BUILD_DIR "/bin/mesorig"
-
-static char *top;
 
 static char *read_text(const char *path) {
     char *text = NULL;
@@ -48,27 +45,18 @@ static void write_text(const char *directory, const char *name, const char *text
     g_assert_true(g_file_set_contents(path, text, -1, NULL));
 }
 
-/* A folder with the small rig, its two lasers one unit or not, and brighter. */
-static char *make_folder(const char *name, gboolean one_unit) {
-    char *directory = g_build_filename(top, name, NULL);
+/* The small rig with brighter lasers, which are one unit or not. */
+static struct run *mounts_new(gboolean one_unit) {
+    struct run *run = run_new(NULL);
     g_autofree char *two = read_text(SMALL "rig.conf");
     g_autofree char *one = with_mount(two, 60, "laser30");
     g_autofree char *dim = read_text(SMALL "world.conf");
     g_autofree char *world = replaced(dim, "width_mm = 6", "width_mm = 6\npower_w = 0.1");
-    g_autofree char *session = read_text(SMALL "session.conf");
-    g_assert_cmpint(g_mkdir(directory, 0777), ==, 0);
-    write_text(directory, "rig.conf", one_unit ? one : two);
-    write_text(directory, "world.conf", world);
-    write_text(directory, "session.conf", session);
-    return directory;
-}
-
-static struct devices *open_rig(const char *directory) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *path = g_build_filename(directory, "rig.conf", NULL);
-    struct devices *devices = devices_open(path, &error);
-    g_assert_no_error(error);
-    return devices;
+    write_text(run->directory, "rig.conf", one_unit ? one : two);
+    write_text(run->directory, "world.conf", world);
+    devices_close(run->devices);
+    run_open_devices(run);
+    return run;
 }
 
 static void spin(void) {
@@ -77,8 +65,8 @@ static void spin(void) {
 }
 
 static void test_rig_file(void) {
-    g_autofree char *directory = make_folder("rig", TRUE);
-    struct devices *devices = open_rig(directory);
+    struct run *run = mounts_new(TRUE);
+    struct devices *devices = run->devices;
     g_assert_cmpint(devices->geometry.n_lasers, ==, 2);
     g_assert_true(devices->lasers[0] == devices->lasers[1]);
     g_assert_true(devices->sweeps[0] == devices->sweeps[1]);
@@ -89,7 +77,7 @@ static void test_rig_file(void) {
     g_assert_cmpfloat_with_epsilon(theta_rad, G_PI / 3, 1e-9);
     g_assert_true(devices_make_safe(devices, NULL));
     spin();
-    devices_close(devices);
+    run_free(run);
     spin();
 }
 
@@ -108,13 +96,13 @@ static void test_bad_rig_files(void) {
          "itself a mount"},
         {"[laser laser60]", "[laser nowhere]", "\"nowhere\""},
     };
-    g_autofree char *directory = make_folder("bad", TRUE);
-    g_autofree char *path = g_build_filename(directory, "rig.conf", NULL);
+    struct run *run = mounts_new(TRUE);
+    g_autofree char *path = g_build_filename(run->directory, "rig.conf", NULL);
     g_autofree char *good = read_text(path);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autofree char *bad = replaced(good, cases[i].from, cases[i].to);
         g_autoptr(GError) error = NULL;
-        write_text(directory, "rig.conf", bad);
+        write_text(run->directory, "rig.conf", bad);
         g_assert_null(devices_open(path, &error));
         g_assert_nonnull(error);
         g_test_message("%s", error->message);
@@ -122,6 +110,7 @@ static void test_bad_rig_files(void) {
         g_assert_nonnull(strstr(error->message, cases[i].says));
         spin();
     }
+    run_free(run);
 }
 
 /* The demo's rig as it was read, and its lasers units and mounts in whatever way. */
@@ -174,14 +163,14 @@ static int check_blocks(const struct plan *plan, const struct rig_timing *timing
 
 /* All that a rig with five units takes is taken, and with one unit it takes little longer. */
 static void test_plan_demo(void) {
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
     demo_plan(&conf, &rig, &timing);
-    struct plan *five = build(&conf, &rig, &timing);
+    g_autoptr(Plan) five = build(&conf, &rig, &timing);
     g_assert_cmpint(five->n_mounts, ==, 0);
     timing.mounts[0] = 0x1e;
-    struct plan *one = build(&conf, &rig, &timing);
+    g_autoptr(Plan) one = build(&conf, &rig, &timing);
     g_assert_cmpint(check_blocks(one, &timing), ==, 5);
     g_assert_cmpint(one->session.n_shots, ==, five->session.n_shots);
     g_assert_cmpint(one->n_frames, ==, five->n_frames);
@@ -189,9 +178,6 @@ static void test_plan_demo(void) {
     g_test_message("one unit %.0f s, five %.0f s, lower bound %.0f s", one->predicted_s,
                    five->predicted_s, one->lower_bound_s);
     g_assert_cmpfloat(one->predicted_s, <, 1.15 * five->predicted_s);
-    plan_free(one);
-    plan_free(five);
-    session_conf_clear(&conf);
 }
 
 static void random_conf(GRand *rand, struct session_conf *conf) {
@@ -221,7 +207,7 @@ static void random_mounts(GRand *rand, struct rig_timing *timing) {
 
 static void test_plan_random(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(11);
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
     int most = 0;
@@ -229,136 +215,62 @@ static void test_plan_random(void) {
     for (int round = 0; round < 25; round++) {
         random_mounts(rand, &timing);
         random_conf(rand, &conf);
-        struct plan *plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
         most = MAX(most, check_blocks(plan, &timing));
-        plan_free(plan);
     }
     g_assert_cmpint(most, >, 2);
-    session_conf_clear(&conf);
 }
 
-struct run {
-    char *directory, *session;
-    struct devices *devices;
-    Capture *capture;
-    int n_asked;
-};
-
-static void on_event(Capture *capture, const char *level, const char *source, const char *message,
-                     gpointer data) {
-    ((struct run *)data)->n_asked += g_str_has_prefix(message, "mount laser unit");
-    if (g_str_equal(level, "error"))
-        g_error("%s: %s", source, message);
+/* How often an operator was asked for a mounting; nothing went wrong. */
+static int times_asked(struct run *run) {
+    int n = 0;
+    if (g_str_has_prefix(run->told->str, "error ") || strstr(run->told->str, "\nerror "))
+        g_error("%s", run->told->str);
+    for (const char *at = run->told->str; (at = strstr(at, ": mount laser unit")); at++)
+        n++;
+    return n;
 }
 
-static struct run *begin(const char *name, gboolean one_unit) {
-    struct run *run = g_new0(struct run, 1);
-    struct capture_callbacks callbacks = {.event = on_event, .data = run};
-    struct session_conf conf;
-    g_autoptr(GError) error = NULL;
-    run->directory = make_folder(name, one_unit);
-    run->session = g_build_filename(run->directory, "a.session", NULL);
-    run->devices = open_rig(run->directory);
-    g_autofree char *path = g_build_filename(run->directory, "session.conf", NULL);
-    g_assert_true(session_conf_load(&conf, path, &error));
-    run->capture = capture_start(run->devices, &conf, run->session, &callbacks, &error);
-    g_assert_no_error(error);
-    session_conf_clear(&conf);
+static struct run *begin(gboolean one_unit) {
+    struct run *run = mounts_new(one_unit);
+    run_start(run);
     return run;
-}
-
-static void run_free(struct run *run) {
-    capture_free(run->capture);
-    devices_close(run->devices);
-    spin();
-    g_free(run->directory);
-    g_free(run->session);
-    g_free(run);
 }
 
 /* As after a kill: everything is opened anew. */
 static void begin_again(struct run *run) {
-    struct capture_callbacks callbacks = {.event = on_event, .data = run};
-    g_autoptr(GError) error = NULL;
     g_clear_pointer(&run->capture, capture_free);
     devices_close(run->devices);
     spin();
-    run->devices = open_rig(run->directory);
-    run->capture = capture_resume(run->devices, run->session, &callbacks, &error);
-    g_assert_no_error(error);
+    run_open_devices(run);
+    run_resume(run);
 }
 
-static struct capture_status status_of(struct run *run) {
-    struct capture_status status;
-    capture_get_status(run->capture, &status);
-    return status;
+static void to_prompt(struct run *run, const char *prompt) {
+    run_to_pause(run, prompt);
+    g_assert_cmpstr(run_status(run).prompt, ==, prompt);
+    g_assert_cmpstr(run_status(run).reason, ==, prompt);
 }
 
-static gboolean too_late(gpointer data) {
-    g_error("nothing more happens");
-    return G_SOURCE_REMOVE;
-}
-
-static void run_until(struct run *run, enum capture_state state, gint64 frames) {
-    guint guard = g_timeout_add_seconds(120, too_late, NULL);
-    while (status_of(run).state < CAPTURE_PAUSED && (frames == 0 || status_of(run).frames < frames))
-        g_main_context_iteration(NULL, TRUE);
-    g_source_remove(guard);
-    if (frames == 0)
-        g_assert_cmpint(status_of(run).state, ==, state);
-}
-
-static void run_to_prompt(struct run *run, const char *prompt) {
-    run_until(run, CAPTURE_PAUSED, 0);
-    g_assert_cmpstr(status_of(run).prompt, ==, prompt);
-    g_assert_cmpstr(status_of(run).reason, ==, prompt);
-}
-
-static void run_to_end(struct run *run) {
-    run_until(run, CAPTURE_DONE, 0);
-    g_assert_null(status_of(run).prompt);
-}
-
-static void answer(struct run *run) {
-    g_autoptr(GError) error = NULL;
-    g_assert_true(capture_continue(run->capture, &error));
-    g_assert_no_error(error);
-}
-
-static void count_down(gpointer data) {
-    (*(int *)data)--;
+static void to_end(struct run *run) {
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
+    g_assert_null(run_status(run).prompt);
 }
 
 /* However long the operator takes, nothing happens. */
 static void check_safe(struct run *run) {
-    int left = 1;
-    double elapsed_s = status_of(run).elapsed_s;
-    clock_call_in(run->devices->clock, (gint64)3600 * G_USEC_PER_SEC, count_down, &left);
-    while (left > 0)
-        g_main_context_iteration(NULL, TRUE);
-    g_assert_cmpint(status_of(run).state, ==, CAPTURE_PAUSED);
-    g_assert_cmpfloat(status_of(run).elapsed_s, ==, elapsed_s);
-    for (int i = 0; i < 2; i++) {
-        g_assert_false(lamps_is_on(run->devices->banks[0], i));
-        g_assert_false(laser_is_on(run->devices->lasers[i]));
+    double elapsed_s = run_status(run).elapsed_s;
+    run_pass_time(run, 3600);
+    g_assert_cmpint(run_status(run).state, ==, CAPTURE_PAUSED);
+    g_assert_cmpfloat(run_status(run).elapsed_s, ==, elapsed_s);
+    run_check_safe(run);
+    for (int i = 0; i < 2; i++)
         g_assert_false(axis_is_moving(run->devices->sweeps[i]));
-    }
-    g_assert_false(axis_is_moving(run->devices->turntable));
-    g_assert_false(axis_is_moving(run->devices->arc));
-}
-
-static GPtrArray *shots_of(const char *path) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
-    g_assert_no_error(error);
-    GPtrArray *shots = session_shots(session, &error);
-    g_assert_no_error(error);
-    return shots;
 }
 
 /* How many sweeps from a laser's place are done; all of them if whole. */
 static int sweeps_done(const char *path, int laser, gboolean whole) {
-    g_autoptr(GPtrArray) shots = shots_of(path);
+    g_autoptr(GPtrArray) shots = run_shots(path);
     int n = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
@@ -411,7 +323,7 @@ static void check_same_shot(const char *a, const struct session_shot *of_a, cons
 }
 
 static void check_same_sweeps(const char *a, const char *b) {
-    g_autoptr(GPtrArray) of_a = shots_of(a), of_b = shots_of(b);
+    g_autoptr(GPtrArray) of_a = run_shots(a), of_b = run_shots(b);
     int n = 0, matched = 0;
     g_assert_cmpuint(of_a->len, ==, of_b->len);
     for (guint i = 0; i < of_a->len; i++) {
@@ -434,24 +346,24 @@ static void check_same_sweeps(const char *a, const char *b) {
 #define AT_60 "mount laser unit laser30 at 60° (laser60), then continue"
 
 static void test_capture(void) {
-    struct run *two = begin("two-units", FALSE), *one = begin("one-unit", TRUE);
-    run_to_end(two);
-    g_assert_cmpint(two->n_asked, ==, 0);
-    run_to_prompt(one, AT_30);
+    struct run *two = begin(FALSE), *one = begin(TRUE);
+    to_end(two);
+    g_assert_cmpint(times_asked(two), ==, 0);
+    to_prompt(one, AT_30);
     g_assert_false(axis_is_homed(one->devices->arc)); /* nothing has moved */
-    g_assert_cmpint(status_of(one).frames, ==, 0);
+    g_assert_cmpint(run_status(one).frames, ==, 0);
     check_safe(one);
-    answer(one);
-    g_assert_null(status_of(one).prompt);
-    run_to_prompt(one, AT_60);
+    run_continue(one);
+    g_assert_null(run_status(one).prompt);
+    to_prompt(one, AT_60);
     check_safe(one);
     g_assert_cmpint(sweeps_done(one->session, 0, TRUE), >, 0);
     g_assert_cmpint(sweeps_done(one->session, 1, FALSE), ==, 0);
     capture_pause(one->capture); /* it is paused already */
-    g_assert_cmpstr(status_of(one).prompt, ==, AT_60);
-    answer(one);
-    run_to_end(one);
-    g_assert_cmpint(one->n_asked, ==, 2);
+    g_assert_cmpstr(run_status(one).prompt, ==, AT_60);
+    run_continue(one);
+    to_end(one);
+    g_assert_cmpint(times_asked(one), ==, 2);
     g_assert_cmpint(sweeps_done(one->session, 1, TRUE), >, 0);
     check_same_sweeps(one->session, two->session);
     run_free(one);
@@ -461,37 +373,37 @@ static void test_capture(void) {
 /* A pause by the user is no answer and needs none; killed while it asks, it asks again; what was
  * answered it does not. */
 static void test_resume(void) {
-    struct run *run = begin("resume", TRUE);
-    run_to_prompt(run, AT_30);
+    struct run *run = begin(TRUE);
+    to_prompt(run, AT_30);
     begin_again(run);
-    run_to_prompt(run, AT_30);
-    answer(run);
-    run_until(run, CAPTURE_PAUSED, 10);
+    to_prompt(run, AT_30);
+    run_continue(run);
+    run_until(run, 10);
     capture_pause(run->capture);
-    run_until(run, CAPTURE_PAUSED, 0);
-    g_assert_null(status_of(run).prompt);
-    answer(run);
-    run_until(run, CAPTURE_PAUSED, 20);
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_PAUSED);
+    g_assert_null(run_status(run).prompt);
+    run_continue(run);
+    run_until(run, 20);
     begin_again(run);
-    run_to_prompt(run, AT_60);
-    int asked = run->n_asked;
+    to_prompt(run, AT_60);
+    int asked = times_asked(run);
     begin_again(run);
-    run_to_prompt(run, AT_60);
-    g_assert_cmpint(run->n_asked, ==, asked + 1);
+    to_prompt(run, AT_60);
+    g_assert_cmpint(times_asked(run), ==, asked + 1);
     capture_abort(run->capture);
-    g_assert_null(status_of(run).prompt);
+    g_assert_null(run_status(run).prompt);
     begin_again(run);
-    run_to_prompt(run, AT_60);
-    answer(run);
-    run_until(run, CAPTURE_PAUSED, 1);
+    to_prompt(run, AT_60);
+    run_continue(run);
+    run_until(run, 1);
     begin_again(run);
-    run_to_end(run);
-    g_assert_cmpint(run->n_asked, ==, asked + 2);
+    to_end(run);
+    g_assert_cmpint(times_asked(run), ==, asked + 2);
     run_free(run);
 }
 
 static void lose_sweeps(const char *path, int laser) {
-    g_autoptr(GPtrArray) shots = shots_of(path);
+    g_autoptr(GPtrArray) shots = run_shots(path);
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         if (shot->kind != SHOT_SWEEP || shot->device != laser)
@@ -504,22 +416,22 @@ static void lose_sweeps(const char *path, int laser) {
 
 /* What is lost is taken again from where the unit is before it is asked for elsewhere. */
 static void test_lost(void) {
-    struct run *run = begin("lost", TRUE);
-    run_to_prompt(run, AT_30);
-    answer(run);
-    run_to_prompt(run, AT_60);
-    answer(run);
-    run_to_end(run);
+    struct run *run = begin(TRUE);
+    to_prompt(run, AT_30);
+    run_continue(run);
+    to_prompt(run, AT_60);
+    run_continue(run);
+    to_end(run);
     lose_sweeps(run->session, 0);
     lose_sweeps(run->session, 1);
-    run->n_asked = 0;
+    g_string_truncate(run->told, 0);
     begin_again(run);
-    run_to_prompt(run, AT_30);
+    to_prompt(run, AT_30);
     g_assert_cmpint(sweeps_done(run->session, 0, FALSE), ==, 0);
     g_assert_cmpint(sweeps_done(run->session, 1, TRUE), >, 0);
-    answer(run);
-    run_to_end(run);
-    g_assert_cmpint(run->n_asked, ==, 1);
+    run_continue(run);
+    to_end(run);
+    g_assert_cmpint(times_asked(run), ==, 1);
     sweeps_done(run->session, 0, TRUE);
     run_free(run);
 }
@@ -531,27 +443,26 @@ static void tells(const char *const *argv, const char *words) {
 }
 
 static void test_cli(void) {
-    g_autofree char *directory = make_folder("cli", TRUE);
-    g_autofree char *rig = g_build_filename(directory, "rig.conf", NULL);
-    g_autofree char *session = g_build_filename(directory, "session.conf", NULL);
-    g_autofree char *output = g_build_filename(directory, "yes.session", NULL);
+    struct run *run = mounts_new(TRUE);
+    g_autofree char *rig = g_build_filename(run->directory, "rig.conf", NULL);
+    g_autofree char *session = g_build_filename(run->directory, "session.conf", NULL);
+    const char *output = run->session;
     tells((const char *[]){MESORIG, "plan", rig, session, NULL}, "laser mounts    2 by hand");
     tells((const char *[]){MESORIG, "plan", "--json", rig, session, NULL}, "\"mounts\": 2");
     tells((const char *[]){MESORIG, "drivers", "laser", NULL}, "mount_of");
     tells((const char *[]){MESORIG, "capture", "--yes", rig, session, "-o", output, NULL},
           "is mounted at 60° (laser60)");
     tells((const char *[]){MESORIG, "info", output, NULL}, "state      done");
-}
-
-static gboolean has_status(const char *session, const char *words) {
-    g_autofree char *out = NULL, *err = NULL;
-    process_run((const char *[]){MESORIG, "status", "--json", session, NULL}, &out, &err);
-    return strstr(out, words) != NULL;
+    run_free(run);
 }
 
 static void wait_for_status(const char *session, const char *words) {
     const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
-    while (!has_status(session, words)) {
+    for (;;) {
+        g_autofree char *out = NULL, *err = NULL;
+        process_run((const char *[]){MESORIG, "status", "--json", session, NULL}, &out, &err);
+        if (strstr(out, words))
+            return;
         g_assert_cmpint(g_get_monotonic_time(), <, until);
         g_usleep(50 * 1000);
     }
@@ -559,10 +470,10 @@ static void wait_for_status(const char *session, const char *words) {
 
 /* Asked in one terminal, killed there, asked again after a resume, and answered in another. */
 static void test_cli_continue(void) {
-    g_autofree char *directory = make_folder("continue", TRUE);
-    g_autofree char *rig = g_build_filename(directory, "rig.conf", NULL);
-    g_autofree char *conf = g_build_filename(directory, "session.conf", NULL);
-    g_autofree char *session = g_build_filename(directory, "a.session", NULL);
+    struct run *run = mounts_new(TRUE);
+    g_autofree char *rig = g_build_filename(run->directory, "rig.conf", NULL);
+    g_autofree char *conf = g_build_filename(run->directory, "session.conf", NULL);
+    const char *session = run->session;
     const char *const go_on[] = {MESORIG, "continue", session, NULL};
     g_autoptr(GError) error = NULL;
     g_autoptr(GSubprocess) killed =
@@ -577,11 +488,8 @@ static void test_cli_continue(void) {
     g_subprocess_wait(killed, NULL, NULL);
 
     g_autofree char *out = NULL;
-    g_autoptr(GSubprocess) resumed = NULL;
-    const gint64 until = g_get_monotonic_time() + 30 * G_USEC_PER_SEC;
-    while (!has_status(session, "\"kind\": \"session\"")) /* the daemon ends with its client */
-        g_assert_cmpint(g_get_monotonic_time(), <, until);
-    resumed =
+    wait_for_status(session, "\"kind\": \"session\""); /* the daemon ends with its client */
+    g_autoptr(GSubprocess) resumed =
         g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE, &error, MESORIG, "resume", session, NULL);
     g_assert_no_error(error);
     wait_for_status(session, "\"prompt\": \"" AT_60 "\"");
@@ -591,6 +499,7 @@ static void test_cli_continue(void) {
     g_assert_cmpint(g_subprocess_get_exit_status(resumed), ==, 0);
     g_assert_nonnull(strstr(out, AT_60));
     g_assert_null(strstr(out, AT_30));
+    run_free(run);
 }
 
 int main(int argc, char **argv) {
@@ -599,7 +508,6 @@ int main(int argc, char **argv) {
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
     g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
-    top = g_dir_make_tmp("mesorig-mounts-XXXXXX", NULL);
     g_test_add_func("/mounts/rig-file", test_rig_file);
     g_test_add_func("/mounts/bad-rig-files", test_bad_rig_files);
     g_test_add_func("/mounts/plan-demo", test_plan_demo);
@@ -609,8 +517,5 @@ int main(int argc, char **argv) {
     g_test_add_func("/mounts/lost", test_lost);
     g_test_add_func("/mounts/cli", test_cli);
     g_test_add_func("/mounts/cli-continue", test_cli_continue);
-    int result = g_test_run();
-    remove_tree(top);
-    g_free(top);
-    return result;
+    return run_tests();
 }

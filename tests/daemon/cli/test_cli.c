@@ -629,7 +629,7 @@ static gboolean is_there(const char *session) {
 static void interrupt(gboolean (*begun)(const char *session)) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
-    g_autofree char *conf = long_session_write(folder);
+    g_autofree char *conf = long_session_write(folder, LONG_RINGS);
     g_autoptr(GError) error = NULL;
     g_autoptr(GSubprocess) process =
         g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error,

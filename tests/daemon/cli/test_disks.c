@@ -71,7 +71,7 @@ static gpointer fill_disk(gpointer data) {
 static char *write_small_sample(const struct operation *run) {
     static const struct change changes[] = {{"[sample]", "width_mm = 40"},
                                             {"[sample]", "height_mm = 40"}};
-    char *path = long_session_write(run->directory);
+    char *path = long_session_write(run->directory, LONG_RINGS);
     for (gsize i = 0; i < G_N_ELEMENTS(changes); i++) {
         g_autofree char *text = NULL;
         g_assert_true(g_file_get_contents(path, &text, NULL, NULL));

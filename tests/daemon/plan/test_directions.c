@@ -142,33 +142,32 @@ static void check_continuous(const struct set *set, double steepest) {
     }
 }
 
-static void check_set(struct set set, gboolean rings, double steepest, double tolerance) {
-    g_autoptr(Directions) directions = make(&set);
-    g_assert_cmpint(directions_are_rings(directions), ==, rings);
-    check_exact(&set, tolerance);
-    check_continuous(&set, steepest);
-}
-
-static void test_rings(void) {
-    check_set(rig_set(), TRUE, 12.0, 1e-5);
-}
-
-static void test_uneven_rings(void) {
-    check_set(uneven_set(), TRUE, 12.0, 1e-5);
-}
-
-static void test_rings_with_pole(void) {
+static struct set pole_set(void) {
     struct set set = rig_set();
     add(&set, 0.3, 77.0);
-    check_set(set, TRUE, 12.0, 1e-5);
+    return set;
 }
 
-static void test_spiral(void) {
-    check_set(spiral_set(), FALSE, 25.0, 1e-4);
-}
+static const struct kind {
+    const char *path;
+    struct set (*make)(void);
+    gboolean rings;
+    double steepest, tolerance;
+} kinds[] = {
+    {"/directions/rings", rig_set, TRUE, 12.0, 1e-5},
+    {"/directions/uneven-rings", uneven_set, TRUE, 12.0, 1e-5},
+    {"/directions/rings-with-pole", pole_set, TRUE, 12.0, 1e-5},
+    {"/directions/spiral", spiral_set, FALSE, 25.0, 1e-4},
+    {"/directions/grid", grid_set, FALSE, 25.0, 1e-4},
+};
 
-static void test_grid(void) {
-    check_set(grid_set(), FALSE, 25.0, 1e-4);
+static void test_kind(gconstpointer data) {
+    const struct kind *kind = data;
+    struct set set = kind->make();
+    g_autoptr(Directions) directions = make(&set);
+    g_assert_cmpint(directions_are_rings(directions), ==, kind->rings);
+    check_exact(&set, kind->tolerance);
+    check_continuous(&set, kind->steepest);
 }
 
 /* Half way in theta, a third of the way in azimuth. */
@@ -269,11 +268,8 @@ static void test_bad(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/directions/rings", test_rings);
-    g_test_add_func("/directions/uneven-rings", test_uneven_rings);
-    g_test_add_func("/directions/rings-with-pole", test_rings_with_pole);
-    g_test_add_func("/directions/spiral", test_spiral);
-    g_test_add_func("/directions/grid", test_grid);
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
+        g_test_add_data_func(kinds[i].path, &kinds[i], test_kind);
     g_test_add_func("/directions/bilinear", test_bilinear);
     g_test_add_func("/directions/smooth-function", test_smooth_function);
     g_test_add_func("/directions/fade", test_fade);

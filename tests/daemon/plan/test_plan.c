@@ -143,7 +143,7 @@ static void test_presets(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
         g_autofree char *text = g_strdup_printf(
             "[views]\npreset = %s\noffset_deg = 7\n[lights]\nrings = 15:1\n", presets[i].name);
-        struct session_conf conf = conf_of(text);
+        g_auto(SessionConf) conf = conf_of(text);
         int n = 0;
         for (int r = 0; r < conf.n_views; r++) {
             n += conf.views[r].count;
@@ -151,12 +151,11 @@ static void test_presets(void) {
         }
         g_assert_cmpint(n, ==, presets[i].directions);
         g_assert_cmpint(conf.n_views, ==, presets[i].rings);
-        session_conf_clear(&conf);
     }
 }
 
 static void test_demo_file(void) {
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
     GError *error = NULL;
 
     g_assert_true(session_conf_load(&conf, SOURCE_DIR "/etc/demo/session.conf", &error));
@@ -262,10 +261,8 @@ static void test_truncated_file(void) {
     for (gsize n = 0; n < length; n++) {
         g_autofree char *part = g_strndup(text, n);
         g_autoptr(GError) error = NULL;
-        struct session_conf conf;
-        if (session_conf_parse(&conf, part, PATH, &error))
-            session_conf_clear(&conf);
-        else
+        g_auto(SessionConf) conf = {0};
+        if (!session_conf_parse(&conf, part, PATH, &error))
             g_assert_nonnull(error);
     }
 }
@@ -279,13 +276,13 @@ static const char *const demo_directions =
 
 /* From lamps that are ready at once to lamps that are worth being left on during moves. */
 static void test_demo_near_bound(void) {
-    struct session_conf conf = conf_of(demo_directions);
+    g_auto(SessionConf) conf = conf_of(demo_directions);
     struct rig rig = rig_of(demo_theta_deg, 5);
     const double warm_up_s[] = {0.02, 0.25, 2, 10};
 
     for (gsize i = 0; i < G_N_ELEMENTS(warm_up_s); i++) {
         struct rig_timing timing = timing_of(warm_up_s[i]);
-        struct plan *plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
         assert_plan(plan);
         g_test_message("warm-up %g s: predicted %.1f s, bound %.1f s, nested %.1f s", warm_up_s[i],
                        plan->predicted_s, plan->lower_bound_s, plan->nested_s);
@@ -299,35 +296,31 @@ static void test_demo_near_bound(void) {
         g_assert_cmpuint(plan->notes->len, ==, 0);
         if (i < 2)
             g_assert_cmpint(plan->n_poses, ==, 144);
-        plan_free(plan);
     }
-    session_conf_clear(&conf);
 }
 
 static void test_large_near_bound(void) {
-    struct session_conf conf =
+    g_auto(SessionConf) conf =
         conf_of("[views]\npreset=12x8\n[lights]\npreset=12x8\noffset_deg=15\n");
     struct rig rig = rig_of(eight_theta_deg, 8);
     struct rig_timing timing = timing_of(0.25);
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
 
     assert_plan(plan);
     g_test_message("predicted %.1f s, bound %.1f s, nested %.1f s", plan->predicted_s,
                    plan->lower_bound_s, plan->nested_s);
     g_assert_cmpfloat(plan->predicted_s, <=, 1.05 * plan->lower_bound_s);
     g_assert_cmpint(plan->n_poses, ==, 144);
-    plan_free(plan);
-    session_conf_clear(&conf);
 }
 
 static void test_81(void) {
     const double theta_deg[] = {0, 15, 30, 45, 60, 75};
-    struct session_conf conf = conf_of("[views]\npreset=81\n[lights]\npreset=81\noffset_deg=4\n");
+    g_auto(SessionConf) conf = conf_of("[views]\npreset=81\n[lights]\npreset=81\noffset_deg=4\n");
     struct rig rig = rig_of(theta_deg, 6);
     struct rig_timing timing = timing_of(0.25);
     gint64 start = g_get_monotonic_time();
-    struct plan *plan = build(&conf, &rig, &timing);
-    struct plan *again = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) again = build(&conf, &rig, &timing);
 
     g_test_message("%d poses: predicted %.1f s, bound %.1f s, nested %.1f s, planned in %.2f s",
                    plan->n_poses, plan->predicted_s, plan->lower_bound_s, plan->nested_s,
@@ -343,9 +336,6 @@ static void test_81(void) {
                       a.cameras == b.cameras && a.arc_deg == b.arc_deg &&
                       a.turntable_deg == b.turntable_deg);
     }
-    plan_free(plan);
-    plan_free(again);
-    session_conf_clear(&conf);
 }
 
 /* Whether a ray from the camera to the disc passes through the arc, by rays: the band stands at
@@ -369,10 +359,10 @@ static gboolean arc_in_picture(const struct rig *rig, int camera, double arc_deg
 
 static void test_blocked(void) {
     const char *directions = "[views]\npreset=12x8\n[lights]\npreset=12x8\n";
-    struct session_conf conf = conf_of(directions);
+    g_auto(SessionConf) conf = conf_of(directions);
     struct rig rig = rig_of(eight_theta_deg, 8);
     struct rig_timing timing = timing_of(0.25);
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
     int n_shifted = 0, n_skipped = 0;
 
     assert_plan(plan);
@@ -389,9 +379,9 @@ static void test_blocked(void) {
     g_assert_cmpint(n_shifted, ==, 12 * 8);
     g_assert_cmpuint(plan->notes->len, ==, 1);
     g_test_message("%s", (char *)plan->notes->pdata[0]);
-    plan_free(plan);
 
     conf.on_blocked = BLOCKED_SKIP;
+    plan_free(plan);
     plan = build(&conf, &rig, &timing);
     assert_plan(plan);
     for (int i = 1; i < plan->session.n_shots; i++) {
@@ -406,14 +396,12 @@ static void test_blocked(void) {
     const char *last = g_ptr_array_index(plan->notes, plan->notes->len - 1);
     g_assert_true(g_str_has_prefix(last, "768 pictures of the BTF will be made"));
     g_assert_cmpint(plan->n_frames, ==, 8 * 8 + (12 * 96 - n_skipped) * 8 * 2);
-    plan_free(plan);
 
     conf.on_blocked = BLOCKED_REFUSE;
     g_autoptr(GError) error = NULL;
     g_assert_null(plan_build(&conf, &rig, &timing, &error));
     g_assert_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED);
     g_assert_nonnull(strstr(error->message, "cam12"));
-    session_conf_clear(&conf);
 }
 
 static void assert_refused(const struct session_conf *conf, const struct rig *rig,
@@ -441,14 +429,13 @@ static void test_too_large(void) {
     struct rig rig = rig_of(theta_deg, 2);
     struct rig_timing timing = timing_of(0.25);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
-        struct session_conf conf = conf_of(cases[i].text);
+        g_auto(SessionConf) conf = conf_of(cases[i].text);
         assert_refused(&conf, &rig, &timing, PLAN_ERROR_SIZE, cases[i].says);
-        session_conf_clear(&conf);
     }
 }
 
 static void test_refusals(void) {
-    struct session_conf conf =
+    g_auto(SessionConf) conf =
         conf_of("[views]\nrings=15:4\n[lights]\nrings=30:4:15\n[lasers]\nrings=45:2:15\n");
     struct rig rig = rig_of(demo_theta_deg, 5), other = rig;
     struct rig_timing timing = timing_of(0.25), bent = timing;
@@ -456,9 +443,8 @@ static void test_refusals(void) {
     conf.views[0].theta_deg = 20;
     assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_CAMERA, "15° (cam15), 30° (cam30)");
     conf.views[0].theta_deg = 15.4; /* near enough */
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
     g_assert_nonnull(strstr(plan->session.views[0].note, "15"));
-    plan_free(plan);
     conf.lights[0].theta_deg = 20;
     assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "lamp30");
     conf.lights[0].theta_deg = 30;
@@ -476,15 +462,14 @@ static void test_refusals(void) {
     bent = timing;
     bent.max_exposure_us[0] = 10000;
     assert_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "16000");
-    session_conf_clear(&conf);
 }
 
 /* The sheet must have passed every corner of the sample's box, and not be far beyond. */
 static void test_sweep_range(void) {
-    struct session_conf conf = conf_of("[views]\nrings=15:1\n[lasers]\nrings=45:1:90\n");
+    g_auto(SessionConf) conf = conf_of("[views]\nrings=15:1\n[lasers]\nrings=45:1:90\n");
     struct rig rig = rig_of(demo_theta_deg, 5);
     struct rig_timing timing = timing_of(0.25);
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
     const struct session_shot *shot = &plan->session.shots[1];
 
     /* In the plane of the arc the laser stands at (side, side) and the box reaches from −27 to 27
@@ -500,21 +485,19 @@ static void test_sweep_range(void) {
     g_assert_cmpint(shot->sweep_steps, ==, 96);
     g_assert_cmpfloat(fabs(shot->sweep_from_deg + high), <, 1e-9);
     g_assert_cmpfloat(fabs(shot->sweep_to_deg + low), <, 1e-9);
-    plan_free(plan);
-    session_conf_clear(&conf);
 }
 
 /* Two cameras of one elevation, half a turn apart, need half the turns of the table. */
 static void test_two_cameras(void) {
     const double theta_deg[] = {30, 30};
-    struct session_conf conf = conf_of("[views]\nrings=30:12\n[lights]\nrings=30:12:15\n");
+    g_auto(SessionConf) conf = conf_of("[views]\nrings=30:12\n[lights]\nrings=30:12:15\n");
     struct rig rig = rig_of(theta_deg, 2);
     struct rig_timing timing = timing_of(0.25);
     double used[12];
     int n_used = 0;
 
     rig_camera_look_at(&rig.cameras[1], vec3(-325, 0, 325 * sqrt(3)), vec3(0, 0, 0));
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
     for (int v = 0; v < 12; v++) {
         const struct session_direction *view = &plan->session.views[v];
         double phi = view->device * 180 - view->turntable_deg;
@@ -526,8 +509,6 @@ static void test_two_cameras(void) {
             used[n_used++] = view->turntable_deg;
     }
     g_assert_cmpint(n_used, ==, 6);
-    plan_free(plan);
-    session_conf_clear(&conf);
 }
 
 static struct axis_motion random_motion(GRand *rand, gboolean wraps) {
@@ -575,28 +556,26 @@ static void randomise(GRand *rand, struct session_conf *conf, int max_rings, int
 
 static void test_random(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(5);
-    struct session_conf conf = conf_of(demo_directions);
+    g_auto(SessionConf) conf = conf_of(demo_directions);
     struct rig rig = rig_of(demo_theta_deg, 5);
 
     for (int round = 0; round < 30; round++) {
         struct rig_timing timing = random_timing(rand);
         randomise(rand, &conf, 3, 6);
-        struct plan *plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
         assert_plan(plan);
-        plan_free(plan);
     }
-    session_conf_clear(&conf);
 }
 
 /* Viewer after view: the table stands at each of its angles once, and the time told is the nested
  * order's. */
 static void test_views_first(void) {
-    struct session_conf conf = conf_of(demo_directions);
+    g_auto(SessionConf) conf = conf_of(demo_directions);
     struct rig rig = rig_of(demo_theta_deg, 5);
     struct rig_timing timing = timing_of(0.25);
 
     conf.order = ORDER_VIEWS;
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
     assert_plan(plan);
     g_assert_cmpfloat(plan->predicted_s, ==, plan->nested_s);
     g_assert_cmpint(plan->n_poses, >, 1);
@@ -610,8 +589,6 @@ static void test_views_first(void) {
         at_deg = shot->turntable_deg;
     }
     g_assert_cmpint(n_turns, ==, 12);
-    plan_free(plan);
-    session_conf_clear(&conf);
 }
 
 /* The sequencer's time written once more, as a diary: from when each thing is ready. Dark frames
@@ -677,7 +654,7 @@ static double quickest_s(const struct session_shot **shots, int n, int fixed,
 
 static void test_against_all_orders(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(7);
-    struct session_conf conf = conf_of(demo_directions);
+    g_auto(SessionConf) conf = conf_of(demo_directions);
     struct rig rig = rig_of(demo_theta_deg, 5);
     double worst = 0, sum = 0;
     int rounds = 0;
@@ -687,7 +664,7 @@ static void test_against_all_orders(void) {
         const struct session_shot *shots[7];
         int n = 0;
         randomise(rand, &conf, 2, 2);
-        struct plan *plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
         for (int i = 1; i < plan->session.n_shots; i++)
             if (plan->session.shots[i].state == SHOT_PLANNED && n++ < 7)
                 shots[n - 1] = &plan->session.shots[i];
@@ -705,21 +682,19 @@ static void test_against_all_orders(void) {
             worst = MAX(worst, ours / best - 1);
             rounds++;
         }
-        plan_free(plan);
     }
     g_test_message("longer than the best of all orders: %.1f %% on average, %.1f %% at worst",
                    100 * sum / rounds, 100 * worst);
     g_assert_cmpfloat(sum / rounds, <, 0.03);
     g_assert_cmpfloat(worst, <, 0.25);
-    session_conf_clear(&conf);
 }
 
 static void test_remaining(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(9);
-    struct session_conf conf = conf_of(demo_directions);
+    g_auto(SessionConf) conf = conf_of(demo_directions);
     struct rig rig = rig_of(demo_theta_deg, 5);
     struct rig_timing timing = random_timing(rand);
-    struct plan *plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
     int n = plan->session.n_shots - 1;
     g_autofree const struct session_shot **shots = g_new(const struct session_shot *, n);
 
@@ -730,8 +705,6 @@ static void test_remaining(void) {
     g_assert_cmpfloat(fabs(left - diary_s(shots, n, &conf, &timing)), <, 1e-6);
     g_assert_cmpfloat(plan_remaining_s(shots, 0, &conf, &timing, 0, 0), ==, 0);
     g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &timing, 0, 0), <, left);
-    plan_free(plan);
-    session_conf_clear(&conf);
 }
 
 int main(int argc, char **argv) {

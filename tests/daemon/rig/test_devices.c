@@ -176,27 +176,26 @@ static void test_modbus_not_there(void) {
     g_clear_error(&error);
 }
 
-/* The main loop must not stop: the devices answer from other threads of this process. */
-static int run(char **ret_out, const char *const *argv) {
-    return process_run(argv, ret_out, NULL);
-}
-
+/* The devices answer from other threads of this process while it waits for the program. */
 static void test_command(void) {
     g_autoptr(VirtualTic) tic = virtual_tic_new("00123456", 1, 4000, 100);
     g_autoptr(VirtualV4l2) camera = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     g_autofree char *people = NULL, *json = NULL, *none = NULL;
-    g_assert_cmpint(run(&people, (const char *[]){MESORIG, "devices", NULL}), ==, 0);
+    g_assert_cmpint(process_run((const char *[]){MESORIG, "devices", NULL}, &people, NULL), ==, 0);
     g_assert_true(strstr(people, "serial = 00123456") != NULL);
     g_assert_true(strstr(people, "bus = usb-virtual-2-1") != NULL);
-    g_assert_cmpint(run(&json, (const char *[]){MESORIG, "devices", "--json", NULL}), ==, 0);
+    g_assert_cmpint(process_run((const char *[]){MESORIG, "devices", "--json", NULL}, &json, NULL),
+                    ==, 0);
     g_assert_true(g_str_has_prefix(json, "{\"devices\": ["));
     g_assert_true(strstr(json, "\"bus\": \"video\", \"address\": \"/dev/video0\"") != NULL);
     g_assert_true(strstr(json, "\"section\": \"[axis NAME]\\ndriver = tic-axis\\n") != NULL);
-    g_assert_cmpint(run(&none, (const char *[]){MESORIG, "devices", "--units", "1-9", NULL}), ==,
-                    2);
+    g_assert_cmpint(
+        process_run((const char *[]){MESORIG, "devices", "--units", "1-9", NULL}, &none, NULL), ==,
+        2);
     g_clear_pointer(&none, g_free);
     g_assert_cmpint(
-        run(&none, (const char *[]){MESORIG, "devices", "--modbus", "x", "--units", "9-1", NULL}),
+        process_run((const char *[]){MESORIG, "devices", "--modbus", "x", "--units", "9-1", NULL},
+                    &none, NULL),
         ==, 2);
 }
 

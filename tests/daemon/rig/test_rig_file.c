@@ -22,20 +22,6 @@ static G_NO_INLINE char *demo_text(void) {
     return text;
 }
 
-/* The demo's rig with one piece replaced, and the line that piece is in. */
-static char *with(const char *from, const char *to, int *ret_line) {
-    char *text = demo_text();
-    const char *at = strstr(text, from);
-
-    g_assert_nonnull(at);
-    *ret_line = 1;
-    for (const char *c = text; c < at; c++)
-        *ret_line += *c == '\n';
-    char *changed = g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
-    g_free(text);
-    return changed;
-}
-
 static char *written(const char *text) {
     GError *error = NULL;
     g_autofree char *path = NULL;
@@ -49,6 +35,21 @@ static char *written(const char *text) {
     g_assert_true(g_close(fd, NULL));
     g_assert_true(g_file_set_contents(path, moved, -1, &error));
     return g_steal_pointer(&path);
+}
+
+/* Writes the demo's rig with one piece replaced. Returns its path, and the line that piece is in.
+ */
+static char *with(const char *from, const char *to, int *ret_line) {
+    g_autofree char *text = demo_text();
+    const char *at = strstr(text, from);
+
+    g_assert_nonnull(at);
+    *ret_line = 1;
+    for (const char *c = text; c < at; c++)
+        *ret_line += *c == '\n';
+    g_autofree char *changed =
+        g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
+    return written(changed);
 }
 
 static void test_demo_geometry(void) {
@@ -136,8 +137,7 @@ static void test_bad_files(void) {
         g_autoptr(GError) error = NULL;
         struct rig rig = {.n_cameras = 77};
         int line;
-        g_autofree char *text = with(bad->from, bad->to, &line);
-        g_autofree char *path = written(text);
+        g_autofree char *path = with(bad->from, bad->to, &line);
         g_assert_false(devices_read_geometry(path, &rig, &error));
         g_assert_nonnull(error);
         assert_message(bad, path, line, error);
@@ -232,8 +232,7 @@ static void test_open_refused(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
         g_autoptr(GError) error = NULL;
         int line;
-        g_autofree char *text = with(files[i].from, files[i].to, &line);
-        g_autofree char *path = written(text);
+        g_autofree char *path = with(files[i].from, files[i].to, &line);
         g_assert_null(devices_open(path, &error));
         g_assert_nonnull(error);
         assert_message(&files[i], path, line, error);
@@ -281,19 +280,17 @@ static void test_two_interlocks(void) {
 static void test_demo_plan(void) {
     g_autoptr(GError) error = NULL;
     struct devices *devices = devices_open(DEMO, &error);
-    struct session_conf conf;
+    g_auto(SessionConf) conf = {0};
 
     g_assert_no_error(error);
     g_assert_true(session_conf_load(&conf, SOURCE_DIR "/etc/demo/session.conf", &error));
-    struct plan *plan = plan_build(&conf, &devices->geometry, &devices->timing, &error);
+    g_autoptr(Plan) plan = plan_build(&conf, &devices->geometry, &devices->timing, &error);
     g_assert_no_error(error);
     g_test_message("predicted %.0f s, bound %.0f s, nested %.0f s, %d poses, %d frames",
                    plan->predicted_s, plan->lower_bound_s, plan->nested_s, plan->n_poses,
                    plan->n_frames);
     g_assert_cmpfloat(plan->predicted_s, <=, 1.05 * plan->lower_bound_s);
     g_assert_cmpuint(plan->notes->len, ==, 0);
-    plan_free(plan);
-    session_conf_clear(&conf);
     devices_close(devices);
     spin();
 }

@@ -123,6 +123,11 @@ static void light_up(struct fixture *fixture) {
         virtual_modbus_set_coil(fixture->devices[BANK], i, TRUE);
 }
 
+static void write_lit_rig(struct fixture *fixture) {
+    write_rig(fixture);
+    light_up(fixture);
+}
+
 static gboolean has_light(VirtualModbus *device) {
     struct virtual_modbus_state state;
     gboolean any = FALSE;
@@ -155,8 +160,7 @@ static void assert_says_not(struct fixture *fixture, const char *words) {
 }
 
 static void test_well(struct fixture *fixture, gconstpointer data) {
-    light_up(fixture);
-    write_rig(fixture);
+    write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     g_assert_true(is_dark(fixture));
     assert_has(fixture->said, "laser top: off, read back\n");
@@ -177,8 +181,7 @@ static void test_gone(struct fixture *fixture, gconstpointer data) {
     g_autofree char *bus =
         g_strdup_printf("bus = %s\n", virtual_modbus_bus(fixture->devices[gone]));
     replace(fixture, bus, is_serial[gone] ? "bus = /dev/gone\n" : "bus = tcp:127.0.0.1:1\n");
-    light_up(fixture);
-    write_rig(fixture);
+    write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, gone == DOOR ? 0 : 1);
     g_assert_true(gone == LASER || !has_light(fixture->devices[LASER]));
     g_assert_true(gone == BANK || !has_light(fixture->devices[BANK]));
@@ -220,8 +223,7 @@ static void test_mistakes(struct fixture *fixture, gconstpointer data) {
     for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
         write_text(fixture);
         replace(fixture, mistakes[i][0], mistakes[i][1]);
-        write_rig(fixture);
-        light_up(fixture);
+        write_lit_rig(fixture);
         const int code = safe_state(fixture);
         if (code != 0 || !is_dark(fixture))
             g_error("“%s”: %d, %s", mistakes[i][1], code, fixture->said);
@@ -246,8 +248,7 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         write_text(fixture);
         replace(fixture, cases[i].what, cases[i].with);
-        write_rig(fixture);
-        light_up(fixture);
+        write_lit_rig(fixture);
         g_assert_cmpint(safe_state(fixture), ==, 1);
         g_assert_true(has_light(fixture->devices[LASER]) != cases[i].dark);
         g_assert_false(has_light(fixture->devices[BANK]));
@@ -260,8 +261,7 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
 /* An unknown key beside all that says which coil it is. */
 static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
     replace(fixture, "coil = 3", "coil = 3\ncolour = red");
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     g_assert_true(is_dark(fixture));
     assert_has(fixture->said, "[laser top] colour: there is no such key");
@@ -269,13 +269,20 @@ static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
 
 static void test_deaf(struct fixture *fixture, gconstpointer data) {
     const struct virtual_modbus_faults deaf = {.deaf = TRUE};
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     virtual_modbus_fail(fixture->devices[LASER], &deaf);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     g_assert_false(has_light(fixture->devices[BANK]));
     assert_has(fixture->said, "laser top: NOT safe: ");
     assert_has(fixture->said, "lamps bank: off, read back\n");
+}
+
+static gboolean is_held(VirtualModbus *device) {
+    const int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    g_assert_cmpint(fd, >=, 0);
+    const gboolean held = flock(fd, LOCK_EX | LOCK_NB) < 0;
+    close(fd);
+    return held;
 }
 
 /* As by another program that takes the line for itself, for a time. */
@@ -290,24 +297,15 @@ static GPid hold(VirtualModbus *device, double seconds) {
         g_usleep((gulong)(seconds * 1e6));
         _exit(0);
     }
+    while (!is_held(device))
+        g_usleep(1000);
     return pid;
-}
-
-static gboolean is_held(VirtualModbus *device) {
-    const int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
-    g_assert_cmpint(fd, >=, 0);
-    const gboolean held = flock(fd, LOCK_EX | LOCK_NB) < 0;
-    close(fd);
-    return held;
 }
 
 static void test_held(struct fixture *fixture, gconstpointer data) {
     const enum which which = (enum which)GPOINTER_TO_INT(data);
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     const GPid pid = hold(fixture->devices[which], 60);
-    while (!is_held(fixture->devices[which]))
-        g_usleep(1000);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     kill(pid, SIGKILL);
     waitpid(pid, NULL, 0);
@@ -319,11 +317,8 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
 }
 
 static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
-    write_rig(fixture);
-    light_up(fixture);
+    write_lit_rig(fixture);
     const GPid pid = hold(fixture->devices[LASER], 2);
-    while (!is_held(fixture->devices[LASER]))
-        g_usleep(1000);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     waitpid(pid, NULL, 0);
     g_assert_true(is_dark(fixture));
@@ -376,6 +371,11 @@ static void start_daemon(struct fixture *fixture) {
     g_usleep(G_USEC_PER_SEC * 3 / 2); /* it is watching, and has heard of the daemon */
 }
 
+static void read_log(struct fixture *fixture) {
+    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
+    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+}
+
 static gint64 wait_for_dark(struct fixture *fixture) {
     const gint64 began = g_get_monotonic_time();
     while (!is_dark(fixture) && g_get_monotonic_time() < began + 30 * G_USEC_PER_SEC)
@@ -402,8 +402,7 @@ static void test_death(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_assert_true(g_subprocess_get_if_signaled(fixture->daemon));
-    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    read_log(fixture);
     assert_has(fixture->said, "the daemon has left without a goodbye");
     assert_says_not(fixture, "NOT safe");
 }
@@ -430,8 +429,7 @@ static void test_normal_end(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 0);
     g_assert_true(is_dark(fixture));
     wait_for_guardian_end(fixture);
-    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    read_log(fixture);
     assert_has(fixture->said, "the rig is safe");
     assert_says_not(fixture, "guardian");
 }
@@ -444,8 +442,7 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_fail(fixture->devices[LASER], &deaf);
     g_subprocess_send_signal(fixture->daemon, SIGTERM);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
-    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    read_log(fixture);
     assert_has(fixture->said, "the rig is NOT safe: ");
     assert_says_not(fixture, "the rig is safe");
     virtual_modbus_fail(fixture->devices[LASER], &none);
