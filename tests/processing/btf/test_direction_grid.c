@@ -150,6 +150,7 @@ static void test_refused(void) {
 /* Lambertian bumps: a normal a texel. */
 static struct btf_matrix *new_btf(int size) {
     struct btf_matrix *btf = btf_fixture_of("bumps", size, size, rings(), rings());
+    btf->layout.texel_mm = 1;
     for (int i = 0; i < size * size * 60 * 60; i++) {
         const int texel = i / 3600, light = i % 60;
         const double a = 0.4 * sin(texel % size), b = 0.4 * cos(2.0 * texel / size);
