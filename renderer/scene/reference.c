@@ -12,12 +12,8 @@
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
-struct file {
-    char *path;
-};
-
 struct Reference {
-    GArray *files;                 /* of struct file, one a view */
+    GPtrArray *files;              /* paths, one a view */
     GPtrArray *names;              /* of the parts, one a light */
     GArray *view_theta, *view_phi; /* of float, degrees */
     GArray *light_theta, *light_phi;
@@ -52,15 +48,10 @@ struct shading {
     gint next;        /* atomic: the first sample that no thread has taken */
 };
 
-static void file_clear(gpointer data) {
-    struct file *file = data;
-    g_free(file->path);
-}
-
 void reference_free(Reference *r) {
     if (r == NULL)
         return;
-    g_array_unref(r->files);
+    g_ptr_array_unref(r->files);
     g_ptr_array_unref(r->names);
     g_array_unref(r->view_theta);
     g_array_unref(r->view_phi);
@@ -71,20 +62,6 @@ void reference_free(Reference *r) {
 
 static int compare_names(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
-static GPtrArray *list_files(const char *folder, GError **error) {
-    g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
-    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
-    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
-        if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
-            g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
-    g_ptr_array_sort(paths, compare_names);
-    if (paths->len > 0)
-        return g_steal_pointer(&paths);
-    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
-                "there is no BTF in %s; “mesorig process” makes it from a session", folder);
-    return NULL;
 }
 
 static gboolean reference_read_direction(const struct exr_part *part, const char *of,
@@ -114,22 +91,20 @@ static gboolean reference_take_lights(Reference *r, const struct exr_file *file,
     return TRUE;
 }
 
-static gboolean take_file(Reference *r, const char *path, GError **error) {
+static gboolean reference_take_view(Reference *r, const char *path, GError **error) {
     struct exr_file *headers = exr_read_headers(path, error);
     if (headers == NULL)
         return FALSE;
-    struct file file = {g_strdup(path)};
     float theta = 0.0f, phi = 0.0f;
     g_autoptr(GError) why = NULL;
     gboolean good =
-        (r->files->len > 0 || reference_take_lights(r, headers, &why)) && r->names->len > 0;
+        (r->names->len > 0 || reference_take_lights(r, headers, &why)) && r->names->len > 0;
     for (guint k = 0; good && k < r->names->len; k++) {
         const struct exr_part *part = exr_file_part(headers, r->names->pdata[k]);
         good = part != NULL && part->width == r->width && part->height == r->height &&
                reference_read_direction(part, "view", &theta, &phi, &why);
     }
     exr_file_free(headers);
-    g_array_append_val(r->files, file);
     g_array_append_val(r->view_theta, theta);
     g_array_append_val(r->view_phi, phi);
     if (!good)
@@ -140,19 +115,25 @@ static gboolean take_file(Reference *r, const char *path, GError **error) {
 }
 
 Reference *reference_open(const char *btf, GError **error) {
-    g_autoptr(GPtrArray) paths = list_files(btf, error);
-    if (paths == NULL)
-        return NULL;
     g_autoptr(Reference) r = g_new0(Reference, 1);
-    r->files = g_array_new(FALSE, FALSE, sizeof(struct file));
-    g_array_set_clear_func(r->files, file_clear);
+    r->files = g_ptr_array_new_with_free_func(g_free);
     r->names = g_ptr_array_new_with_free_func(g_free);
     r->view_theta = g_array_new(FALSE, FALSE, sizeof(float));
     r->view_phi = g_array_new(FALSE, FALSE, sizeof(float));
     r->light_theta = g_array_new(FALSE, FALSE, sizeof(float));
     r->light_phi = g_array_new(FALSE, FALSE, sizeof(float));
-    for (guint k = 0; k < paths->len; k++)
-        if (!take_file(r, paths->pdata[k], error))
+    g_autoptr(GDir) dir = g_dir_open(btf, 0, NULL);
+    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
+        if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
+            g_ptr_array_add(r->files, g_build_filename(btf, name, NULL));
+    g_ptr_array_sort(r->files, compare_names);
+    if (r->files->len == 0) {
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
+                    "there is no BTF in %s; “mesorig process” makes it from a session", btf);
+        return NULL;
+    }
+    for (guint k = 0; k < r->files->len; k++)
+        if (!reference_take_view(r, r->files->pdata[k], error))
             return NULL;
     return g_steal_pointer(&r);
 }
@@ -230,16 +211,6 @@ static void add_layer(const struct layers *l, int layer, const struct sample *at
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
 }
 
-static float share_of_view(const struct shading *s, const struct sample *sample) {
-    float share = 0.0f;
-    for (int k = 0; k < 4; k++)
-        if (sample->view.index[k] == s->view_index)
-            share += sample->view.weight[k];
-        else if (sample->view.index[k] == (int)s->reference->files->len)
-            share += sample->view.weight[k] * s->pole_share;
-    return share;
-}
-
 /* Adds the contribution of the loaded view to all samples:
  * BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
 static gpointer reference_shade(gpointer data) {
@@ -247,8 +218,13 @@ static gpointer reference_shade(gpointer data) {
     for (guint k, to; reference_take(s, &k, &to);)
         for (; k < to; k++) {
             struct sample *sample = &s->samples[k];
-            float share = share_of_view(s, sample);
+            float share = 0.0f;
             gboolean nearest = s->settings->style.nearest;
+            for (int i = 0; i < 4; i++)
+                if (sample->view.index[i] == s->view_index)
+                    share += sample->view.weight[i];
+                else if (sample->view.index[i] == (int)s->reference->files->len)
+                    share += sample->view.weight[i] * s->pole_share;
             if (share == 0.0f)
                 continue;
             for (int i = 0; i < 4; i++)
@@ -300,16 +276,8 @@ static gboolean reference_read_file(const Reference *r, const char *path, int st
     return good;
 }
 
-static gboolean reference_load_view(const Reference *r, const char *path, struct layers *l,
-                                    GError **error) {
-    if (!reference_read_file(r, path, 4, l->texels, error))
-        return FALSE;
-    mix_layers(l);
-    return TRUE;
-}
-
 gboolean reference_read_view(const Reference *r, int view, float *ret, GError **error) {
-    return reference_read_file(r, g_array_index(r->files, struct file, view).path, 3, ret, error);
+    return reference_read_file(r, r->files->pdata[view], 3, ret, error);
 }
 
 struct reference_info reference_info(const Reference *r) {
@@ -336,10 +304,10 @@ static gboolean shade_views(struct shading *s, struct layers *layers, const Dire
         s->pole_share = 0.0f;
         for (int k = 0; k < n_pole; k++)
             s->pole_share += pole[k] == (int)v ? 1.0f / n_pole : 0.0f;
-        if (!reference_load_view(s->reference,
-                                 g_array_index(s->reference->files, struct file, v).path, layers,
+        if (!reference_read_file(s->reference, s->reference->files->pdata[v], 4, layers->texels,
                                  error))
             return FALSE;
+        mix_layers(layers);
         run_threads(s, reference_shade);
     }
     return TRUE;
@@ -377,16 +345,6 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     return good;
 }
 
-static GArray *find_samples(const float *texel, gsize n) {
-    GArray *samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
-    for (gsize k = 0; k < n; k++)
-        if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
-            struct sample sample = {.at = k};
-            g_array_append_val(samples, sample);
-        }
-    return samples;
-}
-
 /* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.
  */
 static void put_samples(const struct shading *s, float *picture, double *ret_error) {
@@ -415,7 +373,12 @@ float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer
               viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIGHT, width, height, error)) ||
         !(lit = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, error)))
         return NULL;
-    g_autoptr(GArray) samples = find_samples(texel, (gsize)width * height);
+    g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
+    for (gsize k = 0; k < (gsize)width * height; k++)
+        if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
+            const struct sample sample = {.at = k};
+            g_array_append_val(samples, sample);
+        }
     struct shading shading = {.reference = r,
                               .settings = s,
                               .samples = (struct sample *)(void *)samples->data,
