@@ -20,15 +20,11 @@ struct place {
     double m[4][4]; /* [row][column] */
 };
 
-/* What a primitive has of each vertex; NULL: nothing. */
+/* What a primitive has of each vertex, and its indices. */
+enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
-    GArray *positions, *normals, *uvs, *tangents, *indices;
+    GArray *of[N_ATTRIBUTES + 1]; /* NULL: nothing */
 };
-
-static gboolean gltf_do_fail(const struct reader *r, enum scene_error code, GError **error,
-                             const char *text) {
-    return gltf_fail(&r->gltf, code, error, "%s", text);
-}
 
 static const struct place nowhere = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
 
@@ -116,13 +112,13 @@ static const float *row_of(const GArray *array, gsize k, int n) {
 static void gltf_add_vertex(struct reader *r, const struct place *p, const struct attributes *a,
                             gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
-    const float *uv = row_of(a->uvs, k, 2), turned[2] = {uv[0], 1.0f - uv[1]};
+    const float *uv = row_of(a->of[UV], k, 2), turned[2] = {uv[0], 1.0f - uv[1]};
     const float mirrored = determinant(p) < 0.0 ? -1.0f : 1.0f;
-    move_point(p, row_of(a->positions, k, 3), 1.0, position);
-    if (a->normals != NULL)
-        move_normal(p, row_of(a->normals, k, 3), normal);
-    if (a->tangents != NULL) {
-        const float *own = row_of(a->tangents, k, 4);
+    move_point(p, row_of(a->of[POSITION], k, 3), 1.0, position);
+    if (a->of[NORMAL] != NULL)
+        move_normal(p, row_of(a->of[NORMAL], k, 3), normal);
+    if (a->of[TANGENT] != NULL) {
+        const float *own = row_of(a->of[TANGENT], k, 4);
         move_point(p, own, 0.0, tangent);
         tangent[3] = own[3] * mirrored;
     }
@@ -144,15 +140,15 @@ static gboolean add_triangle(struct reader *r, const struct place *p, const stru
     const int three = 3;
     const gboolean turned = determinant(p) < 0.0;
     if (r->soup.corners->len >= SOUP_MAX_CORNERS || r->soup.positions->len >= SCENE_MAX_VERTICES)
-        return gltf_do_fail(r, SCENE_ERROR_TOO_LARGE, error, "it has too many triangles");
+        return gltf_fail(&r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many triangles");
     for (int c = 0; c < 3; c++) {
         const gsize k = at[turned ? 2 - c : c];
         gint32 v = (gint32)(first + k);
-        if (a->normals == NULL) { /* flat: no corner is another's */
+        if (a->of[NORMAL] == NULL) { /* flat: no corner is another's */
             v = (gint32)r->soup.positions->len;
             gltf_add_vertex(r, p, a, k);
         }
-        const struct soup_corner corner = {v, v, a->normals != NULL ? v : -1};
+        const struct soup_corner corner = {v, v, a->of[NORMAL] != NULL ? v : -1};
         g_array_append_val(r->soup.corners, corner);
     }
     g_array_append_val(r->soup.polygons, three);
@@ -162,12 +158,12 @@ static gboolean add_triangle(struct reader *r, const struct place *p, const stru
 /* mode 4: triangles, 5: a strip, 6: a fan. */
 static gboolean add_triangles(struct reader *r, const struct place *p, const struct attributes *a,
                               gint64 mode, GError **error) {
-    const gsize n_vertices = a->positions->len / 3;
-    const gsize n = a->indices != NULL ? a->indices->len : n_vertices;
+    const gsize n_vertices = a->of[POSITION]->len / 3;
+    const gsize n = a->of[INDICES] != NULL ? a->of[INDICES]->len : n_vertices;
     const guint first = r->soup.positions->len;
     if (first + n_vertices > SCENE_MAX_VERTICES)
-        return gltf_do_fail(r, SCENE_ERROR_TOO_LARGE, error, "it has too many vertices");
-    for (gsize k = 0; a->normals != NULL && k < n_vertices; k++)
+        return gltf_fail(&r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many vertices");
+    for (gsize k = 0; a->of[NORMAL] != NULL && k < n_vertices; k++)
         gltf_add_vertex(r, p, a, k);
     for (gsize k = 0; k + 2 < n; k += mode == 4 ? 3 : 1) {
         const gboolean swapped = mode == 5 && k % 2 == 1;
@@ -176,67 +172,55 @@ static gboolean add_triangles(struct reader *r, const struct place *p, const str
             at[0] = k + 1;
             at[1] = k;
         }
-        for (int c = 0; c < 3 && a->indices != NULL; c++)
-            at[c] = g_array_index(a->indices, guint32, at[c]);
+        for (int c = 0; c < 3 && a->of[INDICES] != NULL; c++)
+            at[c] = g_array_index(a->of[INDICES], guint32, at[c]);
         if (MAX(MAX(at[0], at[1]), at[2]) >= n_vertices)
-            return gltf_do_fail(r, SCENE_ERROR_FORMAT, error,
-                                "an index names a vertex that is not there");
+            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
+                             "an index names a vertex that is not there");
         if (!add_triangle(r, p, a, first, at, error))
             return FALSE;
     }
     return TRUE;
 }
 
-/* FALSE with an error; *ret stays NULL where it is not there. */
-static gboolean gltf_read_attribute(struct reader *r, JsonObject *of, const char *name, int n,
-                                    GArray **ret, GError **error) {
-    if (of == NULL || !json_object_has_member(of, name))
-        return TRUE;
-    *ret = gltf_floats(&r->gltf, gltf_int(of, name, -1), n, error);
-    return *ret != NULL;
-}
-
 static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, struct attributes *a,
                                      GError **error) {
+    static const char *const names[] = {"POSITION", "NORMAL", "TEXCOORD_0", "TANGENT"};
+    static const int n_numbers[] = {3, 3, 2, 4};
     JsonObject *of = gltf_object(primitive, "attributes");
-    if (!gltf_read_attribute(r, of, "POSITION", 3, &a->positions, error) ||
-        !gltf_read_attribute(r, of, "NORMAL", 3, &a->normals, error) ||
-        !gltf_read_attribute(r, of, "TEXCOORD_0", 2, &a->uvs, error) ||
-        !gltf_read_attribute(r, of, "TANGENT", 4, &a->tangents, error))
-        return FALSE;
-    if (a->positions == NULL)
-        return gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "a primitive has no positions");
-    if (a->uvs == NULL)
-        return gltf_do_fail(
-            r, SCENE_ERROR_NO_TEXTURE, error,
-            "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it with "
-            "them");
-    const guint n = a->positions->len / 3;
-    if (a->uvs->len / 2 != n || (a->normals != NULL && a->normals->len / 3 != n) ||
-        (a->tangents != NULL && a->tangents->len / 4 != n))
-        return gltf_do_fail(r, SCENE_ERROR_FORMAT, error,
-                            "a primitive's attributes differ in number");
+    for (int k = 0; k < N_ATTRIBUTES; k++)
+        if (of != NULL && json_object_has_member(of, names[k]) &&
+            (a->of[k] = gltf_floats(&r->gltf, gltf_int(of, names[k], -1), n_numbers[k], error)) ==
+                NULL)
+            return FALSE;
+    if (a->of[POSITION] == NULL)
+        return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error, "a primitive has no positions");
+    if (a->of[UV] == NULL)
+        return gltf_fail(&r->gltf, SCENE_ERROR_NO_TEXTURE, error,
+                         "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it "
+                         "with them");
+    for (int k = 1; k < N_ATTRIBUTES; k++)
+        if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
+            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
+                             "a primitive's attributes differ in number");
     if (!json_object_has_member(primitive, "indices"))
         return TRUE;
-    a->indices = gltf_indices(&r->gltf, gltf_int(primitive, "indices", -1), error);
-    return a->indices != NULL;
+    a->of[INDICES] = gltf_indices(&r->gltf, gltf_int(primitive, "indices", -1), error);
+    return a->of[INDICES] != NULL;
 }
 
 static gboolean add_primitive(struct reader *r, const struct place *p, JsonObject *primitive,
                               GError **error) {
     const gint64 mode = gltf_int(primitive, "mode", 4);
-    struct attributes a = {NULL};
+    struct attributes a = {{NULL}};
     if (mode >= 0 && mode < 4) /* points and lines have no surface */
         return TRUE;
+    if (mode < 0 || mode > 6)
+        return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error, "a primitive has no known mode");
     const gboolean good =
-        (mode <= 6 && mode >= 4
-             ? TRUE
-             : gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "a primitive has no known mode")) &&
         gltf_read_attributes(r, primitive, &a, error) && add_triangles(r, p, &a, mode, error);
-    GArray *const arrays[] = {a.positions, a.normals, a.uvs, a.tangents, a.indices};
-    for (gsize k = 0; k < G_N_ELEMENTS(arrays); k++)
-        if (arrays[k] != NULL)
-            g_array_unref(arrays[k]);
+    for (gsize k = 0; k < G_N_ELEMENTS(a.of); k++)
+        g_clear_pointer(&a.of[k], g_array_unref);
     return good;
 }
 
@@ -248,27 +232,11 @@ static gboolean add_mesh(struct reader *r, const struct place *p, gint64 k, GErr
     for (guint i = 0; primitives != NULL && i < json_array_get_length(primitives); i++) {
         JsonNode *node = json_array_get_element(primitives, i);
         if (!JSON_NODE_HOLDS_OBJECT(node))
-            return gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "a primitive is not an object");
+            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error, "a primitive is not an object");
         if (!add_primitive(r, p, json_node_get_object(node), error))
             return FALSE;
     }
     return TRUE;
-}
-
-static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray *nodes, int level,
-                          GError **error);
-
-static gboolean add_node(struct reader *r, const struct place *outer, gint64 k, int level,
-                         GError **error) {
-    JsonObject *node = gltf_item(&r->gltf, "nodes", k, error);
-    if (node == NULL)
-        return FALSE;
-    if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
-        return gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "its nodes hold each other in a circle");
-    const struct place own = gltf_place_of(node), p = within(outer, &own);
-    if (json_object_has_member(node, "mesh") && !add_mesh(r, &p, gltf_int(node, "mesh", -1), error))
-        return FALSE;
-    return add_nodes(r, &p, gltf_array(node, "children"), level + 1, error);
 }
 
 // NOLINTNEXTLINE(misc-no-recursion): at most MAX_LEVEL deep
@@ -277,7 +245,16 @@ static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray
     for (guint k = 0; nodes != NULL && k < json_array_get_length(nodes); k++) {
         JsonNode *index = json_array_get_element(nodes, k);
         const gint64 at = JSON_NODE_HOLDS_VALUE(index) ? json_node_get_int(index) : -1;
-        if (!add_node(r, outer, at, level, error))
+        JsonObject *node = gltf_item(&r->gltf, "nodes", at, error);
+        if (node == NULL)
+            return FALSE;
+        if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
+            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
+                             "its nodes hold each other in a circle");
+        const struct place own = gltf_place_of(node), p = within(outer, &own);
+        if ((json_object_has_member(node, "mesh") &&
+             !add_mesh(r, &p, gltf_int(node, "mesh", -1), error)) ||
+            !add_nodes(r, &p, gltf_array(node, "children"), level + 1, error))
             return FALSE;
     }
     return TRUE;
@@ -301,8 +278,8 @@ static gboolean gltf_all_finite(const struct reader *r, GError **error) {
     const float *values = (const float *)(const void *)r->soup.positions->data; /* or NULL */
     for (gsize k = 0; k < 3 * (gsize)r->soup.positions->len; k++)
         if (!(fabsf(values[k]) <= 1e18f))
-            return gltf_do_fail(r, SCENE_ERROR_FORMAT, error,
-                                "a node puts its mesh infinitely far away");
+            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
+                             "a node puts its mesh infinitely far away");
     return TRUE;
 }
 
@@ -314,7 +291,7 @@ struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error)
         if (r.soup.polygons->len > 0)
             mesh = soup_mesh(&r.soup, path, path, error);
         else
-            gltf_do_fail(&r, SCENE_ERROR_FORMAT, error, "there is no triangle in this file");
+            gltf_fail(&r.gltf, SCENE_ERROR_FORMAT, error, "there is no triangle in this file");
     }
     gltf_clear(&r.gltf);
     soup_clear(&r.soup);

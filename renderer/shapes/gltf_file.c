@@ -33,14 +33,7 @@ gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback) {
     return value == rint(value) && fabs(value) < 1e15 ? (gint64)value : fallback;
 }
 
-double gltf_double(JsonObject *object, const char *name, double fallback) {
-    JsonNode *node = json_object_get_member(object, name);
-    const GType type =
-        node != NULL && JSON_NODE_HOLDS_VALUE(node) ? json_node_get_value_type(node) : G_TYPE_NONE;
-    return type == G_TYPE_DOUBLE || type == G_TYPE_INT64 ? json_node_get_double(node) : fallback;
-}
-
-const char *gltf_string(JsonObject *object, const char *name) {
+static const char *gltf_string(JsonObject *object, const char *name) {
     JsonNode *node = json_object_get_member(object, name);
     return node != NULL && JSON_NODE_HOLDS_VALUE(node) &&
                    json_node_get_value_type(node) == G_TYPE_STRING
@@ -221,19 +214,6 @@ struct numbers {
     gboolean normalized;
 };
 
-static int count_components(const char *type) {
-    static const char *const names[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
-    for (int k = 0; type != NULL && k < 4; k++)
-        if (strcmp(type, names[k]) == 0)
-            return k + 1;
-    return 0;
-}
-
-static int gltf_file_size_of(int type) {
-    static const int sizes[] = {1, 1, 2, 2, 0, 4, 4}; /* from 5120: bytes, shorts, –, uint, float */
-    return type >= 5120 && type <= 5126 ? sizes[type - 5120] : 0;
-}
-
 static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, struct numbers *ret,
                            GError **error) {
     JsonObject *view = gltf_item(gltf, "bufferViews", gltf_int(accessor, "bufferView", -1), error);
@@ -268,17 +248,20 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
 
 static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, struct numbers *ret,
                              GError **error) {
+    static const char *const shapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
+    static const int sizes[] = {1, 1, 2, 2, 0, 4, 4}; /* from 5120: bytes, shorts, –, uint, float */
     JsonObject *accessor = gltf_item(gltf, "accessors", k, error);
     if (accessor == NULL)
         return FALSE;
     const gint64 n = gltf_int(accessor, "count", -1);
     const int type = (int)CLAMP(gltf_int(accessor, "componentType", 0), 0, 9999);
-    *ret = (struct numbers){
-        .type = type, .size = gltf_file_size_of(type), .n_components = n_components};
+    *ret = (struct numbers){.type = type,
+                            .size = type >= 5120 && type <= 5126 ? sizes[type - 5120] : 0,
+                            .n_components = n_components};
     JsonNode *normalized = json_object_get_member(accessor, "normalized");
     ret->normalized = normalized != NULL && JSON_NODE_HOLDS_VALUE(normalized) &&
                       json_node_get_boolean(normalized);
-    if (ret->size == 0 || count_components(gltf_string(accessor, "type")) != n_components)
+    if (ret->size == 0 || g_strcmp0(gltf_string(accessor, "type"), shapes[n_components - 1]) != 0)
         return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
                          "accessor %d is of another type than %d numbers", (int)k, n_components);
     if (gltf_object(accessor, "sparse") != NULL)

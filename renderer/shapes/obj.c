@@ -17,8 +17,7 @@ struct obj {
     struct soup soup;
 };
 
-static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **error,
-                         const char *format, ...) G_GNUC_PRINTF(4, 5);
+G_GNUC_PRINTF(4, 5)
 static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **error,
                          const char *format, ...) {
     va_list list;
@@ -70,9 +69,8 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
     if (array->len >= SCENE_MAX_VERTICES)
         return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d vertices",
                         SCENE_MAX_VERTICES);
-    if (n == 3 && obj->up == SCENE_Y_UP) {
+    if (n == 3 && obj->up == SCENE_Y_UP)
         soup_turn_up(values);
-    }
     g_array_append_vals(array, values, 1);
     return TRUE;
 }
@@ -136,43 +134,34 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
     return TRUE;
 }
 
-static gboolean keyword(const char *text, const char *word) {
-    gsize n = strlen(word);
-    return strncmp(text, word, n) == 0 && (text[n] == ' ' || text[n] == '\t');
-}
-
 static gboolean obj_parse_line(struct obj *obj, const char *text, GError **error) {
     skip_blanks(&text);
-    if (keyword(text, "v"))
-        return parse_floats(obj, text + 1, 3, obj->soup.positions, error);
-    if (keyword(text, "vn"))
-        return parse_floats(obj, text + 2, 3, obj->soup.normals, error);
-    if (keyword(text, "vt"))
-        return parse_floats(obj, text + 2, 2, obj->soup.uvs, error);
-    if (keyword(text, "f"))
-        return parse_face(obj, text + 1, error);
-    return TRUE;
-}
-
-static gboolean obj_parse(struct obj *obj, const char *text, GError **error) {
-    obj->line = 1;
-    for (const char *line = text; *line != '\0'; line = next_line(obj, line))
-        if (!obj_parse_line(obj, line, error))
-            return FALSE;
-    if (obj->soup.polygons->len == 0)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error, "there is no face in this file");
+    const gsize n = strcspn(text, " \t\r\n");
+    if (text[n] != ' ' && text[n] != '\t')
+        return TRUE;
+    if (n == 1 && text[0] == 'v')
+        return parse_floats(obj, text + n, 3, obj->soup.positions, error);
+    if (n == 2 && strncmp(text, "vn", n) == 0)
+        return parse_floats(obj, text + n, 3, obj->soup.normals, error);
+    if (n == 2 && strncmp(text, "vt", n) == 0)
+        return parse_floats(obj, text + n, 2, obj->soup.uvs, error);
+    if (n == 1 && text[0] == 'f')
+        return parse_face(obj, text + n, error);
     return TRUE;
 }
 
 struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up up, GError **error) {
-    struct obj obj = {.name = name, .up = up};
-    soup_init(&obj.soup);
-    g_autofree char *where = NULL;
+    struct obj obj = {.name = name, .up = up, .line = 1};
     struct mesh *mesh = NULL;
-    if (obj_parse(&obj, text, error)) {
-        where = g_strdup_printf("%s:%d", name, obj.line);
+    gboolean good = TRUE;
+    soup_init(&obj.soup);
+    for (const char *line = text; good && *line != '\0'; line = next_line(&obj, line))
+        good = obj_parse_line(&obj, line, error);
+    if (good && obj.soup.polygons->len == 0)
+        good = obj_fail(&obj, SCENE_ERROR_FORMAT, error, "there is no face in this file");
+    g_autofree char *where = g_strdup_printf("%s:%d", name, obj.line);
+    if (good)
         mesh = soup_mesh(&obj.soup, name, where, error);
-    }
     soup_clear(&obj.soup);
     return mesh;
 }

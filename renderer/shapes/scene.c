@@ -57,17 +57,6 @@ static void knot_curve(double t, double ret[3]) {
     ret[2] = sin(3.0 * t);
 }
 
-static void knot_along(double t, double ret[3]) {
-    double a[3], b[3], length;
-    knot_curve(t - 1e-4, a);
-    knot_curve(t + 1e-4, b);
-    for (int k = 0; k < 3; k++)
-        ret[k] = b[k] - a[k];
-    length = sqrt(ret[0] * ret[0] + ret[1] * ret[1] + ret[2] * ret[2]);
-    for (int k = 0; k < 3; k++)
-        ret[k] /= length;
-}
-
 /* A tube's normal at angle b around it, from its upper side, is at right angles to its middle line,
  * which is nowhere vertical. */
 static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
@@ -75,8 +64,15 @@ static void knot_at(const struct grid_shape *shape, double u, double v, double r
     double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
     double out[3] = {0.0, 0.0, 1.0};
     knot_curve(t, middle);
-    knot_along(t, along);
-    double off = along[2], length = 0.0;
+    knot_curve(t - 1e-4, aside);
+    knot_curve(t + 1e-4, along);
+    for (int k = 0; k < 3; k++)
+        along[k] -= aside[k];
+    double length = sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2]);
+    for (int k = 0; k < 3; k++)
+        along[k] /= length;
+    double off = along[2];
+    length = 0.0;
     for (int k = 0; k < 3; k++) {
         out[k] -= off * along[k];
         length = hypot(length, out[k]);
@@ -106,17 +102,6 @@ static void knot_point(const struct grid_shape *shape, double u, double v, struc
     set3(ret->tangent, t[0] / length, t[1] / length, t[2] / length);
 }
 
-static void grid_indices(struct mesh *mesh, int nu, int nv) {
-    guint32 *out = mesh->indices;
-    for (int j = 0; j < nv; j++)
-        for (int i = 0; i < nu; i++) {
-            guint32 a = (guint32)j * (nu + 1) + i, b = a + 1, c = a + nu + 1, d = c + 1;
-            guint32 quad[6] = {a, b, d, a, d, c};
-            memcpy(out, quad, sizeof quad);
-            out += 6;
-        }
-}
-
 static struct mesh *grid(const char *name, const struct grid_shape *shape, GridPoint fill, int nu,
                          int nv) {
     struct mesh *mesh = g_new0(struct mesh, 1);
@@ -136,7 +121,12 @@ static struct mesh *grid(const char *name, const struct grid_shape *shape, GridP
             float *p = vertex->position;
             mesh->radius = MAX(mesh->radius, sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]));
         }
-    grid_indices(mesh, nu, nv);
+    guint32 *out = mesh->indices;
+    for (int j = 0; j < nv; j++)
+        for (int i = 0; i < nu; i++, out += 6) {
+            guint32 a = (guint32)j * (nu + 1) + i, b = a + 1, c = a + nu + 1, d = c + 1;
+            memcpy(out, (const guint32[6]){a, b, d, a, d, c}, 6 * sizeof *out);
+        }
     return mesh;
 }
 
@@ -254,11 +244,6 @@ void mesh_free(struct mesh *mesh) {
     g_free(mesh);
 }
 
-static gboolean ends_with(const char *name, const char *ending) {
-    const gsize n = strlen(name), m = strlen(ending);
-    return n > m && g_ascii_strcasecmp(name + n - m, ending) == 0;
-}
-
 static struct mesh *default_torus(void) {
     return scene_torus(1.0, 0.4, 192, 96);
 }
@@ -269,12 +254,13 @@ const char *const scene_shape_names[SCENE_SHAPES] = {"plane", "torus", "sphere",
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
     static struct mesh *(*const makers[SCENE_SHAPES])(void) = {
         scene_plane, default_torus, scene_sphere, scene_cylinder, scene_torus_knot};
+    g_autofree char *lower = g_ascii_strdown(name, -1);
     for (int k = 0; k < SCENE_SHAPES; k++)
         if (strcmp(name, scene_shape_names[k]) == 0)
             return makers[k]();
-    if (ends_with(name, ".obj"))
+    if (g_str_has_suffix(lower, ".obj"))
         return scene_read_obj(name, up, error);
-    if (ends_with(name, ".gltf") || ends_with(name, ".glb"))
+    if (g_str_has_suffix(lower, ".gltf") || g_str_has_suffix(lower, ".glb"))
         return scene_read_gltf(name, up, error);
     g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
                 "“%s” is no shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
