@@ -36,27 +36,22 @@ static gboolean note_share(double share, gpointer data) {
     return opener_is_wanted(job);
 }
 
-static void open_job(struct job *job) {
-    struct opened *o = &job->opened;
-    if (o->place == OPENER_MDF) {
-        o->mdf = mdf_source_read(o->path, &o->error);
-        return;
-    }
-    glfwMakeContextCurrent(job->opener->context);
-    gpu_watch();
-    o->material = method_open(o->method, o->path, &o->error);
-    glFinish(); /* another context may only then read what was made */
-    glfwMakeContextCurrent(NULL);
-}
-
 static void opener_work(gpointer data, gpointer user_data) {
     struct job *job = data;
+    struct opened *o = &job->opened;
     Opener *opener = user_data;
     g_atomic_int_set(&opener->share, 0);
-    g_atomic_pointer_set(&opener->working, job->opened.path);
+    g_atomic_pointer_set(&opener->working, o->path);
     exr_watch(note_share, job);
-    if (opener_is_wanted(job))
-        open_job(job);
+    if (opener_is_wanted(job) && o->place == OPENER_MDF) {
+        o->mdf = mdf_source_read(o->path, &o->error);
+    } else if (opener_is_wanted(job)) {
+        glfwMakeContextCurrent(opener->context);
+        gpu_watch();
+        o->material = method_open(o->method, o->path, &o->error);
+        glFinish(); /* another context may only then read what was made */
+        glfwMakeContextCurrent(NULL);
+    }
     exr_watch(NULL, NULL);
     g_atomic_pointer_set(&opener->working, NULL);
     g_async_queue_push(opener->finished, job);

@@ -38,9 +38,13 @@ static gboolean use_comma(const char *folder) {
 static void test_comma(void) {
     static const float rgb[3] = {0.5F, 0.5F, 0.5F};
     static const struct method method = {.title = "a method"};
+    static const struct viewer_options options = {NULL};
     struct viewer_settings settings = viewer_settings_default;
-    const struct snapshot snapshot = {
-        .material = "a.exr", .shape = "torus", .first = &method, .settings = &settings};
+    const struct snapshot snapshot = {.material = "a.exr",
+                                      .shape = "torus",
+                                      .first = &method,
+                                      .settings = &settings,
+                                      .options = &options};
     g_autofree char *folder = g_dir_make_tmp("mesorig-snapshot-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
     const char *tiles = NULL;
@@ -51,7 +55,7 @@ static void test_comma(void) {
     }
     settings.tiles_u = 6.25F;
     settings.tiles_v = 2.5F;
-    g_assert_true(snapshot_write_light(path, &snapshot, rgb, 1, 1, NULL));
+    g_assert_true(snapshot_write(path, &snapshot, NULL, rgb, 1, 1, NULL));
     struct exr_part *part = exr_read_part(path, "picture", NULL);
     g_assert_nonnull(part);
     g_assert_true(exr_get_string(part, "picture.tiles", &tiles, NULL));
