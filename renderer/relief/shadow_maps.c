@@ -149,37 +149,31 @@ static gboolean same_key(const struct key *a, const struct key *b) {
            a->options.layers == b->options.layers && a->options.straight == b->options.straight;
 }
 
-static gboolean find_one(ShadowMaps *maps, Visibility *visibility, const struct shadow_scene *scene,
-                         const float light[3], int layer, GError **error) {
-    struct visibility_scene seen_from = scene->casting;
-    guint seen;
-    const struct key key = {.mdf = seen_from.mdf,
-                            .serial = scene->serial,
-                            .light = {light[0], light[1], light[2]},
-                            .tiles = {seen_from.tiles[0], seen_from.tiles[1]},
-                            .options = seen_from.options};
-    if (same_key(&key, &maps->keys[layer]))
-        return TRUE;
-    maps->keys[layer].mdf = NULL;
-    lamp_matrix(light, scene->radius, seen_from.projection);
-    memcpy(seen_from.sight, light, 3 * sizeof(float));
-    seen_from.sight[3] = 0.0f;
-    seen_from.reach = (float)(REACH * scene->radius);
-    seen_from.width = seen_from.height = maps->size;
-    if (!visibility_find(visibility, &seen_from, &seen, error))
-        return FALSE;
-    draw_map(maps, layer, scene->radius, seen);
-    maps->keys[layer] = key;
-    return TRUE;
-}
-
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const float (*towards)[3], int n,
                           GError **error) {
+    struct visibility_scene seen_from = scene->casting;
+    struct key key = {.mdf = seen_from.mdf,
+                      .serial = scene->serial,
+                      .tiles = {seen_from.tiles[0], seen_from.tiles[1]},
+                      .options = seen_from.options};
     if (!shadow_maps_make(maps, scene->size, n, error))
         return FALSE;
-    for (int k = 0; k < n; k++)
-        if (!find_one(maps, visibility, scene, towards[k], k, error))
+    for (int k = 0; k < n; k++) {
+        guint seen;
+        memcpy(key.light, towards[k], sizeof key.light);
+        if (same_key(&key, &maps->keys[k]))
+            continue;
+        maps->keys[k].mdf = NULL;
+        lamp_matrix(towards[k], scene->radius, seen_from.projection);
+        memcpy(seen_from.sight, towards[k], sizeof key.light);
+        seen_from.sight[3] = 0.0f;
+        seen_from.reach = (float)(REACH * scene->radius);
+        seen_from.width = seen_from.height = maps->size;
+        if (!visibility_find(visibility, &seen_from, &seen, error))
             return FALSE;
+        draw_map(maps, k, scene->radius, seen);
+        maps->keys[k] = key;
+    }
     return gpu_check("drawing shadow maps", error);
 }

@@ -143,20 +143,6 @@ static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **e
     return TRUE;
 }
 
-static gboolean make_first(Visibility *v, int width, int height, GError **error) {
-    if (v->first != 0 && v->first_width == width && v->first_height == height)
-        return TRUE;
-    glDeleteTextures(1, &v->first);
-    if (v->first_framebuffer == 0)
-        glGenFramebuffers(1, &v->first_framebuffer);
-    v->first = gpu_texture(GL_R32UI, width, height, 0);
-    v->first_width = width;
-    v->first_height = height;
-    glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, v->first, 0);
-    return gpu_check("making lists of faces", error);
-}
-
 /* FALSE: the card has no memory for so many faces; the buffer is deleted. */
 static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
@@ -205,8 +191,19 @@ static gboolean visibility_fits(guint32 faces) {
 /* FALSE without error: the lists do not fit on the card, and the faces are peeled instead. */
 static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
     guint32 start = (guint32)s->width * s->height, n_faces;
-    if (!make_first(v, s->width, s->height, error) ||
-        (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start))))
+    if (v->first == 0 || v->first_width != s->width || v->first_height != s->height) {
+        glDeleteTextures(1, &v->first);
+        if (v->first_framebuffer == 0)
+            glGenFramebuffers(1, &v->first_framebuffer);
+        v->first = gpu_texture(GL_R32UI, s->width, s->height, 0);
+        v->first_width = s->width;
+        v->first_height = s->height;
+        glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, v->first, 0);
+        if (!gpu_check("making lists of faces", error))
+            return FALSE;
+    }
+    if (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start)))
         return FALSE;
     while ((n_faces = add_faces(v, s)) > v->room)
         if (!visibility_fits(n_faces + n_faces / 4) ||

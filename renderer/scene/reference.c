@@ -1,5 +1,6 @@
 #include "reference.h"
 
+#include "base/work.h"
 #include "btf/btf.h"
 #include "exr/exr.h"
 #include "gl/directions.h"
@@ -8,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-#define CHUNK 4096 /* samples that a thread takes at a time */
+#define PARTS 32 /* of the samples, shared out among threads */
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
@@ -45,7 +46,6 @@ struct shading {
     const struct layers *layers;
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
-    gint next;        /* atomic: the first sample that no thread has taken */
 };
 
 void reference_free(Reference *r) {
@@ -148,50 +148,26 @@ static Directions *light_directions(const Reference *r, GError **error) {
                           (const float *)(const void *)r->light_phi->data, r->names->len, error);
 }
 
-/* Takes the next CHUNK of samples for a thread; FALSE if none are left. */
-static gboolean reference_take(struct shading *s, guint *ret_from, guint *ret_to) {
-    guint from = (guint)g_atomic_int_add(&s->next, CHUNK);
-    *ret_from = from;
-    *ret_to = MIN(from + CHUNK, s->n_samples);
-    return from < s->n_samples;
-}
-
-static void run_threads(struct shading *s, GThreadFunc work) {
-    GThread *threads[64];
-    guint n = MIN(g_get_num_processors(), G_N_ELEMENTS(threads));
-    s->next = 0;
-    for (guint k = 0; k < n; k++)
-        threads[k] = g_thread_new("reference", work, s);
-    for (guint k = 0; k < n; k++)
-        g_thread_join(threads[k]);
-}
-
-static struct vec3 reference_vector(const float *v) {
-    return vec3(v[0], v[1], v[2]);
-}
-
-/* Finds the directions and weights of all samples. Directions belong to one thread, so each thread
- * makes its own; shade_samples() has checked that this succeeds. */
-static gpointer reference_prepare(gpointer data) {
-    struct shading *s = data;
+/* Finds the directions and weights of a part of the samples. Directions belong to one thread, so
+ * each part makes its own; shade_samples() has checked that this succeeds. */
+static void reference_prepare(int part, gpointer data) {
+    const struct shading *s = data;
+    const guint64 n = s->n_samples;
     g_autoptr(Directions) views = view_directions(s->reference, NULL);
     g_autoptr(Directions) lights = light_directions(s->reference, NULL);
-    for (guint k, to; reference_take(s, &k, &to);)
-        for (; k < to; k++) {
-            struct sample *sample = &s->samples[k];
-            const float *texel = s->texel + 4 * (gsize)sample->at;
-            struct vec3 light = reference_vector(s->light + 4 * (gsize)sample->at);
-            sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
-            sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
-            directions_weights(views, reference_vector(s->view + 4 * (gsize)sample->at),
-                               &sample->view);
-            directions_weights(lights, light, &sample->light);
-            float fade = light.z >= 0.0 ? directions_fade(lights, light) : 0.0;
-            fade *= s->lit[4 * (gsize)sample->at];
-            for (int i = 0; i < 4; i++)
-                sample->light.weight[i] *= fade;
-        }
-    return NULL;
+    for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
+        struct sample *sample = &s->samples[k];
+        const gsize at = 4 * (gsize)sample->at;
+        const float *texel = s->texel + at, *v = s->view + at, *l = s->light + at;
+        sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
+        sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
+        directions_weights(views, vec3(v[0], v[1], v[2]), &sample->view);
+        directions_weights(lights, vec3(l[0], l[1], l[2]), &sample->light);
+        float fade = l[2] >= 0.0f ? directions_fade(lights, vec3(l[0], l[1], l[2])) : 0.0;
+        fade *= s->lit[at];
+        for (int i = 0; i < 4; i++)
+            sample->light.weight[i] *= fade;
+    }
 }
 
 /* Adds a layer's value at the sample to sum, bilinearly between texels. */
@@ -211,31 +187,30 @@ static void add_layer(const struct layers *l, int layer, const struct sample *at
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
 }
 
-/* Adds the contribution of the loaded view to all samples:
+/* Adds the contribution of the loaded view to a part of the samples:
  * BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
-static gpointer reference_shade(gpointer data) {
-    struct shading *s = data;
-    for (guint k, to; reference_take(s, &k, &to);)
-        for (; k < to; k++) {
-            struct sample *sample = &s->samples[k];
-            float share = 0.0f;
-            gboolean nearest = s->settings->style.nearest;
-            for (int i = 0; i < 4; i++)
-                if (sample->view.index[i] == s->view_index)
-                    share += sample->view.weight[i];
-                else if (sample->view.index[i] == (int)s->reference->files->len)
-                    share += sample->view.weight[i] * s->pole_share;
-            if (share == 0.0f)
-                continue;
-            for (int i = 0; i < 4; i++)
-                if (sample->light.weight[i] != 0.0f)
-                    add_layer(s->layers, sample->light.index[i], sample, nearest,
-                              share * sample->light.weight[i], sample->sum);
-            if (s->settings->ambient != 0.0)
-                add_layer(s->layers, s->layers->n_lights + 1, sample, nearest,
-                          share * s->settings->ambient, sample->sum);
-        }
-    return NULL;
+static void reference_shade(int part, gpointer data) {
+    const struct shading *s = data;
+    const guint64 n = s->n_samples;
+    const gboolean nearest = s->settings->style.nearest;
+    for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
+        struct sample *sample = &s->samples[k];
+        float share = 0.0f;
+        for (int i = 0; i < 4; i++)
+            if (sample->view.index[i] == s->view_index)
+                share += sample->view.weight[i];
+            else if (sample->view.index[i] == (int)s->reference->files->len)
+                share += sample->view.weight[i] * s->pole_share;
+        if (share == 0.0f)
+            continue;
+        for (int i = 0; i < 4; i++)
+            if (sample->light.weight[i] != 0.0f)
+                add_layer(s->layers, sample->light.index[i], sample, nearest,
+                          share * sample->light.weight[i], sample->sum);
+        if (s->settings->ambient != 0.0)
+            add_layer(s->layers, s->layers->n_lights + 1, sample, nearest,
+                      share * s->settings->ambient, sample->sum);
+    }
 }
 
 static void mix_layers(struct layers *l) {
@@ -308,7 +283,7 @@ static gboolean shade_views(struct shading *s, struct layers *layers, const Dire
                                  error))
             return FALSE;
         mix_layers(layers);
-        run_threads(s, reference_shade);
+        work_for_each(0, PARTS, reference_shade, s);
     }
     return TRUE;
 }
@@ -339,7 +314,7 @@ static gboolean shade_samples(struct shading *s, GError **error) {
                     r->height);
         return FALSE;
     }
-    run_threads(s, reference_prepare);
+    work_for_each(0, PARTS, reference_prepare, s);
     gboolean good = shade_views(s, &layers, views, error);
     s->layers = NULL;
     return good;

@@ -175,6 +175,27 @@ Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct m
     return view;
 }
 
+Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi) {
+    struct mesh *mesh = scene_plane();
+    Viewer *view = view_fixture_view(kind, n_rings, n_phi, mesh);
+    mesh_free(mesh);
+    return view;
+}
+
+float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height) {
+    g_autoptr(GError) error = NULL;
+    float *pixels = viewer_render_linear(view, s, width, height, &error);
+    g_assert_no_error(error);
+    return pixels;
+}
+
+gboolean view_fixture_have_program(void) {
+    const gboolean there = g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE);
+    if (!there)
+        test_skip_or_fail("mesorig-view is not built");
+    return there;
+}
+
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir) {
     g_autoptr(GError) error = NULL;
     static const char *const channels[] = {"B", "G", "R", NULL};

@@ -62,6 +62,14 @@ struct check {
 void view_fixture_compare(const struct check *c, double tolerance, int at_least);
 Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh);
 
+Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi); /* on scene_plane() */
+
+/* float4[height][width] of viewer_render_linear(), which must succeed. */
+float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height);
+
+#define VIEWER BUILD_DIR "/bin/mesorig-view"
+gboolean view_fixture_have_program(void); /* FALSE: the test is skipped */
+
 /* The BTF whose eigen-maps make_material() gives, one file a view. */
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir);
 char *view_fixture_write_btf(enum kind kind, int n_rings, int n_phi);

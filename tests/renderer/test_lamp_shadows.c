@@ -63,9 +63,7 @@ static Viewer *set_scene(int u, int v) {
     return view;
 }
 
-static void test_truth(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_truth(gconstpointer data) {
     const int u = 3, v = 1;
     const double reference_mm = 1.75;
     g_autoptr(GError) error = NULL;
@@ -108,9 +106,7 @@ static int n_different(const float *a, const float *b) {
 }
 
 /* A further lamp in the place of the first lights and shadows the same, to the step of a byte. */
-static void test_in_place(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_in_place(gconstpointer data) {
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
     for (int k = 0; k < 3; k++) {
@@ -132,9 +128,7 @@ static void test_in_place(struct fixture *f, gconstpointer data) {
 }
 
 /* As many as there can be, from one place, give what one gives; but for the size of their maps. */
-static void test_most(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_most(gconstpointer data) {
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
     s.lamp = 0.0;
@@ -151,9 +145,7 @@ static void test_most(struct fixture *f, gconstpointer data) {
 }
 
 /* Maps are kept only as long as nothing changes that they depend on. */
-static void test_kept(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_kept(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
@@ -181,12 +173,10 @@ static void test_kept(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-#define ADD(path, function)                                                                        \
-    g_test_add(path, struct fixture, NULL, gpu_fixture_set_up, function, gpu_fixture_tear_down)
-    ADD("/lamp-shadows/truth", test_truth);
-    ADD("/lamp-shadows/in-place", test_in_place);
-    ADD("/lamp-shadows/most", test_most);
-    ADD("/lamp-shadows/kept", test_kept);
+    gpu_fixture_add("/lamp-shadows/truth", test_truth, NULL);
+    gpu_fixture_add("/lamp-shadows/in-place", test_in_place, NULL);
+    gpu_fixture_add("/lamp-shadows/most", test_most, NULL);
+    gpu_fixture_add("/lamp-shadows/kept", test_kept, NULL);
     const int status = g_test_run();
     world_fixture_clean();
     return status;

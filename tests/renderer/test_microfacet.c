@@ -126,9 +126,7 @@ static gboolean expected(gconstpointer data, const float *at, const float *v, co
     return TRUE;
 }
 
-static void test_pictures(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_pictures(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     struct viewer_settings settings;
@@ -157,7 +155,6 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/microfacet/rotation", test_rotation);
     g_test_add_func("/microfacet/ward", test_ward);
-    g_test_add("/microfacet/pictures", struct fixture, NULL, gpu_fixture_set_up, test_pictures,
-               gpu_fixture_tear_down);
+    gpu_fixture_add("/microfacet/pictures", test_pictures, NULL);
     return g_test_run();
 }

@@ -165,9 +165,7 @@ static gboolean expected(gconstpointer data, const float *at, const float *v, co
     return TRUE;
 }
 
-static void test_pictures(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_pictures(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     struct viewer_settings settings;
@@ -202,9 +200,7 @@ static int run_viewer(const char *const *arguments, char **ret_said) {
     return process_run(argv, NULL, ret_said);
 }
 
-static void test_command(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_command(gconstpointer data) {
     name_file("map.exr");
     g_autofree char *picture = g_build_filename(folder, "metal.png", NULL);
     const char *const good[] = {
@@ -231,10 +227,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/normal-map/read", test_read);
     g_test_add_func("/normal-map/bad", test_bad);
     g_test_add_func("/normal-map/cut", test_cut);
-    g_test_add("/normal-map/pictures", struct fixture, NULL, gpu_fixture_set_up, test_pictures,
-               gpu_fixture_tear_down);
-    g_test_add("/normal-map/command", struct fixture, NULL, gpu_fixture_set_up, test_command,
-               gpu_fixture_tear_down);
+    gpu_fixture_add("/normal-map/pictures", test_pictures, NULL);
+    gpu_fixture_add("/normal-map/command", test_command, NULL);
     const int status = g_test_run();
     g_rmdir(folder);
     g_free(folder);

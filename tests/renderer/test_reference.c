@@ -23,9 +23,7 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
     remove_folder(dir);
 }
 
-static void test_reference(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_reference(gconstpointer data) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
@@ -37,9 +35,7 @@ static void test_reference(struct fixture *f, gconstpointer data) {
 }
 
 /* Filtered, seen from all around, and lit by the sky too: the two ways agree in every sample. */
-static void test_reference_agrees(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_reference_agrees(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_sphere();
     g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
@@ -58,9 +54,7 @@ static void test_reference_agrees(struct fixture *f, gconstpointer data) {
 }
 
 /* In a shadow both have what an even sky gives, and nothing else. */
-static void test_reference_shadows(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_reference_shadows(gconstpointer data) {
     const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
@@ -86,7 +80,7 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
     remove_folder(dir);
 }
 
-static void test_bad_reference(struct fixture *f, gconstpointer data) {
+static void test_bad_reference(void) {
     g_autoptr(GError) none = NULL, odd = NULL, torn = NULL, lost = NULL;
     g_autofree char *dir = view_fixture_write_btf(GREY, 1, 4);
     g_assert_null(reference_open("/nowhere", &none));
@@ -111,9 +105,7 @@ static void test_bad_reference(struct fixture *f, gconstpointer data) {
 }
 
 /* Of exact eigen-maps nothing differs; each panel is the right texel of the right frame. */
-static void test_measured(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_measured(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
     g_autofree char *dir = view_fixture_write_btf(VIEW, 3, 8);
@@ -150,9 +142,7 @@ static void test_measured(struct fixture *f, gconstpointer data) {
     remove_folder(dir);
 }
 
-static void test_compose(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_compose(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
     g_autoptr(Viewer) a = view_fixture_view(LIGHT, 3, 8, mesh),
@@ -199,7 +189,7 @@ static struct eigenmaps *wait_for(Live *live, int *ret_n_views) {
 }
 
 /* Views that come one after the other are in what is shown. */
-static void test_live(struct fixture *f, gconstpointer data) {
+static void test_live(void) {
     g_autofree char *made = view_fixture_write_btf(LIGHT, 2, 4);
     g_autofree char *session = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *products = g_build_filename(session, "products", NULL);
@@ -231,20 +221,12 @@ static void test_live(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    const struct {
-        const char *name;
-        void (*run)(struct fixture *f, gconstpointer data);
-    } tests[] = {
-        {"/reference/formula", test_reference},
-        {"/reference/agrees", test_reference_agrees},
-        {"/reference/shadows", test_reference_shadows},
-        {"/reference/bad", test_bad_reference},
-        {"/reference/measured", test_measured},
-        {"/reference/compose", test_compose},
-        {"/reference/live", test_live},
-    };
-    for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
-        g_test_add(tests[k].name, struct fixture, NULL, gpu_fixture_set_up, tests[k].run,
-                   gpu_fixture_tear_down);
+    gpu_fixture_add("/reference/formula", test_reference, NULL);
+    gpu_fixture_add("/reference/agrees", test_reference_agrees, NULL);
+    gpu_fixture_add("/reference/shadows", test_reference_shadows, NULL);
+    g_test_add_func("/reference/bad", test_bad_reference);
+    gpu_fixture_add("/reference/measured", test_measured, NULL);
+    gpu_fixture_add("/reference/compose", test_compose, NULL);
+    g_test_add_func("/reference/live", test_live);
     return g_test_run();
 }

@@ -89,9 +89,7 @@ static void check_sphere(double h_mm, enum visibility_way way) {
     mesh_free(mesh);
 }
 
-static void test_sphere(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_sphere(gconstpointer data) {
     check_sphere(4.0, VISIBILITY_PEEL);
     check_sphere(8.0, VISIBILITY_AUTO);
 }
@@ -135,9 +133,7 @@ static struct mdf_table *bumpy_mdf(void) {
     return t;
 }
 
-static void test_ways_agree(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_ways_agree(gconstpointer data) {
     struct mesh *mesh = pile(5);
     struct mdf_table *mdf = bumpy_mdf();
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
@@ -165,8 +161,8 @@ static void test_ways_agree(struct fixture *f, gconstpointer data) {
 }
 
 /* More faces than there was room for at first, and another size of picture. */
-static void test_lists_grow(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !gpu_has_43())
+static void test_lists_grow(gconstpointer data) {
+    if (!gpu_has_43())
         return;
     struct mesh *mesh = pile(8);
     struct mdf_table *mdf = bumpy_mdf();
@@ -191,9 +187,7 @@ static void test_lists_grow(struct fixture *f, gconstpointer data) {
 }
 
 /* Without structure, silhouettes change nothing. */
-static void test_smooth(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_smooth(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
@@ -213,9 +207,7 @@ static void test_smooth(struct fixture *f, gconstpointer data) {
 }
 
 /* A torus above a floor, lit from straight above: its shadow is a ring. */
-static void test_shadow_ring(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_shadow_ring(gconstpointer data) {
     struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
@@ -254,9 +246,7 @@ static gboolean same(const float *a, const float *b) {
 }
 
 /* The shadow map is kept only as long as nothing changes that it depends on. */
-static void test_shadow_kept(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_shadow_kept(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = pile(3);
     struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
@@ -329,10 +319,8 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
 }
 
 /* Wang et al. 2005 fig. 10 and 11. */
-static void test_truth(struct fixture *f, gconstpointer data) {
+static void test_truth(gconstpointer data) {
     const struct material *m = data;
-    if (f->gpu == NULL)
-        return;
     g_autoptr(World) world = silhouettes_world(m->kind, m->relief_mm);
     struct truth_grid grid = {TEXELS, TEXELS, 25.0, 25.0, m->reference_mm};
     g_autofree char *mdf = silhouettes_write_truth(world, &grid);
@@ -435,9 +423,7 @@ static void test_grazing(void) {
     mdf_table_free(t);
 }
 
-static void test_missing(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_missing(gconstpointer data) {
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
     struct mesh *mesh = scene_sphere();
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
@@ -460,17 +446,15 @@ int main(int argc, char **argv) {
     g_test_add_func("/silhouettes/table/bad", test_bad_files);
     g_test_add_func("/silhouettes/table/holes", test_holes);
     g_test_add_func("/silhouettes/table/grazing", test_grazing);
-#define ADD(path, data, function)                                                                  \
-    g_test_add(path, struct fixture, data, gpu_fixture_set_up, function, gpu_fixture_tear_down)
-    ADD("/silhouettes/sphere", NULL, test_sphere);
-    ADD("/silhouettes/smooth", NULL, test_smooth);
-    ADD("/silhouettes/ways", NULL, test_ways_agree);
-    ADD("/silhouettes/lists", NULL, test_lists_grow);
-    ADD("/silhouettes/shadow", NULL, test_shadow_ring);
-    ADD("/silhouettes/shadow-kept", NULL, test_shadow_kept);
-    ADD("/silhouettes/missing", NULL, test_missing);
-    ADD("/silhouettes/truth/weave", &weave, test_truth);
-    ADD("/silhouettes/truth/brick", &brick, test_truth);
+    gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
+    gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
+    gpu_fixture_add("/silhouettes/ways", test_ways_agree, NULL);
+    gpu_fixture_add("/silhouettes/lists", test_lists_grow, NULL);
+    gpu_fixture_add("/silhouettes/shadow", test_shadow_ring, NULL);
+    gpu_fixture_add("/silhouettes/shadow-kept", test_shadow_kept, NULL);
+    gpu_fixture_add("/silhouettes/missing", test_missing, NULL);
+    gpu_fixture_add("/silhouettes/truth/weave", test_truth, &weave);
+    gpu_fixture_add("/silhouettes/truth/brick", test_truth, &brick);
     int status = g_test_run();
     world_fixture_clean();
     return status;

@@ -19,7 +19,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define VIEWER  BUILD_DIR "/bin/mesorig-view"
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define CUTS    20 /* places at which a file is torn */
 #define NO_HIDE 77 /* exit code: files cannot be hidden here */
@@ -67,10 +66,9 @@ static void refuses(const char *const *environment, const char *const *arguments
 }
 
 static gboolean have_programs(void) {
-    if (g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE) &&
-        g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
-        return TRUE;
-    test_skip_or_fail("mesorig or mesorig-view is not built");
+    if (g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
+        return view_fixture_have_program();
+    test_skip_or_fail("mesorig is not built");
     return FALSE;
 }
 
@@ -272,9 +270,7 @@ static void check_file(const struct method *method, const char *path, int option
 }
 
 /* Whatever else draws the same file reads it alike. */
-static void test_products(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_products(gconstpointer data) {
     g_autofree char *session = write_products();
     const char *last = "";
     for (int k = 0; methods[k] != NULL; k++) {
@@ -308,8 +304,8 @@ static char *write_mdf(const char *session, int width, int height) {
     return path;
 }
 
-static void test_distances(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !have_programs())
+static void test_distances(gconstpointer data) {
+    if (!have_programs())
         return;
     g_autofree char *session = view_fixture_write_session();
     g_autofree char *plain = write_mdf(session, 8, 8);
@@ -361,11 +357,9 @@ static void is_too_wide(const char *path, const GError *error) {
 }
 
 /* More than the card takes. */
-static void test_too_wide(struct fixture *f, gconstpointer data) {
+static void test_too_wide(gconstpointer data) {
     static const char *const names[] = {"eigenmaps", "fields",       "lpca",
                                         "lpca-grid", "lpca-revised", NULL};
-    if (f->gpu == NULL)
-        return;
     g_autofree char *session = view_fixture_write_session(), *mdf = write_mdf(session, WIDE, 1);
     for (int k = 0; names[k] != NULL; k++) {
         g_autoptr(GError) error = NULL;
@@ -392,8 +386,8 @@ static void test_too_wide(struct fixture *f, gconstpointer data) {
 }
 
 /* Where a driver has less than is needed, or there is none. */
-static void test_no_gl(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !have_programs())
+static void test_no_gl(gconstpointer data) {
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
@@ -447,7 +441,7 @@ static void check_missing(const struct missing *m, const char *const *environmen
 }
 
 /* Libraries that are not installed. */
-static void test_no_library(struct fixture *f, gconstpointer data) {
+static void test_no_library(gconstpointer data) {
     static const struct missing headless[] = {
         {{"libEGL.so.1"}, "install EGL and Mesa (libegl1"},
         {{"libOpenGL.so.0", "libGL.so.1"}, "install libgl1"},
@@ -461,7 +455,7 @@ static void test_no_library(struct fixture *f, gconstpointer data) {
         {{"libGLX_mesa.so.0"}, "LIBGL_ALWAYS_SOFTWARE=1"},
         {{"libEGL.so.1"}, NULL},
     };
-    if (f->gpu == NULL || !have_programs())
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
@@ -479,7 +473,7 @@ struct shape {
     const char *name, *text, *said;
 };
 
-static void test_shapes(struct fixture *f, gconstpointer data) {
+static void test_shapes(gconstpointer data) {
     static const struct shape shapes[] = {
         {"bare.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no texture coordinates (vt)"},
         {"nan.obj", "v 0 nan 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n", "nan.obj:1"},
@@ -494,7 +488,7 @@ static void test_shapes(struct fixture *f, gconstpointer data) {
          "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}]}",
          "no texture coordinates (TEXCOORD_0)"},
     };
-    if (f->gpu == NULL || !have_programs())
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
@@ -532,8 +526,8 @@ static int count_different(const guint8 *a, const guint8 *b, int n) {
 }
 
 /* OpenGL 3.3 is enough, for silhouettes too; what needs more says so. */
-static void test_least_gl(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !have_programs())
+static void test_least_gl(gconstpointer data) {
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *mdf = write_mdf(dir, 8, 8);
@@ -563,14 +557,12 @@ static void test_least_gl(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-#define ADD(path, function)                                                                        \
-    g_test_add(path, struct fixture, NULL, gpu_fixture_set_up, function, gpu_fixture_tear_down)
-    ADD("/view-mistakes/products", test_products);
-    ADD("/view-mistakes/distances", test_distances);
-    ADD("/view-mistakes/too-wide", test_too_wide);
-    ADD("/view-mistakes/no-gl", test_no_gl);
-    ADD("/view-mistakes/no-library", test_no_library);
-    ADD("/view-mistakes/shapes", test_shapes);
-    ADD("/view-mistakes/least-gl", test_least_gl);
+    gpu_fixture_add("/view-mistakes/products", test_products, NULL);
+    gpu_fixture_add("/view-mistakes/distances", test_distances, NULL);
+    gpu_fixture_add("/view-mistakes/too-wide", test_too_wide, NULL);
+    gpu_fixture_add("/view-mistakes/no-gl", test_no_gl, NULL);
+    gpu_fixture_add("/view-mistakes/no-library", test_no_library, NULL);
+    gpu_fixture_add("/view-mistakes/shapes", test_shapes, NULL);
+    gpu_fixture_add("/view-mistakes/least-gl", test_least_gl, NULL);
     return g_test_run();
 }
