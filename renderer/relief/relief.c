@@ -60,22 +60,6 @@ gint64 relief_mdf_bytes(const Relief *relief) {
     return mdf_texture_bytes(relief->mdf);
 }
 
-/* Further lamps share the memory of four maps of full size: each of many lamps contributes little.
- */
-static gboolean find_further(Relief *relief, const struct relief_scene *from,
-                             struct shadow_scene *scene, GError **error) {
-    relief->n_further = from->n_further;
-    if (from->n_further == 0)
-        return TRUE;
-    if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
-        return FALSE;
-    scene->size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
-    for (int k = 0; k < from->n_further; k++)
-        shadow_maps_right(from->further[k], relief->rights[k]);
-    return shadow_maps_find(relief->further, relief->lamp, scene, from->further, from->n_further,
-                            error);
-}
-
 gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
     struct visibility_scene scene = from->seen;
     if (from->silhouettes && relief->mdf == NULL) {
@@ -98,7 +82,18 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     if (relief->shadows &&
         !shadow_maps_find(relief->first, relief->lamp, &shadows, light, 1, error))
         return FALSE;
-    return !from->shadows || find_further(relief, from, &shadows, error);
+    if (!from->shadows || from->n_further == 0)
+        return TRUE;
+    relief->n_further = from->n_further;
+    if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
+        return FALSE;
+    /* Further lamps share the memory of four maps of full size: each of many lamps contributes
+     * little. */
+    shadows.size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
+    for (int k = 0; k < from->n_further; k++)
+        shadow_maps_right(from->further[k], relief->rights[k]);
+    return shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,
+                            error);
 }
 
 void relief_bind(const Relief *relief, guint program) {

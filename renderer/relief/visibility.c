@@ -24,18 +24,17 @@ struct Visibility {
 static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps,
                                          GError **error) {
     const char *const constants = maps ? "#define MDF_MAPS 1\n" : "#define MDF_MAPS 0\n";
-    const char *const back[] = {"mesh.vert",   "frame.glsl",     "directions.glsl",
-                                "relief.glsl", "peel_back.frag", NULL};
-    const char *const front[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
-                                 "relief.glsl", "peel_front.frag", NULL};
-    const char *const add[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
-                               "relief.glsl", "list_nodes.glsl", "list_add.frag",
-                               NULL};
-    const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
-    if ((programs[BACK] = gpu_program(constants, back, error)) == 0 ||
-        (programs[FRONT] = gpu_program(constants, front, error)) == 0)
+    static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
+    const char *names[7] = {"mesh.vert", "frame.glsl", "directions.glsl", "relief.glsl",
+                            "peel_back.frag"};
+    if ((programs[BACK] = gpu_program(constants, names, error)) == 0)
         return FALSE;
-    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, add, error)) != 0 &&
+    names[4] = "peel_front.frag";
+    if ((programs[FRONT] = gpu_program(constants, names, error)) == 0)
+        return FALSE;
+    names[4] = "list_nodes.glsl";
+    names[5] = "list_add.frag";
+    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, names, error)) != 0 &&
                              (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
 }
 

@@ -274,25 +274,20 @@ static gboolean add_scene(struct reader *r, GError **error) {
     return TRUE;
 }
 
-static gboolean gltf_all_finite(const struct reader *r, GError **error) {
-    const float *values = (const float *)(const void *)r->soup.positions->data; /* or NULL */
-    for (gsize k = 0; k < 3 * (gsize)r->soup.positions->len; k++)
-        if (!(fabsf(values[k]) <= 1e18f))
-            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
-                             "a node puts its mesh infinitely far away");
-    return TRUE;
-}
-
 struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error) {
     struct reader r = {.up = up};
     struct mesh *mesh = NULL;
     soup_init(&r.soup);
-    if (gltf_open(&r.gltf, path, error) && add_scene(&r, error) && gltf_all_finite(&r, error)) {
-        if (r.soup.polygons->len > 0)
-            mesh = soup_mesh(&r.soup, path, path, error);
-        else
-            gltf_fail(&r.gltf, SCENE_ERROR_FORMAT, error, "there is no triangle in this file");
-    }
+    gboolean good = gltf_open(&r.gltf, path, error) && add_scene(&r, error);
+    const float *values = (const float *)(const void *)r.soup.positions->data; /* or NULL */
+    for (gsize k = 0; good && k < 3 * (gsize)r.soup.positions->len; k++)
+        if (!(fabsf(values[k]) <= 1e18f))
+            good = gltf_fail(&r.gltf, SCENE_ERROR_FORMAT, error,
+                             "a node puts its mesh infinitely far away");
+    if (good && r.soup.polygons->len == 0)
+        good = gltf_fail(&r.gltf, SCENE_ERROR_FORMAT, error, "there is no triangle in this file");
+    if (good)
+        mesh = soup_mesh(&r.soup, path, path, error);
     gltf_clear(&r.gltf);
     soup_clear(&r.soup);
     return mesh;

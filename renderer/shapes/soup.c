@@ -96,20 +96,6 @@ static void polygon_normal(const struct soup *soup, const struct soup_corner *co
     }
 }
 
-static void smooth_normals(struct soup *soup) {
-    soup->smooth = g_new0(float, 3 * (gsize)soup->positions->len);
-    const struct soup_corner *corners = (const struct soup_corner *)soup->corners->data;
-    for (guint p = 0; p < soup->polygons->len; p++) {
-        int n = g_array_index(soup->polygons, int, p);
-        float normal[3];
-        polygon_normal(soup, corners, n, normal);
-        for (int k = 0; k < n; k++)
-            for (int axis = 0; axis < 3; axis++)
-                soup->smooth[3 * (gsize)corners[k].v + axis] += normal[axis];
-        corners += n;
-    }
-}
-
 static void corner_normal(const struct soup *soup, const struct soup_corner *corner, float ret[3]) {
     if (corner->vn >= 0)
         memcpy(ret, (const float *)soup->normals->data + 3 * (gsize)corner->vn, 3 * sizeof(float));
@@ -261,6 +247,16 @@ static struct mesh *soup_build(struct soup *soup, const char *name) {
 struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, GError **error) {
     if (!soup_fit(soup, where, error))
         return NULL;
-    smooth_normals(soup);
+    soup->smooth = g_new0(float, 3 * (gsize)soup->positions->len);
+    const struct soup_corner *corners = (const struct soup_corner *)soup->corners->data;
+    for (guint p = 0; p < soup->polygons->len; p++) {
+        int n = g_array_index(soup->polygons, int, p);
+        float normal[3];
+        polygon_normal(soup, corners, n, normal);
+        for (int k = 0; k < n; k++)
+            for (int axis = 0; axis < 3; axis++)
+                soup->smooth[3 * (gsize)corners[k].v + axis] += normal[axis];
+        corners += n;
+    }
     return soup_build(soup, name);
 }

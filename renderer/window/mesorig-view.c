@@ -107,20 +107,6 @@ static gboolean open_live(const struct viewer_options *o, Viewer *viewer, struct
     return good;
 }
 
-static gboolean render_series(const struct viewer_options *o, const struct studio *studio,
-                              const struct viewer_settings *s, struct rendered *ret,
-                              GError **error) {
-    for (int k = 0; k < o->n_series; k++) {
-        g_autoptr(GArray) views = series_wait(o->argument, o->series[k], o->wait_s, error);
-        if (views == NULL || !open_live(o, studio->viewer, ret, error) ||
-            !render_frame(o, studio, k, s, ret, error))
-            return FALSE;
-        if (!o->json)
-            g_print("%d of %d views\n", ret->n_views, ret->n_planned);
-    }
-    return TRUE;
-}
-
 static gboolean render_frames(const struct viewer_options *o, struct studio *studio,
                               const struct viewer_settings *start, struct rendered *ret,
                               GError **error) {
@@ -131,8 +117,14 @@ static gboolean render_frames(const struct viewer_options *o, struct studio *stu
     studio->sheet = sheet;
     /* Once, so that the shape keeps its size in all frames. */
     viewer_fit(studio->viewer, &fitted, (double)o->width / o->height);
-    if (o->n_series > 0 && !render_series(o, studio, &fitted, ret, error))
-        return FALSE;
+    for (int k = 0; k < o->n_series; k++) {
+        g_autoptr(GArray) views = series_wait(o->argument, o->series[k], o->wait_s, error);
+        if (views == NULL || !open_live(o, studio->viewer, ret, error) ||
+            !render_frame(o, studio, k, &fitted, ret, error))
+            return FALSE;
+        if (!o->json)
+            g_print("%d of %d views\n", ret->n_views, ret->n_planned);
+    }
     for (int k = 0; o->n_series == 0 && k < MAX(o->frames, 1); k++) {
         struct viewer_settings s = fitted;
         double turned = o->frames > 0 ? 360.0 * k / o->frames : 0.0;
@@ -258,17 +250,6 @@ static void viewer_main_report(const struct viewer_options *o, const char *mater
     g_print("%s}\n", json->str);
 }
 
-static gboolean viewer_main_render(const struct viewer_options *o, const char *material,
-                                   const struct environment *environment, struct rendered *ret,
-                                   GError **error) {
-    const struct scene_options scene = {o->settings.tiles_u, o->settings.tiles_v, o->upward,
-                                        o->floor};
-    struct mesh *mesh = scene_make(o->shape, &scene, error);
-    gboolean good = mesh != NULL && render_mesh(o, material, mesh, environment, ret, error);
-    mesh_free(mesh);
-    return good;
-}
-
 static int viewer_main_run(struct viewer_options *o) {
     g_autoptr(GError) error = NULL;
     g_autofree char *material = viewer_options_path(o, o->method);
@@ -284,7 +265,11 @@ static int viewer_main_run(struct viewer_options *o) {
     gboolean good =
         environment != NULL ? environment_light(environment, &o->settings, &error) : error == NULL;
     if (good && o->render != NULL) {
-        good = viewer_main_render(o, material, environment, &done, &error);
+        const struct viewer_settings *s = &o->settings;
+        const struct scene_options scene = {s->tiles_u, s->tiles_v, o->upward, o->floor};
+        struct mesh *mesh = scene_make(o->shape, &scene, &error);
+        good = mesh != NULL && render_mesh(o, material, mesh, environment, &done, &error);
+        mesh_free(mesh);
     } else if (good && (good = window_run(o, environment, &done.drawn, &error))) {
         if (!o->json)
             g_print("first picture after %.2f s\n", done.drawn.first_seconds);

@@ -66,105 +66,95 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     return TRUE;
 }
 
+#define OPTION(name, kind, to, argument, text)                                                     \
+    { name, 0, 0, G_OPTION_ARG_##kind, (gpointer)(to), text, argument }
+#define FLAG(name, to, text) OPTION(name, NONE, to, NULL, text)
+
 GOptionEntry *viewer_options_entries(struct viewer_options *o) {
     struct viewer_settings *s = &o->settings;
     const GOptionEntry all[] = {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
-        {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
-         "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file", "SHAPE"},
-        {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
-         "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
-         "hsh, lafortune, "
-         "ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin",
-         "METHOD"},
-        {"normal-map", 0, 0, G_OPTION_ARG_FILENAME, &o->normal_map,
-         "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)", "FILE"},
-        {"rotation", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_rotation,
-         "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)",
-         "exact|approximate|none"},
-        {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
-        {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
-         "Repetitions of the material along the shape, for example 8x3", "N|UxV"},
-        {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg,
-         "Light's angle from straight above, 0 … 180, default 50", "DEG"},
-        {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
-         "Light's azimuth from +x, default 200: from the left", "DEG"},
-        {"lamp", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_lamp,
-         "A further lamp; may be given again", "THETA,PHI[,R,G,B]"},
-        {"environment", 0, 0, G_OPTION_ARG_FILENAME, &o->environment,
-         "Light from a picture of all directions (EXR, zenith in its first row) instead of the "
-         "lamp",
-         "FILE.exr"},
-        {"backdrop", 0, 0, G_OPTION_ARG_NONE, &s->backdrop,
-         "With --environment: it is seen behind the shape, too", NULL},
-        {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
-         "Camera's azimuth from +x, default -90: in front", "DEG"},
-        {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
-         "Camera's height above the horizon, -90 … 90, default 40", "DEG"},
-        {"camera-distance", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_distance,
-         "In radii of the shape; default: the shape fills the picture", "R"},
-        {"camera-fov-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_fov_deg,
-         "Field of view of the shorter side, 1 … 120, default 30", "DEG"},
-        {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &s->exposure_ev,
-         "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white", "EV"},
-        {"ambient", 0, 0, G_OPTION_ARG_DOUBLE, &s->ambient,
-         "Light from all around, as a share of the lamp's, default 0.05", "SHARE"},
-        {"supersample", 0, 0, G_OPTION_ARG_INT, &o->supersample,
-         "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2", "N"},
-        {"nearest", 0, 0, G_OPTION_ARG_NONE, &o->nearest, "Do not filter between texels", NULL},
-        {"plain", 0, 0, G_OPTION_ARG_NONE, &s->plain,
-         "One texture times n·l instead of the BTF, to compare", NULL},
+        OPTION("shape", FILENAME, &o->shape, "SHAPE",
+               "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file"),
+        OPTION("method", STRING, &o->method_name, "METHOD",
+               "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
+               "hsh, lafortune, ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward "
+               "or metal-ashikhmin"),
+        OPTION("normal-map", FILENAME, &o->normal_map, "FILE",
+               "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)"),
+        OPTION("rotation", CALLBACK, parse_rotation, "exact|approximate|none",
+               "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)"),
+        OPTION("size", STRING, &o->size, "WxH", "Pixels, default 800x600"),
+        OPTION("tiles", STRING, &o->tiles, "N|UxV",
+               "Repetitions of the material along the shape, for example 8x3"),
+        OPTION("light-theta-deg", DOUBLE, &s->light_theta_deg, "DEG",
+               "Light's angle from straight above, 0 … 180, default 50"),
+        OPTION("light-phi-deg", DOUBLE, &s->light_phi_deg, "DEG",
+               "Light's azimuth from +x, default 200: from the left"),
+        OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B]",
+               "A further lamp; may be given again"),
+        OPTION("environment", FILENAME, &o->environment, "FILE.exr",
+               "Light from a picture of all directions (EXR, zenith in its first row) instead of "
+               "the lamp"),
+        FLAG("backdrop", &s->backdrop, "With --environment: it is seen behind the shape, too"),
+        OPTION("camera-azimuth-deg", DOUBLE, &s->camera_azimuth_deg, "DEG",
+               "Camera's azimuth from +x, default -90: in front"),
+        OPTION("camera-elevation-deg", DOUBLE, &s->camera_elevation_deg, "DEG",
+               "Camera's height above the horizon, -90 … 90, default 40"),
+        OPTION("camera-distance", DOUBLE, &s->camera_distance, "R",
+               "In radii of the shape; default: the shape fills the picture"),
+        OPTION("camera-fov-deg", DOUBLE, &s->camera_fov_deg, "DEG",
+               "Field of view of the shorter side, 1 … 120, default 30"),
+        OPTION("exposure", DOUBLE, &s->exposure_ev, "EV",
+               "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white"),
+        OPTION("ambient", DOUBLE, &s->ambient, "SHARE",
+               "Light from all around, as a share of the lamp's, default 0.05"),
+        OPTION("supersample", INT, &o->supersample, "N",
+               "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2"),
+        FLAG("nearest", &o->nearest, "Do not filter between texels"),
+        FLAG("plain", &s->plain, "One texture times n·l instead of the BTF, to compare"),
         {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
          (gpointer)parse_silhouettes, "With the structure's outline, from the session's mdf.exr",
          "auto|peel|lists"},
-        {"shadows", 0, 0, G_OPTION_ARG_NONE, &s->shadows, "With the shadows that the shape casts",
-         NULL},
-        {"floor", 0, 0, G_OPTION_ARG_NONE, &o->floor, "A floor of the material under the shape",
-         NULL},
-        {"layers", 0, 0, G_OPTION_ARG_INT, &s->visibility.layers,
-         "Of silhouettes behind each other, at most, 1 … 32 (default)", "N"},
-        {"straight", 0, 0, G_OPTION_ARG_NONE, &s->visibility.straight,
-         "Silhouettes as if the shape were flat under each ray, to compare", NULL},
-        {"shadow-map", 0, 0, G_OPTION_ARG_INT, &s->shadow_size,
-         "Size of the first lamp's map of shadows, 16 … 16384, default 1024", "PIXELS"},
-        {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &o->mdf,
-         "Distances for --silhouettes, if not the mdf.exr beside the material", "FILE"},
-        {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "Upward axis of a shape's file, default y",
-         "y|z"},
-        {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
-         "With --render: this many pictures OUT_0000.png …", "N"},
-        {"sheet", 0, 0, G_OPTION_ARG_INT, &o->sheet,
-         "With --frames: one picture instead, with so many of them side by side", "COLUMNS"},
-        {"reference", 0, 0, G_OPTION_ARG_NONE, &o->reference,
-         "With --render: from the session's whole BTF, not its eigen-maps; slow", NULL},
-        {"split", 0, 0, G_OPTION_ARG_STRING, &o->split,
-         "The right half of the picture by another method", "METHOD"},
-        {"difference", 0, 0, G_OPTION_ARG_STRING, &o->difference,
-         "Four times what another method is brighter or darker by, around grey", "METHOD"},
-        {"measured", 0, 0, G_OPTION_ARG_NONE, &o->measured,
-         "With --render: the measured frame nearest to camera and light, the same drawn, and four "
-         "times the difference",
-         NULL},
-        {"live", 0, 0, G_OPTION_ARG_NONE, &o->live,
-         "Eigen-maps of the views that are there, while the session is still being captured", NULL},
-        {"series", 0, 0, G_OPTION_ARG_STRING, &o->series_text,
-         "With --live: a picture each as soon as so much of the views is there", "PERCENT,…"},
-        {"wait-s", 0, 0, G_OPTION_ARG_DOUBLE, &o->wait_s,
-         "With --series: give up when no view comes for so long, default 600", "SECONDS"},
-        {"light-turn", 0, 0, G_OPTION_ARG_NONE, &o->light_turn,
-         "The light goes once around during the frames", NULL},
-        {"camera-turn", 0, 0, G_OPTION_ARG_NONE, &o->camera_turn,
-         "The camera goes once around during the frames", NULL},
-        {"close-after", 0, 0, G_OPTION_ARG_INT, &o->close_after,
-         "Close the window after this many frames", "N"},
-        {"screenshot", 0, 0, G_OPTION_ARG_FILENAME, &o->screenshot,
-         "Write the window's last picture when it closes", "OUT.png"},
-        {"with-panel", 0, 0, G_OPTION_ARG_NONE, &o->with_panel,
-         "Screenshots show the window as it is, with its panel", NULL},
-        {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "Say what was done as JSON", NULL},
-        {"version", 0, 0, G_OPTION_ARG_NONE, &o->version, "Print the version", NULL},
-        {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &o->rest, NULL, "MATERIAL"},
+        FLAG("shadows", &s->shadows, "With the shadows that the shape casts"),
+        FLAG("floor", &o->floor, "A floor of the material under the shape"),
+        OPTION("layers", INT, &s->visibility.layers, "N",
+               "Of silhouettes behind each other, at most, 1 … 32 (default)"),
+        FLAG("straight", &s->visibility.straight,
+             "Silhouettes as if the shape were flat under each ray, to compare"),
+        OPTION("shadow-map", INT, &s->shadow_size, "PIXELS",
+               "Size of the first lamp's map of shadows, 16 … 16384, default 1024"),
+        OPTION("mdf", FILENAME, &o->mdf, "FILE",
+               "Distances for --silhouettes, if not the mdf.exr beside the material"),
+        OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
+        OPTION("frames", INT, &o->frames, "N", "With --render: this many pictures OUT_0000.png …"),
+        OPTION("sheet", INT, &o->sheet, "COLUMNS",
+               "With --frames: one picture instead, with so many of them side by side"),
+        FLAG("reference", &o->reference,
+             "With --render: from the session's whole BTF, not its eigen-maps; slow"),
+        OPTION("split", STRING, &o->split, "METHOD",
+               "The right half of the picture by another method"),
+        OPTION("difference", STRING, &o->difference, "METHOD",
+               "Four times what another method is brighter or darker by, around grey"),
+        FLAG("measured", &o->measured,
+             "With --render: the measured frame nearest to camera and light, the same drawn, and "
+             "four times the difference"),
+        FLAG("live", &o->live,
+             "Eigen-maps of the views that are there, while the session is still being captured"),
+        OPTION("series", STRING, &o->series_text, "PERCENT,…",
+               "With --live: a picture each as soon as so much of the views is there"),
+        OPTION("wait-s", DOUBLE, &o->wait_s, "SECONDS",
+               "With --series: give up when no view comes for so long, default 600"),
+        FLAG("light-turn", &o->light_turn, "The light goes once around during the frames"),
+        FLAG("camera-turn", &o->camera_turn, "The camera goes once around during the frames"),
+        OPTION("close-after", INT, &o->close_after, "N", "Close the window after this many frames"),
+        OPTION("screenshot", FILENAME, &o->screenshot, "OUT.png",
+               "Write the window's last picture when it closes"),
+        FLAG("with-panel", &o->with_panel, "Screenshots show the window as it is, with its panel"),
+        FLAG("json", &o->json, "Say what was done as JSON"),
+        FLAG("version", &o->version, "Print the version"),
+        OPTION(G_OPTION_REMAINING, FILENAME_ARRAY, &o->rest, "MATERIAL", NULL),
         {NULL}};
     return g_memdup2(all, sizeof all);
 }
@@ -242,16 +232,6 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                     "a method as --method has it");
 }
 
-static gboolean parse_series(struct viewer_options *o, GError **error) {
-    o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
-    if (!(o->wait_s > 0.0 && o->wait_s <= 1e6))
-        return refuse_options(error, "--wait-s is %g, but must be above 0, up to 1000000",
-                              o->wait_s);
-    if (o->series_text != NULL && (o->n_series = series_parse(o->series_text, o->series)) == 0)
-        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
-    return TRUE;
-}
-
 /* Options that exclude or need each other. */
 static gboolean check_together(const struct viewer_options *o, GError **error) {
     const struct viewer_settings *s = &o->settings;
@@ -312,6 +292,12 @@ gboolean viewer_options_check(struct viewer_options *o, GError **error) {
     o->settings.style.nearest = o->nearest;
     int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
     o->settings.samples = o->supersample != 0 ? o->supersample : samples;
-    return parse_series(o, error) && check_together(o, error) && parse_sizes(o, error) &&
+    o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
+    if (!(o->wait_s > 0.0 && o->wait_s <= 1e6))
+        return refuse_options(error, "--wait-s is %g, but must be above 0, up to 1000000",
+                              o->wait_s);
+    if (o->series_text != NULL && (o->n_series = series_parse(o->series_text, o->series)) == 0)
+        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
+    return check_together(o, error) && parse_sizes(o, error) &&
            viewer_settings_check(&o->settings, error);
 }

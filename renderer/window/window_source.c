@@ -65,7 +65,8 @@ static gboolean take_first(struct window *w, struct opened *o, GError **error) {
     return TRUE;
 }
 
-static void mark_views(struct window *w) {
+/* Hatches pictures where views are missing. */
+static void show_planned(struct window *w) {
     Viewer *const both[2] = {w->viewer, w->second};
     for (int k = 0; k < 2; k++)
         if (both[k] != NULL && w->planned != NULL)
@@ -78,21 +79,17 @@ gboolean window_set_environment(const struct window *w, Viewer *viewer, GError *
     return w->environment == NULL || viewer_set_environment(viewer, w->environment, error);
 }
 
-static gboolean make_second(struct window *w, GError **error) {
-    if (w->second != NULL)
-        return TRUE;
-    g_autoptr(Viewer) viewer = viewer_new(NULL, error);
-    if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
-        !window_set_environment(w, viewer, error) ||
-        (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
-        return FALSE;
-    w->second = g_steal_pointer(&viewer);
-    mark_views(w);
-    return TRUE;
-}
-
 static gboolean take_second(struct window *w, struct opened *o, GError **error) {
-    if (!make_second(w, error) || !viewer_set_method(w->second, o->method, o->material, error))
+    if (w->second == NULL) {
+        g_autoptr(Viewer) viewer = viewer_new(NULL, error);
+        if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
+            !window_set_environment(w, viewer, error) ||
+            (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
+            return FALSE;
+        w->second = g_steal_pointer(&viewer);
+        show_planned(w);
+    }
+    if (!viewer_set_method(w->second, o->method, o->material, error))
         return FALSE;
     o->material = NULL;
     w->second_method = o->method;
@@ -246,7 +243,7 @@ static void look_at_views(struct window *w) {
     g_clear_pointer(&w->planned, g_array_unref);
     w->planned = views;
     if (news)
-        mark_views(w);
+        show_planned(w);
 }
 
 void window_follow(struct window *w) {
