@@ -1,5 +1,7 @@
 #include "view_fixture.h"
 
+#include <png.h>
+
 struct v3 v3_new(double x, double y, double z) {
     return (struct v3){x, y, z};
 }
@@ -187,6 +189,18 @@ float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int wi
     float *pixels = viewer_render_linear(view, s, width, height, &error);
     g_assert_no_error(error);
     return pixels;
+}
+
+guint8 *view_fixture_read_png(const char *path, int *ret_width, int *ret_height) {
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    g_assert_true(png_image_begin_read_from_file(&image, path));
+    image.format = PNG_FORMAT_RGB;
+    guint8 *rgb = g_malloc(PNG_IMAGE_SIZE(image));
+    g_assert_true(png_image_finish_read(&image, NULL, rgb, 0, NULL));
+    *ret_width = (int)image.width;
+    *ret_height = (int)image.height;
+    png_image_free(&image);
+    return rgb;
 }
 
 gboolean view_fixture_have_program(void) {

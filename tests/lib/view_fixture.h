@@ -67,6 +67,9 @@ Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi); /* on scene_
 /* float4[height][width] of viewer_render_linear(), which must succeed. */
 float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height);
 
+/* width × height × 3 bytes. */
+guint8 *view_fixture_read_png(const char *path, int *ret_width, int *ret_height);
+
 #define VIEWER BUILD_DIR "/bin/mesorig-view"
 gboolean view_fixture_have_program(void); /* FALSE: the test is skipped */
 

@@ -60,6 +60,11 @@ char *user_stand_up(struct user *u, int code) {
     return err;
 }
 
+char *user_leave(struct user *u) {
+    x_display_key(u->x, "Escape");
+    return user_stand_up(u, 0);
+}
+
 static GHashTable *read_texts(const char *path) {
     GHashTable *texts = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     FILE *file = fopen(path, "rb");

@@ -12,20 +12,13 @@
 static gboolean use_comma(const char *folder) {
     g_autofree char *source = g_build_filename(folder, "comma", NULL);
     g_autofree char *locale = g_build_filename(folder, "xx_XX", NULL);
-    char *argv[] = {(char *)"localedef",
-                    (char *)"-c",
-                    (char *)"--quiet",
-                    (char *)"-i",
-                    source,
-                    (char *)"-f",
-                    (char *)"ANSI_X3.4-1968",
-                    locale,
-                    NULL};
+    const char *const argv[] = {"localedef",      "-c",   "--quiet", "-i", source, "-f",
+                                "ANSI_X3.4-1968", locale, NULL};
     g_assert_true(g_file_set_contents(source,
                                       "LC_NUMERIC\ndecimal_point \",\"\nthousands_sep \".\"\n"
                                       "grouping 3;3\nEND LC_NUMERIC\n",
                                       -1, NULL));
-    g_spawn_sync(NULL, argv, NULL,
+    g_spawn_sync(NULL, (char **)argv, NULL,
                  G_SPAWN_SEARCH_PATH | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL,
                  NULL, NULL, NULL, NULL, NULL, NULL);
     g_setenv("LOCPATH", folder, TRUE);

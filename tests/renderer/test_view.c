@@ -4,8 +4,6 @@
 #include "lib/view_fixture.h"
 #include "scene/picture.h"
 
-#include <png.h>
-
 static struct hit hit_plane(struct v3 eye, struct v3 d) {
     double along = -eye.z / d.z;
     struct v3 p = v3_mix(eye, 1.0, d, along);
@@ -102,10 +100,6 @@ static void test_diffuser(gconstpointer data) {
     g_assert_cmpfloat_with_epsilon(mean[1], 0.5, 0.015);
 }
 
-static double srgb(double x) {
-    return 255.0 * (x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055);
-}
-
 /* Bytes: exposure, tone and transfer, without and with supersampling. */
 static void test_bytes(gconstpointer data) {
     g_autoptr(Viewer) view = view_fixture_plane(GREY, 5, 12);
@@ -123,8 +117,10 @@ static void test_bytes(gconstpointer data) {
             s.samples = samples;
             g_autofree guint8 *rgb = viewer_render(view, &s, 16, 12, &error);
             g_assert_no_error(error);
+            const double x = cases[k].linear;
+            const double srgb = x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055;
             for (int b = 0; b < 16 * 12 * 3; b++)
-                g_assert_cmpfloat_with_epsilon(rgb[b], srgb(cases[k].linear), 1.01);
+                g_assert_cmpfloat_with_epsilon(rgb[b], 255.0 * srgb, 1.01);
             /* Light is neither toned nor rounded. */
             g_autofree float *light = viewer_render_light(view, &s, 16, 12, &error);
             g_assert_no_error(error);
@@ -270,17 +266,6 @@ static void test_too_large(gconstpointer data) {
     g_assert_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE);
 }
 
-static void read_png(const char *path, int *ret_width, int *ret_height, guint8 **ret_rgb) {
-    png_image image = {.version = PNG_IMAGE_VERSION};
-    g_assert_true(png_image_begin_read_from_file(&image, path));
-    image.format = PNG_FORMAT_RGB;
-    *ret_width = image.width;
-    *ret_height = image.height;
-    *ret_rgb = g_malloc(PNG_IMAGE_SIZE(image));
-    g_assert_true(png_image_finish_read(&image, NULL, *ret_rgb, 0, NULL));
-    png_image_free(&image);
-}
-
 static void test_png(void) {
     g_autoptr(GError) error = NULL, folder = NULL;
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -292,8 +277,7 @@ static void test_png(void) {
     g_assert_true(picture_write_png(path, rgb, 5, 3, texts, &error));
     g_assert_no_error(error);
     int width, height;
-    g_autofree guint8 *read = NULL;
-    read_png(path, &width, &height, &read);
+    g_autofree guint8 *read = view_fixture_read_png(path, &width, &height);
     g_assert_cmpint(width, ==, 5);
     g_assert_cmpint(height, ==, 3);
     g_assert_cmpmem(read, sizeof rgb, rgb, sizeof rgb);
@@ -358,7 +342,7 @@ static void test_program_renders(gconstpointer data) {
     for (int k = 0; k < 2; k++) {
         g_autofree char *one = g_strdup_printf("%s/turn_%04d.png", dir, 2 * k);
         int width, height;
-        read_png(one, &width, &height, &rgb[k]);
+        rgb[k] = view_fixture_read_png(one, &width, &height);
         g_assert_cmpint(width, ==, 48);
     }
     g_assert_cmpint(memcmp(rgb[0], rgb[1], 48 * 32 * 3), !=, 0);
@@ -398,15 +382,13 @@ static void test_program_sheet(gconstpointer data) {
     g_assert_nonnull(strstr(out, "sheet.png\"]"));
     g_assert_cmpint(process_run(many, &out2, &err2), ==, 0);
     int width, height;
-    g_autofree guint8 *whole = NULL;
-    read_png(sheet, &width, &height, &whole);
+    g_autofree guint8 *whole = view_fixture_read_png(sheet, &width, &height);
     g_assert_cmpint(width, ==, 48);
     g_assert_cmpint(height, ==, 32);
     for (int k = 0; k < 3; k++) {
         g_autofree char *path = g_strdup_printf("%s/turn_%04d.png", dir, k);
         int w, h;
-        g_autofree guint8 *frame = NULL;
-        read_png(path, &w, &h, &frame);
+        g_autofree guint8 *frame = view_fixture_read_png(path, &w, &h);
         for (int j = 0; j < 16; j++)
             g_assert_cmpmem(whole + 3 * ((k / 2 * 16 + j) * 48 + k % 2 * 24), 3 * 24,
                             frame + 3 * 24 * j, 3 * 24);
@@ -453,8 +435,7 @@ static void test_program_window(gconstpointer data) {
     g_assert_cmpint(status, ==, 0);
     g_assert_nonnull(strstr(out, "\"frames\": 3"));
     int width, height;
-    g_autofree guint8 *rgb = NULL;
-    read_png(path, &width, &height, &rgb);
+    g_autofree guint8 *rgb = view_fixture_read_png(path, &width, &height);
     g_assert_cmpint(width, ==, 160);
     g_assert_cmpint(rgb[3 * (60 * 160 + 40)], >, 60); /* on the torus, left of its hole */
     view_fixture_remove_session(dir, (const char *[]){"window.png", NULL});
