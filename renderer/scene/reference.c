@@ -29,21 +29,17 @@ struct sample {
     float sum[3];
 };
 
-/* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _. */
-struct layers {
-    float *texels;
-    gsize size; /* floats a layer */
-    int width, height, n_lights;
-    const float *pole, *sky; /* each light's share */
-};
-
 struct shading {
     const Reference *reference;
     const struct viewer_settings *settings;
     struct sample *samples;
     guint n_samples;
     const float *texel, *view, *light, *lit; /* as viewer_render_geometry() gives them */
-    const struct layers *layers;
+    /* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _.
+     */
+    float *layers;
+    gsize layer_size;        /* floats */
+    const float *pole, *sky; /* each light's share */
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
 };
@@ -171,17 +167,19 @@ static void reference_prepare(int part, gpointer data) {
 }
 
 /* Adds a layer's value at the sample to sum, bilinearly between texels. */
-static void add_layer(const struct layers *l, int layer, const struct sample *at, gboolean nearest,
-                      float share, float sum[3]) {
-    const float *texels = l->texels + l->size * layer;
+static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
+                      float sum[3]) {
+    const float *texels = s->layers + s->layer_size * layer;
+    const gboolean nearest = s->settings->style.nearest;
+    const int width = s->reference->width, height = s->reference->height;
     float x = nearest ? floorf(at->x) : at->x - 0.5f, y = nearest ? floorf(at->y) : at->y - 0.5f;
     float fx = x - floorf(x), fy = y - floorf(y);
-    int i = ((int)floorf(x) + l->width) % l->width, j = ((int)floorf(y) + l->height) % l->height;
-    int right = (i + 1) % l->width, down = (j + 1) % l->height;
-    const float *a = texels + 4 * ((gsize)j * l->width + i);
-    const float *b = texels + 4 * ((gsize)j * l->width + right);
-    const float *c = texels + 4 * ((gsize)down * l->width + i);
-    const float *d = texels + 4 * ((gsize)down * l->width + right);
+    int i = ((int)floorf(x) + width) % width, j = ((int)floorf(y) + height) % height;
+    int right = (i + 1) % width, down = (j + 1) % height;
+    const float *a = texels + 4 * ((gsize)j * width + i);
+    const float *b = texels + 4 * ((gsize)j * width + right);
+    const float *c = texels + 4 * ((gsize)down * width + i);
+    const float *d = texels + 4 * ((gsize)down * width + right);
     for (int k = 0; k < 3; k++)
         sum[k] +=
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
@@ -192,7 +190,7 @@ static void add_layer(const struct layers *l, int layer, const struct sample *at
 static void reference_shade(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;
-    const gboolean nearest = s->settings->style.nearest;
+    const int n_lights = (int)s->reference->names->len;
     for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
         struct sample *sample = &s->samples[k];
         float share = 0.0f;
@@ -205,23 +203,10 @@ static void reference_shade(int part, gpointer data) {
             continue;
         for (int i = 0; i < 4; i++)
             if (sample->light.weight[i] != 0.0f)
-                add_layer(s->layers, sample->light.index[i], sample, nearest,
-                          share * sample->light.weight[i], sample->sum);
+                add_layer(s, sample->light.index[i], sample, share * sample->light.weight[i],
+                          sample->sum);
         if (s->settings->ambient != 0.0)
-            add_layer(s->layers, s->layers->n_lights + 1, sample, nearest,
-                      share * s->settings->ambient, sample->sum);
-    }
-}
-
-static void mix_layers(struct layers *l) {
-    float *pole = l->texels + l->size * l->n_lights, *sky = pole + l->size;
-    memset(pole, 0, 2 * l->size * sizeof(float));
-    for (int light = 0; light < l->n_lights; light++) {
-        const float *texels = l->texels + l->size * light;
-        for (gsize k = 0; k < l->size; k++) {
-            pole[k] += l->pole[light] * texels[k];
-            sky[k] += l->sky[light] * texels[k];
-        }
+            add_layer(s, n_lights + 1, sample, share * s->settings->ambient, sample->sum);
     }
 }
 
@@ -268,56 +253,58 @@ struct reference_info reference_info(const Reference *r) {
     };
 }
 
-/* Loads one view after the other and adds it to all samples. */
-static gboolean shade_views(struct shading *s, struct layers *layers, const Directions *views,
-                            GError **error) {
-    int n_pole;
-    const int *pole = directions_pole(views, &n_pole);
-    s->layers = layers;
-    for (guint v = 0; v < s->reference->files->len; v++) {
-        s->view_index = v;
-        s->pole_share = 0.0f;
-        for (int k = 0; k < n_pole; k++)
-            s->pole_share += pole[k] == (int)v ? 1.0f / n_pole : 0.0f;
-        if (!reference_read_file(s->reference, s->reference->files->pdata[v], 4, layers->texels,
-                                 error))
-            return FALSE;
-        mix_layers(layers);
-        work_for_each(0, PARTS, reference_shade, s);
+/* Mixes the pole and the sky of the view in memory. */
+static void mix_layers(struct shading *s) {
+    const gsize n = s->layer_size;
+    const int n_lights = (int)s->reference->names->len;
+    float *pole = s->layers + n * n_lights, *sky = pole + n;
+    memset(pole, 0, 2 * n * sizeof(float));
+    for (int light = 0; light < n_lights; light++) {
+        const float *texels = s->layers + n * light;
+        for (gsize k = 0; k < n; k++) {
+            pole[k] += s->pole[light] * texels[k];
+            sky[k] += s->sky[light] * texels[k];
+        }
     }
-    return TRUE;
 }
 
+/* Loads one view after the other and adds it to all samples. */
 static gboolean shade_samples(struct shading *s, GError **error) {
     const Reference *r = s->reference;
     g_autoptr(Directions) views = view_directions(r, error);
     g_autoptr(Directions) lights = views != NULL ? light_directions(r, error) : NULL;
     if (lights == NULL)
         return FALSE;
-    struct layers layers = {.size = 4 * (gsize)r->width * r->height,
-                            .width = r->width,
-                            .height = r->height,
-                            .n_lights = r->names->len};
-    g_autofree float *texels = g_try_new0(float, layers.size *(r->names->len + 2));
+    s->layer_size = 4 * (gsize)r->width * r->height;
+    g_autofree float *layers = g_try_new0(float, s->layer_size *(r->names->len + 2));
     g_autofree float *pole_share = g_new0(float, r->names->len), *sky = g_new(float, r->names->len);
     int n_pole;
     const int *pole = directions_pole(lights, &n_pole);
     for (int k = 0; k < n_pole; k++)
         pole_share[pole[k]] += 1.0f / n_pole;
     directions_sky(lights, sky);
-    layers.texels = texels;
-    layers.pole = pole_share;
-    layers.sky = sky;
-    if (texels == NULL) {
+    s->layers = layers;
+    s->pole = pole_share;
+    s->sky = sky;
+    if (layers == NULL) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "no memory for a view of %u lights of %d × %d texels", r->names->len, r->width,
                     r->height);
         return FALSE;
     }
     work_for_each(0, PARTS, reference_prepare, s);
-    gboolean good = shade_views(s, &layers, views, error);
-    s->layers = NULL;
-    return good;
+    pole = directions_pole(views, &n_pole);
+    for (guint v = 0; v < r->files->len; v++) {
+        s->view_index = v;
+        s->pole_share = 0.0f;
+        for (int k = 0; k < n_pole; k++)
+            s->pole_share += pole[k] == (int)v ? 1.0f / n_pole : 0.0f;
+        if (!reference_read_file(r, r->files->pdata[v], 4, layers, error))
+            return FALSE;
+        mix_layers(s);
+        work_for_each(0, PARTS, reference_shade, s);
+    }
+    return TRUE;
 }
 
 /* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.

@@ -175,8 +175,7 @@ static gboolean add_triangles(struct reader *r, const struct place *p, const str
         for (int c = 0; c < 3 && a->of[INDICES] != NULL; c++)
             at[c] = g_array_index(a->of[INDICES], guint32, at[c]);
         if (MAX(MAX(at[0], at[1]), at[2]) >= n_vertices)
-            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
-                             "an index names a vertex that is not there");
+            return gltf_bad(&r->gltf, error, "an index names a vertex that is not there");
         if (!add_triangle(r, p, a, first, at, error))
             return FALSE;
     }
@@ -194,15 +193,14 @@ static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, st
                 NULL)
             return FALSE;
     if (a->of[POSITION] == NULL)
-        return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error, "a primitive has no positions");
+        return gltf_bad(&r->gltf, error, "a primitive has no positions");
     if (a->of[UV] == NULL)
         return gltf_fail(&r->gltf, SCENE_ERROR_NO_TEXTURE, error,
                          "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it "
                          "with them");
     for (int k = 1; k < N_ATTRIBUTES; k++)
         if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
-            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
-                             "a primitive's attributes differ in number");
+            return gltf_bad(&r->gltf, error, "a primitive's attributes differ in number");
     if (!json_object_has_member(primitive, "indices"))
         return TRUE;
     a->of[INDICES] = gltf_indices(&r->gltf, gltf_int(primitive, "indices", -1), error);
@@ -216,7 +214,7 @@ static gboolean add_primitive(struct reader *r, const struct place *p, JsonObjec
     if (mode >= 0 && mode < 4) /* points and lines have no surface */
         return TRUE;
     if (mode < 0 || mode > 6)
-        return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error, "a primitive has no known mode");
+        return gltf_bad(&r->gltf, error, "a primitive has no known mode");
     const gboolean good =
         gltf_read_attributes(r, primitive, &a, error) && add_triangles(r, p, &a, mode, error);
     for (gsize k = 0; k < G_N_ELEMENTS(a.of); k++)
@@ -232,7 +230,7 @@ static gboolean add_mesh(struct reader *r, const struct place *p, gint64 k, GErr
     for (guint i = 0; primitives != NULL && i < json_array_get_length(primitives); i++) {
         JsonNode *node = json_array_get_element(primitives, i);
         if (!JSON_NODE_HOLDS_OBJECT(node))
-            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error, "a primitive is not an object");
+            return gltf_bad(&r->gltf, error, "a primitive is not an object");
         if (!add_primitive(r, p, json_node_get_object(node), error))
             return FALSE;
     }
@@ -249,8 +247,7 @@ static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray
         if (node == NULL)
             return FALSE;
         if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
-            return gltf_fail(&r->gltf, SCENE_ERROR_FORMAT, error,
-                             "its nodes hold each other in a circle");
+            return gltf_bad(&r->gltf, error, "its nodes hold each other in a circle");
         const struct place own = gltf_place_of(node), p = within(outer, &own);
         if ((json_object_has_member(node, "mesh") &&
              !add_mesh(r, &p, gltf_int(node, "mesh", -1), error)) ||
@@ -282,10 +279,9 @@ struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error)
     const float *values = (const float *)(const void *)r.soup.positions->data; /* or NULL */
     for (gsize k = 0; good && k < 3 * (gsize)r.soup.positions->len; k++)
         if (!(fabsf(values[k]) <= 1e18f))
-            good = gltf_fail(&r.gltf, SCENE_ERROR_FORMAT, error,
-                             "a node puts its mesh infinitely far away");
+            good = gltf_bad(&r.gltf, error, "a node puts its mesh infinitely far away");
     if (good && r.soup.polygons->len == 0)
-        good = gltf_fail(&r.gltf, SCENE_ERROR_FORMAT, error, "there is no triangle in this file");
+        good = gltf_bad(&r.gltf, error, "there is no triangle in this file");
     if (good)
         mesh = soup_mesh(&r.soup, path, path, error);
     gltf_clear(&r.gltf);

@@ -17,6 +17,8 @@ struct gltf {
 gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **error,
                    const char *format, ...) G_GNUC_PRINTF(4, 5);
 
+#define gltf_bad(gltf, error, ...) gltf_fail(gltf, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
+
 /* clear also after an error. */
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error);
 void gltf_clear(struct gltf *gltf);

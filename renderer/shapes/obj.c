@@ -28,6 +28,8 @@ static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **
     return FALSE;
 }
 
+#define obj_bad(obj, error, ...) obj_fail(obj, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
+
 /* A backslash before the end of a line continues it. */
 static void skip_blanks(const char **text) {
     for (;;) {
@@ -61,8 +63,7 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         skip_blanks(&text);
         double value = *text == '\n' || *text == '\0' ? NAN : g_ascii_strtod(text, &end);
         if (!(fabs(value) <= MAX_VALUE) || end == text)
-            return obj_fail(obj, SCENE_ERROR_FORMAT, error, "%d finite numbers are expected here",
-                            n);
+            return obj_bad(obj, error, "%d finite numbers are expected here", n);
         values[k] = value;
         text = end;
     }
@@ -81,12 +82,12 @@ static gboolean parse_index(struct obj *obj, const char **text, const GArray *ar
     gboolean number = g_ascii_isdigit(**text) || (**text == '-' && g_ascii_isdigit((*text)[1]));
     gint64 value = number ? g_ascii_strtoll(*text, &end, 10) : 0;
     if (!number)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error, "an index of %s is expected here", what);
+        return obj_bad(obj, error, "an index of %s is expected here", what);
     if (value < 0)
         value += (gint64)array->len + 1;
     if (value < 1 || value > array->len)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error,
-                        "there is no %s %" G_GINT64_FORMAT ", %u so far", what, value, array->len);
+        return obj_bad(obj, error, "there is no %s %" G_GINT64_FORMAT ", %u so far", what, value,
+                       array->len);
     *ret = value - 1;
     *text = end;
     return TRUE;
@@ -119,14 +120,13 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         if (!parse_corner(obj, &text, &corner, error))
             return FALSE;
         if (strchr(" \t\r\n", *text) == NULL)
-            return obj_fail(obj, SCENE_ERROR_FORMAT, error, "v/vt/vn is expected here");
+            return obj_bad(obj, error, "v/vt/vn is expected here");
         if (++n > MAX_CORNERS)
             return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners", MAX_CORNERS);
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error, "a face has three corners or more, not %d",
-                        n);
+        return obj_bad(obj, error, "a face has three corners or more, not %d", n);
     if (obj->soup.corners->len > SOUP_MAX_CORNERS)
         return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners of faces",
                         SOUP_MAX_CORNERS);
@@ -158,7 +158,7 @@ struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up u
     for (const char *line = text; good && *line != '\0'; line = next_line(&obj, line))
         good = obj_parse_line(&obj, line, error);
     if (good && obj.soup.polygons->len == 0)
-        good = obj_fail(&obj, SCENE_ERROR_FORMAT, error, "there is no face in this file");
+        good = obj_bad(&obj, error, "there is no face in this file");
     g_autofree char *where = g_strdup_printf("%s:%d", name, obj.line);
     if (good)
         mesh = soup_mesh(&obj.soup, name, where, error);

@@ -42,7 +42,9 @@ struct mesh {
     guint n_floor_vertices, n_floor_indices;
 };
 
-void mesh_free(struct mesh *mesh); /* NULL is ignored */
+typedef struct mesh Mesh;
+void mesh_free(Mesh *mesh); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Mesh, mesh_free)
 
 enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 
