@@ -126,10 +126,9 @@ static void test_square(void) {
     };
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
         g_autoptr(GError) error = NULL;
-        struct mesh *mesh = read_json(cases[k].rest, SCENE_Z_UP, &error);
+        g_autoptr(Mesh) mesh = read_json(cases[k].rest, SCENE_Z_UP, &error);
         g_assert_no_error(error);
         check_square(mesh, cases[k].n_vertices);
-        mesh_free(mesh);
     }
 }
 
@@ -158,14 +157,13 @@ static void test_places(void) {
             g_strdup_printf("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0, %s}], " MESH(
                                 ATTRIBUTES "}, \"indices\": 4"),
                             cases[k].node);
-        struct mesh *mesh = read_json(rest, cases[k].up, &error);
+        g_autoptr(Mesh) mesh = read_json(rest, cases[k].up, &error);
         g_assert_no_error(error);
         const struct vertex *v = &mesh->vertices[0];
         for (int c = 0; c < 3; c++)
             g_assert_cmpfloat_with_epsilon(v->normal[c], cases[k].normal[c], 1e-5);
         for (int c = 0; c < 4; c++)
             g_assert_cmpfloat_with_epsilon(v->tangent[c], cases[k].tangent[c], 1e-5);
-        mesh_free(mesh);
     }
 }
 
@@ -178,13 +176,12 @@ static void test_tangents(void) {
         g_auto(GStrv) halves = g_strsplit(with, "%s", 2);
         g_autofree char *rest =
             g_strconcat(halves[0], k > 0 ? ", \"scale\": [-1, 1, 1]" : "", halves[1], NULL);
-        struct mesh *mesh = read_json(rest, SCENE_Z_UP, &error);
+        g_autoptr(Mesh) mesh = read_json(rest, SCENE_Z_UP, &error);
         g_assert_no_error(error);
         for (guint i = 0; i < mesh->n_vertices; i++) {
             g_assert_cmpfloat_with_epsilon(mesh->vertices[i].tangent[1], 1.0, 1e-6);
             g_assert_cmpfloat(mesh->vertices[i].tangent[3], ==, k > 0 ? 1.0 : -1.0);
         }
-        mesh_free(mesh);
     }
 }
 
@@ -251,11 +248,10 @@ static void test_damaged(void) {
         g_autofree guint8 *changed = g_memdup2(file->data, file->len);
         for (int k = 0; k < 1 + round % 3; k++)
             changed[g_rand_int_range(rand, 0, (gint32)file->len)] = (guint8)g_rand_int(rand);
-        struct mesh *mesh = read_bytes("a.glb", changed, file->len, SCENE_Y_UP, &error);
+        g_autoptr(Mesh) mesh = read_bytes("a.glb", changed, file->len, SCENE_Y_UP, &error);
         g_assert_true((mesh != NULL) == (error == NULL));
         for (guint k = 0; mesh != NULL && k < mesh->n_indices; k++)
             g_assert_cmpuint(mesh->indices[k], <, mesh->n_vertices);
-        mesh_free(mesh);
     }
 }
 

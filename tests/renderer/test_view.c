@@ -4,21 +4,21 @@
 #include "lib/view_fixture.h"
 #include "scene/picture.h"
 
-static struct hit hit_plane(struct v3 eye, struct v3 d) {
+static struct hit hit_plane(struct vec3 eye, struct vec3 d) {
     double along = -eye.z / d.z;
-    struct v3 p = v3_mix(eye, 1.0, d, along);
+    struct vec3 p = view_fixture_mix(eye, 1.0, d, along);
     struct hit hit = {along > 0.0 && fabs(p.x) < 0.99 && fabs(p.y) < 0.99,
                       0.5 * (p.x + 1.0),
                       0.5 * (p.y + 1.0),
-                      v3_new(1, 0, 0),
-                      v3_new(0, 1, 0),
-                      v3_new(0, 0, 1),
-                      v3_mix(d, -1.0, d, 0.0)};
+                      vec3(1, 0, 0),
+                      vec3(0, 1, 0),
+                      vec3(0, 0, 1),
+                      view_fixture_mix(d, -1.0, d, 0.0)};
     return hit;
 }
 
 static void check_kind(enum kind kind, struct mesh *mesh, const struct viewer_settings *s,
-                       struct hit (*find)(struct v3, struct v3), double tolerance) {
+                       struct hit (*find)(struct vec3, struct vec3), double tolerance) {
     g_autoptr(Viewer) view = view_fixture_view(kind, 12, 24, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
     g_autofree float *pixels = view_fixture_linear(view, s, c.width, c.height);
@@ -27,7 +27,7 @@ static void check_kind(enum kind kind, struct mesh *mesh, const struct viewer_se
 }
 
 static void check_mesh(struct mesh *mesh, struct viewer_settings s,
-                       struct hit (*find)(struct v3, struct v3)) {
+                       struct hit (*find)(struct vec3, struct vec3)) {
     check_kind(TEXEL, mesh, &s, find, 1e-3);
     check_kind(VIEW, mesh, &s, find, 0.012);
     check_kind(LIGHT, mesh, &s, find, 0.012);
@@ -157,7 +157,7 @@ static void test_magnified(gconstpointer data) {
     g_autofree float *pixels = view_fixture_linear(view, &s, 200, 200);
     double worst[2] = {0.0, 0.0};
     for (int k = 0; k < 200 * 200; k++) {
-        struct v3 eye, d = view_fixture_ray(&s, M_SQRT2, 200, 200, k % 200, k / 200, &eye);
+        struct vec3 eye, d = view_fixture_ray(&s, M_SQRT2, 200, 200, k % 200, k / 200, &eye);
         struct hit hit = hit_plane(eye, d);
         if (!hit.found)
             continue;
@@ -182,9 +182,8 @@ static gboolean shows(const float *pixels, int size, int at, gboolean column) {
 static void check_fit(const char *shape, double azimuth_deg, double elevation_deg) {
     enum { SIZE = 200 };
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, &error);
+    g_autoptr(Mesh) mesh = scene_shape(shape, SCENE_Z_UP, &error);
     g_autoptr(Viewer) view = view_fixture_view(GREY, 3, 8, mesh);
-    mesh_free(mesh);
     struct viewer_settings s = viewer_settings_default;
     s.camera_azimuth_deg = azimuth_deg;
     s.camera_elevation_deg = elevation_deg;

@@ -93,7 +93,8 @@ static struct btf_matrix *make_btf(void) {
     btf->values = g_new(float, (gsize)W *H *n *n * 3);
     for (int texel = 0; texel < W * H; texel++)
         for (int k = 0; k < n * n; k++)
-            fill_texel(LIGHT, 0, v3_unit(btf->light_theta_deg[k % n], btf->light_phi_deg[k % n]),
+            fill_texel(LIGHT, 0,
+                       view_fixture_unit(btf->light_theta_deg[k % n], btf->light_phi_deg[k % n]),
                        texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
     eigenmaps_free(m);
     return btf;
