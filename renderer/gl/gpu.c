@@ -361,7 +361,7 @@ void gpu_target_clear(struct gpu_target *target) {
     *target = (struct gpu_target){0};
 }
 
-void gpu_turn_over(void *picture, gsize stride, int height) {
+void gpu_flip_rows(void *picture, gsize stride, int height) {
     g_autofree guint8 *row = g_malloc(stride);
     for (int j = 0; j < height / 2; j++) {
         guint8 *a = (guint8 *)picture + j * stride;
@@ -379,6 +379,6 @@ guint8 *gpu_target_read(const struct gpu_target *target, GError **error) {
     glReadPixels(0, 0, target->width, target->height, GL_RGB, GL_UNSIGNED_BYTE, rgb);
     if (!gpu_check("reading the picture", error))
         return NULL;
-    gpu_turn_over(rgb, 3 * (gsize)target->width, target->height);
+    gpu_flip_rows(rgb, 3 * (gsize)target->width, target->height);
     return g_steal_pointer(&rgb);
 }

@@ -74,4 +74,4 @@ void gpu_target_clear(struct gpu_target *target);
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
 /* Bottom row first to top row first, or back; stride: bytes a row. */
-void gpu_turn_over(void *picture, gsize stride, int height);
+void gpu_flip_rows(void *picture, gsize stride, int height);

@@ -50,26 +50,25 @@ gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int h
                            const char *const *texts, GError **error) {
     g_autofree char *partial = g_strconcat(path, ".part", NULL);
     g_autofree char *message = NULL;
+    gboolean good = FALSE;
     FILE *file = g_fopen(partial, "wb");
-    if (file == NULL) {
-        g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
-                    g_strerror(errno));
-        return FALSE;
+    if (file != NULL) {
+        errno = 0;
+        png_structp png =
+            png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_error, picture_on_warning);
+        png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
+        good = info != NULL && encode(png, info, file, rgb, width, height, texts);
+        png_destroy_write_struct(&png, &info);
+        good = fclose(file) == 0 && good && g_rename(partial, path) == 0;
     }
-    errno = 0;
-    png_structp png =
-        png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_error, picture_on_warning);
-    png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
-    gboolean good = info != NULL && encode(png, info, file, rgb, width, height, texts);
-    png_destroy_write_struct(&png, &info);
-    good = fclose(file) == 0 && good && g_rename(partial, path) == 0;
     if (good)
         return TRUE;
     g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
                 errno != 0        ? g_strerror(errno)
                 : message != NULL ? message
                                   : "PNG error");
-    g_unlink(partial);
+    if (file != NULL)
+        g_unlink(partial);
     return FALSE;
 }
 

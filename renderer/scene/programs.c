@@ -32,14 +32,6 @@ void programs_free(Programs *programs) {
     g_free(programs);
 }
 
-static void programs_add(const char **names, const char *const *more) {
-    while (*names != NULL)
-        names++;
-    for (int k = 0; more[k] != NULL; k++)
-        *names++ = more[k];
-    *names = NULL;
-}
-
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct viewer_settings *s, GError **error) {
     static const char *const before[] = {"mesh.vert", "frame.glsl", NULL};
@@ -58,10 +50,13 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));
     if (program != 0)
         return program;
+    const char *const *const lists[] = {kind == PROGRAM_FLAT ? before_flat : before,
+                                        method->shaders, after[kind]};
     const char *names[METHOD_SHADERS + OTHERS] = {NULL};
-    programs_add(names, kind == PROGRAM_FLAT ? before_flat : before);
-    programs_add(names, method->shaders);
-    programs_add(names, after[kind]);
+    int n = 0;
+    for (gsize list = 0; list < G_N_ELEMENTS(lists); list++)
+        for (int k = 0; lists[list][k] != NULL; k++)
+            names[n++] = lists[list][k];
     if ((program = gpu_program(constants, names, error)) != 0)
         g_hash_table_insert(programs->compiled, g_steal_pointer(&key), GUINT_TO_POINTER(program));
     return program;

@@ -172,25 +172,22 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path,
-                     GError **error) {
-    gpointer material = method_open(method, path, error);
-    if (material == NULL)
-        return FALSE;
-    if (viewer_set_method(viewer, method, material, error))
-        return TRUE;
+/* material: taken; NULL with an error. */
+static gboolean viewer_take(Viewer *viewer, const struct method *method, gpointer material,
+                            GError **error) {
+    if (material == NULL || viewer_set_method(viewer, method, material, error))
+        return material != NULL;
     method->free(material);
     return FALSE;
 }
 
+gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path,
+                     GError **error) {
+    return viewer_take(viewer, method, method_open(method, path, error), error);
+}
+
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error) {
-    EigenmapsView *new = eigenmaps_view_new(material, error);
-    if (new == NULL)
-        return FALSE;
-    if (viewer_set_method(viewer, &method_eigenmaps, new, error))
-        return TRUE;
-    eigenmaps_view_free(new);
-    return FALSE;
+    return viewer_take(viewer, &method_eigenmaps, eigenmaps_view_new(material, error), error);
 }
 
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error) {
@@ -394,7 +391,7 @@ static float *read_floats(const struct gpu_target *target, GError **error) {
     glReadPixels(0, 0, target->width, target->height, GL_RGBA, GL_FLOAT, rgba);
     if (!gpu_check("reading the picture", error))
         return NULL;
-    gpu_turn_over(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
+    gpu_flip_rows(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
     return g_steal_pointer(&rgba);
 }
 
@@ -467,7 +464,7 @@ guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *s, const fl
         !gpu_target_resize(&viewer->picture, width, height, GL_RGBA8, FALSE, error))
         return NULL;
     g_autofree float *rows = g_memdup2(linear, 4 * sizeof(float) * (gsize)w * h);
-    gpu_turn_over(rows, 4 * sizeof(float) * (gsize)w, h);
+    gpu_flip_rows(rows, 4 * sizeof(float) * (gsize)w, h);
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D, viewer->scene.colour);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);

@@ -16,7 +16,7 @@ struct reader {
     int n_visited;
 };
 
-struct place {
+struct transform {
     double m[4][4]; /* [row][column] */
 };
 
@@ -26,10 +26,11 @@ struct attributes {
     GArray *of[N_ATTRIBUTES + 1]; /* NULL: nothing */
 };
 
-static const struct place nowhere = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
+static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
 
-static struct place within(const struct place *outer, const struct place *inner) {
-    struct place p = {{{0}}};
+static struct transform transform_product(const struct transform *outer,
+                                          const struct transform *inner) {
+    struct transform p = {{{0}}};
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
             for (int k = 0; k < 4; k++)
@@ -51,9 +52,9 @@ static gboolean numbers(JsonObject *node, const char *name, double *values, guin
 }
 
 /* A node's matrix, in columns, or its translation, rotation and scale. */
-static struct place gltf_place_of(JsonObject *node) {
+static struct transform gltf_transform_of(JsonObject *node) {
     double c[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
-    struct place p = nowhere;
+    struct transform p = identity;
     if (numbers(node, "matrix", c, 16)) {
         for (int k = 0; k < 16; k++)
             p.m[k % 4][k / 4] = c[k];
@@ -76,14 +77,14 @@ static struct place gltf_place_of(JsonObject *node) {
     return p;
 }
 
-static void move_point(const struct place *p, const float v[3], double w, float ret[3]) {
+static void move_point(const struct transform *p, const float v[3], double w, float ret[3]) {
     for (int i = 0; i < 3; i++)
         ret[i] =
             (float)(p->m[i][0] * v[0] + p->m[i][1] * v[1] + p->m[i][2] * v[2] + p->m[i][3] * w);
 }
 
 /* By the cofactors, so that it stays at right angles to the surface. */
-static void move_normal(const struct place *p, const float v[3], float ret[3]) {
+static void move_normal(const struct transform *p, const float v[3], float ret[3]) {
     for (int i = 0; i < 3; i++) {
         const int a = (i + 1) % 3, b = (i + 2) % 3;
         double sum = 0.0;
@@ -95,7 +96,7 @@ static void move_normal(const struct place *p, const float v[3], float ret[3]) {
     }
 }
 
-static double determinant(const struct place *p) {
+static double determinant(const struct transform *p) {
     double sum = 0.0;
     for (int j = 0; j < 3; j++) {
         const int c = (j + 1) % 3, d = (j + 2) % 3;
@@ -109,7 +110,7 @@ static const float *row_of(const GArray *array, gsize k, int n) {
 }
 
 /* One vertex of the file: a position, and with it what belongs to it. glTF's v runs downwards. */
-static void gltf_add_vertex(struct reader *r, const struct place *p, const struct attributes *a,
+static void gltf_add_vertex(struct reader *r, const struct transform *p, const struct attributes *a,
                             gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
     const float *uv = row_of(a->of[UV], k, 2), turned[2] = {uv[0], 1.0f - uv[1]};
@@ -125,9 +126,9 @@ static void gltf_add_vertex(struct reader *r, const struct place *p, const struc
     for (int c = 0; c < 3; c++)
         normal[c] *= mirrored;
     if (r->up == SCENE_Y_UP) {
-        soup_turn_up(position);
-        soup_turn_up(normal);
-        soup_turn_up(tangent);
+        soup_y_to_z_up(position);
+        soup_y_to_z_up(normal);
+        soup_y_to_z_up(tangent);
     }
     g_array_append_vals(r->soup.positions, position, 1);
     g_array_append_vals(r->soup.normals, normal, 1);
@@ -135,8 +136,9 @@ static void gltf_add_vertex(struct reader *r, const struct place *p, const struc
     g_array_append_vals(r->soup.tangents, tangent, 1);
 }
 
-static gboolean add_triangle(struct reader *r, const struct place *p, const struct attributes *a,
-                             guint first, const gsize at[3], GError **error) {
+static gboolean add_triangle(struct reader *r, const struct transform *p,
+                             const struct attributes *a, guint first, const gsize at[3],
+                             GError **error) {
     const int three = 3;
     const gboolean turned = determinant(p) < 0.0;
     if (r->soup.corners->len >= SOUP_MAX_CORNERS || r->soup.positions->len >= SCENE_MAX_VERTICES)
@@ -156,8 +158,8 @@ static gboolean add_triangle(struct reader *r, const struct place *p, const stru
 }
 
 /* mode 4: triangles, 5: a strip, 6: a fan. */
-static gboolean add_triangles(struct reader *r, const struct place *p, const struct attributes *a,
-                              gint64 mode, GError **error) {
+static gboolean add_triangles(struct reader *r, const struct transform *p,
+                              const struct attributes *a, gint64 mode, GError **error) {
     const gsize n_vertices = a->of[POSITION]->len / 3;
     const gsize n = a->of[INDICES] != NULL ? a->of[INDICES]->len : n_vertices;
     const guint first = r->soup.positions->len;
@@ -207,7 +209,7 @@ static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, st
     return a->of[INDICES] != NULL;
 }
 
-static gboolean add_primitive(struct reader *r, const struct place *p, JsonObject *primitive,
+static gboolean add_primitive(struct reader *r, const struct transform *p, JsonObject *primitive,
                               GError **error) {
     const gint64 mode = gltf_int(primitive, "mode", 4);
     struct attributes a = {{NULL}};
@@ -222,7 +224,7 @@ static gboolean add_primitive(struct reader *r, const struct place *p, JsonObjec
     return good;
 }
 
-static gboolean add_mesh(struct reader *r, const struct place *p, gint64 k, GError **error) {
+static gboolean add_mesh(struct reader *r, const struct transform *p, gint64 k, GError **error) {
     JsonObject *mesh = gltf_item(&r->gltf, "meshes", k, error);
     JsonArray *primitives = mesh != NULL ? gltf_array(mesh, "primitives") : NULL;
     if (mesh == NULL)
@@ -238,8 +240,8 @@ static gboolean add_mesh(struct reader *r, const struct place *p, gint64 k, GErr
 }
 
 // NOLINTNEXTLINE(misc-no-recursion): at most MAX_LEVEL deep
-static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray *nodes, int level,
-                          GError **error) {
+static gboolean add_nodes(struct reader *r, const struct transform *outer, JsonArray *nodes,
+                          int level, GError **error) {
     for (guint k = 0; nodes != NULL && k < json_array_get_length(nodes); k++) {
         JsonNode *index = json_array_get_element(nodes, k);
         const gint64 at = JSON_NODE_HOLDS_VALUE(index) ? json_node_get_int(index) : -1;
@@ -248,7 +250,7 @@ static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray
             return FALSE;
         if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
             return gltf_bad(&r->gltf, error, "its nodes hold each other in a circle");
-        const struct place own = gltf_place_of(node), p = within(outer, &own);
+        const struct transform own = gltf_transform_of(node), p = transform_product(outer, &own);
         if ((json_object_has_member(node, "mesh") &&
              !add_mesh(r, &p, gltf_int(node, "mesh", -1), error)) ||
             !add_nodes(r, &p, gltf_array(node, "children"), level + 1, error))
@@ -262,11 +264,11 @@ static gboolean add_scene(struct reader *r, GError **error) {
     if (json_object_has_member(r->gltf.root, "scenes")) {
         JsonObject *scene =
             gltf_item(&r->gltf, "scenes", gltf_int(r->gltf.root, "scene", 0), error);
-        return scene != NULL && add_nodes(r, &nowhere, gltf_array(scene, "nodes"), 0, error);
+        return scene != NULL && add_nodes(r, &identity, gltf_array(scene, "nodes"), 0, error);
     }
     JsonArray *meshes = gltf_array(r->gltf.root, "meshes");
     for (guint k = 0; meshes != NULL && k < json_array_get_length(meshes); k++)
-        if (!add_mesh(r, &nowhere, k, error))
+        if (!add_mesh(r, &identity, k, error))
             return FALSE;
     return TRUE;
 }

@@ -71,7 +71,7 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d vertices",
                         SCENE_MAX_VERTICES);
     if (n == 3 && obj->up == SCENE_Y_UP)
-        soup_turn_up(values);
+        soup_y_to_z_up(values);
     g_array_append_vals(array, values, 1);
     return TRUE;
 }

@@ -27,7 +27,7 @@ void soup_clear(struct soup *soup) {
     g_free(soup->smooth);
 }
 
-void soup_turn_up(float values[3]) {
+void soup_y_to_z_up(float values[3]) {
     const float y = values[1];
     values[1] = -values[2];
     values[2] = y;

@@ -164,23 +164,6 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
     return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
 }
 
-/* Shows a demonstration at once, because reading the material may take seconds. */
-static gboolean draw_demo(struct window *w, struct window_result *ret, GError **error) {
-    const gboolean panel = w->panel;
-    w->method = method_find(METHOD_DEMO);
-    w->material = g_strdup(METHOD_DEMO);
-    if (!viewer_open(w->viewer, w->method, NULL, error))
-        return FALSE;
-    w->panel = FALSE;
-    const gboolean good = window_draw_frame(w, ret, error);
-    w->panel = panel;
-    w->stale = TRUE;
-    ret->first_seconds = (double)(g_get_monotonic_time() - w->options->started_us) / G_USEC_PER_SEC;
-    ret->n_frames = 0;
-    ret->seconds = 0.0;
-    return good;
-}
-
 static gboolean window_do_run(struct window *w, struct window_result *ret, GError **error) {
     w->viewer = viewer_new(NULL, error);
     w->compose = w->viewer != NULL ? compose_new(error) : NULL;
@@ -194,7 +177,17 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
     }
     w->outlines = w->settings.silhouettes;
     w->settings.silhouettes = FALSE;
-    if (!draw_demo(w, ret, error) || (w->opener = opener_new(w->glfw, error)) == NULL)
+    /* A demonstration at once, without the panel: reading the material may take seconds. */
+    w->method = method_find(METHOD_DEMO);
+    w->material = g_strdup(METHOD_DEMO);
+    w->panel = FALSE;
+    if (!viewer_open(w->viewer, w->method, NULL, error) || !window_draw_frame(w, ret, error))
+        return FALSE;
+    ret->first_seconds = (double)(g_get_monotonic_time() - w->options->started_us) / G_USEC_PER_SEC;
+    ret->n_frames = 0;
+    ret->seconds = 0.0;
+    w->panel = w->stale = TRUE;
+    if ((w->opener = opener_new(w->glfw, error)) == NULL)
         return FALSE;
     w->how = w->options->compose;
     w->how.mode = COMPOSE_ONE; /* until there is a second */
@@ -210,7 +203,6 @@ gboolean window_run(const struct viewer_options *options, const struct environme
                        .environment = environment,
                        .settings = options->settings,
                        .how = {.mode = COMPOSE_ONE},
-                       .panel = TRUE,
                        .stale = TRUE};
     *ret = (struct window_result){0};
     w.glfw = open_window(options, error);

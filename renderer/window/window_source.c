@@ -232,20 +232,6 @@ static void follow_live(struct window *w) {
         g_clear_pointer(&w->live, live_free);
 }
 
-static void look_at_views(struct window *w) {
-    g_autoptr(GError) error = NULL;
-    GArray *views = live_views(w->session, &error);
-    if (views == NULL) {
-        window_say(w, error->message);
-        return;
-    }
-    const gboolean news = w->planned == NULL || series_count(w->planned) != series_count(views);
-    g_clear_pointer(&w->planned, g_array_unref);
-    w->planned = views;
-    if (news)
-        show_planned(w);
-}
-
 void window_follow(struct window *w) {
     const gint64 now = g_get_monotonic_time();
     if (now - w->looked_us < G_USEC_PER_SEC)
@@ -261,8 +247,19 @@ void window_follow(struct window *w) {
     }
     if (w->live != NULL)
         follow_live(w);
-    if (w->session != NULL && (w->planned == NULL || w->live != NULL))
-        look_at_views(w);
+    if (w->session == NULL || (w->planned != NULL && w->live == NULL))
+        return;
+    g_autoptr(GError) error = NULL;
+    GArray *views = live_views(w->session, &error);
+    if (views == NULL) {
+        window_say(w, error->message);
+        return;
+    }
+    const gboolean news = w->planned == NULL || series_count(w->planned) != series_count(views);
+    g_clear_pointer(&w->planned, g_array_unref);
+    w->planned = views;
+    if (news)
+        show_planned(w);
 }
 
 /* A session without the product that is asked for is one that is still being captured. */
