@@ -69,7 +69,7 @@ guint8 *view_fixture_read_png(const char *path, int *ret_width, int *ret_height)
 #define VIEWER BUILD_DIR "/bin/mesorig-view"
 gboolean view_fixture_have_program(void); /* FALSE: the test is skipped */
 
-/* The BTF whose eigen-maps make_material() gives, one file a view. */
+/* The BTF whose eigen-maps view_fixture_material() gives, one file a view. */
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir);
 char *view_fixture_write_btf(enum kind kind, int n_rings, int n_phi);
 void remove_folder(const char *path);

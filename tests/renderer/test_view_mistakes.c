@@ -75,7 +75,7 @@ static void compress(const char *path, const char *const *options) {
     g_free(process_text(0, argv));
 }
 
-/* What make_material() is the eigen-maps of. */
+/* What view_fixture_material() is the eigen-maps of. */
 static struct btf_matrix *make_btf(void) {
     struct eigenmaps *m = view_fixture_material(LIGHT, 3, 4);
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
