@@ -11,7 +11,7 @@
 
 static void keep_outputs(Capture *capture, const struct flight *flight) {
     const struct calibration *known = capture->calibration;
-    const struct fiducial_seen *seen = (const struct mark_seen *)(void *)flight->marks->data;
+    const struct fiducial_seen *seen = (const struct fiducial_seen *)(void *)flight->marks->data;
     if (!known->lamp_radiometry[flight->shot->device].known)
         return;
     for (int c = 0; c < known->rig.n_cameras; c++) {

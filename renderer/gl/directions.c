@@ -95,15 +95,6 @@ static gboolean find_rings(Directions *d) {
     return TRUE;
 }
 
-static void find_pole(Directions *d) {
-    if (d->rings[0].n == 1)
-        return;
-    d->n_pole = d->rings[0].n;
-    d->pole = g_new(int, d->n_pole);
-    for (int k = 0; k < d->n_pole; k++)
-        d->pole[k] = d->rings[0].entries[k].index;
-}
-
 static void to_plane(double theta_deg, double phi_deg, double ret[2]) {
     double r = tan(theta_deg * DEG / 2.0);
     ret[0] = r * cos(phi_deg * DEG);
@@ -145,10 +136,16 @@ static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, G
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error) {
     Directions *d = sorted(theta_deg, phi_deg, n, error);
-    if (d != NULL && find_rings(d))
-        find_pole(d);
-    else if (d != NULL)
+    if (d == NULL)
+        return NULL;
+    if (!find_rings(d)) {
         directions_triangulate(d);
+    } else if (d->rings[0].n > 1) {
+        d->n_pole = d->rings[0].n;
+        d->pole = g_new(int, d->n_pole);
+        for (int k = 0; k < d->n_pole; k++)
+            d->pole[k] = d->rings[0].entries[k].index;
+    }
     return d;
 }
 
@@ -272,16 +269,6 @@ double directions_square_density(double a, double b) {
     return 0.5 / (length * length * length);
 }
 
-static void directions_add_share(const Directions *d, const struct direction_weights *weights,
-                                 double share, float *ret) {
-    for (int k = 0; k < 4; k++)
-        if (weights->index[k] < d->n)
-            ret[weights->index[k]] += share * weights->weight[k];
-        else
-            for (int m = 0; m < d->n_pole; m++)
-                ret[d->pole[m]] += share * weights->weight[k] / d->n_pole;
-}
-
 void directions_sky(Directions *d, float *ret_share) {
     const double step = 2.0 / SKY_CELLS;
     memset(ret_share, 0, d->n * sizeof(float));
@@ -292,6 +279,12 @@ void directions_sky(Directions *d, float *ret_share) {
             struct direction_weights weights;
             directions_weights(d, from, &weights);
             double share = directions_square_density(a, b) * step * step / G_PI;
-            directions_add_share(d, &weights, share * directions_fade(d, from), ret_share);
+            share *= directions_fade(d, from);
+            for (int k = 0; k < 4; k++)
+                if (weights.index[k] < d->n)
+                    ret_share[weights.index[k]] += share * weights.weight[k];
+                else
+                    for (int m = 0; m < d->n_pole; m++)
+                        ret_share[d->pole[m]] += share * weights.weight[k] / d->n_pole;
         }
 }

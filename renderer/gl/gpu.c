@@ -209,11 +209,7 @@ static guint make_program(const char *version, const char *constants, const char
     return program;
 }
 
-guint gpu_program(const char *const *names, GError **error) {
-    return make_program("#version 330 core\n", "", names, error);
-}
-
-guint gpu_program_with(const char *constants, const char *const *names, GError **error) {
+guint gpu_program(const char *constants, const char *const *names, GError **error) {
     return make_program("#version 330 core\n", constants, names, error);
 }
 
@@ -221,36 +217,34 @@ guint gpu_program_43(const char *constants, const char *const *names, GError **e
     return make_program("#version 430 core\n", constants, names, error);
 }
 
+void gpu_fill_screen(void) {
+    GLuint empty;
+    glGenVertexArrays(1, &empty);
+    glBindVertexArray(empty);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glDeleteVertexArrays(1, &empty);
+}
+
+/* The format and type of pixels that go with an internal format; of any other GL_RGBA, GL_FLOAT. */
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
-    switch (internal_format) {
-    case GL_RGBA16UI:
-        *ret_format = GL_RGBA_INTEGER;
-        *ret_type = GL_UNSIGNED_SHORT;
-        break;
-    case GL_R16UI:
-        *ret_format = GL_RED_INTEGER;
-        *ret_type = GL_UNSIGNED_SHORT;
-        break;
-    case GL_R32UI:
-        *ret_format = GL_RED_INTEGER;
-        *ret_type = GL_UNSIGNED_INT;
-        break;
-    case GL_DEPTH24_STENCIL8:
-        *ret_format = GL_DEPTH_STENCIL;
-        *ret_type = GL_UNSIGNED_INT_24_8;
-        break;
-    case GL_DEPTH_COMPONENT32F:
-        *ret_format = GL_DEPTH_COMPONENT;
-        *ret_type = GL_FLOAT;
-        break;
-    case GL_DEPTH_COMPONENT24:
-        *ret_format = GL_DEPTH_COMPONENT;
-        *ret_type = GL_UNSIGNED_INT;
-        break;
-    default:
-        *ret_format = GL_RGBA;
-        *ret_type = GL_FLOAT;
-    }
+    static const struct {
+        int internal_format;
+        GLenum format, type;
+    } formats[] = {
+        {GL_RGBA16UI, GL_RGBA_INTEGER, GL_UNSIGNED_SHORT},
+        {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
+        {GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT},
+        {GL_DEPTH24_STENCIL8, GL_DEPTH_STENCIL, GL_UNSIGNED_INT_24_8},
+        {GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT, GL_FLOAT},
+        {GL_DEPTH_COMPONENT24, GL_DEPTH_COMPONENT, GL_UNSIGNED_INT},
+    };
+    *ret_format = GL_RGBA;
+    *ret_type = GL_FLOAT;
+    for (gsize k = 0; k < G_N_ELEMENTS(formats); k++)
+        if (formats[k].internal_format == internal_format) {
+            *ret_format = formats[k].format;
+            *ret_type = formats[k].type;
+        }
 }
 
 guint gpu_texture(int internal_format, int width, int height, int layers) {
@@ -296,20 +290,10 @@ static GLint of_level(guint target, int level, GLenum what) {
     return value;
 }
 
-static gint64 level_bytes(guint target, int level) {
-    if (of_level(target, level, GL_TEXTURE_COMPRESSED))
-        return of_level(target, level, GL_TEXTURE_COMPRESSED_IMAGE_SIZE);
+gint64 gpu_texture_bytes(guint target, guint texture) {
     static const GLenum sizes[] = {GL_TEXTURE_RED_SIZE,   GL_TEXTURE_GREEN_SIZE,
                                    GL_TEXTURE_BLUE_SIZE,  GL_TEXTURE_ALPHA_SIZE,
                                    GL_TEXTURE_DEPTH_SIZE, GL_TEXTURE_SHARED_SIZE};
-    gint64 bits = 0;
-    for (gsize k = 0; k < G_N_ELEMENTS(sizes); k++)
-        bits += of_level(target, level, sizes[k]);
-    return bits / 8 * of_level(target, level, GL_TEXTURE_WIDTH) *
-           of_level(target, level, GL_TEXTURE_HEIGHT) * of_level(target, level, GL_TEXTURE_DEPTH);
-}
-
-gint64 gpu_texture_bytes(guint target, guint texture) {
     const gboolean cube = target == GL_TEXTURE_CUBE_MAP;
     gint64 bytes = 0;
     if (texture == 0)
@@ -317,13 +301,21 @@ gint64 gpu_texture_bytes(guint target, guint texture) {
     glBindTexture(target, texture);
     if (cube)
         target = GL_TEXTURE_CUBE_MAP_POSITIVE_X;
-    const int last = target == GL_TEXTURE_BUFFER
-                         ? 0
-                         : g_bit_nth_msf((gulong)MAX(of_level(target, 0, GL_TEXTURE_WIDTH),
-                                                     of_level(target, 0, GL_TEXTURE_HEIGHT)),
-                                         -1);
-    for (int level = 0; level <= last; level++)
-        bytes += level_bytes(target, level);
+    const int largest =
+        MAX(of_level(target, 0, GL_TEXTURE_WIDTH), of_level(target, 0, GL_TEXTURE_HEIGHT));
+    const int last = target == GL_TEXTURE_BUFFER ? 0 : g_bit_nth_msf((gulong)largest, -1);
+    for (int level = 0; level <= last; level++) {
+        if (of_level(target, level, GL_TEXTURE_COMPRESSED)) {
+            bytes += of_level(target, level, GL_TEXTURE_COMPRESSED_IMAGE_SIZE);
+            continue;
+        }
+        gint64 bits = 0;
+        for (gsize k = 0; k < G_N_ELEMENTS(sizes); k++)
+            bits += of_level(target, level, sizes[k]);
+        bytes += bits / 8 * of_level(target, level, GL_TEXTURE_WIDTH) *
+                 of_level(target, level, GL_TEXTURE_HEIGHT) *
+                 of_level(target, level, GL_TEXTURE_DEPTH);
+    }
     return cube ? 6 * bytes : bytes;
 }
 
@@ -369,7 +361,7 @@ void gpu_target_clear(struct gpu_target *target) {
     *target = (struct gpu_target){0};
 }
 
-void gpu_turn_over(void *picture, gsize stride, int height) {
+void gpu_flip_rows(void *picture, gsize stride, int height) {
     g_autofree guint8 *row = g_malloc(stride);
     for (int j = 0; j < height / 2; j++) {
         guint8 *a = (guint8 *)picture + j * stride;
@@ -387,6 +379,6 @@ guint8 *gpu_target_read(const struct gpu_target *target, GError **error) {
     glReadPixels(0, 0, target->width, target->height, GL_RGB, GL_UNSIGNED_BYTE, rgb);
     if (!gpu_check("reading the picture", error))
         return NULL;
-    gpu_turn_over(rgb, 3 * (gsize)target->width, target->height);
+    gpu_flip_rows(rgb, 3 * (gsize)target->width, target->height);
     return g_steal_pointer(&rgb);
 }

@@ -36,15 +36,16 @@ const char *gpu_renderer(void); /* of the current context, never NULL */
 gboolean gpu_check(const char *what, GError **error);
 
 /* names: of embedded shaders, NULL-ended; the vertex shader first, all others are joined to one
- * fragment shader. Returns 0 on error. */
-guint gpu_program(const char *const *names, GError **error);
+ * fragment shader. constants: lines “#define NAME value” that come before them, or "". Returns 0 on
+ * error. */
+guint gpu_program(const char *constants, const char *const *names, GError **error);
 
-/* The same with lines “#define NAME value” before them. */
-guint gpu_program_with(const char *constants, const char *const *names, GError **error);
-
-/* As gpu_program_with() in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
+/* The same in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
 guint gpu_program_43(const char *constants, const char *const *names, GError **error);
 gboolean gpu_has_43(void);
+
+/* Draws the triangle of screen.vert, which covers the screen. */
+void gpu_fill_screen(void);
 
 /* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
@@ -73,4 +74,4 @@ void gpu_target_clear(struct gpu_target *target);
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
 /* Bottom row first to top row first, or back; stride: bytes a row. */
-void gpu_turn_over(void *picture, gsize stride, int height);
+void gpu_flip_rows(void *picture, gsize stride, int height);

@@ -3,25 +3,6 @@
 #include "gl/gpu.h"
 #include "session/session.h"
 
-static gboolean mdf_source_fill(struct mdf_source *source, const char *path, GError **error) {
-    struct mdf_table *table = NULL;
-    switch (mdf_kind(path)) {
-    case MDF_KIND_FACTORS:
-        source->factors = mdf_factors_read(path, error);
-        return source->factors != NULL;
-    case MDF_KIND_BLOCKS:
-        source->blocks = mdf_blocks_read(path, error);
-        table = source->blocks != NULL ? mdf_blocks_table(source->blocks) : NULL;
-        break;
-    default:
-        table = mdf_table_read(path, error);
-    }
-    if (table != NULL)
-        mdf_table_add_grazing(table);
-    source->table = table;
-    return table != NULL;
-}
-
 struct mdf_source *mdf_source_read(const char *path, GError **error) {
     if (!session_check_product(path, error))
         return NULL;
@@ -32,8 +13,19 @@ struct mdf_source *mdf_source_read(const char *path, GError **error) {
                     path);
         return NULL;
     }
+    const enum mdf_kind kind = mdf_kind(path);
     struct mdf_source *source = g_new0(struct mdf_source, 1);
-    if (!mdf_source_fill(source, path, error))
+    struct mdf_table *table = NULL;
+    if (kind == MDF_KIND_FACTORS)
+        source->factors = mdf_factors_read(path, error);
+    else if (kind != MDF_KIND_BLOCKS)
+        table = mdf_table_read(path, error);
+    else if ((source->blocks = mdf_blocks_read(path, error)) != NULL)
+        table = mdf_blocks_table(source->blocks);
+    if (table != NULL)
+        mdf_table_add_grazing(table);
+    source->table = table;
+    if (table == NULL && source->factors == NULL)
         g_clear_pointer(&source, mdf_source_free);
     return source;
 }

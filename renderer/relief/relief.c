@@ -44,19 +44,15 @@ void relief_free(Relief *relief) {
     g_free(relief);
 }
 
-static void forget_maps(Relief *relief) {
-    shadow_maps_forget(relief->first);
-    if (relief->further != NULL)
-        shadow_maps_forget(relief->further);
-}
-
 gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error) {
     MdfTexture *texture = mdf != NULL ? mdf_texture_new(mdf, error) : NULL;
     if (mdf != NULL && texture == NULL)
         return FALSE;
     mdf_texture_free(relief->mdf);
     relief->mdf = texture;
-    forget_maps(relief);
+    shadow_maps_forget(relief->first);
+    if (relief->further != NULL)
+        shadow_maps_forget(relief->further);
     return TRUE;
 }
 
@@ -64,81 +60,40 @@ gint64 relief_mdf_bytes(const Relief *relief) {
     return mdf_texture_bytes(relief->mdf);
 }
 
-static gboolean find_first(Relief *relief, const struct shadow_scene *scene, GError **error) {
-    const float towards[1][3] = {{relief->light[0], relief->light[1], relief->light[2]}};
-    return shadow_maps_find(relief->first, relief->lamp, scene, towards, 1, error);
-}
-
-/* Further lamps share the memory of four maps of full size: each of many lamps contributes little.
- */
-static gboolean find_further(Relief *relief, const struct relief_scene *from,
-                             struct shadow_scene *scene, GError **error) {
-    relief->n_further = from->n_further;
-    if (from->n_further == 0)
-        return TRUE;
-    if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
-        return FALSE;
-    scene->size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
-    for (int k = 0; k < from->n_further; k++)
-        shadow_maps_right(from->further[k], relief->rights[k]);
-    return shadow_maps_find(relief->further, relief->lamp, scene, from->further, from->n_further,
-                            error);
-}
-
-/* The first lamp casts no shadow when it is off (an environment switches it off). */
-static gboolean find_shadows(Relief *relief, const struct visibility_scene *seen,
-                             const struct relief_scene *from, GError **error) {
-    struct shadow_scene scene = {*seen, from->radius, from->serial, from->shadow_size};
-    scene.casting.n_indices = from->n_casting;
-    relief->shadows = from->lit;
-    return (!relief->shadows || find_first(relief, &scene, error)) &&
-           find_further(relief, from, &scene, error);
-}
-
-static gboolean relief_check(const Relief *relief, const struct relief_scene *from,
-                             GError **error) {
-    if (!from->silhouettes || relief->mdf != NULL)
-        return TRUE;
-    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "silhouettes need the material's distances, an mdf.exr: “mesorig process” makes it "
-                "from a session with laser sweeps");
-    return FALSE;
-}
-
 gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
-    struct visibility_scene scene = {
-        .mdf = from->silhouettes ? relief->mdf : relief->smooth,
-        .array = from->array,
-        .n_indices = from->n_indices,
-        .sight = {from->eye[0], from->eye[1], from->eye[2], 1.0f},
-        .tiles = {from->tiles[0], from->tiles[1]},
-        .width = from->width,
-        .height = from->height,
-        .options = from->visibility,
-    };
-    if (!relief_check(relief, from, error))
+    struct visibility_scene scene = from->seen;
+    if (from->silhouettes && relief->mdf == NULL) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "silhouettes need the material's distances, an mdf.exr: “mesorig process” "
+                    "makes it from a session with laser sweeps");
         return FALSE;
-    memcpy(scene.projection, from->projection, sizeof from->projection);
+    }
+    scene.mdf = from->silhouettes ? relief->mdf : relief->smooth;
     memcpy(relief->light, from->light, sizeof from->light);
     relief->radius = from->radius;
     relief->silhouettes = from->silhouettes;
-    relief->shadows = FALSE;
+    relief->shadows = from->shadows && from->lit;
     relief->n_further = 0;
     if (from->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
         return FALSE;
-    return !from->shadows || find_shadows(relief, &scene, from, error);
-}
-
-static void bind_further(const Relief *relief, guint program) {
-    const int n = relief->n_further;
-    float range[3] = {0.0f};
-    if (n > 0)
-        shadow_maps_range(relief->further, relief->radius, range);
-    gpu_bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
-                     n > 0 ? shadow_maps_texture(relief->further) : 0);
-    glUniform3fv(glGetUniformLocation(program, "further_range"), 1, range);
-    if (n > 0)
-        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
+    struct shadow_scene shadows = {scene, from->radius, from->serial, from->shadow_size};
+    const float(*light)[3] = (const float(*)[3]) & relief->light;
+    shadows.casting.n_indices = from->n_casting;
+    if (relief->shadows &&
+        !shadow_maps_find(relief->first, relief->lamp, &shadows, light, 1, error))
+        return FALSE;
+    if (!from->shadows || from->n_further == 0)
+        return TRUE;
+    relief->n_further = from->n_further;
+    if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
+        return FALSE;
+    /* Further lamps share the memory of four maps of full size: each of many lamps contributes
+     * little. */
+    shadows.size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
+    for (int k = 0; k < from->n_further; k++)
+        shadow_maps_right(from->further[k], relief->rights[k]);
+    return shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,
+                            error);
 }
 
 void relief_bind(const Relief *relief, guint program) {
@@ -158,5 +113,13 @@ void relief_bind(const Relief *relief, guint program) {
     glUniform3fv(glGetUniformLocation(program, "shadow_light"), 1, relief->light);
     glUniform3fv(glGetUniformLocation(program, "shadow_range"), 1, range);
     glUniform1f(glGetUniformLocation(program, "shadow_radius"), relief->radius);
-    bind_further(relief, program);
+    const int n = relief->n_further;
+    float further_range[3] = {0.0f};
+    if (n > 0) {
+        shadow_maps_range(relief->further, relief->radius, further_range);
+        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
+    }
+    gpu_bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
+                     n > 0 ? shadow_maps_texture(relief->further) : 0);
+    glUniform3fv(glGetUniformLocation(program, "further_range"), 1, further_range);
 }

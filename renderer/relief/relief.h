@@ -21,11 +21,10 @@ gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **e
 gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of the MDF; 0 without one */
 
 struct relief_scene {
-    guint array, n_indices;
+    struct visibility_scene seen; /* by the eye; without its MDF, which is that of the relief */
     guint n_casting; /* of the indices, from the first: these cast shadows, all receive them */
     double radius;   /* of what casts */
-    float projection[16], eye[3], light[3], tiles[2];
-    int width, height;
+    float light[3];
     guint serial; /* another one for each mesh */
     /* Silhouettes and the shadows of every lamp; silhouettes need an MDF. */
     gboolean silhouettes, shadows;
@@ -34,7 +33,6 @@ struct relief_scene {
     float further[RELIEF_MAX_LAMPS][3]; /* unit vectors towards further lamps */
     int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of
                         more than 16 a quarter */
-    struct visibility_options visibility;
 };
 
 /* Leaves framebuffers of its own bound. Shadow maps are kept while lamp, mesh, tiles, MDF and

@@ -20,7 +20,7 @@ struct key {
 
 struct ShadowMaps {
     gboolean layered;
-    guint program, empty_array, texture, framebuffer;
+    guint program, texture, framebuffer;
     int size, n;
     struct key keys[SHADOW_MAPS_MOST];
 };
@@ -29,9 +29,8 @@ ShadowMaps *shadow_maps_new(gboolean layered, GError **error) {
     static const char *const names[] = {"screen.vert", "shadow_map.frag", NULL};
     g_autoptr(ShadowMaps) maps = g_new0(ShadowMaps, 1);
     maps->layered = layered;
-    if ((maps->program = gpu_program(names, error)) == 0)
+    if ((maps->program = gpu_program("", names, error)) == 0)
         return NULL;
-    glGenVertexArrays(1, &maps->empty_array);
     glGenFramebuffers(1, &maps->framebuffer);
     return g_steal_pointer(&maps);
 }
@@ -40,7 +39,6 @@ void shadow_maps_free(ShadowMaps *maps) {
     if (maps == NULL)
         return;
     glDeleteProgram(maps->program);
-    glDeleteVertexArrays(1, &maps->empty_array);
     glDeleteTextures(1, &maps->texture);
     glDeleteFramebuffers(1, &maps->framebuffer);
     g_free(maps);
@@ -54,29 +52,20 @@ guint shadow_maps_texture(const ShadowMaps *maps) {
     return maps->texture;
 }
 
-int shadow_maps_size(const ShadowMaps *maps) {
-    return maps->size;
-}
-
-static gboolean shadow_maps_check(const ShadowMaps *maps, int size, int n, GError **error) {
-    GLint largest = 0, layers = 0;
-    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
-    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (size <= largest && n <= (maps->layered ? MIN(layers, SHADOW_MAPS_MOST) : 1))
-        return TRUE;
-    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d shadow maps of %d × %d: %s takes %d each way, and %d of them; choose a smaller "
-                "--shadow-map",
-                n, size, size, gpu_renderer(), largest, layers);
-    return FALSE;
-}
-
-static gboolean make_texture(ShadowMaps *maps, int size, int n, GError **error) {
+static gboolean shadow_maps_make(ShadowMaps *maps, int size, int n, GError **error) {
     const GLenum target = maps->layered ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
     if (maps->texture != 0 && maps->size == size && maps->n == n)
         return TRUE;
-    if (!shadow_maps_check(maps, size, n, error))
+    GLint largest = 0, layers = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    if (size > largest || n > (maps->layered ? MIN(layers, SHADOW_MAPS_MOST) : 1)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d shadow maps of %d × %d: %s takes %d each way, and %d of them; choose a "
+                    "smaller --shadow-map",
+                    n, size, size, gpu_renderer(), largest, layers);
         return FALSE;
+    }
     glDeleteTextures(1, &maps->texture);
     shadow_maps_forget(maps);
     maps->texture = gpu_texture(GL_DEPTH_COMPONENT32F, size, size, maps->layered ? n : 0);
@@ -143,9 +132,7 @@ static void draw_map(const ShadowMaps *maps, int layer, double radius, guint see
     glUseProgram(maps->program);
     gpu_bind_texture(maps->program, "seen", 0, GL_TEXTURE_2D, seen);
     glUniform1f(glGetUniformLocation(maps->program, "range"), (float)(RANGE * radius));
-    glBindVertexArray(maps->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    gpu_fill_screen();
     glDepthFunc(GL_LESS);
 }
 
@@ -162,37 +149,31 @@ static gboolean same_key(const struct key *a, const struct key *b) {
            a->options.layers == b->options.layers && a->options.straight == b->options.straight;
 }
 
-static gboolean find_one(ShadowMaps *maps, Visibility *visibility, const struct shadow_scene *scene,
-                         const float light[3], int layer, GError **error) {
-    struct visibility_scene seen_from = scene->casting;
-    guint seen;
-    const struct key key = {.mdf = seen_from.mdf,
-                            .serial = scene->serial,
-                            .light = {light[0], light[1], light[2]},
-                            .tiles = {seen_from.tiles[0], seen_from.tiles[1]},
-                            .options = seen_from.options};
-    if (same_key(&key, &maps->keys[layer]))
-        return TRUE;
-    maps->keys[layer].mdf = NULL;
-    lamp_matrix(light, scene->radius, seen_from.projection);
-    memcpy(seen_from.sight, light, 3 * sizeof(float));
-    seen_from.sight[3] = 0.0f;
-    seen_from.reach = (float)(REACH * scene->radius);
-    seen_from.width = seen_from.height = maps->size;
-    if (!visibility_find(visibility, &seen_from, &seen, error))
-        return FALSE;
-    draw_map(maps, layer, scene->radius, seen);
-    maps->keys[layer] = key;
-    return TRUE;
-}
-
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const float (*towards)[3], int n,
                           GError **error) {
-    if (!make_texture(maps, scene->size, n, error))
+    struct visibility_scene seen_from = scene->casting;
+    struct key key = {.mdf = seen_from.mdf,
+                      .serial = scene->serial,
+                      .tiles = {seen_from.tiles[0], seen_from.tiles[1]},
+                      .options = seen_from.options};
+    if (!shadow_maps_make(maps, scene->size, n, error))
         return FALSE;
-    for (int k = 0; k < n; k++)
-        if (!find_one(maps, visibility, scene, towards[k], k, error))
+    for (int k = 0; k < n; k++) {
+        guint seen;
+        memcpy(key.light, towards[k], sizeof key.light);
+        if (same_key(&key, &maps->keys[k]))
+            continue;
+        maps->keys[k].mdf = NULL;
+        lamp_matrix(towards[k], scene->radius, seen_from.projection);
+        memcpy(seen_from.sight, towards[k], sizeof key.light);
+        seen_from.sight[3] = 0.0f;
+        seen_from.reach = (float)(REACH * scene->radius);
+        seen_from.width = seen_from.height = maps->size;
+        if (!visibility_find(visibility, &seen_from, &seen, error))
             return FALSE;
+        draw_map(maps, k, scene->radius, seen);
+        maps->keys[k] = key;
+    }
     return gpu_check("drawing shadow maps", error);
 }

@@ -31,7 +31,6 @@ gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
 void shadow_maps_forget(ShadowMaps *maps); /* all are drawn anew at the next call */
 
 guint shadow_maps_texture(const ShadowMaps *maps);
-int shadow_maps_size(const ShadowMaps *maps);
 
 /* The direction of a map's +x as a unit vector; its +y is towards × right. */
 void shadow_maps_right(const float towards[3], float ret[3]);

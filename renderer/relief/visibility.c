@@ -13,7 +13,7 @@ struct Visibility {
     /* For MDFs of views and, once they are wanted, of maps. ADD and FIND only with OpenGL 4.3. */
     guint all_programs[2][N_PROGRAMS];
     const guint *programs; /* those that are wanted now */
-    guint empty_array, query;
+    guint query;
     struct gpu_target back[2], seen;
     guint stencil; /* of seen: the layer that a pixel was found in */
     guint first, first_framebuffer, faces;
@@ -24,18 +24,17 @@ struct Visibility {
 static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps,
                                          GError **error) {
     const char *const constants = maps ? "#define MDF_MAPS 1\n" : "#define MDF_MAPS 0\n";
-    const char *const back[] = {"mesh.vert",   "frame.glsl",     "directions.glsl",
-                                "relief.glsl", "peel_back.frag", NULL};
-    const char *const front[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
-                                 "relief.glsl", "peel_front.frag", NULL};
-    const char *const add[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
-                               "relief.glsl", "list_nodes.glsl", "list_add.frag",
-                               NULL};
-    const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
-    if ((programs[BACK] = gpu_program_with(constants, back, error)) == 0 ||
-        (programs[FRONT] = gpu_program_with(constants, front, error)) == 0)
+    static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
+    const char *names[7] = {"mesh.vert", "frame.glsl", "directions.glsl", "relief.glsl",
+                            "peel_back.frag"};
+    if ((programs[BACK] = gpu_program(constants, names, error)) == 0)
         return FALSE;
-    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, add, error)) != 0 &&
+    names[4] = "peel_front.frag";
+    if ((programs[FRONT] = gpu_program(constants, names, error)) == 0)
+        return FALSE;
+    names[4] = "list_nodes.glsl";
+    names[5] = "list_add.frag";
+    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, names, error)) != 0 &&
                              (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
 }
 
@@ -43,7 +42,6 @@ Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
     if (!visibility_make_programs(v->all_programs[0], FALSE, error))
         return NULL;
-    glGenVertexArrays(1, &v->empty_array);
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
 }
@@ -53,7 +51,6 @@ void visibility_free(Visibility *v) {
         return;
     for (int k = 0; k < 2 * N_PROGRAMS; k++)
         glDeleteProgram(v->all_programs[k / N_PROGRAMS][k % N_PROGRAMS]);
-    glDeleteVertexArrays(1, &v->empty_array);
     glDeleteQueries(1, &v->query);
     gpu_target_clear(&v->back[0]);
     gpu_target_clear(&v->back[1]);
@@ -86,19 +83,6 @@ static void visibility_draw_mesh(const struct visibility_scene *s, GLenum culled
     glDrawElements(GL_TRIANGLES, s->n_indices, GL_UNSIGNED_INT, NULL);
     glBindVertexArray(0);
     glDisable(GL_CULL_FACE);
-}
-
-static gboolean make_seen(Visibility *v, int width, int height, GError **error) {
-    if (v->seen.framebuffer != 0 && v->seen.width == width && v->seen.height == height)
-        return TRUE;
-    if (!gpu_target_resize(&v->seen, width, height, GL_RGBA32F, FALSE, error))
-        return FALSE;
-    glDeleteTextures(1, &v->stencil);
-    v->stencil = gpu_texture(GL_DEPTH24_STENCIL8, width, height, 0);
-    glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_TEXTURE_2D, v->stencil,
-                           0);
-    return gpu_check("making room for silhouettes", error);
 }
 
 static void visibility_clear(guint framebuffer, GLbitfield what) {
@@ -158,20 +142,6 @@ static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **e
     return TRUE;
 }
 
-static gboolean make_first(Visibility *v, int width, int height, GError **error) {
-    if (v->first != 0 && v->first_width == width && v->first_height == height)
-        return TRUE;
-    glDeleteTextures(1, &v->first);
-    if (v->first_framebuffer == 0)
-        glGenFramebuffers(1, &v->first_framebuffer);
-    v->first = gpu_texture(GL_R32UI, width, height, 0);
-    v->first_width = width;
-    v->first_height = height;
-    glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, v->first, 0);
-    return gpu_check("making lists of faces", error);
-}
-
 /* FALSE: the card has no memory for so many faces; the buffer is deleted. */
 static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
@@ -220,8 +190,19 @@ static gboolean visibility_fits(guint32 faces) {
 /* FALSE without error: the lists do not fit on the card, and the faces are peeled instead. */
 static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
     guint32 start = (guint32)s->width * s->height, n_faces;
-    if (!make_first(v, s->width, s->height, error) ||
-        (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start))))
+    if (v->first == 0 || v->first_width != s->width || v->first_height != s->height) {
+        glDeleteTextures(1, &v->first);
+        if (v->first_framebuffer == 0)
+            glGenFramebuffers(1, &v->first_framebuffer);
+        v->first = gpu_texture(GL_R32UI, s->width, s->height, 0);
+        v->first_width = s->width;
+        v->first_height = s->height;
+        glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, v->first, 0);
+        if (!gpu_check("making lists of faces", error))
+            return FALSE;
+    }
+    if (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start)))
         return FALSE;
     while ((n_faces = add_faces(v, s)) > v->room)
         if (!visibility_fits(n_faces + n_faces / 4) ||
@@ -230,9 +211,7 @@ static gboolean visibility_list(Visibility *v, const struct visibility_scene *s,
     glUseProgram(v->programs[FIND]);
     glUniform1i(glGetUniformLocation(v->programs[FIND], "layers"), s->options.layers);
     glUniform1i(glGetUniformLocation(v->programs[FIND], "straight"), s->options.straight);
-    glBindVertexArray(v->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    gpu_fill_screen();
     return gpu_check("finding silhouettes in lists", error);
 }
 
@@ -255,8 +234,17 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
         return FALSE;
     }
     v->programs = programs;
-    if (!make_seen(v, s->width, s->height, error))
-        return FALSE;
+    if (v->seen.framebuffer == 0 || v->seen.width != s->width || v->seen.height != s->height) {
+        if (!gpu_target_resize(&v->seen, s->width, s->height, GL_RGBA32F, FALSE, error))
+            return FALSE;
+        glDeleteTextures(1, &v->stencil);
+        v->stencil = gpu_texture(GL_DEPTH24_STENCIL8, s->width, s->height, 0);
+        glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_TEXTURE_2D,
+                               v->stencil, 0);
+        if (!gpu_check("making room for silhouettes", error))
+            return FALSE;
+    }
     glViewport(0, 0, s->width, s->height);
     glDisable(GL_BLEND);
     gboolean found = lists && visibility_list(v, s, &local);

@@ -14,7 +14,7 @@ enum { GROUND, GROUND_LAMPS, ENVIRONMENT, N_PROGRAMS };
 
 struct Backdrop {
     guint programs[N_PROGRAMS]; /* each compiled when it is first asked for */
-    guint empty_array, environment;
+    guint environment;
     float foot[3], corner, radius; /* of the mesh: half its width and depth, its lowest z */
 };
 
@@ -26,7 +26,7 @@ static gboolean backdrop_need(Backdrop *backdrop, int which, GError **error) {
     static const char *const environment[] = {"screen.vert", "environment.frag", NULL};
     if (backdrop->programs[which] == 0)
         backdrop->programs[which] =
-            gpu_program_with(constants[which], which == ENVIRONMENT ? environment : ground, error);
+            gpu_program(constants[which], which == ENVIRONMENT ? environment : ground, error);
     return backdrop->programs[which] != 0;
 }
 
@@ -34,7 +34,6 @@ Backdrop *backdrop_new(GError **error) {
     g_autoptr(Backdrop) backdrop = g_new0(Backdrop, 1);
     if (!backdrop_need(backdrop, GROUND, error))
         return NULL;
-    glGenVertexArrays(1, &backdrop->empty_array);
     return g_steal_pointer(&backdrop);
 }
 
@@ -43,7 +42,6 @@ void backdrop_free(Backdrop *backdrop) {
         return;
     for (int k = 0; k < N_PROGRAMS; k++)
         glDeleteProgram(backdrop->programs[k]);
-    glDeleteVertexArrays(1, &backdrop->empty_array);
     glDeleteTextures(1, &backdrop->environment);
     g_free(backdrop);
 }
@@ -99,24 +97,6 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     return gpu_check("the environment", error);
 }
 
-static void set_ground(const Backdrop *backdrop, guint program, const struct viewer_settings *s,
-                       const Relief *relief) {
-    float light[3];
-    direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
-    glUniform3fv(glGetUniformLocation(program, "foot"), 1, backdrop->foot);
-    glUniform1f(glGetUniformLocation(program, "corner"), backdrop->corner);
-    glUniform1f(glGetUniformLocation(program, "radius"), backdrop->radius);
-    glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
-    relief_bind(relief, program);
-    programs_set_lamps(program, s);
-}
-
-static void set_environment(const Backdrop *backdrop, guint program,
-                            const struct viewer_settings *s) {
-    gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
-    glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
-}
-
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, const Relief *relief,
                        const float projection[16], const float eye[3], GError **error) {
     const int which = s->backdrop                    ? ENVIRONMENT
@@ -133,15 +113,22 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
     glUseProgram(program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, projection);
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, eye);
-    if (which == ENVIRONMENT)
-        set_environment(backdrop, program, s);
-    else
-        set_ground(backdrop, program, s, relief);
+    if (which == ENVIRONMENT) {
+        gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
+        glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
+    } else {
+        float light[3];
+        direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
+        glUniform3fv(glGetUniformLocation(program, "foot"), 1, backdrop->foot);
+        glUniform1f(glGetUniformLocation(program, "corner"), backdrop->corner);
+        glUniform1f(glGetUniformLocation(program, "radius"), backdrop->radius);
+        glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
+        relief_bind(relief, program);
+        programs_set_lamps(program, s);
+    }
     glDepthFunc(GL_LEQUAL); /* where nothing was drawn yet */
     glDepthMask(GL_FALSE);
-    glBindVertexArray(backdrop->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    gpu_fill_screen();
     glDepthMask(GL_TRUE);
     glDepthFunc(GL_LESS);
     return TRUE;

@@ -5,17 +5,16 @@
 #include <epoxy/gl.h>
 
 struct Compose {
-    guint program, array;
+    guint program;
     struct gpu_target pictures[2], whole;
 };
 
 Compose *compose_new(GError **error) {
     const char *const names[] = {"screen.vert", "compose.frag", NULL};
     g_autoptr(Compose) compose = g_new0(Compose, 1);
-    compose->program = gpu_program(names, error);
+    compose->program = gpu_program("", names, error);
     if (compose->program == 0)
         return NULL;
-    glGenVertexArrays(1, &compose->array);
     return g_steal_pointer(&compose);
 }
 
@@ -23,16 +22,24 @@ void compose_free(Compose *compose) {
     if (compose == NULL)
         return;
     glDeleteProgram(compose->program);
-    glDeleteVertexArrays(1, &compose->array);
     for (int k = 0; k < 2; k++)
         gpu_target_clear(&compose->pictures[k]);
     gpu_target_clear(&compose->whole);
     g_free(compose);
 }
 
-static void compose_join(const Compose *compose, const struct compose *how, guint framebuffer,
-                         int width, int height) {
+gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                      const struct viewer_settings *settings, guint framebuffer, int width,
+                      int height, GError **error) {
+    Viewer *const viewers[2] = {first, second};
     const guint program = compose->program;
+    if (how->mode == COMPOSE_ONE)
+        return viewer_draw(first, settings, framebuffer, width, height, error);
+    for (int k = 0; k < 2; k++)
+        if (!gpu_target_resize(&compose->pictures[k], width, height, GL_RGBA8, FALSE, error) ||
+            !viewer_draw(viewers[k], settings, compose->pictures[k].framebuffer, width, height,
+                         error))
+            return FALSE;
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
@@ -43,23 +50,7 @@ static void compose_join(const Compose *compose, const struct compose *how, guin
     glUniform1i(glGetUniformLocation(program, "difference"), how->mode == COMPOSE_DIFFERENCE);
     glUniform1f(glGetUniformLocation(program, "split"), (float)(how->at * width));
     glUniform1f(glGetUniformLocation(program, "gain"), (float)how->gain);
-    glBindVertexArray(compose->array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
-}
-
-gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
-                      const struct viewer_settings *settings, guint framebuffer, int width,
-                      int height, GError **error) {
-    Viewer *const viewers[2] = {first, second};
-    if (how->mode == COMPOSE_ONE)
-        return viewer_draw(first, settings, framebuffer, width, height, error);
-    for (int k = 0; k < 2; k++)
-        if (!gpu_target_resize(&compose->pictures[k], width, height, GL_RGBA8, FALSE, error) ||
-            !viewer_draw(viewers[k], settings, compose->pictures[k].framebuffer, width, height,
-                         error))
-            return FALSE;
-    compose_join(compose, how, framebuffer, width, height);
+    gpu_fill_screen();
     return gpu_check("joining two pictures", error);
 }
 

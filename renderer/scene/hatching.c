@@ -9,16 +9,15 @@
 #define CELLS 256 /* of the hemisphere's square, each way */
 
 struct Hatching {
-    guint program, missing, array;
+    guint program, missing;
     gboolean any;
 };
 
 Hatching *hatching_new(GError **error) {
     static const char *const names[] = {"screen.vert", "directions.glsl", "hatching.frag", NULL};
     g_autoptr(Hatching) hatching = g_new0(Hatching, 1);
-    if ((hatching->program = gpu_program(names, error)) == 0)
+    if ((hatching->program = gpu_program("", names, error)) == 0)
         return NULL;
-    glGenVertexArrays(1, &hatching->array);
     hatching->missing = gpu_texture(GL_R8, CELLS, CELLS, 0);
     return g_steal_pointer(&hatching);
 }
@@ -28,7 +27,6 @@ void hatching_free(Hatching *hatching) {
         return;
     glDeleteProgram(hatching->program);
     glDeleteTextures(1, &hatching->missing);
-    glDeleteVertexArrays(1, &hatching->array);
     g_free(hatching);
 }
 
@@ -96,8 +94,6 @@ void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer
     glUseProgram(hatching->program);
     gpu_bind_texture(hatching->program, "seen_from", 0, GL_TEXTURE_2D, directions);
     gpu_bind_texture(hatching->program, "missing", 1, GL_TEXTURE_2D, hatching->missing);
-    glBindVertexArray(hatching->array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    gpu_fill_screen();
     glDisable(GL_BLEND);
 }

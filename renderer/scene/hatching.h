@@ -21,8 +21,8 @@ Hatching *hatching_new(GError **error);
 void hatching_free(Hatching *hatching); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hatching, hatching_free)
 
-void hatching_set(Hatching *hatching, const struct planned_view *views,
-                  guint n);                      /* copies; 0: no marks */
+/* Copies; n = 0: no stripes. */
+void hatching_set(Hatching *hatching, const struct planned_view *views, guint n);
 gboolean hatching_any(const Hatching *hatching); /* whether a view is missing */
 
 /* directions: a texture as viewer_render_geometry() has it for VIEWER_GEOMETRY_VIEW, as large as

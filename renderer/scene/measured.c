@@ -25,20 +25,6 @@ static int measured_nearest(const float *theta_deg, const float *phi_deg, int n,
     return best;
 }
 
-static void measured_find(const Reference *reference, const struct viewer_settings *s,
-                          struct measured *ret) {
-    const struct reference_info info = reference_info(reference);
-    float view[3], light[3];
-    direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, view);
-    direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
-    ret->view = measured_nearest(info.view_theta_deg, info.view_phi_deg, info.n_views, view);
-    ret->light = measured_nearest(info.light_theta_deg, info.light_phi_deg, info.n_lights, light);
-    ret->view_theta_deg = info.view_theta_deg[ret->view];
-    ret->view_phi_deg = info.view_phi_deg[ret->view];
-    ret->light_theta_deg = info.light_theta_deg[ret->light];
-    ret->light_phi_deg = info.light_phi_deg[ret->light];
-}
-
 /* RGB_, as the view draws it. */
 static float *read_measured(const Reference *reference, const struct measured *m, GError **error) {
     const struct reference_info info = reference_info(reference);
@@ -99,7 +85,15 @@ gboolean measured_compare(const Reference *reference, Viewer *viewer,
     *ret = (struct measured){0};
     s.samples = 1;
     s.style.nearest = TRUE;
-    measured_find(reference, &s, ret);
+    direction_from_deg(90.0 - s.camera_elevation_deg, s.camera_azimuth_deg, to_view);
+    direction_from_deg(s.light_theta_deg, s.light_phi_deg, to_light);
+    ret->view = measured_nearest(info.view_theta_deg, info.view_phi_deg, info.n_views, to_view);
+    ret->light =
+        measured_nearest(info.light_theta_deg, info.light_phi_deg, info.n_lights, to_light);
+    ret->view_theta_deg = info.view_theta_deg[ret->view];
+    ret->view_phi_deg = info.view_phi_deg[ret->view];
+    ret->light_theta_deg = info.light_theta_deg[ret->light];
+    ret->light_phi_deg = info.light_phi_deg[ret->light];
     direction_from_deg(ret->view_theta_deg, ret->view_phi_deg, to_view);
     direction_from_deg(ret->light_theta_deg, ret->light_phi_deg, to_light);
     g_autofree float *measured = read_measured(reference, ret, error);

@@ -19,18 +19,6 @@ static void on_error(png_structp png, png_const_charp text) {
 static void picture_on_warning(png_structp png, png_const_charp text) {
 }
 
-static void set_texts(png_structp png, png_infop info, const char *const *texts) {
-    for (; texts != NULL && texts[0] != NULL && texts[1] != NULL; texts += 2) {
-        gboolean ascii = g_str_is_ascii(texts[1]);
-        png_text text = {
-            .compression = ascii ? PNG_TEXT_COMPRESSION_NONE : PNG_ITXT_COMPRESSION_NONE,
-            .key = (png_charp)texts[0],
-            .text = (png_charp)texts[1],
-        };
-        png_set_text(png, info, &text, 1);
-    }
-}
-
 /* Everything between setjmp and a longjmp; no variable of it is used after. */
 static gboolean encode(png_structp png, png_infop info, FILE *file, const guint8 *rgb, int width,
                        int height, const char *const *texts) {
@@ -42,7 +30,15 @@ static gboolean encode(png_structp png, png_infop info, FILE *file, const guint8
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_RELATIVE);
     png_set_compression_level(png, 6);
-    set_texts(png, info, texts);
+    for (const char *const *t = texts; t != NULL && t[0] != NULL && t[1] != NULL; t += 2) {
+        png_text text = {
+            .compression =
+                g_str_is_ascii(t[1]) ? PNG_TEXT_COMPRESSION_NONE : PNG_ITXT_COMPRESSION_NONE,
+            .key = (png_charp)t[0],
+            .text = (png_charp)t[1],
+        };
+        png_set_text(png, info, &text, 1);
+    }
     png_write_info(png, info);
     for (int j = 0; j < height; j++)
         png_write_row(png, rgb + 3 * (gsize)width * j);
@@ -50,36 +46,29 @@ static gboolean encode(png_structp png, png_infop info, FILE *file, const guint8
     return TRUE;
 }
 
-static gboolean picture_write_to(FILE *file, const guint8 *rgb, int width, int height,
-                                 const char *const *texts, char **ret_message) {
-    png_structp png =
-        png_create_write_struct(PNG_LIBPNG_VER_STRING, ret_message, on_error, picture_on_warning);
-    png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
-    gboolean good = info != NULL && encode(png, info, file, rgb, width, height, texts);
-    png_destroy_write_struct(&png, &info);
-    return good;
-}
-
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
                            const char *const *texts, GError **error) {
     g_autofree char *partial = g_strconcat(path, ".part", NULL);
     g_autofree char *message = NULL;
+    gboolean good = FALSE;
     FILE *file = g_fopen(partial, "wb");
-    if (file == NULL) {
-        g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
-                    g_strerror(errno));
-        return FALSE;
+    if (file != NULL) {
+        errno = 0;
+        png_structp png =
+            png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_error, picture_on_warning);
+        png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
+        good = info != NULL && encode(png, info, file, rgb, width, height, texts);
+        png_destroy_write_struct(&png, &info);
+        good = fclose(file) == 0 && good && g_rename(partial, path) == 0;
     }
-    errno = 0;
-    gboolean good = picture_write_to(file, rgb, width, height, texts, &message);
-    good = fclose(file) == 0 && good && g_rename(partial, path) == 0;
     if (good)
         return TRUE;
     g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
                 errno != 0        ? g_strerror(errno)
                 : message != NULL ? message
                                   : "PNG error");
-    g_unlink(partial);
+    if (file != NULL)
+        g_unlink(partial);
     return FALSE;
 }
 

@@ -32,16 +32,8 @@ void programs_free(Programs *programs) {
     g_free(programs);
 }
 
-static void programs_add(const char **names, const char *const *more) {
-    while (*names != NULL)
-        names++;
-    for (int k = 0; more[k] != NULL; k++)
-        *names++ = more[k];
-    *names = NULL;
-}
-
-static guint programs_compile(const struct method *method, enum program_kind kind,
-                              const char *constants, GError **error) {
+guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
+                   const struct viewer_settings *s, GError **error) {
     static const char *const before[] = {"mesh.vert", "frame.glsl", NULL};
     static const char *const before_flat[] = {"screen.vert", "flat.glsl", NULL};
     static const char *const after[][6] = {
@@ -49,25 +41,24 @@ static guint programs_compile(const struct method *method, enum program_kind kin
         {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "surface_relief.frag", NULL},
         {"flat.frag", NULL},
     };
-    const char *names[METHOD_SHADERS + OTHERS] = {NULL};
-    programs_add(names, kind == PROGRAM_FLAT ? before_flat : before);
-    programs_add(names, method->shaders);
-    programs_add(names, after[kind]);
-    return gpu_program_with(constants, names, error);
-}
-
-guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const struct viewer_settings *s, GError **error) {
     const struct method *method = programs->method;
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *constants = g_strdup_printf(
         "#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s", s->n_lamps > 0,
         kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0, own ? own : "");
-    char *key = g_strdup_printf("%d %s", kind, constants);
+    g_autofree char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));
-    if (program == 0 && (program = programs_compile(method, kind, constants, error)) != 0)
+    if (program != 0)
+        return program;
+    const char *const *const lists[] = {kind == PROGRAM_FLAT ? before_flat : before,
+                                        method->shaders, after[kind]};
+    const char *names[METHOD_SHADERS + OTHERS] = {NULL};
+    int n = 0;
+    for (gsize list = 0; list < G_N_ELEMENTS(lists); list++)
+        for (int k = 0; lists[list][k] != NULL; k++)
+            names[n++] = lists[list][k];
+    if ((program = gpu_program(constants, names, error)) != 0)
         g_hash_table_insert(programs->compiled, g_steal_pointer(&key), GUINT_TO_POINTER(program));
-    g_free(key);
     return program;
 }
 

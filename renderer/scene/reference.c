@@ -1,5 +1,6 @@
 #include "reference.h"
 
+#include "base/work.h"
 #include "btf/btf.h"
 #include "exr/exr.h"
 #include "gl/directions.h"
@@ -8,16 +9,12 @@
 #include <math.h>
 #include <string.h>
 
-#define CHUNK 4096 /* samples that a thread takes at a time */
+#define PARTS 32 /* of the samples, shared out among threads */
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
-struct file {
-    char *path;
-};
-
 struct Reference {
-    GArray *files;                 /* of struct file, one a view */
+    GPtrArray *files;              /* paths, one a view */
     GPtrArray *names;              /* of the parts, one a light */
     GArray *view_theta, *view_phi; /* of float, degrees */
     GArray *light_theta, *light_phi;
@@ -32,35 +29,25 @@ struct sample {
     float sum[3];
 };
 
-/* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _. */
-struct layers {
-    float *texels;
-    gsize size; /* floats a layer */
-    int width, height, n_lights;
-    const float *pole, *sky; /* each light's share */
-};
-
 struct shading {
     const Reference *reference;
     const struct viewer_settings *settings;
     struct sample *samples;
     guint n_samples;
     const float *texel, *view, *light, *lit; /* as viewer_render_geometry() gives them */
-    const struct layers *layers;
+    /* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _.
+     */
+    float *layers;
+    gsize layer_size;        /* floats */
+    const float *pole, *sky; /* each light's share */
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
-    gint next;        /* atomic: the first sample that no thread has taken */
 };
-
-static void file_clear(gpointer data) {
-    struct file *file = data;
-    g_free(file->path);
-}
 
 void reference_free(Reference *r) {
     if (r == NULL)
         return;
-    g_array_unref(r->files);
+    g_ptr_array_unref(r->files);
     g_ptr_array_unref(r->names);
     g_array_unref(r->view_theta);
     g_array_unref(r->view_phi);
@@ -71,20 +58,6 @@ void reference_free(Reference *r) {
 
 static int compare_names(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
-static GPtrArray *list_files(const char *folder, GError **error) {
-    g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
-    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
-    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
-        if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
-            g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
-    g_ptr_array_sort(paths, compare_names);
-    if (paths->len > 0)
-        return g_steal_pointer(&paths);
-    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
-                "there is no BTF in %s; “mesorig process” makes it from a session", folder);
-    return NULL;
 }
 
 static gboolean reference_read_direction(const struct exr_part *part, const char *of,
@@ -114,22 +87,20 @@ static gboolean reference_take_lights(Reference *r, const struct exr_file *file,
     return TRUE;
 }
 
-static gboolean take_file(Reference *r, const char *path, GError **error) {
+static gboolean reference_take_view(Reference *r, const char *path, GError **error) {
     struct exr_file *headers = exr_read_headers(path, error);
     if (headers == NULL)
         return FALSE;
-    struct file file = {g_strdup(path)};
     float theta = 0.0f, phi = 0.0f;
     g_autoptr(GError) why = NULL;
     gboolean good =
-        (r->files->len > 0 || reference_take_lights(r, headers, &why)) && r->names->len > 0;
+        (r->names->len > 0 || reference_take_lights(r, headers, &why)) && r->names->len > 0;
     for (guint k = 0; good && k < r->names->len; k++) {
         const struct exr_part *part = exr_file_part(headers, r->names->pdata[k]);
         good = part != NULL && part->width == r->width && part->height == r->height &&
                reference_read_direction(part, "view", &theta, &phi, &why);
     }
     exr_file_free(headers);
-    g_array_append_val(r->files, file);
     g_array_append_val(r->view_theta, theta);
     g_array_append_val(r->view_phi, phi);
     if (!good)
@@ -140,19 +111,25 @@ static gboolean take_file(Reference *r, const char *path, GError **error) {
 }
 
 Reference *reference_open(const char *btf, GError **error) {
-    g_autoptr(GPtrArray) paths = list_files(btf, error);
-    if (paths == NULL)
-        return NULL;
     g_autoptr(Reference) r = g_new0(Reference, 1);
-    r->files = g_array_new(FALSE, FALSE, sizeof(struct file));
-    g_array_set_clear_func(r->files, file_clear);
+    r->files = g_ptr_array_new_with_free_func(g_free);
     r->names = g_ptr_array_new_with_free_func(g_free);
     r->view_theta = g_array_new(FALSE, FALSE, sizeof(float));
     r->view_phi = g_array_new(FALSE, FALSE, sizeof(float));
     r->light_theta = g_array_new(FALSE, FALSE, sizeof(float));
     r->light_phi = g_array_new(FALSE, FALSE, sizeof(float));
-    for (guint k = 0; k < paths->len; k++)
-        if (!take_file(r, paths->pdata[k], error))
+    g_autoptr(GDir) dir = g_dir_open(btf, 0, NULL);
+    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
+        if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
+            g_ptr_array_add(r->files, g_build_filename(btf, name, NULL));
+    g_ptr_array_sort(r->files, compare_names);
+    if (r->files->len == 0) {
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
+                    "there is no BTF in %s; “mesorig process” makes it from a session", btf);
+        return NULL;
+    }
+    for (guint k = 0; k < r->files->len; k++)
+        if (!reference_take_view(r, r->files->pdata[k], error))
             return NULL;
     return g_steal_pointer(&r);
 }
@@ -167,110 +144,69 @@ static Directions *light_directions(const Reference *r, GError **error) {
                           (const float *)(const void *)r->light_phi->data, r->names->len, error);
 }
 
-/* Takes the next CHUNK of samples for a thread; FALSE if none are left. */
-static gboolean reference_take(struct shading *s, guint *ret_from, guint *ret_to) {
-    guint from = (guint)g_atomic_int_add(&s->next, CHUNK);
-    *ret_from = from;
-    *ret_to = MIN(from + CHUNK, s->n_samples);
-    return from < s->n_samples;
-}
-
-static void run_threads(struct shading *s, GThreadFunc work) {
-    GThread *threads[64];
-    guint n = MIN(g_get_num_processors(), G_N_ELEMENTS(threads));
-    s->next = 0;
-    for (guint k = 0; k < n; k++)
-        threads[k] = g_thread_new("reference", work, s);
-    for (guint k = 0; k < n; k++)
-        g_thread_join(threads[k]);
-}
-
-static struct vec3 reference_vector(const float *v) {
-    return vec3(v[0], v[1], v[2]);
-}
-
-/* Finds the directions and weights of all samples. Directions belong to one thread, so each thread
- * makes its own; shade_samples() has checked that this succeeds. */
-static gpointer reference_prepare(gpointer data) {
-    struct shading *s = data;
+/* Finds the directions and weights of a part of the samples. Directions belong to one thread, so
+ * each part makes its own; shade_samples() has checked that this succeeds. */
+static void reference_prepare(int part, gpointer data) {
+    const struct shading *s = data;
+    const guint64 n = s->n_samples;
     g_autoptr(Directions) views = view_directions(s->reference, NULL);
     g_autoptr(Directions) lights = light_directions(s->reference, NULL);
-    for (guint k, to; reference_take(s, &k, &to);)
-        for (; k < to; k++) {
-            struct sample *sample = &s->samples[k];
-            const float *texel = s->texel + 4 * (gsize)sample->at;
-            struct vec3 light = reference_vector(s->light + 4 * (gsize)sample->at);
-            sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
-            sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
-            directions_weights(views, reference_vector(s->view + 4 * (gsize)sample->at),
-                               &sample->view);
-            directions_weights(lights, light, &sample->light);
-            float fade = light.z >= 0.0 ? directions_fade(lights, light) : 0.0;
-            fade *= s->lit[4 * (gsize)sample->at];
-            for (int i = 0; i < 4; i++)
-                sample->light.weight[i] *= fade;
-        }
-    return NULL;
+    for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
+        struct sample *sample = &s->samples[k];
+        const gsize at = 4 * (gsize)sample->at;
+        const float *texel = s->texel + at, *v = s->view + at, *l = s->light + at;
+        sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
+        sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
+        directions_weights(views, vec3(v[0], v[1], v[2]), &sample->view);
+        directions_weights(lights, vec3(l[0], l[1], l[2]), &sample->light);
+        float fade = l[2] >= 0.0f ? directions_fade(lights, vec3(l[0], l[1], l[2])) : 0.0;
+        fade *= s->lit[at];
+        for (int i = 0; i < 4; i++)
+            sample->light.weight[i] *= fade;
+    }
 }
 
 /* Adds a layer's value at the sample to sum, bilinearly between texels. */
-static void add_layer(const struct layers *l, int layer, const struct sample *at, gboolean nearest,
-                      float share, float sum[3]) {
-    const float *texels = l->texels + l->size * layer;
+static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
+                      float sum[3]) {
+    const float *texels = s->layers + s->layer_size * layer;
+    const gboolean nearest = s->settings->style.nearest;
+    const int width = s->reference->width, height = s->reference->height;
     float x = nearest ? floorf(at->x) : at->x - 0.5f, y = nearest ? floorf(at->y) : at->y - 0.5f;
     float fx = x - floorf(x), fy = y - floorf(y);
-    int i = ((int)floorf(x) + l->width) % l->width, j = ((int)floorf(y) + l->height) % l->height;
-    int right = (i + 1) % l->width, down = (j + 1) % l->height;
-    const float *a = texels + 4 * ((gsize)j * l->width + i);
-    const float *b = texels + 4 * ((gsize)j * l->width + right);
-    const float *c = texels + 4 * ((gsize)down * l->width + i);
-    const float *d = texels + 4 * ((gsize)down * l->width + right);
+    int i = ((int)floorf(x) + width) % width, j = ((int)floorf(y) + height) % height;
+    int right = (i + 1) % width, down = (j + 1) % height;
+    const float *a = texels + 4 * ((gsize)j * width + i);
+    const float *b = texels + 4 * ((gsize)j * width + right);
+    const float *c = texels + 4 * ((gsize)down * width + i);
+    const float *d = texels + 4 * ((gsize)down * width + right);
     for (int k = 0; k < 3; k++)
         sum[k] +=
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
 }
 
-static float share_of_view(const struct shading *s, const struct sample *sample) {
-    float share = 0.0f;
-    for (int k = 0; k < 4; k++)
-        if (sample->view.index[k] == s->view_index)
-            share += sample->view.weight[k];
-        else if (sample->view.index[k] == (int)s->reference->files->len)
-            share += sample->view.weight[k] * s->pole_share;
-    return share;
-}
-
-/* Adds the contribution of the loaded view to all samples:
+/* Adds the contribution of the loaded view to a part of the samples:
  * BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
-static gpointer reference_shade(gpointer data) {
-    struct shading *s = data;
-    for (guint k, to; reference_take(s, &k, &to);)
-        for (; k < to; k++) {
-            struct sample *sample = &s->samples[k];
-            float share = share_of_view(s, sample);
-            gboolean nearest = s->settings->style.nearest;
-            if (share == 0.0f)
-                continue;
-            for (int i = 0; i < 4; i++)
-                if (sample->light.weight[i] != 0.0f)
-                    add_layer(s->layers, sample->light.index[i], sample, nearest,
-                              share * sample->light.weight[i], sample->sum);
-            if (s->settings->ambient != 0.0)
-                add_layer(s->layers, s->layers->n_lights + 1, sample, nearest,
-                          share * s->settings->ambient, sample->sum);
-        }
-    return NULL;
-}
-
-static void mix_layers(struct layers *l) {
-    float *pole = l->texels + l->size * l->n_lights, *sky = pole + l->size;
-    memset(pole, 0, 2 * l->size * sizeof(float));
-    for (int light = 0; light < l->n_lights; light++) {
-        const float *texels = l->texels + l->size * light;
-        for (gsize k = 0; k < l->size; k++) {
-            pole[k] += l->pole[light] * texels[k];
-            sky[k] += l->sky[light] * texels[k];
-        }
+static void reference_shade(int part, gpointer data) {
+    const struct shading *s = data;
+    const guint64 n = s->n_samples;
+    const int n_lights = (int)s->reference->names->len;
+    for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
+        struct sample *sample = &s->samples[k];
+        float share = 0.0f;
+        for (int i = 0; i < 4; i++)
+            if (sample->view.index[i] == s->view_index)
+                share += sample->view.weight[i];
+            else if (sample->view.index[i] == (int)s->reference->files->len)
+                share += sample->view.weight[i] * s->pole_share;
+        if (share == 0.0f)
+            continue;
+        for (int i = 0; i < 4; i++)
+            if (sample->light.weight[i] != 0.0f)
+                add_layer(s, sample->light.index[i], sample, share * sample->light.weight[i],
+                          sample->sum);
+        if (s->settings->ambient != 0.0)
+            add_layer(s, n_lights + 1, sample, share * s->settings->ambient, sample->sum);
     }
 }
 
@@ -300,16 +236,8 @@ static gboolean reference_read_file(const Reference *r, const char *path, int st
     return good;
 }
 
-static gboolean reference_load_view(const Reference *r, const char *path, struct layers *l,
-                                    GError **error) {
-    if (!reference_read_file(r, path, 4, l->texels, error))
-        return FALSE;
-    mix_layers(l);
-    return TRUE;
-}
-
 gboolean reference_read_view(const Reference *r, int view, float *ret, GError **error) {
-    return reference_read_file(r, g_array_index(r->files, struct file, view).path, 3, ret, error);
+    return reference_read_file(r, r->files->pdata[view], 3, ret, error);
 }
 
 struct reference_info reference_info(const Reference *r) {
@@ -325,66 +253,58 @@ struct reference_info reference_info(const Reference *r) {
     };
 }
 
-/* Loads one view after the other and adds it to all samples. */
-static gboolean shade_views(struct shading *s, struct layers *layers, const Directions *views,
-                            GError **error) {
-    int n_pole;
-    const int *pole = directions_pole(views, &n_pole);
-    s->layers = layers;
-    for (guint v = 0; v < s->reference->files->len; v++) {
-        s->view_index = v;
-        s->pole_share = 0.0f;
-        for (int k = 0; k < n_pole; k++)
-            s->pole_share += pole[k] == (int)v ? 1.0f / n_pole : 0.0f;
-        if (!reference_load_view(s->reference,
-                                 g_array_index(s->reference->files, struct file, v).path, layers,
-                                 error))
-            return FALSE;
-        run_threads(s, reference_shade);
+/* Mixes the pole and the sky of the view in memory. */
+static void mix_layers(struct shading *s) {
+    const gsize n = s->layer_size;
+    const int n_lights = (int)s->reference->names->len;
+    float *pole = s->layers + n * n_lights, *sky = pole + n;
+    memset(pole, 0, 2 * n * sizeof(float));
+    for (int light = 0; light < n_lights; light++) {
+        const float *texels = s->layers + n * light;
+        for (gsize k = 0; k < n; k++) {
+            pole[k] += s->pole[light] * texels[k];
+            sky[k] += s->sky[light] * texels[k];
+        }
     }
-    return TRUE;
 }
 
+/* Loads one view after the other and adds it to all samples. */
 static gboolean shade_samples(struct shading *s, GError **error) {
     const Reference *r = s->reference;
     g_autoptr(Directions) views = view_directions(r, error);
     g_autoptr(Directions) lights = views != NULL ? light_directions(r, error) : NULL;
     if (lights == NULL)
         return FALSE;
-    struct layers layers = {.size = 4 * (gsize)r->width * r->height,
-                            .width = r->width,
-                            .height = r->height,
-                            .n_lights = r->names->len};
-    g_autofree float *texels = g_try_new0(float, layers.size *(r->names->len + 2));
+    s->layer_size = 4 * (gsize)r->width * r->height;
+    g_autofree float *layers = g_try_new0(float, s->layer_size *(r->names->len + 2));
     g_autofree float *pole_share = g_new0(float, r->names->len), *sky = g_new(float, r->names->len);
     int n_pole;
     const int *pole = directions_pole(lights, &n_pole);
     for (int k = 0; k < n_pole; k++)
         pole_share[pole[k]] += 1.0f / n_pole;
     directions_sky(lights, sky);
-    layers.texels = texels;
-    layers.pole = pole_share;
-    layers.sky = sky;
-    if (texels == NULL) {
+    s->layers = layers;
+    s->pole = pole_share;
+    s->sky = sky;
+    if (layers == NULL) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "no memory for a view of %u lights of %d × %d texels", r->names->len, r->width,
                     r->height);
         return FALSE;
     }
-    run_threads(s, reference_prepare);
-    gboolean good = shade_views(s, &layers, views, error);
-    s->layers = NULL;
-    return good;
-}
-
-static GArray *find_samples(const float *texel, gsize n) {
-    GArray *samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
-    for (gsize k = 0; k < n; k++)
-        if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
-            struct sample sample = {.at = k};
-            g_array_append_val(samples, sample);
-        }
-    return samples;
+    work_for_each(0, PARTS, reference_prepare, s);
+    pole = directions_pole(views, &n_pole);
+    for (guint v = 0; v < r->files->len; v++) {
+        s->view_index = v;
+        s->pole_share = 0.0f;
+        for (int k = 0; k < n_pole; k++)
+            s->pole_share += pole[k] == (int)v ? 1.0f / n_pole : 0.0f;
+        if (!reference_read_file(r, r->files->pdata[v], 4, layers, error))
+            return FALSE;
+        mix_layers(s);
+        work_for_each(0, PARTS, reference_shade, s);
+    }
+    return TRUE;
 }
 
 /* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.
@@ -415,7 +335,12 @@ float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer
               viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIGHT, width, height, error)) ||
         !(lit = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, error)))
         return NULL;
-    g_autoptr(GArray) samples = find_samples(texel, (gsize)width * height);
+    g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
+    for (gsize k = 0; k < (gsize)width * height; k++)
+        if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
+            const struct sample sample = {.at = k};
+            g_array_append_val(samples, sample);
+        }
     struct shading shading = {.reference = r,
                               .settings = s,
                               .samples = (struct sample *)(void *)samples->data,

@@ -40,7 +40,7 @@ struct Viewer {
     Backdrop *backdrop;
     Hatching *hatching;
     guint plain_program, geometry_program, resolve_program;
-    guint array, vertices, shapes, indices, empty_array;
+    guint array, vertices, shapes, indices;
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
     double reach;                    /* of the mesh and its floor */
@@ -86,18 +86,7 @@ double viewer_exposure(const struct viewer_settings *s) {
     return WHITE * exp2(s->exposure_ev);
 }
 
-static gboolean viewer_make_programs(Viewer *viewer, GError **error) {
-    const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
-    const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
-                                    "shadow.glsl", "geometry.frag", NULL};
-    const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
-    return (viewer->plain_program = gpu_program(plain, error)) != 0 &&
-           (viewer->geometry_program = gpu_program(geometry, error)) != 0 &&
-           (viewer->resolve_program = gpu_program(resolve, error)) != 0;
-}
-
 static void make_array(Viewer *viewer) {
-    glGenVertexArrays(1, &viewer->empty_array);
     glGenVertexArrays(1, &viewer->array);
     glGenBuffers(1, &viewer->vertices);
     glGenBuffers(1, &viewer->shapes);
@@ -126,9 +115,16 @@ static void make_array(Viewer *viewer) {
 }
 
 Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
+    const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
+    const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
+                                    "shadow.glsl", "geometry.frag", NULL};
+    const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
     g_autoptr(Viewer) viewer = g_new0(Viewer, 1);
     viewer->radius = viewer->reach = 1.0;
-    if (!viewer_make_programs(viewer, error) || (viewer->relief = relief_new(error)) == NULL ||
+    if ((viewer->plain_program = gpu_program("", plain, error)) == 0 ||
+        (viewer->geometry_program = gpu_program("", geometry, error)) == 0 ||
+        (viewer->resolve_program = gpu_program("", resolve, error)) == 0 ||
+        (viewer->relief = relief_new(error)) == NULL ||
         (viewer->backdrop = backdrop_new(error)) == NULL ||
         (viewer->hatching = hatching_new(error)) == NULL ||
         (material != NULL && !viewer_set_material(viewer, material, error)))
@@ -146,12 +142,10 @@ void viewer_free(Viewer *viewer) {
     relief_free(viewer->relief);
     backdrop_free(viewer->backdrop);
     hatching_free(viewer->hatching);
-    const guint programs[] = {viewer->plain_program, viewer->geometry_program,
-                              viewer->resolve_program};
-    for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
-        glDeleteProgram(programs[k]);
+    glDeleteProgram(viewer->plain_program);
+    glDeleteProgram(viewer->geometry_program);
+    glDeleteProgram(viewer->resolve_program);
     glDeleteVertexArrays(1, &viewer->array);
-    glDeleteVertexArrays(1, &viewer->empty_array);
     glDeleteBuffers(1, &viewer->vertices);
     glDeleteBuffers(1, &viewer->shapes);
     glDeleteBuffers(1, &viewer->indices);
@@ -178,34 +172,22 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path,
-                     GError **error) {
-    gpointer material = method_open(method, path, error);
-    if (material == NULL)
-        return FALSE;
-    if (viewer_set_method(viewer, method, material, error))
-        return TRUE;
+/* material: taken; NULL with an error. */
+static gboolean viewer_take(Viewer *viewer, const struct method *method, gpointer material,
+                            GError **error) {
+    if (material == NULL || viewer_set_method(viewer, method, material, error))
+        return material != NULL;
     method->free(material);
     return FALSE;
 }
 
-gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error) {
-    EigenmapsView *new = eigenmaps_view_new(material, error);
-    if (new == NULL)
-        return FALSE;
-    if (viewer_set_method(viewer, &method_eigenmaps, new, error))
-        return TRUE;
-    eigenmaps_view_free(new);
-    return FALSE;
+gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path,
+                     GError **error) {
+    return viewer_take(viewer, method, method_open(method, path, error), error);
 }
 
-static void keep_points(Viewer *viewer, const struct mesh *mesh) {
-    g_free(viewer->points);
-    viewer->n_points = mesh->n_vertices - mesh->n_floor_vertices;
-    viewer->points = g_new(float, 3 * (gsize)viewer->n_points);
-    for (guint k = 0; k < viewer->n_points; k++)
-        memcpy(viewer->points + 3 * (gsize)k, mesh->vertices[k].position, 3 * sizeof(float));
-    backdrop_set_points(viewer->backdrop, viewer->points, viewer->n_points, viewer->radius);
+gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error) {
+    return viewer_take(viewer, &method_eigenmaps, eigenmaps_view_new(material, error), error);
 }
 
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error) {
@@ -231,35 +213,35 @@ struct viewer_memory viewer_memory(const Viewer *viewer) {
                                   relief_mdf_bytes(viewer->relief)};
 }
 
-static void upload_shapes(const Viewer *viewer, const struct mesh *mesh) {
-    g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
-    glBindBuffer(GL_ARRAY_BUFFER, viewer->shapes);
-    glBufferData(GL_ARRAY_BUFFER, mesh->n_vertices * sizeof(struct vertex_shape), shapes,
-                 GL_STATIC_DRAW);
-}
-
-static double length(const float p[3]) {
-    return sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
-}
-
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error) {
+    g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
     glBindVertexArray(viewer->array);
     glBindBuffer(GL_ARRAY_BUFFER, viewer->vertices);
     glBufferData(GL_ARRAY_BUFFER, mesh->n_vertices * sizeof(struct vertex), mesh->vertices,
                  GL_STATIC_DRAW);
     glBufferData(GL_ELEMENT_ARRAY_BUFFER, mesh->n_indices * sizeof(guint32), mesh->indices,
                  GL_STATIC_DRAW);
-    upload_shapes(viewer, mesh);
+    glBindBuffer(GL_ARRAY_BUFFER, viewer->shapes);
+    glBufferData(GL_ARRAY_BUFFER, mesh->n_vertices * sizeof(struct vertex_shape), shapes,
+                 GL_STATIC_DRAW);
     glBindVertexArray(0);
     viewer->serial++;
     viewer->n_indices = mesh->n_indices;
     viewer->n_casting = mesh->n_indices - mesh->n_floor_indices;
-    viewer->radius = viewer->reach = mesh->radius;
-    for (guint k = mesh->n_vertices - mesh->n_floor_vertices; k < mesh->n_vertices; k++)
-        viewer->reach = MAX(viewer->reach, length(mesh->vertices[k].position));
     viewer->tiles_u = mesh->tiles_u;
     viewer->tiles_v = mesh->tiles_v;
-    keep_points(viewer, mesh);
+    viewer->radius = viewer->reach = mesh->radius;
+    viewer->n_points = mesh->n_vertices - mesh->n_floor_vertices;
+    g_free(viewer->points);
+    viewer->points = g_new(float, 3 * (gsize)viewer->n_points);
+    for (guint k = 0; k < mesh->n_vertices; k++) {
+        const float *p = mesh->vertices[k].position;
+        if (k < viewer->n_points)
+            memcpy(viewer->points + 3 * (gsize)k, p, 3 * sizeof(float));
+        else
+            viewer->reach = MAX(viewer->reach, sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]));
+    }
+    backdrop_set_points(viewer->backdrop, viewer->points, viewer->n_points, viewer->radius);
     return gpu_check("the mesh", error);
 }
 
@@ -268,20 +250,16 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
         camera_fit(settings, viewer->points, viewer->n_points, viewer->radius, aspect);
 }
 
-/* What mesh.vert knows of camera and lamp. */
-struct sight {
-    float projection[16], eye[3], light[3], tiles[2];
-};
-
 static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
-                             const struct sight *sight) {
+                             const struct relief_scene *scene) {
     glUseProgram(program);
     viewer->method->bind(viewer->material, program, &s->style);
     relief_bind(viewer->relief, program);
-    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
-    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, sight->tiles);
-    glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
-    glUniform3fv(glGetUniformLocation(program, "light"), 1, sight->light);
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE,
+                       scene->seen.projection);
+    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, scene->seen.tiles);
+    glUniform3fv(glGetUniformLocation(program, "eye"), 1, scene->seen.sight);
+    glUniform3fv(glGetUniformLocation(program, "light"), 1, scene->light);
     glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
     programs_set_lamps(program, s);
     glDisable(GL_BLEND);
@@ -294,36 +272,36 @@ static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_
     glBindVertexArray(0);
 }
 
-/* Looks, and finds what is seen and lit of the relief. */
+/* Points the camera, and finds what it and the lamps see of the relief. */
 static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
-                            int height, struct sight *ret, GError **error) {
+                            int height, struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
     double aspect = (double)width / height;
+    *ret = (struct relief_scene){
+        .seen = {.array = viewer->array,
+                 .n_indices = viewer->n_indices,
+                 .sight = {0.0f, 0.0f, 0.0f, 1.0f},
+                 .tiles = {s->tiles_u > 0.0 ? s->tiles_u : viewer->tiles_u,
+                           s->tiles_v > 0.0 ? s->tiles_v : viewer->tiles_v},
+                 .width = width,
+                 .height = height,
+                 .options = s->visibility},
+        .n_casting = viewer->n_casting,
+        .radius = viewer->radius,
+        .serial = viewer->serial,
+        .silhouettes = s->silhouettes,
+        .shadows = s->shadows,
+        .lit = s->lamp > 0.0,
+        .n_further = s->n_lamps,
+        .shadow_size = s->shadow_size,
+    };
     viewer_fit(viewer, &fitted, aspect);
-    camera_matrix(&fitted, viewer->radius, viewer->reach, aspect, ret->projection, ret->eye);
+    camera_matrix(&fitted, viewer->radius, viewer->reach, aspect, ret->seen.projection,
+                  ret->seen.sight);
     direction_from_deg(s->light_theta_deg, s->light_phi_deg, ret->light);
-    ret->tiles[0] = s->tiles_u > 0.0 ? s->tiles_u : viewer->tiles_u;
-    ret->tiles[1] = s->tiles_v > 0.0 ? s->tiles_v : viewer->tiles_v;
-    struct relief_scene scene = {.array = viewer->array,
-                                 .n_indices = viewer->n_indices,
-                                 .n_casting = viewer->n_casting,
-                                 .radius = viewer->radius,
-                                 .width = width,
-                                 .height = height,
-                                 .serial = viewer->serial,
-                                 .silhouettes = s->silhouettes,
-                                 .shadows = s->shadows,
-                                 .lit = s->lamp > 0.0,
-                                 .n_further = s->n_lamps,
-                                 .shadow_size = s->shadow_size,
-                                 .visibility = s->visibility};
     for (int k = 0; k < s->n_lamps; k++)
-        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, scene.further[k]);
-    memcpy(scene.projection, ret->projection, sizeof scene.projection);
-    memcpy(scene.eye, ret->eye, sizeof scene.eye);
-    memcpy(scene.light, ret->light, sizeof scene.light);
-    memcpy(scene.tiles, ret->tiles, sizeof scene.tiles);
-    return relief_prepare(viewer->relief, &scene, error);
+        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, ret->further[k]);
+    return relief_prepare(viewer->relief, ret, error);
 }
 
 static void viewer_begin(const struct gpu_target *target) {
@@ -340,14 +318,15 @@ static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *
     const guint program = s->plain
                               ? viewer->plain_program
                               : programs_get(viewer->programs, kind, viewer->material, s, error);
-    struct sight sight;
+    struct relief_scene scene;
     if (program == 0 ||
         !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
-        !viewer_look(viewer, s, width, height, &sight, error))
+        !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->scene);
-    viewer_draw_mesh(viewer, program, s, &sight);
-    return backdrop_draw(viewer->backdrop, s, viewer->relief, sight.projection, sight.eye, error);
+    viewer_draw_mesh(viewer, program, s, &scene);
+    return backdrop_draw(viewer->backdrop, s, viewer->relief, scene.seen.projection,
+                         scene.seen.sight, error);
 }
 
 static void resolve(Viewer *viewer, const struct viewer_settings *s, int samples, guint framebuffer,
@@ -360,38 +339,26 @@ static void resolve(Viewer *viewer, const struct viewer_settings *s, int samples
     gpu_bind_texture(program, "drawn", 0, GL_TEXTURE_2D, viewer->scene.colour);
     glUniform1i(glGetUniformLocation(program, "samples"), samples);
     glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
-    glBindVertexArray(viewer->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    gpu_fill_screen();
 }
 
 static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *s,
                               enum viewer_geometry which, int width, int height, GError **error) {
-    struct sight sight;
+    struct relief_scene scene;
     if (!gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
-        !viewer_look(viewer, s, width, height, &sight, error))
+        !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->geometry);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
     glUseProgram(viewer->geometry_program);
     glUniform1i(glGetUniformLocation(viewer->geometry_program, "which"), which);
-    viewer_draw_mesh(viewer, viewer->geometry_program, s, &sight);
+    viewer_draw_mesh(viewer, viewer->geometry_program, s, &scene);
     return TRUE;
 }
 
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n) {
     hatching_set(viewer->hatching, views, n);
-}
-
-static gboolean draw_hatching(Viewer *viewer, const struct viewer_settings *s, guint framebuffer,
-                              int width, int height, GError **error) {
-    if (!hatching_any(viewer->hatching))
-        return TRUE;
-    if (!draw_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error))
-        return FALSE;
-    hatching_draw(viewer->hatching, viewer->geometry.colour, framebuffer, width, height);
-    return TRUE;
 }
 
 /* Each way of a pixel: fewer in a very large picture. */
@@ -409,8 +376,12 @@ gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *s, guint fram
         !viewer_draw_scene(viewer, s, width * samples, height * samples, error))
         return FALSE;
     resolve(viewer, s, samples, framebuffer, width, height);
-    return draw_hatching(viewer, s, framebuffer, width, height, error) &&
-           gpu_check("drawing", error);
+    if (hatching_any(viewer->hatching)) {
+        if (!draw_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error))
+            return FALSE;
+        hatching_draw(viewer->hatching, viewer->geometry.colour, framebuffer, width, height);
+    }
+    return gpu_check("drawing", error);
 }
 
 static float *read_floats(const struct gpu_target *target, GError **error) {
@@ -420,7 +391,7 @@ static float *read_floats(const struct gpu_target *target, GError **error) {
     glReadPixels(0, 0, target->width, target->height, GL_RGBA, GL_FLOAT, rgba);
     if (!gpu_check("reading the picture", error))
         return NULL;
-    gpu_turn_over(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
+    gpu_flip_rows(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
     return g_steal_pointer(&rgba);
 }
 
@@ -481,9 +452,7 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const
     viewer->method->bind(viewer->material, program, &s->style);
     glUniform3fv(glGetUniformLocation(program, "to_view"), 1, to_view);
     glUniform3fv(glGetUniformLocation(program, "to_light"), 1, to_light);
-    glBindVertexArray(viewer->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    gpu_fill_screen();
     return read_floats(&viewer->geometry, error);
 }
 
@@ -495,7 +464,7 @@ guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *s, const fl
         !gpu_target_resize(&viewer->picture, width, height, GL_RGBA8, FALSE, error))
         return NULL;
     g_autofree float *rows = g_memdup2(linear, 4 * sizeof(float) * (gsize)w * h);
-    gpu_turn_over(rows, 4 * sizeof(float) * (gsize)w, h);
+    gpu_flip_rows(rows, 4 * sizeof(float) * (gsize)w, h);
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D, viewer->scene.colour);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);

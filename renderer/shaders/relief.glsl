@@ -49,9 +49,7 @@ float sum_of_maps(vec2 x, vec2 at, float level) {
 #endif
 
 float depth_mm(vec2 x, vec3 d, float level) {
-    d.z = max(d.z, 0.0);
-    vec2 p = d.xy / max(abs(d.x) + abs(d.y) + d.z, 1e-6);
-    vec2 at = clamp(0.5 + 0.5 * vec2(p.x + p.y, p.x - p.y), 0.0, 1.0);
+    vec2 at = square(d);
 #if MDF_MAPS
     return clamp(sum_of_maps(x, at, level), 0.0, mdf_deepest);
 #else

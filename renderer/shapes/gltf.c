@@ -16,24 +16,21 @@ struct reader {
     int n_visited;
 };
 
-struct place {
+struct transform {
     double m[4][4]; /* [row][column] */
 };
 
-/* What a primitive has of each vertex; NULL: nothing. */
+/* What a primitive has of each vertex, and its indices. */
+enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
-    GArray *positions, *normals, *uvs, *tangents, *indices;
+    GArray *of[N_ATTRIBUTES + 1]; /* NULL: nothing */
 };
 
-static gboolean gltf_do_fail(const struct reader *r, enum scene_error code, GError **error,
-                             const char *text) {
-    return gltf_fail(&r->gltf, code, error, "%s", text);
-}
+static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
 
-static const struct place nowhere = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
-
-static struct place within(const struct place *outer, const struct place *inner) {
-    struct place p = {{{0}}};
+static struct transform transform_product(const struct transform *outer,
+                                          const struct transform *inner) {
+    struct transform p = {{{0}}};
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
             for (int k = 0; k < 4; k++)
@@ -55,9 +52,9 @@ static gboolean numbers(JsonObject *node, const char *name, double *values, guin
 }
 
 /* A node's matrix, in columns, or its translation, rotation and scale. */
-static struct place gltf_place_of(JsonObject *node) {
+static struct transform gltf_transform_of(JsonObject *node) {
     double c[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
-    struct place p = nowhere;
+    struct transform p = identity;
     if (numbers(node, "matrix", c, 16)) {
         for (int k = 0; k < 16; k++)
             p.m[k % 4][k / 4] = c[k];
@@ -80,14 +77,14 @@ static struct place gltf_place_of(JsonObject *node) {
     return p;
 }
 
-static void move_point(const struct place *p, const float v[3], double w, float ret[3]) {
+static void move_point(const struct transform *p, const float v[3], double w, float ret[3]) {
     for (int i = 0; i < 3; i++)
         ret[i] =
             (float)(p->m[i][0] * v[0] + p->m[i][1] * v[1] + p->m[i][2] * v[2] + p->m[i][3] * w);
 }
 
 /* By the cofactors, so that it stays at right angles to the surface. */
-static void move_normal(const struct place *p, const float v[3], float ret[3]) {
+static void move_normal(const struct transform *p, const float v[3], float ret[3]) {
     for (int i = 0; i < 3; i++) {
         const int a = (i + 1) % 3, b = (i + 2) % 3;
         double sum = 0.0;
@@ -99,7 +96,7 @@ static void move_normal(const struct place *p, const float v[3], float ret[3]) {
     }
 }
 
-static double determinant(const struct place *p) {
+static double determinant(const struct transform *p) {
     double sum = 0.0;
     for (int j = 0; j < 3; j++) {
         const int c = (j + 1) % 3, d = (j + 2) % 3;
@@ -113,25 +110,25 @@ static const float *row_of(const GArray *array, gsize k, int n) {
 }
 
 /* One vertex of the file: a position, and with it what belongs to it. glTF's v runs downwards. */
-static void gltf_add_vertex(struct reader *r, const struct place *p, const struct attributes *a,
+static void gltf_add_vertex(struct reader *r, const struct transform *p, const struct attributes *a,
                             gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
-    const float *uv = row_of(a->uvs, k, 2), turned[2] = {uv[0], 1.0f - uv[1]};
+    const float *uv = row_of(a->of[UV], k, 2), turned[2] = {uv[0], 1.0f - uv[1]};
     const float mirrored = determinant(p) < 0.0 ? -1.0f : 1.0f;
-    move_point(p, row_of(a->positions, k, 3), 1.0, position);
-    if (a->normals != NULL)
-        move_normal(p, row_of(a->normals, k, 3), normal);
-    if (a->tangents != NULL) {
-        const float *own = row_of(a->tangents, k, 4);
+    move_point(p, row_of(a->of[POSITION], k, 3), 1.0, position);
+    if (a->of[NORMAL] != NULL)
+        move_normal(p, row_of(a->of[NORMAL], k, 3), normal);
+    if (a->of[TANGENT] != NULL) {
+        const float *own = row_of(a->of[TANGENT], k, 4);
         move_point(p, own, 0.0, tangent);
         tangent[3] = own[3] * mirrored;
     }
     for (int c = 0; c < 3; c++)
         normal[c] *= mirrored;
     if (r->up == SCENE_Y_UP) {
-        soup_turn_up(position);
-        soup_turn_up(normal);
-        soup_turn_up(tangent);
+        soup_y_to_z_up(position);
+        soup_y_to_z_up(normal);
+        soup_y_to_z_up(tangent);
     }
     g_array_append_vals(r->soup.positions, position, 1);
     g_array_append_vals(r->soup.normals, normal, 1);
@@ -139,20 +136,21 @@ static void gltf_add_vertex(struct reader *r, const struct place *p, const struc
     g_array_append_vals(r->soup.tangents, tangent, 1);
 }
 
-static gboolean add_triangle(struct reader *r, const struct place *p, const struct attributes *a,
-                             guint first, const gsize at[3], GError **error) {
+static gboolean add_triangle(struct reader *r, const struct transform *p,
+                             const struct attributes *a, guint first, const gsize at[3],
+                             GError **error) {
     const int three = 3;
     const gboolean turned = determinant(p) < 0.0;
     if (r->soup.corners->len >= SOUP_MAX_CORNERS || r->soup.positions->len >= SCENE_MAX_VERTICES)
-        return gltf_do_fail(r, SCENE_ERROR_TOO_LARGE, error, "it has too many triangles");
+        return gltf_fail(&r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many triangles");
     for (int c = 0; c < 3; c++) {
         const gsize k = at[turned ? 2 - c : c];
         gint32 v = (gint32)(first + k);
-        if (a->normals == NULL) { /* flat: no corner is another's */
+        if (a->of[NORMAL] == NULL) { /* flat: no corner is another's */
             v = (gint32)r->soup.positions->len;
             gltf_add_vertex(r, p, a, k);
         }
-        const struct soup_corner corner = {v, v, a->normals != NULL ? v : -1};
+        const struct soup_corner corner = {v, v, a->of[NORMAL] != NULL ? v : -1};
         g_array_append_val(r->soup.corners, corner);
     }
     g_array_append_val(r->soup.polygons, three);
@@ -160,14 +158,14 @@ static gboolean add_triangle(struct reader *r, const struct place *p, const stru
 }
 
 /* mode 4: triangles, 5: a strip, 6: a fan. */
-static gboolean add_triangles(struct reader *r, const struct place *p, const struct attributes *a,
-                              gint64 mode, GError **error) {
-    const gsize n_vertices = a->positions->len / 3;
-    const gsize n = a->indices != NULL ? a->indices->len : n_vertices;
+static gboolean add_triangles(struct reader *r, const struct transform *p,
+                              const struct attributes *a, gint64 mode, GError **error) {
+    const gsize n_vertices = a->of[POSITION]->len / 3;
+    const gsize n = a->of[INDICES] != NULL ? a->of[INDICES]->len : n_vertices;
     const guint first = r->soup.positions->len;
     if (first + n_vertices > SCENE_MAX_VERTICES)
-        return gltf_do_fail(r, SCENE_ERROR_TOO_LARGE, error, "it has too many vertices");
-    for (gsize k = 0; a->normals != NULL && k < n_vertices; k++)
+        return gltf_fail(&r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many vertices");
+    for (gsize k = 0; a->of[NORMAL] != NULL && k < n_vertices; k++)
         gltf_add_vertex(r, p, a, k);
     for (gsize k = 0; k + 2 < n; k += mode == 4 ? 3 : 1) {
         const gboolean swapped = mode == 5 && k % 2 == 1;
@@ -176,71 +174,57 @@ static gboolean add_triangles(struct reader *r, const struct place *p, const str
             at[0] = k + 1;
             at[1] = k;
         }
-        for (int c = 0; c < 3 && a->indices != NULL; c++)
-            at[c] = g_array_index(a->indices, guint32, at[c]);
+        for (int c = 0; c < 3 && a->of[INDICES] != NULL; c++)
+            at[c] = g_array_index(a->of[INDICES], guint32, at[c]);
         if (MAX(MAX(at[0], at[1]), at[2]) >= n_vertices)
-            return gltf_do_fail(r, SCENE_ERROR_FORMAT, error,
-                                "an index names a vertex that is not there");
+            return gltf_bad(&r->gltf, error, "an index names a vertex that is not there");
         if (!add_triangle(r, p, a, first, at, error))
             return FALSE;
     }
     return TRUE;
 }
 
-/* FALSE with an error; *ret stays NULL where it is not there. */
-static gboolean gltf_read_attribute(struct reader *r, JsonObject *of, const char *name, int n,
-                                    GArray **ret, GError **error) {
-    if (of == NULL || !json_object_has_member(of, name))
-        return TRUE;
-    *ret = gltf_floats(&r->gltf, gltf_int(of, name, -1), n, error);
-    return *ret != NULL;
-}
-
 static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, struct attributes *a,
                                      GError **error) {
+    static const char *const names[] = {"POSITION", "NORMAL", "TEXCOORD_0", "TANGENT"};
+    static const int n_numbers[] = {3, 3, 2, 4};
     JsonObject *of = gltf_object(primitive, "attributes");
-    if (!gltf_read_attribute(r, of, "POSITION", 3, &a->positions, error) ||
-        !gltf_read_attribute(r, of, "NORMAL", 3, &a->normals, error) ||
-        !gltf_read_attribute(r, of, "TEXCOORD_0", 2, &a->uvs, error) ||
-        !gltf_read_attribute(r, of, "TANGENT", 4, &a->tangents, error))
-        return FALSE;
-    if (a->positions == NULL)
-        return gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "a primitive has no positions");
-    if (a->uvs == NULL)
-        return gltf_do_fail(
-            r, SCENE_ERROR_NO_TEXTURE, error,
-            "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it with "
-            "them");
-    const guint n = a->positions->len / 3;
-    if (a->uvs->len / 2 != n || (a->normals != NULL && a->normals->len / 3 != n) ||
-        (a->tangents != NULL && a->tangents->len / 4 != n))
-        return gltf_do_fail(r, SCENE_ERROR_FORMAT, error,
-                            "a primitive's attributes differ in number");
+    for (int k = 0; k < N_ATTRIBUTES; k++)
+        if (of != NULL && json_object_has_member(of, names[k]) &&
+            (a->of[k] = gltf_floats(&r->gltf, gltf_int(of, names[k], -1), n_numbers[k], error)) ==
+                NULL)
+            return FALSE;
+    if (a->of[POSITION] == NULL)
+        return gltf_bad(&r->gltf, error, "a primitive has no positions");
+    if (a->of[UV] == NULL)
+        return gltf_fail(&r->gltf, SCENE_ERROR_NO_TEXTURE, error,
+                         "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it "
+                         "with them");
+    for (int k = 1; k < N_ATTRIBUTES; k++)
+        if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
+            return gltf_bad(&r->gltf, error, "a primitive's attributes differ in number");
     if (!json_object_has_member(primitive, "indices"))
         return TRUE;
-    a->indices = gltf_indices(&r->gltf, gltf_int(primitive, "indices", -1), error);
-    return a->indices != NULL;
+    a->of[INDICES] = gltf_indices(&r->gltf, gltf_int(primitive, "indices", -1), error);
+    return a->of[INDICES] != NULL;
 }
 
-static gboolean add_primitive(struct reader *r, const struct place *p, JsonObject *primitive,
+static gboolean add_primitive(struct reader *r, const struct transform *p, JsonObject *primitive,
                               GError **error) {
     const gint64 mode = gltf_int(primitive, "mode", 4);
-    struct attributes a = {NULL};
+    struct attributes a = {{NULL}};
     if (mode >= 0 && mode < 4) /* points and lines have no surface */
         return TRUE;
+    if (mode < 0 || mode > 6)
+        return gltf_bad(&r->gltf, error, "a primitive has no known mode");
     const gboolean good =
-        (mode <= 6 && mode >= 4
-             ? TRUE
-             : gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "a primitive has no known mode")) &&
         gltf_read_attributes(r, primitive, &a, error) && add_triangles(r, p, &a, mode, error);
-    GArray *const arrays[] = {a.positions, a.normals, a.uvs, a.tangents, a.indices};
-    for (gsize k = 0; k < G_N_ELEMENTS(arrays); k++)
-        if (arrays[k] != NULL)
-            g_array_unref(arrays[k]);
+    for (gsize k = 0; k < G_N_ELEMENTS(a.of); k++)
+        g_clear_pointer(&a.of[k], g_array_unref);
     return good;
 }
 
-static gboolean add_mesh(struct reader *r, const struct place *p, gint64 k, GError **error) {
+static gboolean add_mesh(struct reader *r, const struct transform *p, gint64 k, GError **error) {
     JsonObject *mesh = gltf_item(&r->gltf, "meshes", k, error);
     JsonArray *primitives = mesh != NULL ? gltf_array(mesh, "primitives") : NULL;
     if (mesh == NULL)
@@ -248,36 +232,28 @@ static gboolean add_mesh(struct reader *r, const struct place *p, gint64 k, GErr
     for (guint i = 0; primitives != NULL && i < json_array_get_length(primitives); i++) {
         JsonNode *node = json_array_get_element(primitives, i);
         if (!JSON_NODE_HOLDS_OBJECT(node))
-            return gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "a primitive is not an object");
+            return gltf_bad(&r->gltf, error, "a primitive is not an object");
         if (!add_primitive(r, p, json_node_get_object(node), error))
             return FALSE;
     }
     return TRUE;
 }
 
-static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray *nodes, int level,
-                          GError **error);
-
-static gboolean add_node(struct reader *r, const struct place *outer, gint64 k, int level,
-                         GError **error) {
-    JsonObject *node = gltf_item(&r->gltf, "nodes", k, error);
-    if (node == NULL)
-        return FALSE;
-    if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
-        return gltf_do_fail(r, SCENE_ERROR_FORMAT, error, "its nodes hold each other in a circle");
-    const struct place own = gltf_place_of(node), p = within(outer, &own);
-    if (json_object_has_member(node, "mesh") && !add_mesh(r, &p, gltf_int(node, "mesh", -1), error))
-        return FALSE;
-    return add_nodes(r, &p, gltf_array(node, "children"), level + 1, error);
-}
-
 // NOLINTNEXTLINE(misc-no-recursion): at most MAX_LEVEL deep
-static gboolean add_nodes(struct reader *r, const struct place *outer, JsonArray *nodes, int level,
-                          GError **error) {
+static gboolean add_nodes(struct reader *r, const struct transform *outer, JsonArray *nodes,
+                          int level, GError **error) {
     for (guint k = 0; nodes != NULL && k < json_array_get_length(nodes); k++) {
         JsonNode *index = json_array_get_element(nodes, k);
         const gint64 at = JSON_NODE_HOLDS_VALUE(index) ? json_node_get_int(index) : -1;
-        if (!add_node(r, outer, at, level, error))
+        JsonObject *node = gltf_item(&r->gltf, "nodes", at, error);
+        if (node == NULL)
+            return FALSE;
+        if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
+            return gltf_bad(&r->gltf, error, "its nodes hold each other in a circle");
+        const struct transform own = gltf_transform_of(node), p = transform_product(outer, &own);
+        if ((json_object_has_member(node, "mesh") &&
+             !add_mesh(r, &p, gltf_int(node, "mesh", -1), error)) ||
+            !add_nodes(r, &p, gltf_array(node, "children"), level + 1, error))
             return FALSE;
     }
     return TRUE;
@@ -288,21 +264,12 @@ static gboolean add_scene(struct reader *r, GError **error) {
     if (json_object_has_member(r->gltf.root, "scenes")) {
         JsonObject *scene =
             gltf_item(&r->gltf, "scenes", gltf_int(r->gltf.root, "scene", 0), error);
-        return scene != NULL && add_nodes(r, &nowhere, gltf_array(scene, "nodes"), 0, error);
+        return scene != NULL && add_nodes(r, &identity, gltf_array(scene, "nodes"), 0, error);
     }
     JsonArray *meshes = gltf_array(r->gltf.root, "meshes");
     for (guint k = 0; meshes != NULL && k < json_array_get_length(meshes); k++)
-        if (!add_mesh(r, &nowhere, k, error))
+        if (!add_mesh(r, &identity, k, error))
             return FALSE;
-    return TRUE;
-}
-
-static gboolean gltf_all_finite(const struct reader *r, GError **error) {
-    const float *values = (const float *)(const void *)r->soup.positions->data; /* or NULL */
-    for (gsize k = 0; k < 3 * (gsize)r->soup.positions->len; k++)
-        if (!(fabsf(values[k]) <= 1e18f))
-            return gltf_do_fail(r, SCENE_ERROR_FORMAT, error,
-                                "a node puts its mesh infinitely far away");
     return TRUE;
 }
 
@@ -310,12 +277,15 @@ struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error)
     struct reader r = {.up = up};
     struct mesh *mesh = NULL;
     soup_init(&r.soup);
-    if (gltf_open(&r.gltf, path, error) && add_scene(&r, error) && gltf_all_finite(&r, error)) {
-        if (r.soup.polygons->len > 0)
-            mesh = soup_mesh(&r.soup, path, path, error);
-        else
-            gltf_do_fail(&r, SCENE_ERROR_FORMAT, error, "there is no triangle in this file");
-    }
+    gboolean good = gltf_open(&r.gltf, path, error) && add_scene(&r, error);
+    const float *values = (const float *)(const void *)r.soup.positions->data; /* or NULL */
+    for (gsize k = 0; good && k < 3 * (gsize)r.soup.positions->len; k++)
+        if (!(fabsf(values[k]) <= 1e18f))
+            good = gltf_bad(&r.gltf, error, "a node puts its mesh infinitely far away");
+    if (good && r.soup.polygons->len == 0)
+        good = gltf_bad(&r.gltf, error, "there is no triangle in this file");
+    if (good)
+        mesh = soup_mesh(&r.soup, path, path, error);
     gltf_clear(&r.gltf);
     soup_clear(&r.soup);
     return mesh;

@@ -33,14 +33,7 @@ gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback) {
     return value == rint(value) && fabs(value) < 1e15 ? (gint64)value : fallback;
 }
 
-double gltf_double(JsonObject *object, const char *name, double fallback) {
-    JsonNode *node = json_object_get_member(object, name);
-    const GType type =
-        node != NULL && JSON_NODE_HOLDS_VALUE(node) ? json_node_get_value_type(node) : G_TYPE_NONE;
-    return type == G_TYPE_DOUBLE || type == G_TYPE_INT64 ? json_node_get_double(node) : fallback;
-}
-
-const char *gltf_string(JsonObject *object, const char *name) {
+static const char *gltf_string(JsonObject *object, const char *name) {
     JsonNode *node = json_object_get_member(object, name);
     return node != NULL && JSON_NODE_HOLDS_VALUE(node) &&
                    json_node_get_value_type(node) == G_TYPE_STRING
@@ -64,8 +57,7 @@ JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GErr
     JsonNode *node = k >= 0 && k < n ? json_array_get_element(items, (guint)k) : NULL;
     if (node != NULL && JSON_NODE_HOLDS_OBJECT(node))
         return json_node_get_object(node);
-    gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "there is no number %" G_GINT64_FORMAT " of its %s",
-              k, array);
+    gltf_bad(gltf, error, "there is no number %" G_GINT64_FORMAT " of its %s", k, array);
     return NULL;
 }
 
@@ -90,17 +82,17 @@ static int depth_of(const char *text, gsize length) {
 static gboolean gltf_file_parse(struct gltf *gltf, const char *text, gsize length, GError **error) {
     g_autoptr(GError) why = NULL;
     if (depth_of(text, length) > MAX_DEPTH)
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "its JSON is nested too deeply");
+        return gltf_bad(gltf, error, "its JSON is nested too deeply");
     gltf->parser = json_parser_new_immutable();
     if (!json_parser_load_from_data(gltf->parser, text, (gssize)length, &why))
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "not glTF: %s", why->message);
+        return gltf_bad(gltf, error, "not glTF: %s", why->message);
     JsonNode *root = json_parser_get_root(gltf->parser);
     JsonObject *asset = root != NULL && JSON_NODE_HOLDS_OBJECT(root)
                             ? gltf_object(gltf->root = json_node_get_object(root), "asset")
                             : NULL;
     const char *version = asset != NULL ? gltf_string(asset, "version") : NULL;
     if (version == NULL || !g_str_has_prefix(version, "2."))
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "not glTF of version 2");
+        return gltf_bad(gltf, error, "not glTF of version 2");
     JsonArray *required = gltf_array(gltf->root, "extensionsRequired");
     for (guint k = 0; required != NULL && k < json_array_get_length(required); k++) {
         JsonNode *node = json_array_get_element(required, k);
@@ -109,10 +101,10 @@ static gboolean gltf_file_parse(struct gltf *gltf, const char *text, gsize lengt
         if (name == NULL ||
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
              !g_str_has_prefix(name, "EXT_texture_")))
-            return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                             "it needs the extension %s, which is not read; save it without "
-                             "compression",
-                             name != NULL ? name : "(no name)");
+            return gltf_bad(gltf, error,
+                            "it needs the extension %s, which is not read; save it without "
+                            "compression",
+                            name != NULL ? name : "(no name)");
     }
     return TRUE;
 }
@@ -127,12 +119,11 @@ static gboolean parse_binary(struct gltf *gltf, GBytes *file, GError **error) {
     const guint8 *bytes = g_bytes_get_data(file, &size);
     if (size < 20 || word(bytes + 4) != 2 || word(bytes + 8) > size || word(bytes + 16) != JSON ||
         word(bytes + 12) > size - 20)
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                         "truncated, or not binary glTF of version 2");
+        return gltf_bad(gltf, error, "truncated, or not binary glTF of version 2");
     const gsize length = word(bytes + 12), next = 20 + length;
     if (next + 8 <= size && word(bytes + next + 4) == BINARY) {
         if (word(bytes + next) > size - next - 8)
-            return gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "truncated: its buffer is not whole");
+            return gltf_bad(gltf, error, "truncated: its buffer is not whole");
         gltf->binary = g_bytes_new_from_bytes(file, next + 8, word(bytes + next));
     }
     return gltf_file_parse(gltf, (const char *)bytes + 20, length, error);
@@ -177,7 +168,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     if (g_str_has_prefix(uri, "data:")) {
         gsize size = 0;
         if (comma == NULL || comma - uri < 7 || strncmp(comma - 7, ";base64", 7) != 0) {
-            gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "a buffer's data URI is not base64");
+            gltf_bad(gltf, error, "a buffer's data URI is not base64");
             return NULL;
         }
         guint8 *bytes = g_base64_decode(comma + 1, &size);
@@ -187,8 +178,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     g_autofree char *folder = g_path_get_dirname(gltf->path);
     if (name == NULL || g_path_is_absolute(name) || strstr(name, "..") != NULL ||
         strstr(name, ":") != NULL) {
-        gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                  "its buffer %s is not a file beside it, and no other is opened", uri);
+        gltf_bad(gltf, error, "its buffer %s is not a file beside it, and no other is opened", uri);
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);
@@ -208,7 +198,7 @@ static GBytes *buffer_at(struct gltf *gltf, gint64 k, GError **error) {
     else if (k == 0 && gltf->binary != NULL)
         bytes = g_bytes_ref(gltf->binary);
     else
-        gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "buffer %d has no bytes", (int)k);
+        gltf_bad(gltf, error, "buffer %d has no bytes", (int)k);
     gltf->buffers->pdata[k] = bytes;
     return bytes;
 }
@@ -220,19 +210,6 @@ struct numbers {
     int type, size, n_components;
     gboolean normalized;
 };
-
-static int count_components(const char *type) {
-    static const char *const names[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
-    for (int k = 0; type != NULL && k < 4; k++)
-        if (strcmp(type, names[k]) == 0)
-            return k + 1;
-    return 0;
-}
-
-static int gltf_file_size_of(int type) {
-    static const int sizes[] = {1, 1, 2, 2, 0, 4, 4}; /* from 5120: bytes, shorts, –, uint, float */
-    return type >= 5120 && type <= 5126 ? sizes[type - 5120] : 0;
-}
 
 static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, struct numbers *ret,
                            GError **error) {
@@ -247,20 +224,18 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
     const gint64 stride = gltf_int(view, "byteStride", element);
     const gint64 size = (gint64)g_bytes_get_size(buffer);
     if (view_from < 0 || view_size < 0 || view_from > size || view_size > size - view_from)
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                         "truncated: a view of %" G_GINT64_FORMAT " bytes from %" G_GINT64_FORMAT
-                         " on lies outside its buffer of %" G_GINT64_FORMAT,
-                         view_size, view_from, size);
+        return gltf_bad(gltf, error,
+                        "truncated: a view of %" G_GINT64_FORMAT " bytes from %" G_GINT64_FORMAT
+                        " on lies outside its buffer of %" G_GINT64_FORMAT,
+                        view_size, view_from, size);
     if (from < 0 || stride < element || stride > 65536 || from > view_size ||
         (ret->n > 0 && (gint64)(ret->n - 1) * stride + element > view_size - from))
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                         "the %" G_GSIZE_FORMAT
-                         " values of accessor %d lie outside its buffer view",
-                         ret->n, (int)k);
+        return gltf_bad(gltf, error,
+                        "the %" G_GSIZE_FORMAT " values of accessor %d lie outside its buffer view",
+                        ret->n, (int)k);
     const guint8 *start = g_bytes_get_data(buffer, NULL);
     if (start == NULL)
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error, "accessor %d: its buffer is empty",
-                         (int)k);
+        return gltf_bad(gltf, error, "accessor %d: its buffer is empty", (int)k);
     ret->bytes = start + view_from + from;
     ret->stride = (gsize)stride;
     return TRUE;
@@ -268,22 +243,25 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
 
 static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, struct numbers *ret,
                              GError **error) {
+    static const char *const shapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
+    static const int sizes[] = {1, 1, 2, 2, 0, 4, 4}; /* from 5120: bytes, shorts, –, uint, float */
     JsonObject *accessor = gltf_item(gltf, "accessors", k, error);
     if (accessor == NULL)
         return FALSE;
     const gint64 n = gltf_int(accessor, "count", -1);
     const int type = (int)CLAMP(gltf_int(accessor, "componentType", 0), 0, 9999);
-    *ret = (struct numbers){
-        .type = type, .size = gltf_file_size_of(type), .n_components = n_components};
+    *ret = (struct numbers){.type = type,
+                            .size = type >= 5120 && type <= 5126 ? sizes[type - 5120] : 0,
+                            .n_components = n_components};
     JsonNode *normalized = json_object_get_member(accessor, "normalized");
     ret->normalized = normalized != NULL && JSON_NODE_HOLDS_VALUE(normalized) &&
                       json_node_get_boolean(normalized);
-    if (ret->size == 0 || count_components(gltf_string(accessor, "type")) != n_components)
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                         "accessor %d is of another type than %d numbers", (int)k, n_components);
+    if (ret->size == 0 || g_strcmp0(gltf_string(accessor, "type"), shapes[n_components - 1]) != 0)
+        return gltf_bad(gltf, error, "accessor %d is of another type than %d numbers", (int)k,
+                        n_components);
     if (gltf_object(accessor, "sparse") != NULL)
-        return gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                         "accessor %d is sparse, which is not read; save it without", (int)k);
+        return gltf_bad(gltf, error, "accessor %d is sparse, which is not read; save it without",
+                        (int)k);
     if (n < 0 || n > SOUP_MAX_CORNERS)
         return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error, "accessor %d has no count up to %d",
                          (int)k, SOUP_MAX_CORNERS);
@@ -324,9 +302,9 @@ GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError
             const float value = (float)number_at(&numbers, numbers.bytes + k * numbers.stride +
                                                                (gsize)c * (gsize)numbers.size);
             if (!(fabsf(value) <= 1e18f)) {
-                gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                          "value %" G_GSIZE_FORMAT " of accessor %d is not a finite number", k,
-                          (int)accessor);
+                gltf_bad(gltf, error,
+                         "value %" G_GSIZE_FORMAT " of accessor %d is not a finite number", k,
+                         (int)accessor);
                 return NULL;
             }
             g_array_append_val(floats, value);
@@ -339,8 +317,7 @@ GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error) {
     if (!find_numbers(gltf, accessor, 1, &numbers, error) || numbers.bytes == NULL)
         return NULL;
     if (numbers.type != 5121 && numbers.type != 5123 && numbers.type != 5125) {
-        gltf_fail(gltf, SCENE_ERROR_FORMAT, error,
-                  "indices of accessor %d are no unsigned integers", (int)accessor);
+        gltf_bad(gltf, error, "indices of accessor %d are no unsigned integers", (int)accessor);
         return NULL;
     }
     numbers.normalized = FALSE;

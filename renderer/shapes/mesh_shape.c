@@ -13,12 +13,6 @@ struct sums {
     double aa, ab, bb, pa, pb_qa, qb;
 };
 
-static void bitangent(const struct vertex *v, float ret[3]) {
-    float3_cross(v->normal, v->tangent, ret);
-    for (int k = 0; k < 3; k++)
-        ret[k] *= v->tangent[3];
-}
-
 /* Lengths of dP/du and dP/dv, weighted by the triangle's area. */
 static void add_scale(const struct vertex *const v[3], struct sums *const sums[3]) {
     float e1[3], e2[3], normal[3], du[3], dv[3];
@@ -46,7 +40,9 @@ static void add_edge(const struct vertex *at, const struct vertex *from, const s
     float edge[3], change[3], side[3];
     float3_minus(to->position, from->position, edge);
     float3_minus(to->normal, from->normal, change);
-    bitangent(at, side);
+    float3_cross(at->normal, at->tangent, side); /* the bitangent */
+    for (int k = 0; k < 3; k++)
+        side[k] *= at->tangent[3];
     double a = float3_dot(edge, at->tangent), b = float3_dot(edge, side);
     double p = float3_dot(change, at->tangent), q = float3_dot(change, side);
     sums->aa += a * a;

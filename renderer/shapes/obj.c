@@ -17,8 +17,7 @@ struct obj {
     struct soup soup;
 };
 
-static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **error,
-                         const char *format, ...) G_GNUC_PRINTF(4, 5);
+G_GNUC_PRINTF(4, 5)
 static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **error,
                          const char *format, ...) {
     va_list list;
@@ -28,6 +27,8 @@ static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **
     g_set_error(error, SCENE_ERROR, code, "%s:%d: %s", obj->name, obj->line, text);
     return FALSE;
 }
+
+#define obj_bad(obj, error, ...) obj_fail(obj, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
 
 /* A backslash before the end of a line continues it. */
 static void skip_blanks(const char **text) {
@@ -62,17 +63,15 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         skip_blanks(&text);
         double value = *text == '\n' || *text == '\0' ? NAN : g_ascii_strtod(text, &end);
         if (!(fabs(value) <= MAX_VALUE) || end == text)
-            return obj_fail(obj, SCENE_ERROR_FORMAT, error, "%d finite numbers are expected here",
-                            n);
+            return obj_bad(obj, error, "%d finite numbers are expected here", n);
         values[k] = value;
         text = end;
     }
     if (array->len >= SCENE_MAX_VERTICES)
         return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d vertices",
                         SCENE_MAX_VERTICES);
-    if (n == 3 && obj->up == SCENE_Y_UP) {
-        soup_turn_up(values);
-    }
+    if (n == 3 && obj->up == SCENE_Y_UP)
+        soup_y_to_z_up(values);
     g_array_append_vals(array, values, 1);
     return TRUE;
 }
@@ -83,12 +82,12 @@ static gboolean parse_index(struct obj *obj, const char **text, const GArray *ar
     gboolean number = g_ascii_isdigit(**text) || (**text == '-' && g_ascii_isdigit((*text)[1]));
     gint64 value = number ? g_ascii_strtoll(*text, &end, 10) : 0;
     if (!number)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error, "an index of %s is expected here", what);
+        return obj_bad(obj, error, "an index of %s is expected here", what);
     if (value < 0)
         value += (gint64)array->len + 1;
     if (value < 1 || value > array->len)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error,
-                        "there is no %s %" G_GINT64_FORMAT ", %u so far", what, value, array->len);
+        return obj_bad(obj, error, "there is no %s %" G_GINT64_FORMAT ", %u so far", what, value,
+                       array->len);
     *ret = value - 1;
     *text = end;
     return TRUE;
@@ -121,14 +120,13 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         if (!parse_corner(obj, &text, &corner, error))
             return FALSE;
         if (strchr(" \t\r\n", *text) == NULL)
-            return obj_fail(obj, SCENE_ERROR_FORMAT, error, "v/vt/vn is expected here");
+            return obj_bad(obj, error, "v/vt/vn is expected here");
         if (++n > MAX_CORNERS)
             return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners", MAX_CORNERS);
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error, "a face has three corners or more, not %d",
-                        n);
+        return obj_bad(obj, error, "a face has three corners or more, not %d", n);
     if (obj->soup.corners->len > SOUP_MAX_CORNERS)
         return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners of faces",
                         SOUP_MAX_CORNERS);
@@ -136,43 +134,34 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
     return TRUE;
 }
 
-static gboolean keyword(const char *text, const char *word) {
-    gsize n = strlen(word);
-    return strncmp(text, word, n) == 0 && (text[n] == ' ' || text[n] == '\t');
-}
-
 static gboolean obj_parse_line(struct obj *obj, const char *text, GError **error) {
     skip_blanks(&text);
-    if (keyword(text, "v"))
-        return parse_floats(obj, text + 1, 3, obj->soup.positions, error);
-    if (keyword(text, "vn"))
-        return parse_floats(obj, text + 2, 3, obj->soup.normals, error);
-    if (keyword(text, "vt"))
-        return parse_floats(obj, text + 2, 2, obj->soup.uvs, error);
-    if (keyword(text, "f"))
-        return parse_face(obj, text + 1, error);
-    return TRUE;
-}
-
-static gboolean obj_parse(struct obj *obj, const char *text, GError **error) {
-    obj->line = 1;
-    for (const char *line = text; *line != '\0'; line = next_line(obj, line))
-        if (!obj_parse_line(obj, line, error))
-            return FALSE;
-    if (obj->soup.polygons->len == 0)
-        return obj_fail(obj, SCENE_ERROR_FORMAT, error, "there is no face in this file");
+    const gsize n = strcspn(text, " \t\r\n");
+    if (text[n] != ' ' && text[n] != '\t')
+        return TRUE;
+    if (n == 1 && text[0] == 'v')
+        return parse_floats(obj, text + n, 3, obj->soup.positions, error);
+    if (n == 2 && strncmp(text, "vn", n) == 0)
+        return parse_floats(obj, text + n, 3, obj->soup.normals, error);
+    if (n == 2 && strncmp(text, "vt", n) == 0)
+        return parse_floats(obj, text + n, 2, obj->soup.uvs, error);
+    if (n == 1 && text[0] == 'f')
+        return parse_face(obj, text + n, error);
     return TRUE;
 }
 
 struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up up, GError **error) {
-    struct obj obj = {.name = name, .up = up};
-    soup_init(&obj.soup);
-    g_autofree char *where = NULL;
+    struct obj obj = {.name = name, .up = up, .line = 1};
     struct mesh *mesh = NULL;
-    if (obj_parse(&obj, text, error)) {
-        where = g_strdup_printf("%s:%d", name, obj.line);
+    gboolean good = TRUE;
+    soup_init(&obj.soup);
+    for (const char *line = text; good && *line != '\0'; line = next_line(&obj, line))
+        good = obj_parse_line(&obj, line, error);
+    if (good && obj.soup.polygons->len == 0)
+        good = obj_bad(&obj, error, "there is no face in this file");
+    g_autofree char *where = g_strdup_printf("%s:%d", name, obj.line);
+    if (good)
         mesh = soup_mesh(&obj.soup, name, where, error);
-    }
     soup_clear(&obj.soup);
     return mesh;
 }

@@ -57,17 +57,6 @@ static void knot_curve(double t, double ret[3]) {
     ret[2] = sin(3.0 * t);
 }
 
-static void knot_along(double t, double ret[3]) {
-    double a[3], b[3], length;
-    knot_curve(t - 1e-4, a);
-    knot_curve(t + 1e-4, b);
-    for (int k = 0; k < 3; k++)
-        ret[k] = b[k] - a[k];
-    length = sqrt(ret[0] * ret[0] + ret[1] * ret[1] + ret[2] * ret[2]);
-    for (int k = 0; k < 3; k++)
-        ret[k] /= length;
-}
-
 /* A tube's normal at angle b around it, from its upper side, is at right angles to its middle line,
  * which is nowhere vertical. */
 static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
@@ -75,8 +64,15 @@ static void knot_at(const struct grid_shape *shape, double u, double v, double r
     double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
     double out[3] = {0.0, 0.0, 1.0};
     knot_curve(t, middle);
-    knot_along(t, along);
-    double off = along[2], length = 0.0;
+    knot_curve(t - 1e-4, aside);
+    knot_curve(t + 1e-4, along);
+    for (int k = 0; k < 3; k++)
+        along[k] -= aside[k];
+    double length = sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2]);
+    for (int k = 0; k < 3; k++)
+        along[k] /= length;
+    double off = along[2];
+    length = 0.0;
     for (int k = 0; k < 3; k++) {
         out[k] -= off * along[k];
         length = hypot(length, out[k]);
@@ -106,21 +102,12 @@ static void knot_point(const struct grid_shape *shape, double u, double v, struc
     set3(ret->tangent, t[0] / length, t[1] / length, t[2] / length);
 }
 
-static void grid_indices(struct mesh *mesh, int nu, int nv) {
-    guint32 *out = mesh->indices;
-    for (int j = 0; j < nv; j++)
-        for (int i = 0; i < nu; i++) {
-            guint32 a = (guint32)j * (nu + 1) + i, b = a + 1, c = a + nu + 1, d = c + 1;
-            guint32 quad[6] = {a, b, d, a, d, c};
-            memcpy(out, quad, sizeof quad);
-            out += 6;
-        }
-}
-
 static struct mesh *grid(const char *name, const struct grid_shape *shape, GridPoint fill, int nu,
-                         int nv) {
+                         int nv, double tiles_u, double tiles_v) {
     struct mesh *mesh = g_new0(struct mesh, 1);
     mesh->name = g_strdup(name);
+    mesh->tiles_u = tiles_u;
+    mesh->tiles_v = tiles_v;
     mesh->n_vertices = (nu + 1) * (nv + 1);
     mesh->vertices = g_new0(struct vertex, mesh->n_vertices);
     mesh->n_indices = 6 * nu * nv;
@@ -136,28 +123,27 @@ static struct mesh *grid(const char *name, const struct grid_shape *shape, GridP
             float *p = vertex->position;
             mesh->radius = MAX(mesh->radius, sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]));
         }
-    grid_indices(mesh, nu, nv);
-    return mesh;
-}
-
-static struct mesh *with_tiles(struct mesh *mesh, double u, double v) {
-    mesh->tiles_u = u;
-    mesh->tiles_v = v;
+    guint32 *out = mesh->indices;
+    for (int j = 0; j < nv; j++)
+        for (int i = 0; i < nu; i++, out += 6) {
+            guint32 a = (guint32)j * (nu + 1) + i, b = a + 1, c = a + nu + 1, d = c + 1;
+            memcpy(out, (const guint32[6]){a, b, d, a, d, c}, 6 * sizeof *out);
+        }
     return mesh;
 }
 
 struct mesh *scene_plane(void) {
-    return with_tiles(grid("plane", NULL, scene_plane_point, 1, 1), 2, 2);
+    return grid("plane", NULL, scene_plane_point, 1, 1, 2, 2);
 }
 
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube) {
     struct grid_shape shape = {.radius = radius, .tube_radius = tube_radius};
     double around = 8.0, tube = MAX(1.0, round(around * tube_radius / radius));
-    return with_tiles(grid("torus", &shape, torus_point, n_around, n_tube), around, tube);
+    return grid("torus", &shape, torus_point, n_around, n_tube, around, tube);
 }
 
 struct mesh *scene_sphere(void) {
-    return with_tiles(grid("sphere", NULL, sphere_point, 128, 64), 6, 3);
+    return grid("sphere", NULL, sphere_point, 128, 64, 6, 3);
 }
 
 /* A flat end at height z, facing up or down, with texels as large as those around. */
@@ -180,17 +166,19 @@ static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, do
     }
 }
 
-struct mesh *scene_cylinder(void) {
+/* Around z, with flat ends. */
+static struct mesh *scene_cylinder(void) {
     struct grid_shape shape = {.radius = 0.6, .height = 1.6};
-    struct mesh *mesh = grid("cylinder", &shape, cylinder_point, 128, 1);
+    struct mesh *mesh = grid("cylinder", &shape, cylinder_point, 128, 1, 5, 2);
     add_lid(mesh, &shape, 128, 1.0);
     add_lid(mesh, &shape, 128, -1.0);
-    return with_tiles(mesh, 5, 2);
+    return mesh;
 }
 
-struct mesh *scene_torus_knot(void) {
+/* (2, 3), around z; u runs along the tube, v around it. */
+static struct mesh *scene_torus_knot(void) {
     struct grid_shape shape = {.radius = 0.42, .tube_radius = 0.18};
-    return with_tiles(grid("torus-knot", &shape, knot_point, 768, 48), 24, 2);
+    return grid("torus-knot", &shape, knot_point, 768, 48, 24, 2);
 }
 
 static void scene_minus(const float *a, const float *b, int n, double ret[3]) {
@@ -203,9 +191,11 @@ static double twice_area(const double a[3], const double b[3]) {
                 pow(a[0] * b[1] - a[1] * b[0], 2));
 }
 
-/* How much larger areas are on the mesh than in u and v. */
-static double mean_scale(const struct mesh *mesh) {
-    double area = 0.0, flat = 0.0, e1[3], e2[3];
+/* Lays a plane of half_width radii under the mesh, where it is lowest. With tiles_u × tiles_v tiles
+ * on the mesh the floor's are square and as large as the mesh's in the mean. */
+static void scene_add_floor(struct mesh *mesh, double half_width) {
+    static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
+    double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums on the mesh, and in u and v */
     for (guint k = 0; k + 2 < mesh->n_indices; k += 3) {
         const struct vertex *v[3];
         for (int c = 0; c < 3; c++)
@@ -217,12 +207,8 @@ static double mean_scale(const struct mesh *mesh) {
         scene_minus(v[2]->uv, v[0]->uv, 2, e2);
         flat += twice_area(e1, e2);
     }
-    return flat > 0.0 && area > 0.0 ? area / flat : 1.0;
-}
-
-void scene_add_floor(struct mesh *mesh, double half_width) {
-    static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
-    double tile = sqrt(mean_scale(mesh) / (mesh->tiles_u * mesh->tiles_v));
+    double scale = flat > 0.0 && area > 0.0 ? area / flat : 1.0;
+    double tile = sqrt(scale / (mesh->tiles_u * mesh->tiles_v));
     double half = half_width * mesh->radius;
     float low = 0.0f;
     for (guint k = 0; k < mesh->n_vertices; k++)
@@ -254,11 +240,6 @@ void mesh_free(struct mesh *mesh) {
     g_free(mesh);
 }
 
-static gboolean ends_with(const char *name, const char *ending) {
-    const gsize n = strlen(name), m = strlen(ending);
-    return n > m && g_ascii_strcasecmp(name + n - m, ending) == 0;
-}
-
 static struct mesh *default_torus(void) {
     return scene_torus(1.0, 0.4, 192, 96);
 }
@@ -269,12 +250,13 @@ const char *const scene_shape_names[SCENE_SHAPES] = {"plane", "torus", "sphere",
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
     static struct mesh *(*const makers[SCENE_SHAPES])(void) = {
         scene_plane, default_torus, scene_sphere, scene_cylinder, scene_torus_knot};
+    g_autofree char *lower = g_ascii_strdown(name, -1);
     for (int k = 0; k < SCENE_SHAPES; k++)
         if (strcmp(name, scene_shape_names[k]) == 0)
             return makers[k]();
-    if (ends_with(name, ".obj"))
+    if (g_str_has_suffix(lower, ".obj"))
         return scene_read_obj(name, up, error);
-    if (ends_with(name, ".gltf") || ends_with(name, ".glb"))
+    if (g_str_has_suffix(lower, ".gltf") || g_str_has_suffix(lower, ".glb"))
         return scene_read_gltf(name, up, error);
     g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
                 "“%s” is no shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
@@ -287,8 +269,10 @@ struct mesh *scene_make(const char *name, const struct scene_options *options, G
     struct mesh *mesh = scene_shape(name, options->up, error);
     if (mesh == NULL)
         return NULL;
-    if (options->tiles_u > 0.0 && options->tiles_v > 0.0)
-        with_tiles(mesh, options->tiles_u, options->tiles_v);
+    if (options->tiles_u > 0.0 && options->tiles_v > 0.0) {
+        mesh->tiles_u = options->tiles_u;
+        mesh->tiles_v = options->tiles_v;
+    }
     if (options->floor)
         scene_add_floor(mesh, FLOOR);
     return mesh;

@@ -42,7 +42,9 @@ struct mesh {
     guint n_floor_vertices, n_floor_indices;
 };
 
-void mesh_free(struct mesh *mesh); /* NULL is ignored */
+typedef struct mesh Mesh;
+void mesh_free(Mesh *mesh); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Mesh, mesh_free)
 
 enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 
@@ -64,14 +66,7 @@ struct mesh *scene_make(const char *name, const struct scene_options *options, G
 struct mesh *scene_plane(void);
 /* Around z; u runs around the axis, v around the tube from its outermost circle upwards. */
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
-struct mesh *scene_sphere(void);   /* radius 1 */
-struct mesh *scene_cylinder(void); /* around z, with flat ends */
-/* (2, 3), around z; u runs along the tube, v around it. */
-struct mesh *scene_torus_knot(void);
-
-/* Lays a plane of half_width radii under the mesh, where it is lowest. With tiles_u × tiles_v tiles
- * on the mesh the floor's are square and as large as the mesh's in the mean. */
-void scene_add_floor(struct mesh *mesh, double half_width);
+struct mesh *scene_sphere(void); /* radius 1 */
 
 /* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; the
  * rest is passed over. Normals are made where they are missing. Moved and scaled to radius 1. */

@@ -27,7 +27,7 @@ void soup_clear(struct soup *soup) {
     g_free(soup->smooth);
 }
 
-void soup_turn_up(float values[3]) {
+void soup_y_to_z_up(float values[3]) {
     const float y = values[1];
     values[1] = -values[2];
     values[2] = y;
@@ -69,11 +69,11 @@ static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
             sum += pow(p[k] - 0.5 * (low[k] + high[k]), 2.0);
         radius = MAX(radius, sqrt(sum));
     }
-    if (!(radius > 1e-18))
+    if (!(radius > 1e-18)) {
         g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT, "%s: all positions are the same",
                     where);
-    if (!(radius > 1e-18))
         return FALSE;
+    }
     for (guint v = 0; v < soup->positions->len; v++)
         for (int k = 0; k < 3; k++)
             soup_position(soup, v)[k] =
@@ -96,20 +96,6 @@ static void polygon_normal(const struct soup *soup, const struct soup_corner *co
     }
 }
 
-static void smooth_normals(struct soup *soup) {
-    soup->smooth = g_new0(float, 3 * (gsize)soup->positions->len);
-    const struct soup_corner *corners = (const struct soup_corner *)soup->corners->data;
-    for (guint p = 0; p < soup->polygons->len; p++) {
-        int n = g_array_index(soup->polygons, int, p);
-        float normal[3];
-        polygon_normal(soup, corners, n, normal);
-        for (int k = 0; k < n; k++)
-            for (int axis = 0; axis < 3; axis++)
-                soup->smooth[3 * (gsize)corners[k].v + axis] += normal[axis];
-        corners += n;
-    }
-}
-
 static void corner_normal(const struct soup *soup, const struct soup_corner *corner, float ret[3]) {
     if (corner->vn >= 0)
         memcpy(ret, (const float *)soup->normals->data + 3 * (gsize)corner->vn, 3 * sizeof(float));
@@ -129,12 +115,6 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
         sum += float3_dot(face, normal);
     }
     return sum < 0.0f;
-}
-
-static float uv_area(const struct soup *soup, const struct soup_corner *a,
-                     const struct soup_corner *b, const struct soup_corner *c) {
-    const float *p = uv(soup, a->vt), *q = uv(soup, b->vt), *r = uv(soup, c->vt);
-    return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
 }
 
 /* Corners that agree in everything, the sense of the texture included, share a vertex. */
@@ -206,39 +186,28 @@ static void add_polygon(const struct soup *soup, struct builder *b,
     for (int k = 1; k + 1 < n; k++) {
         const struct soup_corner *c[3] = {&corners[0], &corners[backwards ? k + 1 : k],
                                           &corners[backwards ? k : k + 1]};
-        float sense = uv_area(soup, c[0], c[1], c[2]) < 0.0f ? -1.0f : 1.0f;
+        const float *p = uv(soup, c[0]->vt), *q = uv(soup, c[1]->vt), *r = uv(soup, c[2]->vt);
+        float area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         guint32 index[3];
         for (int i = 0; i < 3; i++)
-            index[i] = soup_add_vertex(soup, b, c[i], sense);
+            index[i] = soup_add_vertex(soup, b, c[i], area < 0.0f ? -1.0f : 1.0f);
         g_array_append_vals(b->indices, index, 3);
         add_tangent(b, index);
     }
 }
 
-static void finish_tangent(struct vertex *vertex) {
-    float *t = vertex->tangent, sum[3];
+/* own: that of the file, which goes before what was made of uv; NULL: none. */
+static void finish_tangent(struct vertex *vertex, const float *own) {
+    float *t = vertex->tangent, sum[3], axis[3] = {0.0f, 0.0f, 0.0f}, side[3];
     memcpy(sum, t, sizeof sum);
-    if (along_surface(vertex, sum, t))
-        return;
-    float axis[3] = {0.0f, 0.0f, 0.0f};
-    axis[fabsf(vertex->normal[0]) < 0.7f ? 0 : 1] = 1.0f;
-    float side[3];
-    float3_cross(vertex->normal, axis, side);
-    float3_cross(side, vertex->normal, t);
-    soup_normalise(t);
-}
-
-/* A file's own goes before what was made. */
-static void take_tangents(const struct soup *soup, const struct builder *b) {
-    for (guint k = 0; k < b->vertices->len && soup->tangents->len > 0; k++) {
-        struct vertex *vertex = &g_array_index(b->vertices, struct vertex, k);
-        const gint32 from = g_array_index(b->corners, struct soup_corner, k).v;
-        const float *own = (const float *)(gpointer)soup->tangents->data + 4 * (gsize)from;
-        float turned[3];
-        if (own[3] != 0.0f && along_surface(vertex, own, turned)) {
-            memcpy(vertex->tangent, turned, sizeof turned);
-            vertex->tangent[3] = own[3] < 0.0f ? -1.0f : 1.0f;
-        }
+    if (own != NULL && own[3] != 0.0f && along_surface(vertex, own, side)) {
+        memcpy(t, side, sizeof side);
+        t[3] = own[3] < 0.0f ? -1.0f : 1.0f;
+    } else if (!along_surface(vertex, sum, t)) {
+        axis[fabsf(vertex->normal[0]) < 0.7f ? 0 : 1] = 1.0f;
+        float3_cross(vertex->normal, axis, side);
+        float3_cross(side, vertex->normal, t);
+        soup_normalise(t);
     }
 }
 
@@ -255,9 +224,12 @@ static struct mesh *soup_build(struct soup *soup, const char *name) {
         add_polygon(soup, &b, corners, n);
         corners += n;
     }
-    for (guint k = 0; k < b.vertices->len; k++)
-        finish_tangent(&g_array_index(b.vertices, struct vertex, k));
-    take_tangents(soup, &b);
+    const float *own = (const float *)(gpointer)soup->tangents->data;
+    for (guint k = 0; k < b.vertices->len; k++) {
+        const gsize from = (gsize)g_array_index(b.corners, struct soup_corner, k).v;
+        finish_tangent(&g_array_index(b.vertices, struct vertex, k),
+                       soup->tangents->len > 0 ? own + 4 * from : NULL);
+    }
     struct mesh *mesh = g_new0(struct mesh, 1);
     mesh->name = g_strdup(name);
     mesh->n_vertices = b.vertices->len;
@@ -275,6 +247,16 @@ static struct mesh *soup_build(struct soup *soup, const char *name) {
 struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, GError **error) {
     if (!soup_fit(soup, where, error))
         return NULL;
-    smooth_normals(soup);
+    soup->smooth = g_new0(float, 3 * (gsize)soup->positions->len);
+    const struct soup_corner *corners = (const struct soup_corner *)soup->corners->data;
+    for (guint p = 0; p < soup->polygons->len; p++) {
+        int n = g_array_index(soup->polygons, int, p);
+        float normal[3];
+        polygon_normal(soup, corners, n, normal);
+        for (int k = 0; k < n; k++)
+            for (int axis = 0; axis < 3; axis++)
+                soup->smooth[3 * (gsize)corners[k].v + axis] += normal[axis];
+        corners += n;
+    }
     return soup_build(soup, name);
 }

@@ -21,7 +21,7 @@ void soup_init(struct soup *soup);
 void soup_clear(struct soup *soup);
 
 /* Of y upwards to z upwards. */
-void soup_turn_up(float values[3]);
+void soup_y_to_z_up(float values[3]);
 
 /* Scales it to radius 1 around the origin. NULL with an error that begins with where. */
 struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, GError **error);

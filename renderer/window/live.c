@@ -41,12 +41,6 @@ struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError *
     return maps;
 }
 
-static gboolean live_is_made(const char *session, int view) {
-    g_autofree char *name = g_strdup_printf("view_%04d.exr", view);
-    g_autofree char *path = g_build_filename(session, "products", "btf", name, NULL);
-    return g_file_test(path, G_FILE_TEST_EXISTS);
-}
-
 GArray *live_views(const char *session, GError **error) {
     g_autoptr(Session) opened = session_open(session, SESSION_READ, error);
     g_autoptr(GPtrArray) planned = opened != NULL ? session_views(opened, error) : NULL;
@@ -55,8 +49,10 @@ GArray *live_views(const char *session, GError **error) {
     GArray *views = g_array_new(FALSE, FALSE, sizeof(struct planned_view));
     for (guint k = 0; k < planned->len; k++) {
         const struct session_direction *direction = planned->pdata[k];
+        g_autofree char *path =
+            g_strdup_printf("%s/products/btf/view_%04d.exr", session, direction->index);
         const struct planned_view view = {direction->theta_deg, direction->phi_deg,
-                                          live_is_made(session, direction->index)};
+                                          g_file_test(path, G_FILE_TEST_EXISTS)};
         g_array_append_val(views, view);
     }
     return views;
@@ -90,15 +86,6 @@ void live_free(Live *live) {
     g_free(live);
 }
 
-static int count_files(const char *session) {
-    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
-    g_autoptr(GDir) dir = g_dir_open(btf, 0, NULL);
-    int n = 0;
-    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
-        n += g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr");
-    return n;
-}
-
 static gboolean live_go_on(double share, gpointer data) {
     Live *live = data;
     return !g_atomic_int_get(&live->cancelled);
@@ -113,18 +100,21 @@ static gpointer live_work(gpointer data) {
     return NULL;
 }
 
-static struct eigenmaps *live_take(Live *live, int *ret_n_views, GError **error) {
-    g_thread_join(g_steal_pointer(&live->thread));
-    *ret_n_views = live->n_views;
-    if (live->error != NULL)
-        g_propagate_error(error, g_steal_pointer(&live->error));
-    return g_steal_pointer(&live->maps);
-}
-
 struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error) {
-    if (live->thread != NULL)
-        return g_atomic_int_get(&live->done) ? live_take(live, ret_n_views, error) : NULL;
-    const int n = count_files(live->session);
+    if (live->thread != NULL && !g_atomic_int_get(&live->done))
+        return NULL;
+    if (live->thread != NULL) {
+        g_thread_join(g_steal_pointer(&live->thread));
+        *ret_n_views = live->n_views;
+        if (live->error != NULL)
+            g_propagate_error(error, g_steal_pointer(&live->error));
+        return g_steal_pointer(&live->maps);
+    }
+    g_autofree char *btf = g_build_filename(live->session, "products", "btf", NULL);
+    g_autoptr(GDir) dir = g_dir_open(btf, 0, NULL);
+    int n = 0;
+    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
+        n += g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr");
     if (n > live->n_views) {
         live->n_views = n;
         live->done = FALSE;

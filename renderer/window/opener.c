@@ -9,57 +9,45 @@
 
 #define PUT 1000 /* share of a job, in thousandths, once its file is read */
 
-struct job {
-    Opener *opener;
-    gint number; /* of those asked for */
-    struct opened opened;
-};
-
 struct Opener {
     GLFWwindow *context;
     GThreadPool *thread;
-    GAsyncQueue *finished;      /* of struct job */
+    GAsyncQueue *finished;      /* of struct opened */
     gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0: none */
     gint asked;
     int under_way;       /* jobs asked for and not polled */
     gint share;          /* atomic, in thousandths */
-    const char *working; /* atomic: path of the job at work, or NULL; lives until it is polled */
+    const struct opened *working; /* atomic: the job at work, or NULL; lives until it is polled */
 };
 
-static gboolean opener_is_wanted(const struct job *job) {
-    return g_atomic_int_get(&job->opener->wanted[job->opened.place]) == job->number;
+static gboolean opener_is_wanted(const Opener *opener, const struct opened *o) {
+    return g_atomic_int_get(&opener->wanted[o->place]) == o->number;
 }
 
 static gboolean note_share(double share, gpointer data) {
-    const struct job *job = data;
-    g_atomic_int_set(&job->opener->share, (gint)(share * PUT));
-    return opener_is_wanted(job);
-}
-
-static void open_job(struct job *job) {
-    struct opened *o = &job->opened;
-    if (o->place == OPENER_MDF) {
-        o->mdf = mdf_source_read(o->path, &o->error);
-        return;
-    }
-    glfwMakeContextCurrent(job->opener->context);
-    gpu_watch();
-    o->material = method_open(o->method, o->path, &o->error);
-    glFinish(); /* another context may only then read what was made */
-    glfwMakeContextCurrent(NULL);
+    Opener *opener = data;
+    g_atomic_int_set(&opener->share, (gint)(share * PUT));
+    return opener_is_wanted(opener, opener->working);
 }
 
 static void opener_work(gpointer data, gpointer user_data) {
-    struct job *job = data;
+    struct opened *o = data;
     Opener *opener = user_data;
     g_atomic_int_set(&opener->share, 0);
-    g_atomic_pointer_set(&opener->working, job->opened.path);
-    exr_watch(note_share, job);
-    if (opener_is_wanted(job))
-        open_job(job);
+    g_atomic_pointer_set(&opener->working, o);
+    exr_watch(note_share, opener);
+    if (opener_is_wanted(opener, o) && o->place == OPENER_MDF) {
+        o->mdf = mdf_source_read(o->path, &o->error);
+    } else if (opener_is_wanted(opener, o)) {
+        glfwMakeContextCurrent(opener->context);
+        gpu_watch();
+        o->material = method_open(o->method, o->path, &o->error);
+        glFinish(); /* another context may only then read what was made */
+        glfwMakeContextCurrent(NULL);
+    }
     exr_watch(NULL, NULL);
     g_atomic_pointer_set(&opener->working, NULL);
-    g_async_queue_push(opener->finished, job);
+    g_async_queue_push(opener->finished, o);
     glfwPostEmptyEvent();
 }
 
@@ -108,26 +96,22 @@ void opener_free(Opener *opener) {
 
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path) {
-    struct job *job = g_new0(struct job, 1);
-    job->opener = opener;
-    job->number = ++opener->asked;
-    job->opened = (struct opened){.place = place, .method = method, .path = g_strdup(path)};
-    g_atomic_int_set(&opener->wanted[place], job->number);
+    struct opened *o = g_new(struct opened, 1);
+    *o = (struct opened){
+        .place = place, .method = method, .path = g_strdup(path), .number = ++opener->asked};
+    g_atomic_int_set(&opener->wanted[place], o->number);
     opener->under_way++;
-    g_thread_pool_push(opener->thread, job, NULL);
+    g_thread_pool_push(opener->thread, o, NULL);
 }
 
 struct opened *opener_poll(Opener *opener) {
-    for (struct job *job; (job = g_async_queue_try_pop(opener->finished)) != NULL;) {
-        struct opened *opened = g_memdup2(&job->opened, sizeof job->opened);
-        const gboolean wanted = opener_is_wanted(job);
-        g_free(job);
+    for (struct opened *o; (o = g_async_queue_try_pop(opener->finished)) != NULL;) {
         opener->under_way--;
-        if (wanted) {
-            g_atomic_int_set(&opener->wanted[opened->place], 0);
-            return opened;
+        if (opener_is_wanted(opener, o)) {
+            g_atomic_int_set(&opener->wanted[o->place], 0);
+            return o;
         }
-        opened_free(opened);
+        opened_free(o);
     }
     return NULL;
 }
@@ -137,11 +121,11 @@ gboolean opener_is_busy(const Opener *opener) {
 }
 
 char *opener_progress(const Opener *opener) {
-    const char *path = g_atomic_pointer_get((const char **)&opener->working);
+    const struct opened *working = g_atomic_pointer_get(&((Opener *)opener)->working);
     const int share = g_atomic_int_get(&opener->share);
-    if (path == NULL)
+    if (working == NULL)
         return opener_is_busy(opener) ? g_strdup("opening …") : NULL;
-    g_autofree char *name = g_path_get_basename(path);
+    g_autofree char *name = g_path_get_basename(working->path);
     return share < PUT ? g_strdup_printf("opening %s: %d %%", name, share / (PUT / 100))
                        : g_strdup_printf("putting %s on the card", name);
 }

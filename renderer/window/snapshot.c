@@ -14,28 +14,9 @@ static char *shown_name(const char *path) {
     return g_build_filename(session_name, folder_name, name, NULL);
 }
 
-static char *snapshot_source_of(const struct snapshot *snapshot) {
-    static const char *const joined[COMPOSE_MODES] = {"", ", and on the right ",
-                                                      ", and how much brighter is "};
-    const gboolean two = snapshot->second != NULL;
-    return g_strconcat(snapshot->reference ? "the whole BTF" : snapshot->first->title,
-                       two ? joined[snapshot->how->mode] : NULL,
-                       two ? snapshot->second->title : NULL, NULL);
-}
-
-static char *compare_of(const struct snapshot *snapshot) {
-    if (snapshot->second != NULL && snapshot->how->mode == COMPOSE_SPLIT)
-        return g_strdup_printf("split at %.10g", snapshot->how->at);
-    if (snapshot->second != NULL && snapshot->how->mode == COMPOSE_DIFFERENCE)
-        return g_strdup_printf("difference times %.10g", snapshot->how->gain);
-    return g_strdup("one picture");
-}
-
-static const char *relief_of(const struct viewer_settings *s) {
-    return s->silhouettes && s->shadows ? "silhouettes, shadows"
-           : s->silhouettes             ? "silhouettes"
-           : s->shadows                 ? "shadows"
-                                        : "none";
+/* A file that is named, without its folder. */
+static char *file_of(const char *path) {
+    return path != NULL ? g_path_get_basename(path) : NULL;
 }
 
 /* All of them, as --lamp takes them. */
@@ -51,22 +32,8 @@ static char *lamps_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-static char *environment_of(const struct snapshot *snapshot) {
-    g_autofree char *name =
-        snapshot->environment != NULL ? g_path_get_basename(snapshot->environment) : NULL;
-    return g_strdup_printf("%s%s", name != NULL ? name : "none",
-                           snapshot->settings->backdrop ? ", seen behind the shape" : "");
-}
-
-static char *camera_of(const struct viewer_settings *s) {
-    return g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
-                           s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance,
-                           s->camera_fov_deg);
-}
-
 /* What is not as it is by default, beside the number of samples. */
-static char *drawn_of(const struct snapshot *snapshot) {
-    const struct viewer_settings *s = snapshot->settings;
+static char *drawn_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "%d x %d samples a pixel", s->samples, s->samples);
     if (s->plain)
@@ -82,13 +49,8 @@ static char *drawn_of(const struct snapshot *snapshot) {
     return g_string_free(text, FALSE);
 }
 
-/* A file that is named, without its folder. */
-static char *file_of(const char *path) {
-    return path != NULL ? g_path_get_basename(path) : NULL;
-}
-
-/* value: taken; NULL: there is none. */
-static void snapshot_tell(GPtrArray *texts, const char *name, char *value) {
+/* value: taken; NULL: there is none, and the name is left out. */
+static void add_text(GPtrArray *texts, const char *name, char *value) {
     if (value == NULL)
         return;
     g_ptr_array_add(texts, g_strdup(name));
@@ -96,30 +58,50 @@ static void snapshot_tell(GPtrArray *texts, const char *name, char *value) {
 }
 
 static GPtrArray *texts_of(const struct snapshot *snapshot) {
+    static const char *const joined[COMPOSE_MODES] = {"", ", and on the right ",
+                                                      ", and how much brighter is "};
+    static const char *const reliefs[] = {"none", "silhouettes", "shadows", "silhouettes, shadows"};
     const struct viewer_settings *s = snapshot->settings;
+    const struct viewer_options *o = snapshot->options;
+    const struct compose *how = snapshot->how;
+    const gboolean two = snapshot->second != NULL;
+    g_autofree char *environment = file_of(o->environment);
     GPtrArray *texts = g_ptr_array_new_with_free_func(g_free);
-    snapshot_tell(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
-    snapshot_tell(texts, "Material", shown_name(snapshot->material));
-    snapshot_tell(texts, "Shape", file_of(snapshot->shape));
-    snapshot_tell(texts, "Floor", snapshot->floor ? g_strdup("of the material") : NULL);
-    snapshot_tell(texts, "Tiles", g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v));
-    snapshot_tell(
+    add_text(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
+    add_text(texts, "Material", shown_name(snapshot->material));
+    add_text(texts, "Shape", file_of(snapshot->shape));
+    add_text(texts, "Floor", o->floor ? g_strdup("of the material") : NULL);
+    add_text(texts, "Tiles", g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v));
+    add_text(
         texts, "Light",
         g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg));
-    snapshot_tell(texts, "Lamps", lamps_of(s));
-    snapshot_tell(texts, "Environment", environment_of(snapshot));
-    snapshot_tell(texts, "Camera", camera_of(s));
-    snapshot_tell(texts, "Exposure",
-                  g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
-    snapshot_tell(texts, "Relief", g_strdup(relief_of(s)));
-    snapshot_tell(texts, "Distances", s->silhouettes ? file_of(snapshot->mdf) : NULL);
-    snapshot_tell(texts, "Rotation", g_strdup(method_rotation_names[s->style.rotation]));
-    snapshot_tell(texts, "Normals", file_of(snapshot->normal_map));
-    snapshot_tell(texts, "Source", snapshot_source_of(snapshot));
-    snapshot_tell(texts, "Compare", compare_of(snapshot));
-    snapshot_tell(texts, "Drawn", drawn_of(snapshot));
+    add_text(texts, "Lamps", lamps_of(s));
+    add_text(texts, "Environment",
+             g_strconcat(environment != NULL ? environment : "none",
+                         s->backdrop ? ", seen behind the shape" : "", NULL));
+    add_text(
+        texts, "Camera",
+        g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
+                        s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance,
+                        s->camera_fov_deg));
+    add_text(texts, "Exposure",
+             g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
+    add_text(texts, "Relief", g_strdup(reliefs[!!s->silhouettes + 2 * !!s->shadows]));
+    add_text(texts, "Distances", s->silhouettes ? file_of(o->mdf_path) : NULL);
+    add_text(texts, "Rotation", g_strdup(method_rotation_names[s->style.rotation]));
+    add_text(texts, "Normals", file_of(o->normal_map));
+    add_text(texts, "Source",
+             g_strconcat(snapshot->reference ? "the whole BTF" : snapshot->first->title,
+                         two ? joined[how->mode] : NULL, two ? snapshot->second->title : NULL,
+                         NULL));
+    add_text(texts, "Compare",
+             two && how->mode == COMPOSE_SPLIT ? g_strdup_printf("split at %.10g", how->at)
+             : two && how->mode == COMPOSE_DIFFERENCE
+                 ? g_strdup_printf("difference times %.10g", how->gain)
+                 : g_strdup("one picture"));
+    add_text(texts, "Drawn", drawn_of(s));
     if (snapshot->n_planned > 0)
-        snapshot_tell(
+        add_text(
             texts, "Views",
             g_strdup_printf("%d of %d; where the nearest to the line of sight is missing, striped",
                             snapshot->n_views, snapshot->n_planned));
@@ -127,23 +109,12 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
     return texts;
 }
 
-/* Whichever of the pictures is there. */
-static gboolean write_either(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
-                             const float *linear, int width, int height, GError **error) {
+gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                        const float *light, int width, int height, GError **error) {
     const locale_t before = picture_numbers_begin();
     g_autoptr(GPtrArray) texts = texts_of(snapshot);
     picture_numbers_end(before);
     const char *const *all = (const char *const *)texts->pdata;
-    return linear != NULL ? picture_write_exr(path, linear, width, height, all, error)
-                          : picture_write_png(path, rgb, width, height, all, error);
-}
-
-gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
-                        int width, int height, GError **error) {
-    return write_either(path, snapshot, rgb, NULL, width, height, error);
-}
-
-gboolean snapshot_write_light(const char *path, const struct snapshot *snapshot, const float *rgb,
-                              int width, int height, GError **error) {
-    return write_either(path, snapshot, NULL, rgb, width, height, error);
+    return light != NULL ? picture_write_exr(path, light, width, height, all, error)
+                         : picture_write_png(path, rgb, width, height, all, error);
 }

@@ -23,14 +23,6 @@ const ImWchar RANGES[] = {0x20, 0xFF, 0x2010, 0x2026, 0x2212, 0x2212, 0};
 const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 255),
                          IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255)};
 
-void set_style() {
-    ImGuiStyle &style = ImGui::GetStyle();
-    ImGui::StyleColorsDark();
-    style.WindowRounding = 4.0F;
-    style.FrameRounding = 3.0F;
-    style.Colors[ImGuiCol_WindowBg].w = 0.85F;
-}
-
 /* Equal steps of the polar angle are equal steps outwards. */
 ImVec2 on_disk(const struct ui_dot *dot, ImVec2 middle, float radius) {
     const double out = std::min(dot->theta_deg, 90.0) / 90.0 * radius;
@@ -72,7 +64,11 @@ Ui *ui_new(struct GLFWwindow *window) {
     io.IniFilename = nullptr;
     if (g_file_test(FONT, G_FILE_TEST_EXISTS))
         io.Fonts->AddFontFromFileTTF(FONT, FONT_SIZE, nullptr, RANGES);
-    set_style();
+    ImGuiStyle &style = ImGui::GetStyle();
+    ImGui::StyleColorsDark();
+    style.WindowRounding = 4.0F;
+    style.FrameRounding = 3.0F;
+    style.Colors[ImGuiCol_WindowBg].w = 0.85F;
     ImGui_ImplGlfw_InitForOpenGL(window, true);
     ImGui_ImplOpenGL3_Init("#version 330 core");
     return ui;

@@ -6,10 +6,18 @@
 
 #define MAX_SIZE 16384
 
-static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
-                text, wanted);
+G_GNUC_PRINTF(2, 3)
+static gboolean refuse_options(GError **error, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    g_propagate_error(error,
+                      g_error_new_valist(G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, format, list));
+    va_end(list);
     return FALSE;
+}
+
+static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
+    return refuse_options(error, "%s %s: %s is expected", option, text, wanted);
 }
 
 /* The data of the option group is the options; see main(). */
@@ -58,176 +66,111 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     return TRUE;
 }
 
-static gboolean check_environment(const struct viewer_options *o, GError **error) {
-    const struct viewer_settings *s = &o->settings;
-    if (o->reference && (o->environment != NULL || s->n_lamps > 0)) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--reference knows one lamp, not --lamp or --environment");
-        return FALSE;
-    }
-    if (s->backdrop && o->environment == NULL) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--backdrop goes with --environment FILE.exr");
-        return FALSE;
-    }
-    return TRUE;
-}
+#define OPTION(name, kind, to, argument, text)                                                     \
+    { name, 0, 0, G_OPTION_ARG_##kind, (gpointer)(to), text, argument }
+#define FLAG(name, to, text) OPTION(name, NONE, to, NULL, text)
 
 GOptionEntry *viewer_options_entries(struct viewer_options *o) {
     struct viewer_settings *s = &o->settings;
     const GOptionEntry all[] = {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
-        {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
-         "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file", "SHAPE"},
-        {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
-         "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
-         "hsh, lafortune, "
-         "ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin",
-         "METHOD"},
-        {"normal-map", 0, 0, G_OPTION_ARG_FILENAME, &o->normal_map,
-         "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)", "FILE"},
-        {"rotation", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_rotation,
-         "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)",
-         "exact|approximate|none"},
-        {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
-        {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
-         "Repetitions of the material along the shape, for example 8x3", "N|UxV"},
-        {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg,
-         "Light's angle from straight above, 0 … 180, default 50", "DEG"},
-        {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
-         "Light's azimuth from +x, default 200: from the left", "DEG"},
-        {"lamp", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_lamp,
-         "A further lamp; may be given again", "THETA,PHI[,R,G,B]"},
-        {"environment", 0, 0, G_OPTION_ARG_FILENAME, &o->environment,
-         "Light from a picture of all directions (EXR, zenith in its first row) instead of the "
-         "lamp",
-         "FILE.exr"},
-        {"backdrop", 0, 0, G_OPTION_ARG_NONE, &s->backdrop,
-         "With --environment: it is seen behind the shape, too", NULL},
-        {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
-         "Camera's azimuth from +x, default -90: in front", "DEG"},
-        {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
-         "Camera's height above the horizon, -90 … 90, default 40", "DEG"},
-        {"camera-distance", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_distance,
-         "In radii of the shape; default: the shape fills the picture", "R"},
-        {"camera-fov-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_fov_deg,
-         "Field of view of the shorter side, 1 … 120, default 30", "DEG"},
-        {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &s->exposure_ev,
-         "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white", "EV"},
-        {"ambient", 0, 0, G_OPTION_ARG_DOUBLE, &s->ambient,
-         "Light from all around, as a share of the lamp's, default 0.05", "SHARE"},
-        {"supersample", 0, 0, G_OPTION_ARG_INT, &o->supersample,
-         "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2", "N"},
-        {"nearest", 0, 0, G_OPTION_ARG_NONE, &o->nearest, "Do not filter between texels", NULL},
-        {"plain", 0, 0, G_OPTION_ARG_NONE, &s->plain,
-         "One texture times n·l instead of the BTF, to compare", NULL},
+        OPTION("shape", FILENAME, &o->shape, "SHAPE",
+               "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file"),
+        OPTION("method", STRING, &o->method_name, "METHOD",
+               "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
+               "hsh, lafortune, ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward "
+               "or metal-ashikhmin"),
+        OPTION("normal-map", FILENAME, &o->normal_map, "FILE",
+               "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)"),
+        OPTION("rotation", CALLBACK, parse_rotation, "exact|approximate|none",
+               "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)"),
+        OPTION("size", STRING, &o->size, "WxH", "Pixels, default 800x600"),
+        OPTION("tiles", STRING, &o->tiles, "N|UxV",
+               "Repetitions of the material along the shape, for example 8x3"),
+        OPTION("light-theta-deg", DOUBLE, &s->light_theta_deg, "DEG",
+               "Light's angle from straight above, 0 … 180, default 50"),
+        OPTION("light-phi-deg", DOUBLE, &s->light_phi_deg, "DEG",
+               "Light's azimuth from +x, default 200: from the left"),
+        OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B]",
+               "A further lamp; may be given again"),
+        OPTION("environment", FILENAME, &o->environment, "FILE.exr",
+               "Light from a picture of all directions (EXR, zenith in its first row) instead of "
+               "the lamp"),
+        FLAG("backdrop", &s->backdrop, "With --environment: it is seen behind the shape, too"),
+        OPTION("camera-azimuth-deg", DOUBLE, &s->camera_azimuth_deg, "DEG",
+               "Camera's azimuth from +x, default -90: in front"),
+        OPTION("camera-elevation-deg", DOUBLE, &s->camera_elevation_deg, "DEG",
+               "Camera's height above the horizon, -90 … 90, default 40"),
+        OPTION("camera-distance", DOUBLE, &s->camera_distance, "R",
+               "In radii of the shape; default: the shape fills the picture"),
+        OPTION("camera-fov-deg", DOUBLE, &s->camera_fov_deg, "DEG",
+               "Field of view of the shorter side, 1 … 120, default 30"),
+        OPTION("exposure", DOUBLE, &s->exposure_ev, "EV",
+               "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white"),
+        OPTION("ambient", DOUBLE, &s->ambient, "SHARE",
+               "Light from all around, as a share of the lamp's, default 0.05"),
+        OPTION("supersample", INT, &o->supersample, "N",
+               "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2"),
+        FLAG("nearest", &o->nearest, "Do not filter between texels"),
+        FLAG("plain", &s->plain, "One texture times n·l instead of the BTF, to compare"),
         {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
          (gpointer)parse_silhouettes, "With the structure's outline, from the session's mdf.exr",
          "auto|peel|lists"},
-        {"shadows", 0, 0, G_OPTION_ARG_NONE, &s->shadows, "With the shadows that the shape casts",
-         NULL},
-        {"floor", 0, 0, G_OPTION_ARG_NONE, &o->floor, "A floor of the material under the shape",
-         NULL},
-        {"layers", 0, 0, G_OPTION_ARG_INT, &s->visibility.layers,
-         "Of silhouettes behind each other, at most, 1 … 32 (default)", "N"},
-        {"straight", 0, 0, G_OPTION_ARG_NONE, &s->visibility.straight,
-         "Silhouettes as if the shape were flat under each ray, to compare", NULL},
-        {"shadow-map", 0, 0, G_OPTION_ARG_INT, &s->shadow_size,
-         "Size of the first lamp's map of shadows, 16 … 16384, default 1024", "PIXELS"},
-        {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &o->mdf,
-         "Distances for --silhouettes, if not the mdf.exr beside the material", "FILE"},
-        {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "Upward axis of a shape's file, default y",
-         "y|z"},
-        {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
-         "With --render: this many pictures OUT_0000.png …", "N"},
-        {"sheet", 0, 0, G_OPTION_ARG_INT, &o->sheet,
-         "With --frames: one picture instead, with so many of them side by side", "COLUMNS"},
-        {"reference", 0, 0, G_OPTION_ARG_NONE, &o->reference,
-         "With --render: from the session's whole BTF, not its eigen-maps; slow", NULL},
-        {"split", 0, 0, G_OPTION_ARG_STRING, &o->split,
-         "The right half of the picture by another method", "METHOD"},
-        {"difference", 0, 0, G_OPTION_ARG_STRING, &o->difference,
-         "Four times what another method is brighter or darker by, around grey", "METHOD"},
-        {"measured", 0, 0, G_OPTION_ARG_NONE, &o->measured,
-         "With --render: the measured frame nearest to camera and light, the same drawn, and four "
-         "times the difference",
-         NULL},
-        {"live", 0, 0, G_OPTION_ARG_NONE, &o->live,
-         "Eigen-maps of the views that are there, while the session is still being captured", NULL},
-        {"series", 0, 0, G_OPTION_ARG_STRING, &o->series_text,
-         "With --live: a picture each as soon as so much of the views is there", "PERCENT,…"},
-        {"wait-s", 0, 0, G_OPTION_ARG_DOUBLE, &o->wait_s,
-         "With --series: give up when no view comes for so long, default 600", "SECONDS"},
-        {"light-turn", 0, 0, G_OPTION_ARG_NONE, &o->light_turn,
-         "The light goes once around during the frames", NULL},
-        {"camera-turn", 0, 0, G_OPTION_ARG_NONE, &o->camera_turn,
-         "The camera goes once around during the frames", NULL},
-        {"close-after", 0, 0, G_OPTION_ARG_INT, &o->close_after,
-         "Close the window after this many frames", "N"},
-        {"screenshot", 0, 0, G_OPTION_ARG_FILENAME, &o->screenshot,
-         "Write the window's last picture when it closes", "OUT.png"},
-        {"with-panel", 0, 0, G_OPTION_ARG_NONE, &o->with_panel,
-         "Screenshots show the window as it is, with its panel", NULL},
-        {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "Say what was done as JSON", NULL},
-        {"version", 0, 0, G_OPTION_ARG_NONE, &o->version, "Print the version", NULL},
-        {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &o->rest, NULL, "MATERIAL"},
+        FLAG("shadows", &s->shadows, "With the shadows that the shape casts"),
+        FLAG("floor", &o->floor, "A floor of the material under the shape"),
+        OPTION("layers", INT, &s->visibility.layers, "N",
+               "Of silhouettes behind each other, at most, 1 … 32 (default)"),
+        FLAG("straight", &s->visibility.straight,
+             "Silhouettes as if the shape were flat under each ray, to compare"),
+        OPTION("shadow-map", INT, &s->shadow_size, "PIXELS",
+               "Size of the first lamp's map of shadows, 16 … 16384, default 1024"),
+        OPTION("mdf", FILENAME, &o->mdf, "FILE",
+               "Distances for --silhouettes, if not the mdf.exr beside the material"),
+        OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
+        OPTION("frames", INT, &o->frames, "N", "With --render: this many pictures OUT_0000.png …"),
+        OPTION("sheet", INT, &o->sheet, "COLUMNS",
+               "With --frames: one picture instead, with so many of them side by side"),
+        FLAG("reference", &o->reference,
+             "With --render: from the session's whole BTF, not its eigen-maps; slow"),
+        OPTION("split", STRING, &o->split, "METHOD",
+               "The right half of the picture by another method"),
+        OPTION("difference", STRING, &o->difference, "METHOD",
+               "Four times what another method is brighter or darker by, around grey"),
+        FLAG("measured", &o->measured,
+             "With --render: the measured frame nearest to camera and light, the same drawn, and "
+             "four times the difference"),
+        FLAG("live", &o->live,
+             "Eigen-maps of the views that are there, while the session is still being captured"),
+        OPTION("series", STRING, &o->series_text, "PERCENT,…",
+               "With --live: a picture each as soon as so much of the views is there"),
+        OPTION("wait-s", DOUBLE, &o->wait_s, "SECONDS",
+               "With --series: give up when no view comes for so long, default 600"),
+        FLAG("light-turn", &o->light_turn, "The light goes once around during the frames"),
+        FLAG("camera-turn", &o->camera_turn, "The camera goes once around during the frames"),
+        OPTION("close-after", INT, &o->close_after, "N", "Close the window after this many frames"),
+        OPTION("screenshot", FILENAME, &o->screenshot, "OUT.png",
+               "Write the window's last picture when it closes"),
+        FLAG("with-panel", &o->with_panel, "Screenshots show the window as it is, with its panel"),
+        FLAG("json", &o->json, "Say what was done as JSON"),
+        FLAG("version", &o->version, "Print the version"),
+        OPTION(G_OPTION_REMAINING, FILENAME_ARRAY, &o->rest, "MATERIAL", NULL),
         {NULL}};
     return g_memdup2(all, sizeof all);
 }
 
 void viewer_options_clear(struct viewer_options *o) {
-    g_free(o->method_name);
-    g_free(o->mdf);
-    g_free(o->mdf_path);
-    g_free(o->normal_map);
-    g_free(o->render);
-    g_free(o->shape);
-    g_free(o->size);
-    g_free(o->tiles);
-    g_free(o->up);
-    g_free(o->environment);
-    g_free(o->series_text);
-    g_free(o->split);
-    g_free(o->difference);
-    g_free(o->screenshot);
+    char *const texts[] = {o->method_name, o->mdf,   o->mdf_path,   o->normal_map, o->render,
+                           o->shape,       o->size,  o->tiles,      o->up,         o->environment,
+                           o->series_text, o->split, o->difference, o->screenshot};
+    for (gsize k = 0; k < G_N_ELEMENTS(texts); k++)
+        g_free(texts[k]);
     g_strfreev(o->rest);
 }
 
-static gboolean bad_method(const struct viewer_options *o, GError **error) {
-    g_autoptr(GString) names = g_string_new(NULL);
-    for (gsize k = 0; methods[k] != NULL; k++)
-        g_string_append_printf(names, "%s%s",
-                               k == 0                   ? ""
-                               : methods[k + 1] != NULL ? ", "
-                                                        : " or ",
-                               methods[k]->name);
-    return bad(error, "--method", o->method_name, names->str);
-}
-
-static gboolean viewer_options_parse_size(struct viewer_options *o, GError **error) {
-    char end;
-    o->width = 800;
-    o->height = 600;
-    if (o->size != NULL &&
-        (sscanf(o->size, "%5dx%5d%c", &o->width, &o->height, &end) != 2 || o->width < 1 ||
-         o->height < 1 || o->width > MAX_SIZE || o->height > MAX_SIZE))
-        return bad(error, "--size", o->size, "WIDTHxHEIGHT, each 1 … 16384");
-    return TRUE;
-}
-
-static gboolean parse_tiles(struct viewer_options *o, GError **error) {
-    char *end;
-    struct viewer_settings *s = &o->settings;
-    if (o->tiles == NULL)
-        return TRUE;
-    s->tiles_u = s->tiles_v = g_ascii_strtod(o->tiles, &end);
-    if (*end == 'x' && end > o->tiles)
-        s->tiles_v = g_ascii_strtod(end + 1, &end);
-    if (*end != '\0' || !(s->tiles_u > 0.0 && s->tiles_u <= 1000.0) ||
-        !(s->tiles_v > 0.0 && s->tiles_v <= 1000.0))
-        return bad(error, "--tiles", o->tiles, "N or UxV, each above 0, up to 1000,");
-    return TRUE;
+char *viewer_options_path(const struct viewer_options *o, const struct method *method) {
+    const char *own = method->takes_normals && o->normal_map != NULL ? o->normal_map : method->name;
+    return method_path(method, o->argument != NULL && method->product != NULL ? o->argument : own);
 }
 
 static int n_pictures(const struct viewer_options *o) {
@@ -243,140 +186,118 @@ gboolean viewer_options_light(const struct viewer_options *o) {
     return length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".exr") == 0;
 }
 
-static gboolean viewer_options_check_light(const struct viewer_options *o, GError **error) {
-    if (!viewer_options_light(o) ||
-        (o->second == NULL && !o->reference && !o->measured && !o->live && o->sheet == 0))
+static gboolean parse_sizes(struct viewer_options *o, GError **error) {
+    char last, *end;
+    struct viewer_settings *s = &o->settings;
+    o->width = 800;
+    o->height = 600;
+    if (o->size != NULL &&
+        (sscanf(o->size, "%5dx%5d%c", &o->width, &o->height, &last) != 2 || o->width < 1 ||
+         o->height < 1 || o->width > MAX_SIZE || o->height > MAX_SIZE))
+        return bad(error, "--size", o->size, "WIDTHxHEIGHT, each 1 … 16384");
+    if ((gint64)o->width * MAX(o->sheet, 1) > MAX_SIZE ||
+        (gint64)o->height * viewer_options_sheet_rows(o) > MAX_SIZE)
+        return refuse_options(error,
+                              "--sheet %d with %d frames of %d × %d: the whole may be %d each way",
+                              o->sheet, n_pictures(o), o->width, o->height, MAX_SIZE);
+    if (o->tiles == NULL)
         return TRUE;
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                "--render %s: light is written of one method alone, not with --split, "
-                "--difference, --reference, --measured, --live or --sheet; take a .png",
-                o->render);
-    return FALSE;
+    s->tiles_u = s->tiles_v = g_ascii_strtod(o->tiles, &end);
+    if (*end == 'x' && end > o->tiles)
+        s->tiles_v = g_ascii_strtod(end + 1, &end);
+    if (*end != '\0' || !(s->tiles_u > 0.0 && s->tiles_u <= 1000.0) ||
+        !(s->tiles_v > 0.0 && s->tiles_v <= 1000.0))
+        return bad(error, "--tiles", o->tiles, "N or UxV, each above 0, up to 1000,");
+    return TRUE;
 }
 
-static gboolean check_series(struct viewer_options *o, GError **error) {
-    o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
-    if (!(o->wait_s > 0.0 && o->wait_s <= 1e6)) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--wait-s is %g, but must be above 0, up to 1000000", o->wait_s);
-        return FALSE;
+/* Sets the methods of --method, --split and --difference. */
+static gboolean parse_methods(struct viewer_options *o, GError **error) {
+    const char *second = o->split != NULL ? o->split : o->difference;
+    o->argument = o->rest != NULL ? o->rest[0] : NULL;
+    o->method = o->argument != NULL ? methods[0] : method_find(METHOD_DEMO);
+    if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL) {
+        g_autoptr(GString) names = g_string_new(methods[0]->name);
+        for (gsize k = 1; methods[k] != NULL; k++)
+            g_string_append_printf(names, "%s%s", methods[k + 1] != NULL ? ", " : " or ",
+                                   methods[k]->name);
+        return bad(error, "--method", o->method_name, names->str);
     }
-    if (o->series_text == NULL)
-        return TRUE;
-    o->n_series = series_parse(o->series_text, o->series);
-    if (o->n_series == 0)
-        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
-    if (o->live && o->render != NULL && o->frames == 0)
-        return TRUE;
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                "--series goes with --live and --render OUT.png, not with --frames");
-    return FALSE;
-}
-
-static gboolean check_sheet(const struct viewer_options *o, GError **error) {
-    if ((gint64)o->width * MAX(o->sheet, 1) <= MAX_SIZE &&
-        (gint64)o->height * viewer_options_sheet_rows(o) <= MAX_SIZE)
-        return TRUE;
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                "--sheet %d with %d frames of %d × %d: the whole may be %d each way", o->sheet,
-                n_pictures(o), o->width, o->height, MAX_SIZE);
-    return FALSE;
-}
-
-/* Of --split and --difference. */
-static gboolean check_second(struct viewer_options *o, GError **error) {
-    const char *name = o->split != NULL ? o->split : o->difference;
     o->compose = (struct compose){.at = 0.5, .gain = 4.0};
-    if (name == NULL)
+    if (second == NULL)
         return TRUE;
     o->compose.mode = o->split != NULL ? COMPOSE_SPLIT : COMPOSE_DIFFERENCE;
-    o->second = method_find(name);
-    if (o->second != NULL && (o->split == NULL || o->difference == NULL) && !o->reference)
-        return TRUE;
-    if (o->second == NULL)
-        return bad(error, o->split != NULL ? "--split" : "--difference", name,
-                   "a method as --method has it");
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                "one of --split, --difference and --reference can be had at a time");
-    return FALSE;
+    o->second = method_find(second);
+    return o->second != NULL || bad(error, o->split != NULL ? "--split" : "--difference", second,
+                                    "a method as --method has it");
 }
 
-static gboolean check_sources(const struct viewer_options *o, GError **error) {
-    const gboolean session =
-        o->rest != NULL && (o->series_text != NULL || g_file_test(o->rest[0], G_FILE_TEST_IS_DIR));
-    if (o->measured &&
-        (!session || o->render == NULL || o->frames > 0 || o->second != NULL || o->reference))
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--measured goes with --render OUT.png of one picture, and a session");
-    else if (o->live && (!session || o->method != methods[0] || o->second != NULL))
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--live goes with a session and --method %s", methods[0]->name);
-    else
-        return TRUE;
-    return FALSE;
-}
-
-static gboolean check_plain(const struct viewer_options *o, GError **error) {
-    if (!o->settings.plain || o->method == methods[0])
-        return TRUE;
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "--plain goes with --method %s",
-                methods[0]->name);
-    return FALSE;
-}
-
-static gboolean check_normal_map(const struct viewer_options *o, GError **error) {
-    if (o->normal_map == NULL || o->method->takes_normals ||
-        (o->second != NULL && o->second->takes_normals))
-        return TRUE;
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                "--normal-map goes with --method metal-ward or metal-ashikhmin");
-    return FALSE;
+/* Options that exclude or need each other. */
+static gboolean check_together(const struct viewer_options *o, GError **error) {
+    const struct viewer_settings *s = &o->settings;
+    const gboolean first = o->method == methods[0];
+    const gboolean session = o->argument != NULL && (o->series_text != NULL ||
+                                                     g_file_test(o->argument, G_FILE_TEST_IS_DIR));
+    const struct {
+        gboolean wrong;
+        const char *text;
+    } rules[] = {
+        {s->plain && !first, "--plain goes with --method eigenmaps"},
+        {o->frames < 0 || o->frames > 10000 || o->close_after < 0,
+         "--frames takes 1 … 10000, --close-after 1 or more"},
+        {(o->split != NULL) + (o->difference != NULL) + o->reference > 1,
+         "one of --split, --difference and --reference can be had at a time"},
+        {o->normal_map != NULL && !o->method->takes_normals &&
+             (o->second == NULL || !o->second->takes_normals),
+         "--normal-map goes with --method metal-ward or metal-ashikhmin"},
+        {o->measured &&
+             (!session || o->render == NULL || o->frames > 0 || o->second != NULL || o->reference),
+         "--measured goes with --render OUT.png of one picture, and a session"},
+        {o->live && (!session || !first || o->second != NULL),
+         "--live goes with a session and --method eigenmaps"},
+        {o->reference && (o->environment != NULL || s->n_lamps > 0),
+         "--reference knows one lamp, not --lamp or --environment"},
+        {s->backdrop && o->environment == NULL, "--backdrop goes with --environment FILE.exr"},
+        {o->reference && (o->render == NULL || s->plain || o->argument == NULL),
+         "--reference goes with --render OUT.png and a session, not with --plain"},
+        {o->n_series > 0 && (!o->live || o->render == NULL || o->frames != 0),
+         "--series goes with --live and --render OUT.png, not with --frames"},
+        {o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o)),
+         "--sheet goes with --frames N, or --series of N, and takes 1 … N columns"},
+        {o->render == NULL && o->frames > 0, "--frames goes with --render OUT.png"},
+    };
+    for (gsize k = 0; k < G_N_ELEMENTS(rules); k++)
+        if (rules[k].wrong)
+            return refuse_options(error, "%s", rules[k].text);
+    if (viewer_options_light(o) &&
+        (o->second != NULL || o->reference || o->measured || o->live || o->sheet != 0))
+        return refuse_options(
+            error,
+            "--render %s: light is written of one method alone, not with --split, "
+            "--difference, --reference, --measured, --live or --sheet; take a .png",
+            o->render);
+    return TRUE;
 }
 
 gboolean viewer_options_check(struct viewer_options *o, GError **error) {
-    const gboolean given = o->rest != NULL && o->rest[0] != NULL;
-    o->method = given ? methods[0] : method_find(METHOD_DEMO);
-    if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL)
-        return bad_method(o, error);
-    if (given ? o->rest[1] != NULL : o->method->product != NULL) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
-                    "one MATERIAL is expected: a session directory or what “%s” made of one",
-                    o->method->made_by != NULL ? o->method->made_by : "mesorig process");
+    if (!parse_methods(o, error))
         return FALSE;
-    }
-    if (!check_plain(o, error))
-        return FALSE;
+    if (o->argument != NULL ? o->rest[1] != NULL : o->method->product != NULL)
+        return refuse_options(
+            error, "one MATERIAL is expected: a session directory or what “%s” made of one",
+            o->method->made_by != NULL ? o->method->made_by : "mesorig process");
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");
-    if (o->frames < 0 || o->frames > 10000 || o->close_after < 0) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--frames takes 1 … 10000, --close-after 1 or more");
-        return FALSE;
-    }
     o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
-    if (!check_second(o, error) || !check_normal_map(o, error) || !check_sources(o, error) ||
-        !check_environment(o, error) || !viewer_options_check_light(o, error))
-        return FALSE;
-    if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--reference goes with --render OUT.png and a session, not with --plain");
-        return FALSE;
-    }
-    if (!check_series(o, error))
-        return FALSE;
-    if (o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o))) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--sheet goes with --frames N, or --series of N, and takes 1 … N columns");
-        return FALSE;
-    }
-    if (o->render == NULL && o->frames > 0) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--frames goes with --render OUT.png");
-        return FALSE;
-    }
     o->settings.style.nearest = o->nearest;
     int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
     o->settings.samples = o->supersample != 0 ? o->supersample : samples;
-    return viewer_options_parse_size(o, error) && check_sheet(o, error) && parse_tiles(o, error) &&
+    o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
+    if (!(o->wait_s > 0.0 && o->wait_s <= 1e6))
+        return refuse_options(error, "--wait-s is %g, but must be above 0, up to 1000000",
+                              o->wait_s);
+    if (o->series_text != NULL && (o->n_series = series_parse(o->series_text, o->series)) == 0)
+        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
+    return check_together(o, error) && parse_sizes(o, error) &&
            viewer_settings_check(&o->settings, error);
 }

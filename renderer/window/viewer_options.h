@@ -8,7 +8,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path, *normal_map;
+    char *mdf, *mdf_path; /* as given, and what is read; the file need not be there */
+    char *normal_map;     /* for methods that take one; NULL: their own */
     char *render, *shape, *size, *tiles, *up, *screenshot;
     char *environment;
     char *split, *difference; /* names of a second method */
@@ -24,6 +25,8 @@ struct viewer_options {
     gboolean floor, reference, light_turn, camera_turn, nearest, json, version;
     struct viewer_settings settings;
     char **rest;
+    const char
+        *argument; /* MATERIAL: a session's directory or a file; NULL: the method needs none */
     int width, height;
 };
 
@@ -35,6 +38,9 @@ gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
+
+/* Path of what a method opens. */
+char *viewer_options_path(const struct viewer_options *options, const struct method *method);
 
 /* Whether --render writes linear light (.exr) and not a toned picture (.png). */
 gboolean viewer_options_light(const struct viewer_options *options);

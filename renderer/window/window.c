@@ -9,15 +9,6 @@
 #include <GLFW/glfw3.h>
 #include <math.h>
 
-static void set_title(struct window *w) {
-    g_autofree char *name = g_path_get_basename(w->material);
-    g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
-    g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
-                                             name, shape, w->settings.light_theta_deg,
-                                             w->settings.light_phi_deg, w->settings.exposure_ev);
-    glfwSetWindowTitle(w->glfw, title);
-}
-
 /* The picture and the panel over it, into the window's back buffer. */
 static void paint(struct window *w) {
     const int width = w->scene.width, height = w->scene.height;
@@ -31,37 +22,33 @@ static void paint(struct window *w) {
     ui_end(w->ui);
 }
 
-static guint8 *read_window(struct window *w, int width, int height, GError **error) {
-    const struct gpu_target window = {.width = width, .height = height};
-    paint(w);
-    return gpu_target_read(&window, error);
-}
-
 gboolean window_save(struct window *w, const char *path, GError **error) {
-    int width, height;
-    glfwGetFramebufferSize(w->glfw, &width, &height);
+    const gboolean capturing = w->live != NULL && w->planned != NULL;
+    struct gpu_target window = {0};
+    glfwGetFramebufferSize(w->glfw, &window.width, &window.height);
     struct viewer_settings settings = w->settings;
-    if (!w->options->with_panel)
+    g_autofree guint8 *rgb = NULL;
+    if (w->options->with_panel) {
+        paint(w);
+        rgb = gpu_target_read(&window, error);
+    } else {
         settings.samples = MAX(settings.samples, 3);
-    g_autofree guint8 *rgb = w->options->with_panel
-                                 ? read_window(w, width, height, error)
-                                 : compose_render(w->compose, w->viewer, w->second, &w->how,
-                                                  &settings, width, height, error);
+        rgb = compose_render(w->compose, w->viewer, w->second, &w->how, &settings, window.width,
+                             window.height, error);
+    }
     const struct snapshot snapshot = {
         .material = w->material,
         .shape = w->shape,
         .first = w->method,
-        .n_views = w->live != NULL && w->planned != NULL ? series_count(w->planned) : 0,
-        .n_planned = w->live != NULL && w->planned != NULL ? (int)w->planned->len : 0,
+        .n_views = capturing ? series_count(w->planned) : 0,
+        .n_planned = capturing ? (int)w->planned->len : 0,
         .second = w->how.mode != COMPOSE_ONE ? w->second_method : NULL,
         .how = &w->how,
         .settings = &settings,
-        .environment = w->options->environment_path,
-        .mdf = w->options->mdf,
-        .normal_map = w->options->normal_map,
-        .floor = w->options->floor,
+        .options = w->options,
     };
-    return rgb != NULL && snapshot_write(path, &snapshot, rgb, width, height, error);
+    return rgb != NULL &&
+           snapshot_write(path, &snapshot, rgb, NULL, window.width, window.height, error);
 }
 
 static void on_glfw_error(int code, const char *text) {
@@ -69,7 +56,7 @@ static void on_glfw_error(int code, const char *text) {
 }
 
 /* GLFW, like EGL's display, stays initialised as long as the process lives. */
-static GLFWwindow *open_window(const struct window_options *options, GError **error) {
+static GLFWwindow *open_window(const struct viewer_options *options, GError **error) {
     const char *text = NULL;
     if (!gpu_find_library(TRUE, error))
         return NULL;
@@ -150,11 +137,16 @@ static gboolean window_draw_frame(struct window *w, struct window_result *ret, G
         return FALSE;
     paint(w);
     glfwSwapBuffers(w->glfw);
-    set_title(w);
+    g_autofree char *name = g_path_get_basename(w->material);
+    g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
+    g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
+                                             name, shape, w->settings.light_theta_deg,
+                                             w->settings.light_phi_deg, w->settings.exposure_ev);
+    glfwSetWindowTitle(w->glfw, title);
     return gpu_check("the window", error);
 }
 
-static gboolean loop(struct window *w, struct window_result *ret, GError **error) {
+static gboolean window_loop(struct window *w, struct window_result *ret, GError **error) {
     int close_after = w->options->close_after;
     while (!glfwWindowShouldClose(w->glfw) && (close_after == 0 || ret->n_frames < close_after)) {
         if (close_after > 0 || w->stale)
@@ -164,31 +156,12 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
         window_follow(w);
         if (!window_take_opened(w, error))
             return FALSE;
-        if (close_after > 0 && !w->first_open) { /* the demonstration is not what is counted */
+        if (close_after > 0 && !w->first_open) /* the demonstration is not what is counted */
             glfwWaitEventsTimeout(0.05);
-            continue;
-        }
-        if (!window_draw_frame(w, ret, error))
+        else if (!window_draw_frame(w, ret, error))
             return FALSE;
     }
     return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
-}
-
-/* Shows a demonstration at once, because reading the material may take seconds. */
-static gboolean draw_demo(struct window *w, struct window_result *ret, GError **error) {
-    const gboolean panel = w->panel;
-    w->method = method_find(METHOD_DEMO);
-    w->material = g_strdup(METHOD_DEMO);
-    if (!viewer_open(w->viewer, w->method, NULL, error))
-        return FALSE;
-    w->panel = FALSE;
-    const gboolean good = window_draw_frame(w, ret, error);
-    w->panel = panel;
-    w->stale = TRUE;
-    ret->first_seconds = (double)(g_get_monotonic_time() - w->options->started_us) / G_USEC_PER_SEC;
-    ret->n_frames = 0;
-    ret->seconds = 0.0;
-    return good;
 }
 
 static gboolean window_do_run(struct window *w, struct window_result *ret, GError **error) {
@@ -204,31 +177,40 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
     }
     w->outlines = w->settings.silhouettes;
     w->settings.silhouettes = FALSE;
-    if (!draw_demo(w, ret, error) || (w->opener = opener_new(w->glfw, error)) == NULL)
+    /* A demonstration at once, without the panel: reading the material may take seconds. */
+    w->method = method_find(METHOD_DEMO);
+    w->material = g_strdup(METHOD_DEMO);
+    w->panel = FALSE;
+    if (!viewer_open(w->viewer, w->method, NULL, error) || !window_draw_frame(w, ret, error))
+        return FALSE;
+    ret->first_seconds = (double)(g_get_monotonic_time() - w->options->started_us) / G_USEC_PER_SEC;
+    ret->n_frames = 0;
+    ret->seconds = 0.0;
+    w->panel = w->stale = TRUE;
+    if ((w->opener = opener_new(w->glfw, error)) == NULL)
         return FALSE;
     w->how = w->options->compose;
     w->how.mode = COMPOSE_ONE; /* until there is a second */
     window_open_first(w);
-    const gboolean good = loop(w, ret, error);
+    const gboolean good = window_loop(w, ret, error);
     ret->memory = viewer_memory(w->viewer);
     return good;
 }
 
-gboolean window_run(const struct window_options *options, struct window_result *ret,
-                    GError **error) {
+gboolean window_run(const struct viewer_options *options, const struct environment *environment,
+                    struct window_result *ret, GError **error) {
     struct window w = {.options = options,
+                       .environment = environment,
                        .settings = options->settings,
                        .how = {.mode = COMPOSE_ONE},
-                       .panel = TRUE,
                        .stale = TRUE};
-    gboolean good = FALSE;
     *ret = (struct window_result){0};
     w.glfw = open_window(options, error);
     if (w.glfw == NULL)
         return FALSE;
     window_listen(&w);
     w.ui = ui_new(w.glfw);
-    good = window_do_run(&w, ret, error);
+    const gboolean good = window_do_run(&w, ret, error);
     window_clear_sources(&w);
     compose_free(w.compose);
     gpu_target_clear(&w.scene);

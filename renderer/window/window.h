@@ -8,26 +8,8 @@
  */
 #pragma once
 
-#include "scene/compose.h"
-
-struct window_options {
-    const struct method *method, *second; /* second: NULL, or to compare with */
-    struct compose compose;
-    const char *argument;   /* a session's directory or a file; NULL: the method needs none */
-    const char *normal_map; /* a file, for methods that take one; NULL: their own */
-    const char *mdf;        /* path of the material's distances; need not be there */
-    const struct environment *environment; /* or NULL */
-    const char *environment_path;
-    const char *shape; /* of scene.h */
-    enum scene_up up;
-    gboolean floor; /* under the shape */
-    int width, height;
-    int close_after;        /* frames; 0: when the user closes it */
-    const char *screenshot; /* written before it closes; NULL: none */
-    gboolean with_panel;    /* that is the window as it is, with its panel */
-    gint64 started_us;      /* the program, of g_get_monotonic_time() */
-    struct viewer_settings settings;
-};
+#include "scene/environment.h"
+#include "viewer_options.h"
 
 struct window_result {
     int n_frames;
@@ -37,5 +19,6 @@ struct window_result {
     struct viewer_memory memory;
 };
 
-gboolean window_run(const struct window_options *options, struct window_result *ret,
-                    GError **error);
+/* environment: or NULL. */
+gboolean window_run(const struct viewer_options *options, const struct environment *environment,
+                    struct window_result *ret, GError **error);

@@ -33,33 +33,16 @@ void window_screenshot(struct window *w) {
         g_print("%s\n", path);
 }
 
-static void reset(struct window *w) {
-    const double tiles[2] = {w->settings.tiles_u, w->settings.tiles_v};
-    const gboolean silhouettes = w->settings.silhouettes;
-    w->settings = w->options->settings;
-    w->settings.tiles_u = tiles[0];
-    w->settings.tiles_v = tiles[1];
-    w->settings.silhouettes = silhouettes; /* whose file may not be there */
-}
-
-static gboolean set_shape(struct window *w, int key) {
-    if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + SCENE_SHAPES)
-        window_set_shape(w, scene_shape_names[key - GLFW_KEY_1], NULL);
-    else if (key == GLFW_KEY_0)
-        window_set_shape(w, w->options->shape, &w->options->settings);
-    else
-        return FALSE;
-    return TRUE;
-}
-
 static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods) {
     struct window *w = glfwGetWindowUserPointer(glfw);
     if (action == GLFW_RELEASE || ui_wants_keyboard())
         return;
     w->stale = TRUE;
-    if (set_shape(w, key))
-        return;
-    if (key == GLFW_KEY_P && w->method == methods[0])
+    if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + SCENE_SHAPES)
+        window_set_shape(w, scene_shape_names[key - GLFW_KEY_1], NULL);
+    else if (key == GLFW_KEY_0)
+        window_set_shape(w, w->options->shape, &w->options->settings);
+    else if (key == GLFW_KEY_P && w->method == methods[0])
         w->settings.plain = !w->settings.plain;
     else if (key == GLFW_KEY_O)
         window_toggle_silhouettes(w);
@@ -69,8 +52,6 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         window_toggle_backdrop(w);
     else if (key == GLFW_KEY_M && (w->show_measured = !w->show_measured))
         window_compare_measured(w);
-    else if (key == GLFW_KEY_R)
-        reset(w);
     else if (key == GLFW_KEY_S)
         window_screenshot(w);
     else if (key == GLFW_KEY_TAB)
@@ -79,6 +60,13 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         w->help = !w->help;
     else if (key == GLFW_KEY_ESCAPE || key == GLFW_KEY_Q)
         glfwSetWindowShouldClose(glfw, GLFW_TRUE);
+    else if (key == GLFW_KEY_R) {
+        const struct viewer_settings before = w->settings;
+        w->settings = w->options->settings;
+        w->settings.tiles_u = before.tiles_u;
+        w->settings.tiles_v = before.tiles_v;
+        w->settings.silhouettes = before.silhouettes; /* whose file may not be there */
+    }
 }
 
 /* By character, for + and [ are elsewhere on each keyboard. */

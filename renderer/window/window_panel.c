@@ -5,19 +5,14 @@
 
 #define WIDTH 300.0F
 
-static int window_panel_index_of(const struct method *method) {
-    for (int k = 0; methods[k] != NULL; k++)
-        if (methods[k] == method)
-            return k;
-    return 0;
-}
-
 static gboolean choose_method(const char *label, const struct method *now,
                               const struct method **ret) {
     const char *titles[64];
-    int n = 0, chosen = window_panel_index_of(now);
-    for (; methods[n] != NULL && n < (int)G_N_ELEMENTS(titles); n++)
+    int n = 0, chosen = 0;
+    for (; methods[n] != NULL && n < (int)G_N_ELEMENTS(titles); n++) {
         titles[n] = methods[n]->title;
+        chosen = methods[n] == now ? n : chosen;
+    }
     const gboolean changed = ui_choice(label, titles, n, &chosen);
     *ret = methods[chosen];
     return changed && methods[chosen] != now;
@@ -51,7 +46,7 @@ static void draw_methods(struct window *w) {
     }
 }
 
-static void choose_shape(struct window *w) {
+static void draw_shape(struct window *w) {
     const char *names[SCENE_SHAPES + 1];
     memcpy(names, scene_shape_names, sizeof scene_shape_names);
     names[SCENE_SHAPES] = w->options->shape;
@@ -64,10 +59,6 @@ static void choose_shape(struct window *w) {
         chosen++;
     if (ui_choice("shape", names, n, &chosen))
         window_set_shape(w, names[chosen], chosen == own ? &w->options->settings : NULL);
-}
-
-static void draw_shape(struct window *w) {
-    choose_shape(w);
     double tiles = log2(w->settings.tiles_u);
     if (ui_slider("tiles, log2", &tiles, -3.0, 8.0, "%.2f"))
         window_scale_tiles(w, exp2(tiles) / w->settings.tiles_u);
@@ -86,7 +77,7 @@ static void draw_light(struct window *w) {
         w->stale = TRUE;
     }
     gboolean backdrop = s->backdrop;
-    if (w->options->environment != NULL && ui_check("environment behind it", &backdrop))
+    if (w->environment != NULL && ui_check("environment behind it", &backdrop))
         window_toggle_backdrop(w);
     w->stale |= ui_slider("ambient", &s->ambient, 0.0, 1.0, "%.2f");
     w->stale |= ui_slider("exposure", &s->exposure_ev, -6.0, 6.0, "%+.2f EV");
@@ -136,14 +127,6 @@ static void draw_measured(struct window *w) {
     ui_picture(w->measured_texture, width, width * (float)m->height / (float)m->width);
 }
 
-static void draw_help(void) {
-    ui_panel_begin("Keys", 330.0F, 10.0F, 430.0F);
-    g_auto(GStrv) lines = g_strsplit(window_help, "\n", -1);
-    for (gsize k = 0; lines[k] != NULL; k++)
-        ui_text(lines[k]);
-    ui_panel_end();
-}
-
 void window_panel(struct window *w) {
     g_autofree char *name = w->options->argument != NULL ? g_path_get_basename(w->options->argument)
                                                          : g_strdup("no material");
@@ -153,8 +136,13 @@ void window_panel(struct window *w) {
     g_autofree char *memory =
         g_strdup_printf("%.1f MB on the card, its MDF %.1f MB", (double)bytes.material * 1e-6,
                         (double)bytes.mdf * 1e-6);
-    if (w->help)
-        draw_help();
+    if (w->help) {
+        ui_panel_begin("Keys", 330.0F, 10.0F, 430.0F);
+        g_auto(GStrv) lines = g_strsplit(window_help, "\n", -1);
+        for (gsize k = 0; lines[k] != NULL; k++)
+            ui_text(lines[k]);
+        ui_panel_end();
+    }
     if (!w->panel)
         return;
     ui_panel_begin("Mesorig", 10.0F, 10.0F, WIDTH);

@@ -15,7 +15,8 @@ struct GLFWwindow;
 
 struct window {
     struct GLFWwindow *glfw;
-    const struct window_options *options;
+    const struct viewer_options *options;
+    const struct environment *environment; /* or NULL */
     Ui *ui;
     Compose *compose;
     struct gpu_target scene; /* the picture without the panel */

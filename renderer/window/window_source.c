@@ -20,19 +20,13 @@ static gint64 time_of(const char *path) {
                : -1;
 }
 
-static const char *argument_of(const struct window *w, const struct method *method) {
-    const struct window_options *o = w->options;
-    const char *own = method->takes_normals && o->normal_map != NULL ? o->normal_map : method->name;
-    return o->argument != NULL && method->product != NULL ? o->argument : own;
-}
-
 static void ask_mdf(struct window *w) {
-    w->mdf_time = time_of(w->options->mdf);
-    opener_ask(w->opener, OPENER_MDF, NULL, w->options->mdf);
+    w->mdf_time = time_of(w->options->mdf_path);
+    opener_ask(w->opener, OPENER_MDF, NULL, w->options->mdf_path);
 }
 
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
-    g_autofree char *path = method_path(method, argument_of(w, method));
+    g_autofree char *path = viewer_options_path(w->options, method);
     if (place == OPENER_FIRST)
         w->asked_time = time_of(path);
     opener_ask(w->opener, place, method, path);
@@ -61,13 +55,8 @@ void window_set_method(struct window *w, const struct method *method) {
 }
 
 static gboolean take_first(struct window *w, struct opened *o, GError **error) {
-    if (g_strcmp0(o->path, w->material) == 0)
-        w->file_time = w->asked_time; /* good or not: it is not tried again until it changes */
-    if (o->error != NULL || !viewer_set_method(w->viewer, o->method, o->material, error)) {
-        if (o->error != NULL)
-            g_propagate_error(error, g_steal_pointer(&o->error));
+    if (!viewer_set_method(w->viewer, o->method, o->material, error))
         return FALSE;
-    }
     o->material = NULL;
     w->method = o->method;
     w->file_time = w->asked_time;
@@ -76,7 +65,8 @@ static gboolean take_first(struct window *w, struct opened *o, GError **error) {
     return TRUE;
 }
 
-static void mark_views(struct window *w) {
+/* Hatches pictures where views are missing. */
+static void show_planned(struct window *w) {
     Viewer *const both[2] = {w->viewer, w->second};
     for (int k = 0; k < 2; k++)
         if (both[k] != NULL && w->planned != NULL)
@@ -86,29 +76,20 @@ static void mark_views(struct window *w) {
 }
 
 gboolean window_set_environment(const struct window *w, Viewer *viewer, GError **error) {
-    return w->options->environment == NULL ||
-           viewer_set_environment(viewer, w->options->environment, error);
-}
-
-static gboolean make_second(struct window *w, GError **error) {
-    if (w->second != NULL)
-        return TRUE;
-    g_autoptr(Viewer) viewer = viewer_new(NULL, error);
-    if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
-        !window_set_environment(w, viewer, error) ||
-        (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
-        return FALSE;
-    w->second = g_steal_pointer(&viewer);
-    mark_views(w);
-    return TRUE;
+    return w->environment == NULL || viewer_set_environment(viewer, w->environment, error);
 }
 
 static gboolean take_second(struct window *w, struct opened *o, GError **error) {
-    if (o->error != NULL) {
-        g_propagate_error(error, g_steal_pointer(&o->error));
-        return FALSE;
+    if (w->second == NULL) {
+        g_autoptr(Viewer) viewer = viewer_new(NULL, error);
+        if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
+            !window_set_environment(w, viewer, error) ||
+            (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
+            return FALSE;
+        w->second = g_steal_pointer(&viewer);
+        show_planned(w);
     }
-    if (!make_second(w, error) || !viewer_set_method(w->second, o->method, o->material, error))
+    if (!viewer_set_method(w->second, o->method, o->material, error))
         return FALSE;
     o->material = NULL;
     w->second_method = o->method;
@@ -119,11 +100,6 @@ static gboolean take_second(struct window *w, struct opened *o, GError **error) 
 }
 
 static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
-    if (o->error != NULL) {
-        w->outlines = FALSE;
-        g_propagate_error(error, g_steal_pointer(&o->error));
-        return FALSE;
-    }
     if (!viewer_set_mdf(w->viewer, o->mdf, error) ||
         (w->second != NULL && !viewer_set_mdf(w->second, o->mdf, error)))
         return FALSE;
@@ -136,10 +112,15 @@ static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
 
 gboolean window_take_opened(struct window *w, GError **error) {
     for (struct opened *o; (o = opener_poll(w->opener)) != NULL; opened_free(o)) {
-        g_autoptr(GError) why = NULL;
-        const gboolean good = o->place == OPENER_FIRST    ? take_first(w, o, &why)
-                              : o->place == OPENER_SECOND ? take_second(w, o, &why)
-                                                          : take_mdf(w, o, &why);
+        static gboolean (*const takers[OPENER_PLACES])(struct window * w, struct opened * o,
+                                                       GError * *error) = {take_first, take_second,
+                                                                           take_mdf};
+        g_autoptr(GError) why = g_steal_pointer(&o->error);
+        if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
+            w->file_time = w->asked_time; /* good or not: it is not tried again until it changes */
+        if (o->place == OPENER_MDF && why != NULL)
+            w->outlines = FALSE;
+        const gboolean good = why == NULL && takers[o->place](w, o, &why);
         w->stale = TRUE;
         if (!good && !w->first_open) {
             g_propagate_error(error, g_steal_pointer(&why));
@@ -161,20 +142,16 @@ void window_set_second(struct window *w, const struct method *method, enum compo
     w->stale = TRUE;
 }
 
-static gboolean put_mesh(struct window *w, struct mesh *mesh, GError **error) {
-    return viewer_set_mesh(w->viewer, mesh, error) &&
-           (w->second == NULL || viewer_set_mesh(w->second, mesh, error));
-}
-
 void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles) {
     g_autoptr(GError) error = NULL;
-    struct scene_options scene = {.up = w->options->up, .floor = w->options->floor};
+    struct scene_options scene = {.up = w->options->upward, .floor = w->options->floor};
     if (tiles != NULL) {
         scene.tiles_u = tiles->tiles_u;
         scene.tiles_v = tiles->tiles_v;
     }
     struct mesh *mesh = scene_make(shape, &scene, &error);
-    if (mesh == NULL || !put_mesh(w, mesh, &error)) {
+    if (mesh == NULL || !viewer_set_mesh(w->viewer, mesh, &error) ||
+        (w->second != NULL && !viewer_set_mesh(w->second, mesh, &error))) {
         window_say(w, error->message);
         mesh_free(mesh);
         return;
@@ -196,7 +173,7 @@ void window_scale_tiles(struct window *w, double factor) {
 }
 
 void window_toggle_backdrop(struct window *w) {
-    if (w->options->environment == NULL)
+    if (w->environment == NULL)
         window_say(w, "there is no environment to be seen: start with --environment FILE.exr");
     else
         w->settings.backdrop = !w->settings.backdrop;
@@ -213,13 +190,6 @@ void window_toggle_silhouettes(struct window *w) {
     w->stale = TRUE;
 }
 
-static guint texture_of(const struct measured *m) {
-    guint texture = gpu_texture(GL_RGBA8, m->width, m->height, 0);
-    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, m->width, m->height, GL_RGB, GL_UNSIGNED_BYTE, m->rgb);
-    return texture;
-}
-
 void window_compare_measured(struct window *w) {
     g_autoptr(GError) error = NULL;
     g_autofree char *btf =
@@ -231,23 +201,15 @@ void window_compare_measured(struct window *w) {
         measured_clear(&w->measured);
         glDeleteTextures(1, &w->measured_texture);
         w->measured = found;
-        w->measured_texture = texture_of(&found);
+        w->measured_texture = gpu_texture(GL_RGBA8, found.width, found.height, 0);
+        glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+        glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, found.width, found.height, GL_RGB, GL_UNSIGNED_BYTE,
+                        found.rgb);
         return;
     }
     w->show_measured = FALSE;
     window_say(w, error != NULL ? error->message
                                 : "only a session has measured frames to compare with");
-}
-
-/* Processing replaces the file as a whole, so what is there can be read at once. */
-static void follow_material(struct window *w) {
-    if (opener_is_busy(w->opener))
-        return; /* what is being opened may be another file than what is shown */
-    if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time)
-        ask_mdf(w);
-    const gint64 changed = time_of(w->material);
-    if (changed != w->file_time && changed >= 0)
-        window_set_method(w, w->method);
 }
 
 /* Until there are eigen-maps of the whole. */
@@ -270,7 +232,23 @@ static void follow_live(struct window *w) {
         g_clear_pointer(&w->live, live_free);
 }
 
-static void look_at_views(struct window *w) {
+void window_follow(struct window *w) {
+    const gint64 now = g_get_monotonic_time();
+    if (now - w->looked_us < G_USEC_PER_SEC)
+        return;
+    w->looked_us = now;
+    if (!opener_is_busy(w->opener)) { /* else it may be another file than what is shown */
+        if (w->mdf_time > 0 && time_of(w->options->mdf_path) != w->mdf_time)
+            ask_mdf(w);
+        /* Processing replaces the file as a whole, so what is there can be read at once. */
+        const gint64 changed = time_of(w->material);
+        if (changed != w->file_time && changed >= 0)
+            window_set_method(w, w->method);
+    }
+    if (w->live != NULL)
+        follow_live(w);
+    if (w->session == NULL || (w->planned != NULL && w->live == NULL))
+        return;
     g_autoptr(GError) error = NULL;
     GArray *views = live_views(w->session, &error);
     if (views == NULL) {
@@ -281,25 +259,13 @@ static void look_at_views(struct window *w) {
     g_clear_pointer(&w->planned, g_array_unref);
     w->planned = views;
     if (news)
-        mark_views(w);
-}
-
-void window_follow(struct window *w) {
-    const gint64 now = g_get_monotonic_time();
-    if (now - w->looked_us < G_USEC_PER_SEC)
-        return;
-    w->looked_us = now;
-    follow_material(w);
-    if (w->live != NULL)
-        follow_live(w);
-    if (w->session != NULL && (w->planned == NULL || w->live != NULL))
-        look_at_views(w);
+        show_planned(w);
 }
 
 /* A session without the product that is asked for is one that is still being captured. */
 void window_open_first(struct window *w) {
-    const struct window_options *o = w->options;
-    g_autofree char *path = method_path(o->method, argument_of(w, o->method));
+    const struct viewer_options *o = w->options;
+    g_autofree char *path = viewer_options_path(o, o->method);
     if (o->argument != NULL && g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
         g_autofree char *database = g_build_filename(o->argument, "session.db", NULL);
         w->session = g_file_test(database, G_FILE_TEST_EXISTS) ? g_strdup(o->argument) : NULL;

@@ -64,10 +64,6 @@ static void on_torus(const struct displaced_shape *s, const float mm[3], int i, 
     ret[2] = r * sin(b);
 }
 
-static double floor_scale(const struct displaced_shape *s) {
-    return 2 * G_PI * sqrt(s->radius / s->tiles_u * s->tube_radius / s->tiles_v) / s->tile_mm;
-}
-
 static RTCGeometry new_triangles(Displaced *d, guint n_vertices, guint n_triangles,
                                  float **ret_vertices, guint32 **ret_triangles) {
     RTCGeometry geometry = rtcNewGeometry(d->device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -115,7 +111,9 @@ static void add_torus(Displaced *d, const struct tile *tile) {
 static void add_floor(Displaced *d, const struct tile *tile) {
     float *vertices;
     guint32 *triangles;
-    double scale = floor_scale(&d->shape), width = scale * d->shape.tile_mm;
+    const struct displaced_shape *s = &d->shape;
+    double area = s->radius / s->tiles_u * s->tube_radius / s->tiles_v;
+    double scale = 2 * G_PI * sqrt(area) / s->tile_mm, width = scale * s->tile_mm;
     d->tile = rtcNewScene(d->device);
     RTCGeometry geometry =
         new_triangles(d, tile->n_vertices, d->n_triangles, &vertices, &triangles);
@@ -167,20 +165,6 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Towards the eye, to the right and up. */
-static void axes(const struct displaced_camera *c, double back[3], double right[3], double up[3]) {
-    double e = c->elevation_deg * RAD, a = c->azimuth_deg * RAD;
-    back[0] = cos(e) * cos(a);
-    back[1] = cos(e) * sin(a);
-    back[2] = sin(e);
-    right[0] = -sin(a);
-    right[1] = cos(a);
-    right[2] = 0;
-    up[0] = -sin(e) * cos(a);
-    up[1] = -sin(e) * sin(a);
-    up[2] = cos(e);
-}
-
 static void set_ray(struct RTCRay *ray, const double from[3], const double d[3], double near) {
     *ray = (struct RTCRay){.org_x = from[0],
                            .org_y = from[1],
@@ -221,9 +205,11 @@ static void shade(Displaced *d, const struct RTCRayHit *hit, const double light[
 
 void displaced_trace(Displaced *d, const struct displaced_camera *c, const double light[3],
                      struct displaced_pixel *ret) {
-    double back[3], right[3], up[3], eye[3];
-    double half = tan(c->fov_deg * RAD / 2) / MIN(c->width, c->height);
-    axes(c, back, right, up);
+    double half = tan(c->fov_deg * RAD / 2) / MIN(c->width, c->height), eye[3];
+    double e = c->elevation_deg * RAD, a = c->azimuth_deg * RAD;
+    const double back[3] = {cos(e) * cos(a), cos(e) * sin(a), sin(e)}; /* towards the eye */
+    const double right[3] = {-sin(a), cos(a), 0};
+    const double up[3] = {-sin(e) * cos(a), -sin(e) * sin(a), cos(e)};
     for (int k = 0; k < 3; k++)
         eye[k] = c->distance * back[k] + c->right * right[k] + c->up * up[k];
     for (int j = 0; j < c->height; j++)

@@ -22,19 +22,12 @@ struct displaced_camera silhouettes_camera(const struct viewer_settings *s, int 
     };
 }
 
-static void silhouettes_light(const struct viewer_settings *s, double ret[3]) {
-    double theta = s->light_theta_deg * G_PI / 180, phi = s->light_phi_deg * G_PI / 180;
-    ret[0] = sin(theta) * cos(phi);
-    ret[1] = sin(theta) * sin(phi);
-    ret[2] = cos(theta);
-}
-
 struct displaced_pixel *silhouettes_trace(Displaced *displaced, const struct viewer_settings *s,
                                           int width, int height) {
     struct displaced_pixel *pixels = g_new(struct displaced_pixel, (gsize)width * height);
     struct displaced_camera camera = silhouettes_camera(s, width, height);
-    double light[3];
-    silhouettes_light(s, light);
+    double theta = s->light_theta_deg * G_PI / 180, phi = s->light_phi_deg * G_PI / 180;
+    const double light[3] = {sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
     displaced_trace(displaced, &camera, light, pixels);
     return pixels;
 }

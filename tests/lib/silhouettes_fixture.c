@@ -37,6 +37,13 @@ Viewer *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf) {
     return view;
 }
 
+int silhouettes_differ(const float *a, const float *b, int n, float tolerance) {
+    int differ = 0;
+    for (int k = 0; k < n; k++)
+        differ += fabsf(a[k] - b[k]) > tolerance;
+    return differ;
+}
+
 char *silhouettes_write_truth(World *world, const struct truth_grid *grid) {
     static const char *const channels[] = {"D", NULL};
     g_autoptr(GError) error = NULL;

@@ -7,6 +7,9 @@
 
 Viewer *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf);
 
+/* How many of n values of two pictures differ by more than a tolerance. */
+int silhouettes_differ(const float *a, const float *b, int n, float tolerance);
+
 #define N_THETA 5
 #define N_PHI   12
 #define TEXELS  48

@@ -1,27 +1,21 @@
 #include "view_fixture.h"
 
-struct v3 v3_new(double x, double y, double z) {
-    return (struct v3){x, y, z};
+#include <png.h>
+
+struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t) {
+    return vec3(s * a.x + t * b.x, s * a.y + t * b.y, s * a.z + t * b.z);
 }
 
-static double v3_dot(struct v3 a, struct v3 b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-struct v3 v3_mix(struct v3 a, double s, struct v3 b, double t) {
-    return v3_new(s * a.x + t * b.x, s * a.y + t * b.y, s * a.z + t * b.z);
-}
-
-struct v3 v3_unit(double theta_deg, double phi_deg) {
+struct vec3 view_fixture_unit(double theta_deg, double phi_deg) {
     double theta = theta_deg * DEG, phi = phi_deg * DEG;
-    return v3_new(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
 double texel_code(int i, int j) {
     return (1.0 + i + W * j) / (2.0 + W * H);
 }
 
-void fill_texel(enum kind kind, int term, struct v3 l, int i, int j, float *ret) {
+void fill_texel(enum kind kind, int term, struct vec3 l, int i, int j, float *ret) {
     double code = texel_code(i, j);
     double values[N_KINDS][3] = {
         {0.5 + 0.4 * l.x, 0.5 + 0.4 * l.y, code},
@@ -60,7 +54,7 @@ struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi) 
                             &m->layout.lights.phi_deg);
     m->weights = g_new0(float, m->n_terms * m->layout.views.n);
     for (gsize k = 0; k < m->layout.views.n; k++) {
-        struct v3 v = v3_unit(m->layout.views.theta_deg[k], m->layout.views.phi_deg[k]);
+        struct vec3 v = view_fixture_unit(m->layout.views.theta_deg[k], m->layout.views.phi_deg[k]);
         m->weights[k] = 1.0;
         m->weights[m->layout.views.n + k] = v.x;
         m->weights[2 * m->layout.views.n + k] = v.y;
@@ -70,10 +64,10 @@ struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi) 
     for (int term = 0; term < m->n_terms; term++)
         for (gsize light = 0; light < m->layout.lights.n; light++)
             for (int k = 0; k < W * H; k++, out += 3)
-                fill_texel(
-                    kind, term,
-                    v3_unit(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]),
-                    k % W, k / W, out);
+                fill_texel(kind, term,
+                           view_fixture_unit(m->layout.lights.theta_deg[light],
+                                             m->layout.lights.phi_deg[light]),
+                           k % W, k / W, out);
     return m;
 }
 
@@ -86,45 +80,45 @@ struct viewer_settings view_fixture_settings(void) {
     return s;
 }
 
-struct v3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
-                           int i, int j, struct v3 *ret_eye) {
-    struct v3 back = v3_unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
-    struct v3 right =
-        v3_new(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
-    struct v3 up = v3_new(back.y * right.z - back.z * right.y, back.z * right.x - back.x * right.z,
+struct vec3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
+                             int i, int j, struct vec3 *ret_eye) {
+    struct vec3 back = view_fixture_unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
+    struct vec3 right =
+        vec3(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
+    struct vec3 up = vec3(back.y * right.z - back.z * right.y, back.z * right.x - back.x * right.z,
                           back.x * right.y - back.y * right.x);
     double half = tan(0.5 * s->camera_fov_deg * DEG) / MIN(width, height);
     double x = (2 * i + 1 - width) * half, y = (height - 2 * j - 1) * half;
-    *ret_eye = v3_mix(back, s->camera_distance * radius, back, 0.0);
-    struct v3 d = v3_mix(v3_mix(right, x, up, y), 1.0, back, -1.0);
-    return v3_mix(d, 1.0 / sqrt(v3_dot(d, d)), d, 0.0);
+    *ret_eye = view_fixture_mix(back, s->camera_distance * radius, back, 0.0);
+    struct vec3 d = view_fixture_mix(view_fixture_mix(right, x, up, y), 1.0, back, -1.0);
+    return view_fixture_mix(d, 1.0 / sqrt(vec3_dot(d, d)), d, 0.0);
 }
 
-struct hit view_fixture_hit_torus(struct v3 eye, struct v3 d) {
-    struct hit hit = {.to_eye = v3_mix(d, -1.0, d, 0.0)};
+struct hit view_fixture_hit_torus(struct vec3 eye, struct vec3 d) {
+    struct hit hit = {.to_eye = view_fixture_mix(d, -1.0, d, 0.0)};
     double along = 0.0, distance = 1.0;
-    struct v3 p = eye;
+    struct vec3 p = eye;
     for (int k = 0; k < 500 && along < 20.0 && distance > 1e-7; k++) {
         distance = hypot(hypot(p.x, p.y) - 1.0, p.z) - 0.4;
         along += distance;
-        p = v3_mix(eye, 1.0, d, along);
+        p = view_fixture_mix(eye, 1.0, d, along);
     }
     hit.found = distance <= 1e-6;
     double a = atan2(p.y, p.x), b = atan2(p.z, hypot(p.x, p.y) - 1.0);
     hit.u = a / (2.0 * G_PI);
     hit.v = b / (2.0 * G_PI);
-    hit.t = v3_new(-sin(a), cos(a), 0.0);
-    hit.b = v3_new(-sin(b) * cos(a), -sin(b) * sin(a), cos(b));
-    hit.n = v3_new(cos(b) * cos(a), cos(b) * sin(a), sin(b));
+    hit.t = vec3(-sin(a), cos(a), 0.0);
+    hit.b = vec3(-sin(b) * cos(a), -sin(b) * sin(a), cos(b));
+    hit.n = vec3(cos(b) * cos(a), cos(b) * sin(a), sin(b));
     return hit;
 }
 
 /* Returns FALSE where a small error of the mesh would change the answer. */
 static gboolean view_fixture_expect(const struct check *c, const struct hit *hit, double ret[3]) {
-    struct v3 l = v3_unit(c->settings->light_theta_deg, c->settings->light_phi_deg);
-    struct v3 local_l = v3_new(v3_dot(l, hit->t), v3_dot(l, hit->b), v3_dot(l, hit->n));
-    struct v3 local_v = v3_new(v3_dot(hit->to_eye, hit->t), v3_dot(hit->to_eye, hit->b), 0.0);
-    double cosine = v3_dot(hit->to_eye, hit->n);
+    struct vec3 l = view_fixture_unit(c->settings->light_theta_deg, c->settings->light_phi_deg);
+    struct vec3 local_l = vec3(vec3_dot(l, hit->t), vec3_dot(l, hit->b), vec3_dot(l, hit->n));
+    struct vec3 local_v = vec3(vec3_dot(hit->to_eye, hit->t), vec3_dot(hit->to_eye, hit->b), 0.0);
+    double cosine = vec3_dot(hit->to_eye, hit->n);
     double x = hit->u * c->settings->tiles_u * W, y = -hit->v * c->settings->tiles_v * H;
     double fx = x - floor(x), fy = y - floor(y);
     if (cosine < 0.2 || fx < 0.06 || fx > 0.94 || fy < 0.06 || fy > 0.94)
@@ -148,7 +142,7 @@ void view_fixture_compare(const struct check *c, double tolerance, int at_least)
     double worst = 0.0;
     for (int j = 0; j < c->height; j++)
         for (int i = 0; i < c->width; i++) {
-            struct v3 eye,
+            struct vec3 eye,
                 d = view_fixture_ray(c->settings, c->radius, c->width, c->height, i, j, &eye);
             struct hit hit = c->find(eye, d);
             double expected[3];
@@ -179,6 +173,38 @@ Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct m
     return view;
 }
 
+Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi) {
+    g_autoptr(Mesh) mesh = scene_plane();
+    Viewer *view = view_fixture_view(kind, n_rings, n_phi, mesh);
+    return view;
+}
+
+float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height) {
+    g_autoptr(GError) error = NULL;
+    float *pixels = viewer_render_linear(view, s, width, height, &error);
+    g_assert_no_error(error);
+    return pixels;
+}
+
+guint8 *view_fixture_read_png(const char *path, int *ret_width, int *ret_height) {
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    g_assert_true(png_image_begin_read_from_file(&image, path));
+    image.format = PNG_FORMAT_RGB;
+    guint8 *rgb = g_malloc(PNG_IMAGE_SIZE(image));
+    g_assert_true(png_image_finish_read(&image, NULL, rgb, 0, NULL));
+    *ret_width = (int)image.width;
+    *ret_height = (int)image.height;
+    png_image_free(&image);
+    return rgb;
+}
+
+gboolean view_fixture_have_program(void) {
+    const gboolean there = g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE);
+    if (!there)
+        test_skip_or_fail("mesorig-view is not built");
+    return there;
+}
+
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir) {
     g_autoptr(GError) error = NULL;
     static const char *const channels[] = {"B", "G", "R", NULL};
@@ -190,8 +216,10 @@ void write_view(enum kind kind, const struct eigenmaps *m, int view, const char 
         exr_set_double(part, "view.phi_deg", m->layout.views.phi_deg[view]);
         exr_set_double(part, "light.theta_deg", m->layout.lights.theta_deg[light]);
         exr_set_double(part, "light.phi_deg", m->layout.lights.phi_deg[light]);
-        struct v3 l = v3_unit(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]);
-        struct v3 v = v3_unit(m->layout.views.theta_deg[view], m->layout.views.phi_deg[view]);
+        struct vec3 l =
+            view_fixture_unit(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]);
+        struct vec3 v =
+            view_fixture_unit(m->layout.views.theta_deg[view], m->layout.views.phi_deg[view]);
         for (int k = 0; k < W * H; k++) {
             float rgb[3];
             fill_texel(kind, 0, l, k % W, k / W, rgb);

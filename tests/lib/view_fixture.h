@@ -5,6 +5,7 @@
  */
 #pragma once
 
+#include "base/vec.h"
 #include "exr/exr.h"
 #include "gpu_fixture.h"
 #include "scene/viewer.h"
@@ -18,35 +19,30 @@
 #define W   7 /* texels: odd, not a power of two, not square */
 #define H   5
 
-struct v3 {
-    double x, y, z;
-};
-
-struct v3 v3_new(double x, double y, double z);
-struct v3 v3_mix(struct v3 a, double s, struct v3 b, double t);
-struct v3 v3_unit(double theta_deg, double phi_deg);
+struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t); /* s a + t b */
+struct vec3 view_fixture_unit(double theta_deg, double phi_deg);
 
 /* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y, blue = the texel's number; terms 1 and 2
  * add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 weigh nothing. */
 enum kind { LIGHT, VIEW, TEXEL, GREY, COSINE, WAVE, N_KINDS };
 
 double texel_code(int i, int j);
-void fill_texel(enum kind kind, int term, struct v3 l, int i, int j, float *ret);
+void fill_texel(enum kind kind, int term, struct vec3 l, int i, int j, float *ret);
 struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi);
 struct viewer_settings view_fixture_settings(void);
 
 /* The ray through the middle of a pixel, from this file's own idea of the camera. */
-struct v3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
-                           int i, int j, struct v3 *ret_eye);
+struct vec3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
+                             int i, int j, struct vec3 *ret_eye);
 
 struct hit {
     gboolean found;
     double u, v; /* one tile */
-    struct v3 t, b, n, to_eye;
+    struct vec3 t, b, n, to_eye;
 };
 
 /* By steps of the distance from the surface. */
-struct hit view_fixture_hit_torus(struct v3 eye, struct v3 d);
+struct hit view_fixture_hit_torus(struct vec3 eye, struct vec3 d);
 
 struct check {
     enum kind kind;
@@ -54,7 +50,7 @@ struct check {
     const float *pixels;
     int width, height;
     double radius;
-    struct hit (*find)(struct v3 eye, struct v3 d);
+    struct hit (*find)(struct vec3 eye, struct vec3 d);
 };
 
 /* Compares every pixel that can be told; the texel must be right in (nearly) all, the rest within
@@ -62,7 +58,18 @@ struct check {
 void view_fixture_compare(const struct check *c, double tolerance, int at_least);
 Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh);
 
-/* The BTF whose eigen-maps make_material() gives, one file a view. */
+Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi); /* on scene_plane() */
+
+/* float4[height][width] of viewer_render_linear(), which must succeed. */
+float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height);
+
+/* width × height × 3 bytes. */
+guint8 *view_fixture_read_png(const char *path, int *ret_width, int *ret_height);
+
+#define VIEWER BUILD_DIR "/bin/mesorig-view"
+gboolean view_fixture_have_program(void); /* FALSE: the test is skipped */
+
+/* The BTF whose eigen-maps view_fixture_material() gives, one file a view. */
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir);
 char *view_fixture_write_btf(enum kind kind, int n_rings, int n_phi);
 void remove_folder(const char *path);

@@ -6,14 +6,12 @@
 
 #include <png.h>
 
-#define PROGRAM BUILD_DIR "/bin/mesorig-view"
-
 static gboolean start(struct user *u, const char *const *options) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GSubprocessLauncher) launcher =
         g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
     g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_ptr_array_add(argv, PROGRAM);
+    g_ptr_array_add(argv, VIEWER);
     g_ptr_array_add(argv, u->session);
     for (; options != NULL && *options != NULL; options++)
         g_ptr_array_add(argv, (gpointer)*options);
@@ -29,7 +27,7 @@ static gboolean start(struct user *u, const char *const *options) {
 
 gboolean user_sit_down(struct user *u, const char *session, const char *const *options) {
     *u = (struct user){.x = x_display_new()};
-    if (u->x == NULL || !g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE)) {
+    if (u->x == NULL || !g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE)) {
         x_display_free(u->x);
         if (session != NULL)
             remove_tree(session);
@@ -60,6 +58,11 @@ char *user_stand_up(struct user *u, int code) {
     g_free(u->folder);
     g_free(u->session);
     return err;
+}
+
+char *user_leave(struct user *u) {
+    x_display_key(u->x, "Escape");
+    return user_stand_up(u, 0);
 }
 
 static GHashTable *read_texts(const char *path) {

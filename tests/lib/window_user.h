@@ -19,6 +19,7 @@ gboolean user_sit_down(struct user *u, const char *session, const char *const *o
 
 /* The program ends by itself, soon, and with this code; what it said on the way, g_free(). */
 char *user_stand_up(struct user *u, int code);
+char *user_leave(struct user *u); /* the same by the key Escape, with code 0 */
 
 /* What a screenshot says that is taken by key; that it is there means that all keys and drags
  * before it were dealt with. g_hash_table_unref() */

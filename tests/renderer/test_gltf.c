@@ -62,12 +62,6 @@ static char *json_of(const char *uri, const char *rest) {
                            views->str, accessors->str, rest);
 }
 
-static char *data_uri(void) {
-    g_autoptr(GByteArray) bytes = buffer_bytes();
-    g_autofree char *text = g_base64_encode(bytes->data, bytes->len);
-    return g_strconcat("data:application/octet-stream;base64,", text, NULL);
-}
-
 static struct mesh *read_bytes(const char *name, const void *bytes, gsize size, enum scene_up up,
                                GError **error) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -79,7 +73,10 @@ static struct mesh *read_bytes(const char *name, const void *bytes, gsize size, 
 }
 
 static struct mesh *read_json(const char *rest, enum scene_up up, GError **error) {
-    g_autofree char *uri = data_uri(), *json = json_of(uri, rest);
+    g_autoptr(GByteArray) bytes = buffer_bytes();
+    g_autofree char *base64 = g_base64_encode(bytes->data, bytes->len);
+    g_autofree char *uri = g_strconcat("data:application/octet-stream;base64,", base64, NULL);
+    g_autofree char *json = json_of(uri, rest);
     return read_bytes("a.gltf", json, strlen(json), up, error);
 }
 
@@ -129,23 +126,10 @@ static void test_square(void) {
     };
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
         g_autoptr(GError) error = NULL;
-        struct mesh *mesh = read_json(cases[k].rest, SCENE_Z_UP, &error);
+        g_autoptr(Mesh) mesh = read_json(cases[k].rest, SCENE_Z_UP, &error);
         g_assert_no_error(error);
         check_square(mesh, cases[k].n_vertices);
-        mesh_free(mesh);
     }
-}
-
-static void read_placed(const char *node, enum scene_up up, struct vertex *ret) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *rest =
-        g_strdup_printf("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0, %s}], " MESH(
-                            ATTRIBUTES "}, \"indices\": 4"),
-                        node);
-    struct mesh *mesh = read_json(rest, up, &error);
-    g_assert_no_error(error);
-    *ret = mesh->vertices[0];
-    mesh_free(mesh);
 }
 
 /* A node turns, mirrors and stretches; the file's up becomes z. */
@@ -168,12 +152,18 @@ static void test_places(void) {
         {"\"scale\": [1, 1, 1]", SCENE_Y_UP, {0, -1, 0}, {1, 0, 0, 1}},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
-        struct vertex v;
-        read_placed(cases[k].node, cases[k].up, &v);
+        g_autoptr(GError) error = NULL;
+        g_autofree char *rest =
+            g_strdup_printf("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0, %s}], " MESH(
+                                ATTRIBUTES "}, \"indices\": 4"),
+                            cases[k].node);
+        g_autoptr(Mesh) mesh = read_json(rest, cases[k].up, &error);
+        g_assert_no_error(error);
+        const struct vertex *v = &mesh->vertices[0];
         for (int c = 0; c < 3; c++)
-            g_assert_cmpfloat_with_epsilon(v.normal[c], cases[k].normal[c], 1e-5);
+            g_assert_cmpfloat_with_epsilon(v->normal[c], cases[k].normal[c], 1e-5);
         for (int c = 0; c < 4; c++)
-            g_assert_cmpfloat_with_epsilon(v.tangent[c], cases[k].tangent[c], 1e-5);
+            g_assert_cmpfloat_with_epsilon(v->tangent[c], cases[k].tangent[c], 1e-5);
     }
 }
 
@@ -186,13 +176,12 @@ static void test_tangents(void) {
         g_auto(GStrv) halves = g_strsplit(with, "%s", 2);
         g_autofree char *rest =
             g_strconcat(halves[0], k > 0 ? ", \"scale\": [-1, 1, 1]" : "", halves[1], NULL);
-        struct mesh *mesh = read_json(rest, SCENE_Z_UP, &error);
+        g_autoptr(Mesh) mesh = read_json(rest, SCENE_Z_UP, &error);
         g_assert_no_error(error);
         for (guint i = 0; i < mesh->n_vertices; i++) {
             g_assert_cmpfloat_with_epsilon(mesh->vertices[i].tangent[1], 1.0, 1e-6);
             g_assert_cmpfloat(mesh->vertices[i].tangent[3], ==, k > 0 ? 1.0 : -1.0);
         }
-        mesh_free(mesh);
     }
 }
 
@@ -259,11 +248,10 @@ static void test_damaged(void) {
         g_autofree guint8 *changed = g_memdup2(file->data, file->len);
         for (int k = 0; k < 1 + round % 3; k++)
             changed[g_rand_int_range(rand, 0, (gint32)file->len)] = (guint8)g_rand_int(rand);
-        struct mesh *mesh = read_bytes("a.glb", changed, file->len, SCENE_Y_UP, &error);
+        g_autoptr(Mesh) mesh = read_bytes("a.glb", changed, file->len, SCENE_Y_UP, &error);
         g_assert_true((mesh != NULL) == (error == NULL));
         for (guint k = 0; mesh != NULL && k < mesh->n_indices; k++)
             g_assert_cmpuint(mesh->indices[k], <, mesh->n_vertices);
-        mesh_free(mesh);
     }
 }
 

@@ -8,6 +8,7 @@
 #define H      240
 #define N      3    /* lamps */
 #define BRIGHT 0.5F /* grey() under a lamp of 1 */
+#define N_DIFFERENT(a, b) silhouettes_differ(a, b, 4 * W * H, 1.0F / 255)
 
 /* The first lamp gives red, green and blue alike, further ones one of them: so a picture tells
  * what arrives of each. */
@@ -56,16 +57,13 @@ static double share(const struct viewer_settings *s, int lamp, const float *draw
 static Viewer *set_scene(int u, int v) {
     g_autoptr(GError) error = NULL;
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
-    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
     Viewer *view = silhouettes_view(mesh, NULL);
-    mesh_free(mesh);
     return view;
 }
 
-static void test_truth(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_truth(gconstpointer data) {
     const int u = 3, v = 1;
     const double reference_mm = 1.75;
     g_autoptr(GError) error = NULL;
@@ -100,17 +98,8 @@ static void test_truth(struct fixture *f, gconstpointer data) {
     }
 }
 
-static int n_different(const float *a, const float *b) {
-    int n = 0;
-    for (int k = 0; k < 4 * W * H; k++)
-        n += fabsf(a[k] - b[k]) > 1.0F / 255;
-    return n;
-}
-
 /* A further lamp in the place of the first lights and shadows the same, to the step of a byte. */
-static void test_in_place(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_in_place(gconstpointer data) {
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
     for (int k = 0; k < 3; k++) {
@@ -123,18 +112,16 @@ static void test_in_place(struct fixture *f, gconstpointer data) {
         s.n_lamps = 1;
         s.lamps[0] = (struct viewer_lamp){s.light_theta_deg, s.light_phi_deg, {1, 1, 1}};
         g_autofree float *further = draw(view, &s);
-        g_assert_cmpint(n_different(first, further), ==, 0);
+        g_assert_cmpint(N_DIFFERENT(first, further), ==, 0);
         s.shadows = FALSE;
         g_autofree float *without = draw(view, &s);
-        g_assert_cmpint(n_different(further, without), >, W * H / 100);
+        g_assert_cmpint(N_DIFFERENT(further, without), >, W * H / 100);
         s.shadows = TRUE;
     }
 }
 
 /* As many as there can be, from one place, give what one gives; but for the size of their maps. */
-static void test_most(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_most(gconstpointer data) {
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
     s.lamp = 0.0;
@@ -147,13 +134,11 @@ static void test_most(struct fixture *f, gconstpointer data) {
     for (int k = 0; k < VIEWER_MAX_LAMPS; k++)
         s.lamps[k] = (struct viewer_lamp){40, 120, {1.0F / 64.0F, 1.0F / 64.0F, 1.0F / 64.0F}};
     g_autofree float *most = draw(view, &s);
-    g_assert_cmpint(n_different(one, most), ==, 0);
+    g_assert_cmpint(N_DIFFERENT(one, most), ==, 0);
 }
 
 /* Maps are kept only as long as nothing changes that they depend on. */
-static void test_kept(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_kept(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
@@ -162,10 +147,10 @@ static void test_kept(struct fixture *f, gconstpointer data) {
     g_autofree float *first = draw(view, &s);
     s.lamps[1].phi_deg += 40.0;
     g_autofree float *turned = draw(view, &s);
-    g_assert_cmpint(n_different(first, turned), >, W * H / 100);
+    g_assert_cmpint(N_DIFFERENT(first, turned), >, W * H / 100);
     s.lamps[1].phi_deg -= 40.0;
     g_autofree float *again = draw(view, &s);
-    g_assert_cmpint(n_different(first, again), ==, 0);
+    g_assert_cmpint(N_DIFFERENT(first, again), ==, 0);
     struct scene_options scene = {6, 2, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("cylinder", &scene, &error);
     g_assert_true(viewer_set_mesh(view, mesh, &error));
@@ -176,17 +161,15 @@ static void test_kept(struct fixture *f, gconstpointer data) {
     g_assert_true(viewer_set_mesh(fresh_view, mesh, &error));
     mesh_free(mesh);
     g_autofree float *fresh = draw(fresh_view, &s);
-    g_assert_cmpint(n_different(other, fresh), ==, 0);
+    g_assert_cmpint(N_DIFFERENT(other, fresh), ==, 0);
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-#define ADD(path, function)                                                                        \
-    g_test_add(path, struct fixture, NULL, gpu_fixture_set_up, function, gpu_fixture_tear_down)
-    ADD("/lamp-shadows/truth", test_truth);
-    ADD("/lamp-shadows/in-place", test_in_place);
-    ADD("/lamp-shadows/most", test_most);
-    ADD("/lamp-shadows/kept", test_kept);
+    gpu_fixture_add("/lamp-shadows/truth", test_truth, NULL);
+    gpu_fixture_add("/lamp-shadows/in-place", test_in_place, NULL);
+    gpu_fixture_add("/lamp-shadows/most", test_most, NULL);
+    gpu_fixture_add("/lamp-shadows/kept", test_kept, NULL);
     const int status = g_test_run();
     world_fixture_clean();
     return status;

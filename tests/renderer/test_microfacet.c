@@ -26,13 +26,6 @@ static struct mat3 matrix_of(struct vec3 n, enum method_rotation rotation) {
     return m;
 }
 
-static double determinant(const struct mat3 *a) {
-    const struct vec3 r[3] = {{a->m[0][0], a->m[0][1], a->m[0][2]},
-                              {a->m[1][0], a->m[1][1], a->m[1][2]},
-                              {a->m[2][0], a->m[2][1], a->m[2][2]}};
-    return vec3_dot(r[0], vec3_cross(r[1], r[2]));
-}
-
 static void assert_near(double a, double b) {
     g_assert_cmpfloat_with_epsilon(a, b, 1e-9);
 }
@@ -54,7 +47,10 @@ static void check_normal(struct vec3 n) {
     const struct mat3 approximate = matrix_of(n, METHOD_ROTATION_APPROXIMATE);
     const struct vec3 up = mat3_mul_vec(&exact, n);
     assert_rows(&exact, 1, 1, 1);
-    assert_near(determinant(&exact), 1);
+    const struct vec3 r[3] = {{exact.m[0][0], exact.m[0][1], exact.m[0][2]},
+                              {exact.m[1][0], exact.m[1][1], exact.m[1][2]},
+                              {exact.m[2][0], exact.m[2][1], exact.m[2][2]}};
+    assert_near(vec3_dot(r[0], vec3_cross(r[1], r[2])), 1); /* the determinant */
     assert_near(up.z, 1);
     g_assert_cmpfloat(hypot(up.x, up.y), <, 1e-9);
     /* v' of eq. 4 has no part along x: u' stays above the surface's x axis. */
@@ -126,11 +122,9 @@ static gboolean expected(gconstpointer data, const float *at, const float *v, co
     return TRUE;
 }
 
-static void test_pictures(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_pictures(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    g_autoptr(Mesh) mesh = scene_torus(1, 0.4, 128, 64);
     struct viewer_settings settings;
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
@@ -150,14 +144,12 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         g_test_message("%s, rotation %d", method->name, rotation);
         formula_compare(expected, &scene, view, &settings);
     }
-    mesh_free(mesh);
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/microfacet/rotation", test_rotation);
     g_test_add_func("/microfacet/ward", test_ward);
-    g_test_add("/microfacet/pictures", struct fixture, NULL, gpu_fixture_set_up, test_pictures,
-               gpu_fixture_tear_down);
+    gpu_fixture_add("/microfacet/pictures", test_pictures, NULL);
     return g_test_run();
 }

@@ -35,13 +35,6 @@ static void write_png(int format, const void *pixels) {
     g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
 }
 
-static void write_bytes(void) {
-    guint8 pixels[3 * W * H];
-    for (int k = 0; k < 3 * W * H; k++)
-        pixels[k] = (guint8)lrint(255 * coded(k / 3, k % 3));
-    write_png(PNG_FORMAT_RGB, pixels);
-}
-
 /* With an alpha, which is passed over. */
 static void write_words(void) {
     guint16 pixels[4 * W * H];
@@ -90,7 +83,10 @@ static void check_read(double tolerance) {
 
 static void test_read(void) {
     name_file("map.png");
-    write_bytes();
+    guint8 pixels[3 * W * H];
+    for (int k = 0; k < 3 * W * H; k++)
+        pixels[k] = (guint8)lrint(255 * coded(k / 3, k % 3));
+    write_png(PNG_FORMAT_RGB, pixels);
     check_read(1.1 / 255);
     write_words();
     check_read(2.0 / 65535);
@@ -165,11 +161,9 @@ static gboolean expected(gconstpointer data, const float *at, const float *v, co
     return TRUE;
 }
 
-static void test_pictures(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_pictures(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    g_autoptr(Mesh) mesh = scene_torus(1, 0.4, 128, 64);
     struct viewer_settings settings;
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
@@ -193,7 +187,6 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(error->message, "map.exr"));
     g_clear_error(&error);
     g_assert_true(viewer_open(view, &methods_microfacet[0], methods_microfacet[0].name, &error));
-    mesh_free(mesh);
 }
 
 /* As a command. */
@@ -202,9 +195,7 @@ static int run_viewer(const char *const *arguments, char **ret_said) {
     return process_run(argv, NULL, ret_said);
 }
 
-static void test_command(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_command(gconstpointer data) {
     name_file("map.exr");
     g_autofree char *picture = g_build_filename(folder, "metal.png", NULL);
     const char *const good[] = {
@@ -231,10 +222,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/normal-map/read", test_read);
     g_test_add_func("/normal-map/bad", test_bad);
     g_test_add_func("/normal-map/cut", test_cut);
-    g_test_add("/normal-map/pictures", struct fixture, NULL, gpu_fixture_set_up, test_pictures,
-               gpu_fixture_tear_down);
-    g_test_add("/normal-map/command", struct fixture, NULL, gpu_fixture_set_up, test_command,
-               gpu_fixture_tear_down);
+    gpu_fixture_add("/normal-map/pictures", test_pictures, NULL);
+    gpu_fixture_add("/normal-map/command", test_command, NULL);
     const int status = g_test_run();
     g_rmdir(folder);
     g_free(folder);

@@ -5,7 +5,7 @@
 #include "window/live.h"
 
 static void check_reference(enum kind kind, struct mesh *mesh, const struct viewer_settings *s,
-                            struct hit (*find)(struct v3, struct v3), double tolerance) {
+                            struct hit (*find)(struct vec3, struct vec3), double tolerance) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = view_fixture_write_btf(kind, 8, 16);
     g_autoptr(Reference) reference = reference_open(dir, &error);
@@ -23,28 +23,22 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
     remove_folder(dir);
 }
 
-static void test_reference(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_reference(gconstpointer data) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
-    struct mesh *mesh = scene_torus(1.0, 0.4, 512, 256);
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 512, 256);
     check_reference(TEXEL, mesh, &s, view_fixture_hit_torus, 1e-3);
     check_reference(VIEW, mesh, &s, view_fixture_hit_torus, 0.03);
     check_reference(LIGHT, mesh, &s, view_fixture_hit_torus, 0.03);
-    mesh_free(mesh);
 }
 
 /* Filtered, seen from all around, and lit by the sky too: the two ways agree in every sample. */
-static void test_reference_agrees(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_reference_agrees(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_sphere();
+    g_autoptr(Mesh) mesh = scene_sphere();
     g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
     g_autoptr(Viewer) view = view_fixture_view(COSINE, 3, 8, mesh);
-    mesh_free(mesh);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     struct viewer_settings s = viewer_settings_default;
     double relative = 1.0;
@@ -58,15 +52,12 @@ static void test_reference_agrees(struct fixture *f, gconstpointer data) {
 }
 
 /* In a shadow both have what an even sky gives, and nothing else. */
-static void test_reference_shadows(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_reference_shadows(gconstpointer data) {
     const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
     g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
     g_autoptr(Viewer) view = view_fixture_view(COSINE, 3, 8, mesh);
-    mesh_free(mesh);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
@@ -86,7 +77,7 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
     remove_folder(dir);
 }
 
-static void test_bad_reference(struct fixture *f, gconstpointer data) {
+static void test_bad_reference(void) {
     g_autoptr(GError) none = NULL, odd = NULL, torn = NULL, lost = NULL;
     g_autofree char *dir = view_fixture_write_btf(GREY, 1, 4);
     g_assert_null(reference_open("/nowhere", &none));
@@ -111,17 +102,14 @@ static void test_bad_reference(struct fixture *f, gconstpointer data) {
 }
 
 /* Of exact eigen-maps nothing differs; each panel is the right texel of the right frame. */
-static void test_measured(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_measured(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_plane();
+    g_autoptr(Mesh) mesh = scene_plane();
     g_autofree char *dir = view_fixture_write_btf(VIEW, 3, 8);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     g_autoptr(Viewer) view = view_fixture_view(VIEW, 3, 8, mesh);
     struct viewer_settings s = view_fixture_settings();
     struct measured m;
-    mesh_free(mesh);
     s.camera_elevation_deg = 35; /* the rings are at 28, 57 and 85 degrees from above */
     s.camera_azimuth_deg = 80;
     s.light_theta_deg = 20;
@@ -150,11 +138,9 @@ static void test_measured(struct fixture *f, gconstpointer data) {
     remove_folder(dir);
 }
 
-static void test_compose(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_compose(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 64, 32);
     g_autoptr(Viewer) a = view_fixture_view(LIGHT, 3, 8, mesh),
                       b = view_fixture_view(COSINE, 3, 8, mesh);
     g_autoptr(Compose) compose = compose_new(&error);
@@ -162,7 +148,6 @@ static void test_compose(struct fixture *f, gconstpointer data) {
     const struct compose hows[] = {
         {COMPOSE_ONE, 0.5, 4}, {COMPOSE_SPLIT, 0.25, 4}, {COMPOSE_DIFFERENCE, 0.5, 3}};
     guint8 *pictures[3];
-    mesh_free(mesh);
     g_autofree guint8 *other = viewer_render(b, &s, 80, 60, &error);
     for (int k = 0; k < 3; k++) {
         pictures[k] = compose_render(compose, a, b, &hows[k], &s, 80, 60, &error);
@@ -179,27 +164,8 @@ static void test_compose(struct fixture *f, gconstpointer data) {
         g_free(pictures[k]);
 }
 
-static void move_view(const char *from, const char *to, int view) {
-    g_autofree char *name = g_strdup_printf("view_%04d.exr", view);
-    g_autofree char *old = g_build_filename(from, name, NULL);
-    g_autofree char *new = g_build_filename(to, name, NULL);
-    g_assert_cmpint(g_rename(old, new), ==, 0);
-}
-
-static struct eigenmaps *wait_for(Live *live, int *ret_n_views) {
-    g_autoptr(GError) error = NULL;
-    for (int k = 0; k < 1000; k++) {
-        struct eigenmaps *maps = live_poll(live, ret_n_views, &error);
-        g_assert_no_error(error);
-        if (maps != NULL)
-            return maps;
-        g_usleep(10000);
-    }
-    g_error("no eigen-maps after ten seconds");
-}
-
 /* Views that come one after the other are in what is shown. */
-static void test_live(struct fixture *f, gconstpointer data) {
+static void test_live(void) {
     g_autofree char *made = view_fixture_write_btf(LIGHT, 2, 4);
     g_autofree char *session = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *products = g_build_filename(session, "products", NULL);
@@ -210,11 +176,21 @@ static void test_live(struct fixture *f, gconstpointer data) {
     int n_views = 0;
     g_assert_null(live_eigenmaps(session, &n_views, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE);
+    g_clear_error(&error);
     g_assert_null(live_poll(live, &n_views, NULL));
     for (int n = 0; n < 8; n += 4) {
-        for (int k = n; k < n + 4; k++)
-            move_view(made, btf, k);
-        struct eigenmaps *maps = wait_for(live, &n_views);
+        for (int k = n; k < n + 4; k++) {
+            g_autofree char *from = g_strdup_printf("%s/view_%04d.exr", made, k);
+            g_autofree char *to = g_strdup_printf("%s/view_%04d.exr", btf, k);
+            g_assert_cmpint(g_rename(from, to), ==, 0);
+        }
+        struct eigenmaps *maps = NULL;
+        for (int k = 0; maps == NULL && k < 1000; k++) {
+            maps = live_poll(live, &n_views, &error);
+            g_assert_no_error(error);
+            g_usleep(maps == NULL ? 10000 : 0);
+        }
+        g_assert_nonnull(maps);
         g_assert_cmpint(n_views, ==, n + 4);
         g_assert_cmpint(maps->layout.views.n, ==, n + 4);
         g_assert_cmpint(maps->layout.lights.n, ==, 8);
@@ -224,27 +200,18 @@ static void test_live(struct fixture *f, gconstpointer data) {
     remove_folder(btf);
     remove_folder(made);
     g_assert_true(g_rmdir(products) == 0 && g_rmdir(session) == 0);
-    g_clear_error(&error);
     g_assert_null(live_views(session, &error));
     g_assert_nonnull(error);
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    const struct {
-        const char *name;
-        void (*run)(struct fixture *f, gconstpointer data);
-    } tests[] = {
-        {"/reference/formula", test_reference},
-        {"/reference/agrees", test_reference_agrees},
-        {"/reference/shadows", test_reference_shadows},
-        {"/reference/bad", test_bad_reference},
-        {"/reference/measured", test_measured},
-        {"/reference/compose", test_compose},
-        {"/reference/live", test_live},
-    };
-    for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
-        g_test_add(tests[k].name, struct fixture, NULL, gpu_fixture_set_up, tests[k].run,
-                   gpu_fixture_tear_down);
+    gpu_fixture_add("/reference/formula", test_reference, NULL);
+    gpu_fixture_add("/reference/agrees", test_reference_agrees, NULL);
+    gpu_fixture_add("/reference/shadows", test_reference_shadows, NULL);
+    g_test_add_func("/reference/bad", test_bad_reference);
+    gpu_fixture_add("/reference/measured", test_measured, NULL);
+    gpu_fixture_add("/reference/compose", test_compose, NULL);
+    g_test_add_func("/reference/live", test_live);
     return g_test_run();
 }

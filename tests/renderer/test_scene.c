@@ -67,13 +67,12 @@ static void test_shapes(void) {
     const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
     for (gsize k = 0; k < G_N_ELEMENTS(names); k++) {
         g_autoptr(GError) error = NULL;
-        struct mesh *mesh = scene_shape(names[k], SCENE_Y_UP, &error);
+        g_autoptr(Mesh) mesh = scene_shape(names[k], SCENE_Y_UP, &error);
         g_assert_no_error(error);
         g_assert_cmpstr(mesh->name, ==, names[k]);
         g_assert_cmpfloat(mesh->tiles_u, >=, 1.0);
         check_frames(mesh);
         check_triangles(mesh);
-        mesh_free(mesh);
     }
     g_autoptr(GError) error = NULL;
     g_assert_null(scene_shape("teapot", SCENE_Y_UP, &error));
@@ -81,13 +80,12 @@ static void test_shapes(void) {
 }
 
 static void test_torus(void) {
-    struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 64, 32);
     for (guint k = 0; k < mesh->n_vertices; k++) {
         const float *p = mesh->vertices[k].position;
         double ring = hypot(p[0], p[1]) - 1.0;
         g_assert_cmpfloat_with_epsilon(ring * ring + p[2] * p[2], 0.16, 1e-6);
     }
-    mesh_free(mesh);
 }
 
 static struct mesh *parse(const char *text, enum scene_up up) {
@@ -107,7 +105,7 @@ static const char square[] = "# a square\r\n"
                              "f 1/1/1 2/2/1 3/3/1 4/4/1\n";
 
 static void test_obj_square(void) {
-    struct mesh *mesh = parse(square, SCENE_Z_UP);
+    g_autoptr(Mesh) mesh = parse(square, SCENE_Z_UP);
     g_assert_cmpuint(mesh->n_vertices, ==, 4);
     g_assert_cmpuint(mesh->n_indices, ==, 6);
     check_triangles(mesh);
@@ -116,7 +114,6 @@ static void test_obj_square(void) {
         g_assert_cmpfloat(mesh->vertices[k].tangent[3], ==, 1.0);
         g_assert_cmpfloat_with_epsilon(fabs(mesh->vertices[k].position[0]), sqrt(0.5), 1e-6);
     }
-    mesh_free(mesh);
 }
 
 /* A quarter around the first vertex has its texture's +x along x; the next one, in three slivers,
@@ -131,19 +128,18 @@ static void test_obj_tangent(void) {
         if (k > 0)
             g_string_append(text, "f 1/1/1 -2/-2/1 -1/-1/1\n");
     }
-    struct mesh *mesh = parse(text->str, SCENE_Z_UP);
+    g_autoptr(Mesh) mesh = parse(text->str, SCENE_Z_UP);
     const struct vertex *v = &mesh->vertices[mesh->indices[0]];
     g_assert_cmpuint(mesh->indices[3], ==, mesh->indices[0]);
     g_assert_cmpfloat_with_epsilon(v->tangent[0], sqrt(0.5), 1e-5);
     g_assert_cmpfloat_with_epsilon(v->tangent[1], sqrt(0.5), 1e-5);
-    mesh_free(mesh);
 }
 
 /* The floor touches the shape, and its tiles are as large as the shape's in the mean. */
 static void test_floor(void) {
     const struct scene_options options = {8, 4, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_make("torus", &options, &error);
+    g_autoptr(Mesh) mesh = scene_make("torus", &options, &error);
     g_assert_no_error(error);
     check_triangles(mesh);
     g_assert_cmpuint(mesh->n_floor_vertices, ==, 4);
@@ -155,37 +151,34 @@ static void test_floor(void) {
     /* The torus has 4 π² · 0.4 in 32 tiles. */
     g_assert_cmpfloat_with_epsilon(tile[0] * tile[1], 4.0 * G_PI * G_PI * 0.4 / 32.0, 2e-3);
     g_assert_cmpfloat(mesh->radius, <, 1.5);
-    mesh_free(mesh);
 }
 
 /* y of the file becomes z, and its z comes towards the camera, which is at −y. */
 static void test_obj_y_up(void) {
-    struct mesh *mesh = parse(square, SCENE_Y_UP);
+    g_autoptr(Mesh) mesh = parse(square, SCENE_Y_UP);
     g_assert_cmpfloat_with_epsilon(mesh->vertices[0].normal[1], -1.0, 1e-6);
     g_assert_cmpfloat(mesh->vertices[2].position[2], >, 0.5);
     g_assert_cmpfloat_with_epsilon(mesh->vertices[0].tangent[0], 1.0, 1e-6);
-    mesh_free(mesh);
 }
 
 static void test_obj_negative_and_ngon(void) {
-    struct mesh *mesh = parse("v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 2 0\nv -1 1 0\n"
-                              "vt 0 0\nvt 2 0\nvt 3 1\nvt 1 2\nvt -1 1\n"
-                              "f -5/-5 -4/-4 -3/-3 \\\n-2/-2 -1/-1\n",
-                              SCENE_Z_UP);
+    g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 2 0\nv -1 1 0\n"
+                                 "vt 0 0\nvt 2 0\nvt 3 1\nvt 1 2\nvt -1 1\n"
+                                 "f -5/-5 -4/-4 -3/-3 \\\n-2/-2 -1/-1\n",
+                                 SCENE_Z_UP);
     g_assert_cmpuint(mesh->n_indices, ==, 9);
     g_assert_cmpuint(mesh->n_vertices, ==, 5);
     for (int k = 0; k < 5; k++) {
         g_assert_cmpfloat_with_epsilon(mesh->vertices[k].normal[2], 1.0, 1e-6);
         g_assert_cmpfloat_with_epsilon(mesh->vertices[k].tangent[0], 1.0, 1e-6);
     }
-    mesh_free(mesh);
 }
 
 /* The second triangle's texture is mirrored: the shared edge must have vertices of both senses. */
 static void test_obj_mirrored(void) {
-    struct mesh *mesh = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
-                              "f 1/1 2/2 3/3\nf 1/1 3/3 4/2\n",
-                              SCENE_Z_UP);
+    g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+                                 "f 1/1 2/2 3/3\nf 1/1 3/3 4/2\n",
+                                 SCENE_Z_UP);
     g_assert_cmpuint(mesh->n_vertices, ==, 6);
     int mirrored = 0;
     for (int k = 0; k < 6; k++) {
@@ -197,24 +190,21 @@ static void test_obj_mirrored(void) {
                                        1e-5);
     }
     g_assert_cmpint(mirrored, ==, 3);
-    mesh_free(mesh);
 }
 
 /* The normals, not the winding, say what is outside. */
 static void test_obj_wound_backwards(void) {
-    struct mesh *mesh = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 5\n"
-                              "f 1/1/1 3/3/1 2/2/1\n",
-                              SCENE_Z_UP);
+    g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 5\n"
+                                 "f 1/1/1 3/3/1 2/2/1\n",
+                                 SCENE_Z_UP);
     check_triangles(mesh);
-    mesh_free(mesh);
 }
 
 static void test_obj_degenerate(void) {
-    struct mesh *mesh = parse("v 0 0 0\nv 1 0 0\nv 2 0 0\nvt 0.5 0.5\nvn 0 0 0\n"
-                              "f 1/1/1 2/1/1 3/1/1\n",
-                              SCENE_Z_UP);
+    g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 1 0 0\nv 2 0 0\nvt 0.5 0.5\nvn 0 0 0\n"
+                                 "f 1/1/1 2/1/1 3/1/1\n",
+                                 SCENE_Z_UP);
     g_assert_cmpuint(mesh->n_indices, ==, 3);
-    mesh_free(mesh);
 }
 
 static void test_obj_bad(void) {
@@ -264,11 +254,10 @@ static void test_obj_damaged(void) {
                 letters[g_rand_int_range(random, 0, sizeof letters - 1)];
         text[k % 3 == 0 ? g_rand_int_range(random, 0, length) : (int)length] = '\0';
         g_autoptr(GError) error = NULL;
-        struct mesh *mesh = scene_parse_obj("damaged.obj", text, SCENE_Y_UP, &error);
+        g_autoptr(Mesh) mesh = scene_parse_obj("damaged.obj", text, SCENE_Y_UP, &error);
         g_assert_true((mesh != NULL) == (error == NULL));
         if (mesh != NULL)
             check_frames(mesh);
-        mesh_free(mesh);
     }
 }
 
@@ -279,9 +268,8 @@ static void test_obj_files(void) {
     g_assert_no_error(error);
     g_close(file, NULL);
     g_assert_true(g_file_set_contents(path, square, -1, NULL));
-    struct mesh *mesh = scene_shape(path, SCENE_Z_UP, &error);
+    g_autoptr(Mesh) mesh = scene_shape(path, SCENE_Z_UP, &error);
     g_assert_no_error(error);
-    mesh_free(mesh);
     g_assert_true(g_file_set_contents(path, "v 0\0 0", 6, NULL));
     g_assert_null(scene_shape(path, SCENE_Z_UP, &binary));
     g_assert_error(binary, SCENE_ERROR, SCENE_ERROR_FORMAT);

@@ -1,14 +1,10 @@
 /* Pictures of a session while its views come, and where they say that one is missing. */
 #include "lib/capturing_fixture.h"
 #include "lib/remove_tree.h"
-#include "lib/skip.h"
 #include "window/live.h"
 #include "window/series.h"
 
 #include <gio/gio.h>
-#include <png.h>
-
-#define PROGRAM BUILD_DIR "/bin/mesorig-view"
 
 static void test_parse(void) {
     int percent[SERIES_MAX];
@@ -35,12 +31,8 @@ static int pixels_that_differ(Viewer *view, const struct viewer_settings *s, con
 }
 
 /* A plane seen from far away is seen from one direction: all of it is striped, or nothing. */
-static void test_stripes(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
-    struct mesh *mesh = scene_plane();
-    g_autoptr(Viewer) view = view_fixture_view(GREY, N_RINGS, N_PHI, mesh);
-    mesh_free(mesh);
+static void test_stripes(gconstpointer data) {
+    g_autoptr(Viewer) view = view_fixture_plane(GREY, N_RINGS, N_PHI);
     struct planned_view views[N];
     for (int k = 0; k < N; k++)
         views[k] = (struct planned_view){capturing_theta_deg(k), capturing_phi_deg(k), k % 3 != 0};
@@ -71,36 +63,9 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
     g_assert_cmpint(pixels_that_differ(view, &s, plain), ==, 0);
 }
 
-static void wait_for_file(const char *path) {
-    for (int k = 0; k < 3000 && !g_file_test(path, G_FILE_TEST_EXISTS); k++)
-        g_usleep(10000);
-    g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
-}
-
-/* Bright orange is nowhere else in a grey material. */
-static int count_stripes(const char *path) {
-    png_image image = {.version = PNG_IMAGE_VERSION};
-    int n = 0;
-    g_assert_true(png_image_begin_read_from_file(&image, path));
-    image.format = PNG_FORMAT_RGB;
-    g_autofree guint8 *rgb = g_malloc(PNG_IMAGE_SIZE(image));
-    g_assert_true(png_image_finish_read(&image, NULL, rgb, 0, NULL));
-    for (guint k = 0; k < image.width * image.height; k++)
-        n += rgb[3 * k] > rgb[3 * k + 2] + 40;
-    png_image_free(&image);
-    return n;
-}
-
-static gboolean have_program(struct fixture *f) {
-    if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
-        return TRUE;
-    test_skip_or_fail("no OpenGL, or mesorig-view is not built");
-    return FALSE;
-}
-
 /* The program runs while views come, and each of its pictures has more of them. */
-static void test_series(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_series(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     static const char *const names[] = {"p_025.png", "p_060.png", "p_100.png"};
     static const int there[] = {2, 5, 8};
@@ -111,7 +76,7 @@ static void test_series(struct fixture *f, gconstpointer data) {
     g_autofree char *render = g_build_filename(folder, "p.png", NULL);
     /* Before there is a session. */
     g_autoptr(GSubprocess) program = g_subprocess_new(
-        G_SUBPROCESS_FLAGS_STDOUT_PIPE, &error, PROGRAM, session, "--live", "--series", "25,60,100",
+        G_SUBPROCESS_FLAGS_STDOUT_PIPE, &error, VIEWER, session, "--live", "--series", "25,60,100",
         "--render", render, "--size", "96x72", "--json", "--wait-s", "60", NULL);
     g_assert_no_error(error);
     g_free(capturing_session_new(folder));
@@ -121,7 +86,9 @@ static void test_series(struct fixture *f, gconstpointer data) {
         g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
         for (; view < there[k]; view++)
             capturing_move_view(made, session, view);
-        wait_for_file(path);
+        for (int n = 0; n < 3000 && !g_file_test(path, G_FILE_TEST_EXISTS); n++)
+            g_usleep(10000);
+        g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
     }
     g_subprocess_communicate_utf8(program, NULL, NULL, &out, NULL, &error);
     g_assert_no_error(error);
@@ -130,7 +97,10 @@ static void test_series(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(out, "\"views\": 8"));
     for (int k = 0; k < 3; k++) {
         g_autofree char *path = g_build_filename(folder, names[k], NULL);
-        const int n = count_stripes(path);
+        int n = 0, width, height;
+        g_autofree guint8 *rgb = view_fixture_read_png(path, &width, &height);
+        for (int i = 0; i < width * height; i++)
+            n += rgb[3 * i] > rgb[3 * i + 2] + 40; /* nothing else is orange */
         g_test_message("%s: %d pixels striped", names[k], n);
         g_assert_cmpint(n, <, before);
         before = n;
@@ -144,7 +114,7 @@ static void refuse(const char *session, int code, const char *said, const char *
     g_autoptr(GError) error = NULL;
     g_autofree char *err = NULL;
     g_autoptr(GSubprocess) program = g_subprocess_new(
-        G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, PROGRAM, session, "--live", "--series", series,
+        G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, VIEWER, session, "--live", "--series", series,
         "--render", "/nowhere/p.png", "--size", "32x24", "--wait-s", "0.5", NULL);
     g_assert_no_error(error);
     g_subprocess_communicate_utf8(program, NULL, NULL, NULL, &err, &error);
@@ -155,8 +125,8 @@ static void refuse(const char *session, int code, const char *said, const char *
 }
 
 /* Nothing comes, nothing will come, or nobody captures here. */
-static void test_refused(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_refused(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -182,11 +152,8 @@ static void test_refused(struct fixture *f, gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/series/parse", test_parse);
-    g_test_add("/series/stripes", struct fixture, NULL, gpu_fixture_set_up, test_stripes,
-               gpu_fixture_tear_down);
-    g_test_add("/series/series", struct fixture, NULL, gpu_fixture_set_up, test_series,
-               gpu_fixture_tear_down);
-    g_test_add("/series/refused", struct fixture, NULL, gpu_fixture_set_up, test_refused,
-               gpu_fixture_tear_down);
+    gpu_fixture_add("/series/stripes", test_stripes, NULL);
+    gpu_fixture_add("/series/series", test_series, NULL);
+    gpu_fixture_add("/series/refused", test_refused, NULL);
     return g_test_run();
 }

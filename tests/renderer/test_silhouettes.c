@@ -34,7 +34,7 @@ static struct mdf_table *flat_mdf(int n, double depth_mm) {
 
 static void test_shapes_of_torus(void) {
     const double R = 1.0, r = 0.4;
-    struct mesh *mesh = scene_torus(R, r, 256, 128);
+    g_autoptr(Mesh) mesh = scene_torus(R, r, 256, 128);
     g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
     for (guint k = 0; k < mesh->n_vertices; k++) {
         const struct vertex *v = &mesh->vertices[k];
@@ -45,7 +45,6 @@ static void test_shapes_of_torus(void) {
         g_assert_cmpfloat_with_epsilon(shapes[k].bend[1], 0.0, 0.03);
         g_assert_cmpfloat_with_epsilon(shapes[k].bend[2], 1.0 / r, 0.04);
     }
-    mesh_free(mesh);
 }
 
 /* Triangles without size in space or in the texture leave finite numbers. */
@@ -63,7 +62,7 @@ static void test_shapes_degenerate(void) {
 
 /* A structure everywhere h deep makes a sphere smaller by h; how large it looks is known. */
 static void check_sphere(double h_mm, enum visibility_way way) {
-    struct mesh *mesh = scene_sphere();
+    g_autoptr(Mesh) mesh = scene_sphere();
     struct mdf_table *mdf = flat_mdf(4, h_mm);
     mesh->tiles_u = 12;
     mesh->tiles_v = 6;
@@ -86,12 +85,9 @@ static void check_sphere(double h_mm, enum visibility_way way) {
                    measured, r[0], r[1]);
     g_assert_cmpfloat(fabs(measured - r[1]), <, 0.25 * (r[0] - r[1]) + 0.5);
     mdf_table_free(mdf);
-    mesh_free(mesh);
 }
 
-static void test_sphere(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_sphere(gconstpointer data) {
     check_sphere(4.0, VISIBILITY_PEEL);
     check_sphere(8.0, VISIBILITY_AUTO);
 }
@@ -135,10 +131,8 @@ static struct mdf_table *bumpy_mdf(void) {
     return t;
 }
 
-static void test_ways_agree(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
-    struct mesh *mesh = pile(5);
+static void test_ways_agree(gconstpointer data) {
+    g_autoptr(Mesh) mesh = pile(5);
     struct mdf_table *mdf = bumpy_mdf();
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
     struct viewer_settings s = viewer_settings_default;
@@ -152,23 +146,20 @@ static void test_ways_agree(struct fixture *f, gconstpointer data) {
             g_autofree float *peeled = see(view, &s, W, H);
             s.visibility.way = VISIBILITY_AUTO;
             g_autofree float *listed = see(view, &s, W, H);
-            int differ = 0;
-            for (int k = 0; k < 4 * W * H; k++)
-                differ += fabsf(peeled[k] - listed[k]) > 1e-3f;
-            g_assert_cmpint(differ, <=, 4 * W * H / 20000);
+            g_assert_cmpint(silhouettes_differ(peeled, listed, 4 * W * H, 1e-3f), <=,
+                            4 * W * H / 20000);
             if (straight == 0 && layers > 1)
                 g_assert_cmpint(n_seen(peeled), >, by_layers + 50);
             by_layers = n_seen(peeled);
         }
     mdf_table_free(mdf);
-    mesh_free(mesh);
 }
 
 /* More faces than there was room for at first, and another size of picture. */
-static void test_lists_grow(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !gpu_has_43())
+static void test_lists_grow(gconstpointer data) {
+    if (!gpu_has_43())
         return;
-    struct mesh *mesh = pile(8);
+    g_autoptr(Mesh) mesh = pile(8);
     struct mdf_table *mdf = bumpy_mdf();
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
     struct viewer_settings s = viewer_settings_default;
@@ -181,21 +172,16 @@ static void test_lists_grow(struct fixture *f, gconstpointer data) {
         g_autofree float *listed = see(view, &s, size, size);
         s.visibility.way = VISIBILITY_PEEL;
         g_autofree float *peeled = see(view, &s, size, size);
-        int differ = 0;
-        for (int k = 0; k < 4 * size * size; k++)
-            differ += fabsf(peeled[k] - listed[k]) > 1e-3f;
-        g_assert_cmpint(differ, <=, size * size / 2000);
+        g_assert_cmpint(silhouettes_differ(peeled, listed, 4 * size * size, 1e-3f), <=,
+                        size * size / 2000);
     }
     mdf_table_free(mdf);
-    mesh_free(mesh);
 }
 
 /* Without structure, silhouettes change nothing. */
-static void test_smooth(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_smooth(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_torus(1.0, 0.4, 96, 48);
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
     struct viewer_settings s = viewer_settings_default;
@@ -204,21 +190,15 @@ static void test_smooth(struct fixture *f, gconstpointer data) {
     s.silhouettes = TRUE;
     g_autofree float *with = viewer_render_linear(view, &s, W, H, &error);
     g_assert_no_error(error);
-    int differ = 0;
-    for (int k = 0; k < 4 * W * H; k++)
-        differ += fabsf(with[k] - without[k]) > 2e-3f;
-    g_assert_cmpint(differ, <=, 4 * W * H / 5000);
+    g_assert_cmpint(silhouettes_differ(with, without, 4 * W * H, 2e-3f), <=, 4 * W * H / 5000);
     mdf_table_free(mdf);
-    mesh_free(mesh);
 }
 
 /* A torus above a floor, lit from straight above: its shadow is a ring. */
-static void test_shadow_ring(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_shadow_ring(gconstpointer data) {
     struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
     struct viewer_settings s = viewer_settings_default;
@@ -243,49 +223,38 @@ static void test_shadow_ring(struct fixture *f, gconstpointer data) {
     }
     g_assert_cmpint(n, >, 10000);
     g_assert_cmpint(wrong, <=, n / 500);
-    mesh_free(mesh);
-}
-
-static gboolean same(const float *a, const float *b) {
-    for (int k = 0; k < 4 * W * H; k++)
-        if (a[k] != b[k])
-            return FALSE;
-    return TRUE;
 }
 
 /* The shadow map is kept only as long as nothing changes that it depends on. */
-static void test_shadow_kept(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_shadow_kept(gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = pile(3);
+    g_autoptr(Mesh) mesh = pile(3);
     struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
     g_autoptr(Viewer) view = silhouettes_view(mesh, bumps);
     struct viewer_settings s = viewer_settings_default;
     s.silhouettes = s.shadows = TRUE;
     g_autofree float *first = see(view, &s, W, H);
     g_autofree float *again = see(view, &s, W, H);
-    g_assert_true(same(first, again));
+    g_assert_cmpint(silhouettes_differ(first, again, 4 * W * H, 0), ==, 0);
     s.light_phi_deg += 40.0;
     g_autofree float *lit_otherwise = see(view, &s, W, H);
-    g_assert_false(same(first, lit_otherwise));
+    g_assert_cmpint(silhouettes_differ(first, lit_otherwise, 4 * W * H, 0), >, 0);
     s.light_phi_deg -= 40.0;
     g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = flat}, &error));
     g_autofree float *with_flat = see(view, &s, W, H);
-    g_assert_false(same(first, with_flat));
+    g_assert_cmpint(silhouettes_differ(first, with_flat, 4 * W * H, 0), >, 0);
     g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = bumps}, &error));
     g_autofree float *as_before = see(view, &s, W, H);
-    g_assert_true(same(first, as_before));
+    g_assert_cmpint(silhouettes_differ(first, as_before, 4 * W * H, 0), ==, 0);
     mesh_free(mesh);
     mesh = pile(2);
     g_assert_true(viewer_set_mesh(view, mesh, &error));
     g_autofree float *other_mesh = see(view, &s, W, H);
     s.shadow_size = 64;
     g_autofree float *coarse = see(view, &s, W, H);
-    g_assert_false(same(other_mesh, coarse));
+    g_assert_cmpint(silhouettes_differ(other_mesh, coarse, 4 * W * H, 0), >, 0);
     mdf_table_free(bumps);
     mdf_table_free(flat);
-    mesh_free(mesh);
 }
 
 struct material {
@@ -296,10 +265,9 @@ struct material {
 static void check_tiling(const struct material *m, World *world, const char *mdf, int u, int v) {
     g_autoptr(GError) error = NULL;
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
-    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
-    mesh_free(mesh);
     viewer_open_mdf(view, mdf, &error);
     g_assert_no_error(error);
     struct truth_surface surface;
@@ -329,10 +297,8 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
 }
 
 /* Wang et al. 2005 fig. 10 and 11. */
-static void test_truth(struct fixture *f, gconstpointer data) {
+static void test_truth(gconstpointer data) {
     const struct material *m = data;
-    if (f->gpu == NULL)
-        return;
     g_autoptr(World) world = silhouettes_world(m->kind, m->relief_mm);
     struct truth_grid grid = {TEXELS, TEXELS, 25.0, 25.0, m->reference_mm};
     g_autofree char *mdf = silhouettes_write_truth(world, &grid);
@@ -435,11 +401,9 @@ static void test_grazing(void) {
     mdf_table_free(t);
 }
 
-static void test_missing(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_missing(gconstpointer data) {
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
-    struct mesh *mesh = scene_sphere();
+    g_autoptr(Mesh) mesh = scene_sphere();
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
     struct viewer_settings s = viewer_settings_default;
     s.silhouettes = TRUE;
@@ -449,7 +413,6 @@ static void test_missing(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(file->message, "/nonexistent/mdf.exr"));
     s.visibility.layers = 0;
     g_assert_false(viewer_settings_check(&s, &layers));
-    mesh_free(mesh);
 }
 
 int main(int argc, char **argv) {
@@ -460,17 +423,15 @@ int main(int argc, char **argv) {
     g_test_add_func("/silhouettes/table/bad", test_bad_files);
     g_test_add_func("/silhouettes/table/holes", test_holes);
     g_test_add_func("/silhouettes/table/grazing", test_grazing);
-#define ADD(path, data, function)                                                                  \
-    g_test_add(path, struct fixture, data, gpu_fixture_set_up, function, gpu_fixture_tear_down)
-    ADD("/silhouettes/sphere", NULL, test_sphere);
-    ADD("/silhouettes/smooth", NULL, test_smooth);
-    ADD("/silhouettes/ways", NULL, test_ways_agree);
-    ADD("/silhouettes/lists", NULL, test_lists_grow);
-    ADD("/silhouettes/shadow", NULL, test_shadow_ring);
-    ADD("/silhouettes/shadow-kept", NULL, test_shadow_kept);
-    ADD("/silhouettes/missing", NULL, test_missing);
-    ADD("/silhouettes/truth/weave", &weave, test_truth);
-    ADD("/silhouettes/truth/brick", &brick, test_truth);
+    gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
+    gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
+    gpu_fixture_add("/silhouettes/ways", test_ways_agree, NULL);
+    gpu_fixture_add("/silhouettes/lists", test_lists_grow, NULL);
+    gpu_fixture_add("/silhouettes/shadow", test_shadow_ring, NULL);
+    gpu_fixture_add("/silhouettes/shadow-kept", test_shadow_kept, NULL);
+    gpu_fixture_add("/silhouettes/missing", test_missing, NULL);
+    gpu_fixture_add("/silhouettes/truth/weave", test_truth, &weave);
+    gpu_fixture_add("/silhouettes/truth/brick", test_truth, &brick);
     int status = g_test_run();
     world_fixture_clean();
     return status;

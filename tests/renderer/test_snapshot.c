@@ -12,20 +12,13 @@
 static gboolean use_comma(const char *folder) {
     g_autofree char *source = g_build_filename(folder, "comma", NULL);
     g_autofree char *locale = g_build_filename(folder, "xx_XX", NULL);
-    char *argv[] = {(char *)"localedef",
-                    (char *)"-c",
-                    (char *)"--quiet",
-                    (char *)"-i",
-                    source,
-                    (char *)"-f",
-                    (char *)"ANSI_X3.4-1968",
-                    locale,
-                    NULL};
+    const char *const argv[] = {"localedef",      "-c",   "--quiet", "-i", source, "-f",
+                                "ANSI_X3.4-1968", locale, NULL};
     g_assert_true(g_file_set_contents(source,
                                       "LC_NUMERIC\ndecimal_point \",\"\nthousands_sep \".\"\n"
                                       "grouping 3;3\nEND LC_NUMERIC\n",
                                       -1, NULL));
-    g_spawn_sync(NULL, argv, NULL,
+    g_spawn_sync(NULL, (char **)argv, NULL,
                  G_SPAWN_SEARCH_PATH | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL,
                  NULL, NULL, NULL, NULL, NULL, NULL);
     g_setenv("LOCPATH", folder, TRUE);
@@ -38,9 +31,13 @@ static gboolean use_comma(const char *folder) {
 static void test_comma(void) {
     static const float rgb[3] = {0.5F, 0.5F, 0.5F};
     static const struct method method = {.title = "a method"};
+    static const struct viewer_options options = {NULL};
     struct viewer_settings settings = viewer_settings_default;
-    const struct snapshot snapshot = {
-        .material = "a.exr", .shape = "torus", .first = &method, .settings = &settings};
+    const struct snapshot snapshot = {.material = "a.exr",
+                                      .shape = "torus",
+                                      .first = &method,
+                                      .settings = &settings,
+                                      .options = &options};
     g_autofree char *folder = g_dir_make_tmp("mesorig-snapshot-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
     const char *tiles = NULL;
@@ -51,7 +48,7 @@ static void test_comma(void) {
     }
     settings.tiles_u = 6.25F;
     settings.tiles_v = 2.5F;
-    g_assert_true(snapshot_write_light(path, &snapshot, rgb, 1, 1, NULL));
+    g_assert_true(snapshot_write(path, &snapshot, NULL, rgb, 1, 1, NULL));
     struct exr_part *part = exr_read_part(path, "picture", NULL);
     g_assert_nonnull(part);
     g_assert_true(exr_get_string(part, "picture.tiles", &tiles, NULL));

@@ -4,43 +4,37 @@
 #include "lib/view_fixture.h"
 #include "scene/picture.h"
 
-#include <png.h>
-
-static struct hit hit_plane(struct v3 eye, struct v3 d) {
+static struct hit hit_plane(struct vec3 eye, struct vec3 d) {
     double along = -eye.z / d.z;
-    struct v3 p = v3_mix(eye, 1.0, d, along);
+    struct vec3 p = view_fixture_mix(eye, 1.0, d, along);
     struct hit hit = {along > 0.0 && fabs(p.x) < 0.99 && fabs(p.y) < 0.99,
                       0.5 * (p.x + 1.0),
                       0.5 * (p.y + 1.0),
-                      v3_new(1, 0, 0),
-                      v3_new(0, 1, 0),
-                      v3_new(0, 0, 1),
-                      v3_mix(d, -1.0, d, 0.0)};
+                      vec3(1, 0, 0),
+                      vec3(0, 1, 0),
+                      vec3(0, 0, 1),
+                      view_fixture_mix(d, -1.0, d, 0.0)};
     return hit;
 }
 
 static void check_kind(enum kind kind, struct mesh *mesh, const struct viewer_settings *s,
-                       struct hit (*find)(struct v3, struct v3), double tolerance) {
-    g_autoptr(GError) error = NULL;
+                       struct hit (*find)(struct vec3, struct vec3), double tolerance) {
     g_autoptr(Viewer) view = view_fixture_view(kind, 12, 24, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
-    g_autofree float *pixels = viewer_render_linear(view, s, c.width, c.height, &error);
-    g_assert_no_error(error);
+    g_autofree float *pixels = view_fixture_linear(view, s, c.width, c.height);
     c.pixels = pixels;
     view_fixture_compare(&c, tolerance, 1000);
 }
 
 static void check_mesh(struct mesh *mesh, struct viewer_settings s,
-                       struct hit (*find)(struct v3, struct v3)) {
+                       struct hit (*find)(struct vec3, struct vec3)) {
     check_kind(TEXEL, mesh, &s, find, 1e-3);
     check_kind(VIEW, mesh, &s, find, 0.012);
     check_kind(LIGHT, mesh, &s, find, 0.012);
     mesh_free(mesh);
 }
 
-static void test_plane(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_plane(gconstpointer data) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 1.6;
     s.camera_fov_deg = 60.0;
@@ -53,9 +47,7 @@ static void test_plane(struct fixture *f, gconstpointer data) {
     check_mesh(scene_plane(), s, hit_plane);
 }
 
-static void test_plane_from_above(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_plane_from_above(gconstpointer data) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 3.0;
@@ -63,9 +55,7 @@ static void test_plane_from_above(struct fixture *f, gconstpointer data) {
     check_mesh(scene_plane(), s, hit_plane);
 }
 
-static void test_torus(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_torus(gconstpointer data) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
@@ -90,43 +80,29 @@ static void mean_pixel(const float *pixels, int n, double ret[3]) {
 
 /* A white diffuser is BTF = n·l: it must follow the cosine all the way down, also below the lowest
  * measured light, be dark beyond, and reflect an even sky in full. */
-static void test_diffuser(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
-    g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_plane();
-    g_autoptr(Viewer) view = view_fixture_view(COSINE, 5, 12, mesh);
-    mesh_free(mesh);
+static void test_diffuser(gconstpointer data) {
+    g_autoptr(Viewer) view = view_fixture_plane(COSINE, 5, 12);
     struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     const double thetas[] = {0.0, 10.0, 17.0, 34.0, 60.0, 80.0, 86.0, 89.0, 91.0, 150.0};
     double mean[3];
     for (gsize k = 0; k < G_N_ELEMENTS(thetas); k++) {
         s.light_theta_deg = thetas[k];
-        g_autofree float *pixels = viewer_render_linear(view, &s, 40, 30, &error);
-        g_assert_no_error(error);
+        g_autofree float *pixels = view_fixture_linear(view, &s, 40, 30);
         mean_pixel(pixels, 40 * 30, mean);
         double expected = fmax(cos(thetas[k] * DEG), 0.0);
         /* The pole is the mean of the ring at 17°. */
         g_assert_cmpfloat_with_epsilon(mean[1], expected, thetas[k] < 17.0 ? 0.045 : 0.012);
     }
     s.ambient = 0.5;
-    g_autofree float *pixels = viewer_render_linear(view, &s, 40, 30, &error);
+    g_autofree float *pixels = view_fixture_linear(view, &s, 40, 30);
     mean_pixel(pixels, 40 * 30, mean);
     g_assert_cmpfloat_with_epsilon(mean[1], 0.5, 0.015);
 }
 
-static double srgb(double x) {
-    return 255.0 * (x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055);
-}
-
 /* Bytes: exposure, tone and transfer, without and with supersampling. */
-static void test_bytes(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
-    struct mesh *mesh = scene_plane();
-    g_autoptr(Viewer) view = view_fixture_view(GREY, 5, 12, mesh);
-    mesh_free(mesh);
+static void test_bytes(gconstpointer data) {
+    g_autoptr(Viewer) view = view_fixture_plane(GREY, 5, 12);
     const struct {
         double ev, linear;
     } cases[] = {{0.0, 0.4}, {-2.0, 0.1}, {1.0, 0.8}, {2.0, 1.0 - 0.2 * exp(-4.0)}, {9.0, 1.0}};
@@ -141,8 +117,10 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
             s.samples = samples;
             g_autofree guint8 *rgb = viewer_render(view, &s, 16, 12, &error);
             g_assert_no_error(error);
+            const double x = cases[k].linear;
+            const double srgb = x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055;
             for (int b = 0; b < 16 * 12 * 3; b++)
-                g_assert_cmpfloat_with_epsilon(rgb[b], srgb(cases[k].linear), 1.01);
+                g_assert_cmpfloat_with_epsilon(rgb[b], 255.0 * srgb, 1.01);
             /* Light is neither toned nor rounded. */
             g_autofree float *light = viewer_render_light(view, &s, 16, 12, &error);
             g_assert_no_error(error);
@@ -152,21 +130,15 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
 }
 
 /* Where texels are far smaller than pixels the picture is their mean and does not shimmer. */
-static void test_minified(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
-    struct mesh *mesh = scene_plane();
-    g_autoptr(Viewer) view = view_fixture_view(TEXEL, 5, 12, mesh);
-    mesh_free(mesh);
-    g_autoptr(GError) error = NULL;
+static void test_minified(gconstpointer data) {
+    g_autoptr(Viewer) view = view_fixture_plane(TEXEL, 5, 12);
     struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     s.tiles_u = s.tiles_v = 200.0;
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 20.0;
     s.camera_distance = 1.0;
-    g_autofree float *pixels = viewer_render_linear(view, &s, 40, 30, &error);
-    g_assert_no_error(error);
+    g_autofree float *pixels = view_fixture_linear(view, &s, 40, 30);
     for (int k = 0; k < 40 * 30; k++)
         for (int c = 0; c < 3; c++)
             g_assert_cmpfloat_with_epsilon(pixels[4 * k + c], 0.5, 0.06);
@@ -174,23 +146,18 @@ static void test_minified(struct fixture *f, gconstpointer data) {
 
 /* Between texels a wave is nearer to its true course than straight lines could bring it: those miss
  * its crests by 0.4 (1 − cos(π/7)) = 0.040 and 0.4 (1 − cos(π/5)) = 0.076. */
-static void test_magnified(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
-    g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_plane();
-    g_autoptr(Viewer) view = view_fixture_view(WAVE, 5, 12, mesh);
+static void test_magnified(gconstpointer data) {
+    g_autoptr(Viewer) view = view_fixture_plane(WAVE, 5, 12);
     struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     s.camera_elevation_deg = 90.0;
     s.camera_azimuth_deg = -90.0;
     s.camera_distance = 3.0;
     s.light_theta_deg = 20.0;
-    g_autofree float *pixels = viewer_render_linear(view, &s, 200, 200, &error);
-    g_assert_no_error(error);
+    g_autofree float *pixels = view_fixture_linear(view, &s, 200, 200);
     double worst[2] = {0.0, 0.0};
     for (int k = 0; k < 200 * 200; k++) {
-        struct v3 eye, d = view_fixture_ray(&s, mesh->radius, 200, 200, k % 200, k / 200, &eye);
+        struct vec3 eye, d = view_fixture_ray(&s, M_SQRT2, 200, 200, k % 200, k / 200, &eye);
         struct hit hit = hit_plane(eye, d);
         if (!hit.found)
             continue;
@@ -198,7 +165,6 @@ static void test_magnified(struct fixture *f, gconstpointer data) {
         worst[0] = fmax(worst[0], fabs(pixels[4 * k] - x));
         worst[1] = fmax(worst[1], fabs(pixels[4 * k + 1] - y));
     }
-    mesh_free(mesh);
     g_test_message("worst %.4f, %.4f", worst[0], worst[1]);
     g_assert_cmpfloat(worst[0], <, 0.020);
     g_assert_cmpfloat(worst[1], <, 0.038);
@@ -216,14 +182,12 @@ static gboolean shows(const float *pixels, int size, int at, gboolean column) {
 static void check_fit(const char *shape, double azimuth_deg, double elevation_deg) {
     enum { SIZE = 200 };
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, &error);
+    g_autoptr(Mesh) mesh = scene_shape(shape, SCENE_Z_UP, &error);
     g_autoptr(Viewer) view = view_fixture_view(GREY, 3, 8, mesh);
-    mesh_free(mesh);
     struct viewer_settings s = viewer_settings_default;
     s.camera_azimuth_deg = azimuth_deg;
     s.camera_elevation_deg = elevation_deg;
-    g_autofree float *pixels = viewer_render_linear(view, &s, SIZE, SIZE, &error);
-    g_assert_no_error(error);
+    g_autofree float *pixels = view_fixture_linear(view, &s, SIZE, SIZE);
     int filled = 0;
     for (int column = 0; column < 2; column++) {
         int first = 0, last = SIZE - 1;
@@ -239,9 +203,7 @@ static void check_fit(const char *shape, double azimuth_deg, double elevation_de
     g_assert_cmpint(filled, <=, 185);
 }
 
-static void test_fit(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_fit(gconstpointer data) {
     check_fit("torus", -90.0, 40.0);
     check_fit("torus", 20.0, 5.0);
     check_fit("plane", -90.0, 25.0);
@@ -259,9 +221,7 @@ static void refuse(struct eigenmaps *material, const char *said) {
     eigenmaps_free(material);
 }
 
-static void test_bad_material(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_bad_material(gconstpointer data) {
     struct eigenmaps *m = view_fixture_material(GREY, 3, 4);
     m->maps[(2 * 12 + 5) * W * H * 3 + 8 * 3] = NAN;
     refuse(m, "term 2, light 5, texel (1, 1)");
@@ -285,9 +245,9 @@ static void test_bad_material(struct fixture *f, gconstpointer data) {
     refuse(m, "no texels or directions");
 }
 
-static void test_bad_settings(struct fixture *f, gconstpointer data) {
+static void test_bad_settings(void) {
     struct viewer_settings s = viewer_settings_default;
-    g_autoptr(GError) error = NULL, nan = NULL, size = NULL;
+    g_autoptr(GError) error = NULL, nan = NULL;
     g_assert_true(viewer_settings_check(&s, &error));
     s.camera_fov_deg = 180.0;
     g_assert_false(viewer_settings_check(&s, &error));
@@ -296,28 +256,16 @@ static void test_bad_settings(struct fixture *f, gconstpointer data) {
     s.exposure_ev = NAN;
     g_assert_false(viewer_settings_check(&s, &nan));
     g_assert_nonnull(strstr(nan->message, "exposure"));
-    if (f->gpu == NULL)
-        return;
-    struct mesh *mesh = scene_plane();
-    g_autoptr(Viewer) view = view_fixture_view(GREY, 3, 4, mesh);
-    mesh_free(mesh);
-    s = viewer_settings_default;
-    g_assert_null(viewer_render(view, &s, 1000000, 2, &size));
-    g_assert_error(size, GPU_ERROR, GPU_ERROR_TOO_LARGE);
 }
 
-static void read_png(const char *path, int *ret_width, int *ret_height, guint8 **ret_rgb) {
-    png_image image = {.version = PNG_IMAGE_VERSION};
-    g_assert_true(png_image_begin_read_from_file(&image, path));
-    image.format = PNG_FORMAT_RGB;
-    *ret_width = image.width;
-    *ret_height = image.height;
-    *ret_rgb = g_malloc(PNG_IMAGE_SIZE(image));
-    g_assert_true(png_image_finish_read(&image, NULL, *ret_rgb, 0, NULL));
-    png_image_free(&image);
+static void test_too_large(gconstpointer data) {
+    g_autoptr(Viewer) view = view_fixture_plane(GREY, 3, 4);
+    g_autoptr(GError) error = NULL;
+    g_assert_null(viewer_render(view, &viewer_settings_default, 1000000, 2, &error));
+    g_assert_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE);
 }
 
-static void test_png(struct fixture *f, gconstpointer data) {
+static void test_png(void) {
     g_autoptr(GError) error = NULL, folder = NULL;
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "a.png", NULL);
@@ -328,8 +276,7 @@ static void test_png(struct fixture *f, gconstpointer data) {
     g_assert_true(picture_write_png(path, rgb, 5, 3, texts, &error));
     g_assert_no_error(error);
     int width, height;
-    g_autofree guint8 *read = NULL;
-    read_png(path, &width, &height, &read);
+    g_autofree guint8 *read = view_fixture_read_png(path, &width, &height);
     g_assert_cmpint(width, ==, 5);
     g_assert_cmpint(height, ==, 3);
     g_assert_cmpmem(read, sizeof rgb, rgb, sizeof rgb);
@@ -344,15 +291,6 @@ static void test_png(struct fixture *f, gconstpointer data) {
     g_assert_error(folder, PICTURE_ERROR, PICTURE_ERROR_IO);
 }
 
-#define PROGRAM BUILD_DIR "/bin/mesorig-view"
-
-static gboolean have_program(struct fixture *f) {
-    if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
-        return TRUE;
-    test_skip_or_fail("no OpenGL, or mesorig-view is not built");
-    return FALSE;
-}
-
 static void check_usage(int status, const char *const *arguments, const char *said) {
     g_autofree char *out = NULL, *err = NULL;
     g_assert_cmpint(process_run(arguments, &out, &err), ==, status);
@@ -360,40 +298,40 @@ static void check_usage(int status, const char *const *arguments, const char *sa
     g_assert_nonnull(strstr(err, said));
 }
 
-static void test_program_usage(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_program_usage(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
-    check_usage(2, (const char *[]){PROGRAM, "a", "b", NULL}, "one MATERIAL");
-    check_usage(2, (const char *[]){PROGRAM, "--method", "lpca", NULL}, "mesorig compress");
-    check_usage(2, (const char *[]){PROGRAM, "a", "--method", "lpca", "--plain", NULL}, "--plain");
-    check_usage(2, (const char *[]){PROGRAM, "--rotation", "left", NULL}, "approximate");
-    check_usage(2, (const char *[]){PROGRAM, "a", "--split", "halves", NULL}, "--split halves");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--measured", NULL}, "a session");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--live", NULL}, "eigenmaps");
-    check_usage(2, (const char *[]){PROGRAM, "--bogus", NULL}, "--bogus");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--size", "0x9", NULL}, "--size 0x9");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--tiles", "3x", NULL}, "--tiles 3x");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--exposure", "99", NULL}, "exposure");
-    check_usage(2, (const char *[]){PROGRAM, "a", "--frames", "3", NULL}, "--render");
-    check_usage(2, (const char *[]){PROGRAM, "a", "--reference", NULL}, "--reference");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--sheet", "2", NULL}, "--sheet");
+    check_usage(2, (const char *[]){VIEWER, "a", "b", NULL}, "one MATERIAL");
+    check_usage(2, (const char *[]){VIEWER, "--method", "lpca", NULL}, "mesorig compress");
+    check_usage(2, (const char *[]){VIEWER, "a", "--method", "lpca", "--plain", NULL}, "--plain");
+    check_usage(2, (const char *[]){VIEWER, "--rotation", "left", NULL}, "approximate");
+    check_usage(2, (const char *[]){VIEWER, "a", "--split", "halves", NULL}, "--split halves");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--measured", NULL}, "a session");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--live", NULL}, "eigenmaps");
+    check_usage(2, (const char *[]){VIEWER, "--bogus", NULL}, "--bogus");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--size", "0x9", NULL}, "--size 0x9");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--tiles", "3x", NULL}, "--tiles 3x");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--exposure", "99", NULL}, "exposure");
+    check_usage(2, (const char *[]){VIEWER, "a", "--frames", "3", NULL}, "--render");
+    check_usage(2, (const char *[]){VIEWER, "a", "--reference", NULL}, "--reference");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--sheet", "2", NULL}, "--sheet");
     check_usage(2,
-                (const char *[]){PROGRAM, "a", "-o", "b", "--frames", "99", "--sheet", "99", NULL},
+                (const char *[]){VIEWER, "a", "-o", "b", "--frames", "99", "--sheet", "99", NULL},
                 "16384");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--silhouettes=x", NULL}, "peel");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--layers", "99", NULL}, "layers");
-    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--shadow-map", "1", NULL}, "16384");
-    check_usage(1, (const char *[]){PROGRAM, "/nowhere", "-o", "b.png", NULL}, "/nowhere");
-    check_usage(1, (const char *[]){PROGRAM, "/nowhere", "-o", "b", "--shape", "cow", NULL}, "cow");
-    check_usage(1, (const char *[]){PROGRAM, "/", "-o", "b.png", NULL}, "products/eigenmaps.exr");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--silhouettes=x", NULL}, "peel");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--layers", "99", NULL}, "layers");
+    check_usage(2, (const char *[]){VIEWER, "a", "-o", "b", "--shadow-map", "1", NULL}, "16384");
+    check_usage(1, (const char *[]){VIEWER, "/nowhere", "-o", "b.png", NULL}, "/nowhere");
+    check_usage(1, (const char *[]){VIEWER, "/nowhere", "-o", "b", "--shape", "cow", NULL}, "cow");
+    check_usage(1, (const char *[]){VIEWER, "/", "-o", "b.png", NULL}, "products/eigenmaps.exr");
 }
 
-static void test_program_renders(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_program_renders(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *path = g_build_filename(dir, "turn.png", NULL);
-    const char *arguments[] = {PROGRAM,        dir,       "--render", path,       "--size",
+    const char *arguments[] = {VIEWER,         dir,       "--render", path,       "--size",
                                "48x32",        "--shape", "sphere",   "--frames", "4",
                                "--light-turn", "--json",  NULL};
     g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
@@ -403,7 +341,7 @@ static void test_program_renders(struct fixture *f, gconstpointer data) {
     for (int k = 0; k < 2; k++) {
         g_autofree char *one = g_strdup_printf("%s/turn_%04d.png", dir, 2 * k);
         int width, height;
-        read_png(one, &width, &height, &rgb[k]);
+        rgb[k] = view_fixture_read_png(one, &width, &height);
         g_assert_cmpint(width, ==, 48);
     }
     g_assert_cmpint(memcmp(rgb[0], rgb[1], 48 * 32 * 3), !=, 0);
@@ -414,44 +352,42 @@ static void test_program_renders(struct fixture *f, gconstpointer data) {
 }
 
 /* A session without an MDF has shadows, but no silhouettes. */
-static void test_program_relief(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_program_relief(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *path = g_build_filename(dir, "floor.png", NULL);
-    check_usage(1, (const char *[]){PROGRAM, dir, "-o", path, "--silhouettes", NULL},
+    check_usage(1, (const char *[]){VIEWER, dir, "-o", path, "--silhouettes", NULL},
                 "products/mdf.exr");
-    const char *arguments[] = {PROGRAM,   dir,         "-o",      path,         "--size", "24x16",
+    const char *arguments[] = {VIEWER,    dir,         "-o",      path,         "--size", "24x16",
                                "--floor", "--shadows", "--shape", "torus-knot", NULL};
     g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
     view_fixture_remove_session(dir, (const char *[]){"floor.png", NULL});
 }
 
 /* A sheet holds the frames that would be files of their own, row by row. */
-static void test_program_sheet(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_program_sheet(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL, *out2 = NULL,
                     *err2 = NULL;
     g_autofree char *sheet = g_build_filename(dir, "sheet.png", NULL);
     g_autofree char *turn = g_build_filename(dir, "turn.png", NULL);
-    const char *one[] = {PROGRAM, dir,       "-o", sheet,          "--size", "24x16", "--frames",
-                         "3",     "--sheet", "2",  "--light-turn", "--json", NULL};
-    const char *many[] = {PROGRAM, dir,        "-o", turn,           "--size",
+    const char *one[] = {VIEWER, dir,       "-o", sheet,          "--size", "24x16", "--frames",
+                         "3",    "--sheet", "2",  "--light-turn", "--json", NULL};
+    const char *many[] = {VIEWER,  dir,        "-o", turn,           "--size",
                           "24x16", "--frames", "3",  "--light-turn", NULL};
     g_assert_cmpint(process_run(one, &out, &err), ==, 0);
     g_assert_nonnull(strstr(out, "sheet.png\"]"));
     g_assert_cmpint(process_run(many, &out2, &err2), ==, 0);
     int width, height;
-    g_autofree guint8 *whole = NULL;
-    read_png(sheet, &width, &height, &whole);
+    g_autofree guint8 *whole = view_fixture_read_png(sheet, &width, &height);
     g_assert_cmpint(width, ==, 48);
     g_assert_cmpint(height, ==, 32);
     for (int k = 0; k < 3; k++) {
         g_autofree char *path = g_strdup_printf("%s/turn_%04d.png", dir, k);
         int w, h;
-        g_autofree guint8 *frame = NULL;
-        read_png(path, &w, &h, &frame);
+        g_autofree guint8 *frame = view_fixture_read_png(path, &w, &h);
         for (int j = 0; j < 16; j++)
             g_assert_cmpmem(whole + 3 * ((k / 2 * 16 + j) * 48 + k % 2 * 24), 3 * 24,
                             frame + 3 * 24 * j, 3 * 24);
@@ -461,15 +397,15 @@ static void test_program_sheet(struct fixture *f, gconstpointer data) {
 }
 
 /* The program finds a session's BTF, and says how far the eigen-maps are from it. */
-static void test_program_reference(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_program_reference(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *made = view_fixture_write_btf(LIGHT, 3, 4);
     g_autofree char *btf = g_build_filename(dir, "products", "btf", NULL);
     g_autofree char *path = g_build_filename(dir, "whole.png", NULL);
     g_assert_cmpint(g_rename(made, btf), ==, 0);
-    const char *arguments[] = {PROGRAM, dir,           "-o",     path, "--size",
+    const char *arguments[] = {VIEWER,  dir,           "-o",     path, "--size",
                                "48x32", "--reference", "--json", NULL};
     g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
     g_test_message("%s", out);
@@ -480,9 +416,9 @@ static void test_program_reference(struct fixture *f, gconstpointer data) {
     view_fixture_remove_session(dir, (const char *[]){"whole.png", NULL});
 }
 
-static void test_program_window(struct fixture *f, gconstpointer data) {
+static void test_program_window(gconstpointer data) {
     g_autofree char *xvfb = g_find_program_in_path("xvfb-run");
-    if (!have_program(f))
+    if (!view_fixture_have_program())
         return;
     if (xvfb == NULL) {
         test_skip_or_fail("no xvfb-run");
@@ -490,7 +426,7 @@ static void test_program_window(struct fixture *f, gconstpointer data) {
     }
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *path = g_build_filename(dir, "window.png", NULL);
-    const char *arguments[] = {xvfb,     "-a",           PROGRAM,  dir,
+    const char *arguments[] = {xvfb,     "-a",           VIEWER,   dir,
                                "--size", "160x120",      "--json", "--close-after",
                                "3",      "--screenshot", path,     NULL};
     int status = process_run(arguments, &out, &err);
@@ -498,50 +434,42 @@ static void test_program_window(struct fixture *f, gconstpointer data) {
     g_assert_cmpint(status, ==, 0);
     g_assert_nonnull(strstr(out, "\"frames\": 3"));
     int width, height;
-    g_autofree guint8 *rgb = NULL;
-    read_png(path, &width, &height, &rgb);
+    g_autofree guint8 *rgb = view_fixture_read_png(path, &width, &height);
     g_assert_cmpint(width, ==, 160);
     g_assert_cmpint(rgb[3 * (60 * 160 + 40)], >, 60); /* on the torus, left of its hole */
     view_fixture_remove_session(dir, (const char *[]){"window.png", NULL});
 }
 
-static void test_program_no_display(struct fixture *f, gconstpointer data) {
-    if (!have_program(f))
+static void test_program_no_display(gconstpointer data) {
+    if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session();
     check_usage(
-        1, (const char *[]){"env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", PROGRAM, dir, NULL},
+        1, (const char *[]){"env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", VIEWER, dir, NULL},
         "--render");
     view_fixture_remove_session(dir, (const char *[]){NULL});
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    const struct {
-        const char *name;
-        void (*run)(struct fixture *f, gconstpointer data);
-    } tests[] = {
-        {"/view/plane", test_plane},
-        {"/view/plane-from-above", test_plane_from_above},
-        {"/view/torus", test_torus},
-        {"/view/diffuser", test_diffuser},
-        {"/view/bytes", test_bytes},
-        {"/view/minified", test_minified},
-        {"/view/magnified", test_magnified},
-        {"/view/fit", test_fit},
-        {"/view/bad-material", test_bad_material},
-        {"/view/bad-settings", test_bad_settings},
-        {"/view/png", test_png},
-        {"/view/program/usage", test_program_usage},
-        {"/view/program/renders", test_program_renders},
-        {"/view/program/relief", test_program_relief},
-        {"/view/program/sheet", test_program_sheet},
-        {"/view/program/reference", test_program_reference},
-        {"/view/program/window", test_program_window},
-        {"/view/program/no-display", test_program_no_display},
-    };
-    for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
-        g_test_add(tests[k].name, struct fixture, NULL, gpu_fixture_set_up, tests[k].run,
-                   gpu_fixture_tear_down);
+    gpu_fixture_add("/view/plane", test_plane, NULL);
+    gpu_fixture_add("/view/plane-from-above", test_plane_from_above, NULL);
+    gpu_fixture_add("/view/torus", test_torus, NULL);
+    gpu_fixture_add("/view/diffuser", test_diffuser, NULL);
+    gpu_fixture_add("/view/bytes", test_bytes, NULL);
+    gpu_fixture_add("/view/minified", test_minified, NULL);
+    gpu_fixture_add("/view/magnified", test_magnified, NULL);
+    gpu_fixture_add("/view/fit", test_fit, NULL);
+    gpu_fixture_add("/view/bad-material", test_bad_material, NULL);
+    g_test_add_func("/view/bad-settings", test_bad_settings);
+    gpu_fixture_add("/view/too-large", test_too_large, NULL);
+    g_test_add_func("/view/png", test_png);
+    gpu_fixture_add("/view/program/usage", test_program_usage, NULL);
+    gpu_fixture_add("/view/program/renders", test_program_renders, NULL);
+    gpu_fixture_add("/view/program/relief", test_program_relief, NULL);
+    gpu_fixture_add("/view/program/sheet", test_program_sheet, NULL);
+    gpu_fixture_add("/view/program/reference", test_program_reference, NULL);
+    gpu_fixture_add("/view/program/window", test_program_window, NULL);
+    gpu_fixture_add("/view/program/no-display", test_program_no_display, NULL);
     return g_test_run();
 }

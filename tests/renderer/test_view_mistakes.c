@@ -13,13 +13,11 @@
 
 #include <dlfcn.h>
 #include <link.h>
-#include <png.h>
 #include <sched.h>
 #include <sys/mount.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define VIEWER  BUILD_DIR "/bin/mesorig-view"
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define CUTS    20 /* places at which a file is torn */
 #define NO_HIDE 77 /* exit code: files cannot be hidden here */
@@ -51,15 +49,11 @@ static int run_without(const char *const *hidden, const char *const *environment
     return WEXITSTATUS(status);
 }
 
-static int run_in(const char *const *environment, const char *const *arguments, char **ret_err) {
-    return run_without(NULL, environment, arguments, ret_err);
-}
-
 /* Exit code 1, and a sentence that has these words. */
 static void refuses(const char *const *environment, const char *const *arguments,
                     const char *said) {
     g_autofree char *err = NULL;
-    const int code = run_in(environment, arguments, &err);
+    const int code = run_without(NULL, environment, arguments, &err);
     g_test_message("%s", err);
     g_assert_cmpint(code, ==, 1);
     g_assert_nonnull(strstr(err, "mesorig-view: ")); /* libraries may have said their own before */
@@ -67,10 +61,9 @@ static void refuses(const char *const *environment, const char *const *arguments
 }
 
 static gboolean have_programs(void) {
-    if (g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE) &&
-        g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
-        return TRUE;
-    test_skip_or_fail("mesorig or mesorig-view is not built");
+    if (g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
+        return view_fixture_have_program();
+    test_skip_or_fail("mesorig is not built");
     return FALSE;
 }
 
@@ -82,7 +75,7 @@ static void compress(const char *path, const char *const *options) {
     g_free(process_text(0, argv));
 }
 
-/* What make_material() is the eigen-maps of. */
+/* What view_fixture_material() is the eigen-maps of. */
 static struct btf_matrix *make_btf(void) {
     struct eigenmaps *m = view_fixture_material(LIGHT, 3, 4);
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
@@ -101,10 +94,10 @@ static struct btf_matrix *make_btf(void) {
     btf->values = g_new(float, (gsize)W *H *n *n * 3);
     for (int texel = 0; texel < W * H; texel++)
         for (int k = 0; k < n * n; k++)
-            fill_texel(
-                LIGHT, 0,
-                v3_unit(btf->layout.lights.theta_deg[k % n], btf->layout.lights.phi_deg[k % n]),
-                texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
+            fill_texel(LIGHT, 0,
+                       view_fixture_unit(btf->layout.lights.theta_deg[k % n],
+                                         btf->layout.lights.phi_deg[k % n]),
+                       texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
     eigenmaps_free(m);
     return btf;
 }
@@ -200,13 +193,6 @@ static void tear(const struct method *method, const char *path) {
     g_unlink(torn);
 }
 
-static struct exr_file *read_all(const char *path) {
-    g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(path, &error);
-    g_assert_no_error(error);
-    return file;
-}
-
 static void write_all(const char *path, const struct exr_file *file) {
     g_autoptr(GError) error = NULL;
     exr_write(path, file, EXR_NONE, FALSE, &error);
@@ -268,16 +254,15 @@ static void check_file(const struct method *method, const char *path, int option
     if (!opens(method, path, &error))
         g_error("%s", error->message);
     tear(method, path);
-    struct exr_file *file = read_all(path);
+    struct exr_file *file = exr_read(path, &error);
+    g_assert_no_error(error);
     poison(method, path, file);
     lack(method, path, file, optional);
     exr_file_free(file);
 }
 
 /* Whatever else draws the same file reads it alike. */
-static void test_products(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+static void test_products(gconstpointer data) {
     g_autofree char *session = write_products();
     const char *last = "";
     for (int k = 0; methods[k] != NULL; k++) {
@@ -311,8 +296,8 @@ static char *write_mdf(const char *session, int width, int height) {
     return path;
 }
 
-static void test_distances(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !have_programs())
+static void test_distances(gconstpointer data) {
+    if (!have_programs())
         return;
     g_autofree char *session = view_fixture_write_session();
     g_autofree char *plain = write_mdf(session, 8, 8);
@@ -364,11 +349,9 @@ static void is_too_wide(const char *path, const GError *error) {
 }
 
 /* More than the card takes. */
-static void test_too_wide(struct fixture *f, gconstpointer data) {
+static void test_too_wide(gconstpointer data) {
     static const char *const names[] = {"eigenmaps", "fields",       "lpca",
                                         "lpca-grid", "lpca-revised", NULL};
-    if (f->gpu == NULL)
-        return;
     g_autofree char *session = view_fixture_write_session(), *mdf = write_mdf(session, WIDE, 1);
     for (int k = 0; names[k] != NULL; k++) {
         g_autoptr(GError) error = NULL;
@@ -395,8 +378,8 @@ static void test_too_wide(struct fixture *f, gconstpointer data) {
 }
 
 /* Where a driver has less than is needed, or there is none. */
-static void test_no_gl(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !have_programs())
+static void test_no_gl(gconstpointer data) {
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
@@ -450,7 +433,7 @@ static void check_missing(const struct missing *m, const char *const *environmen
 }
 
 /* Libraries that are not installed. */
-static void test_no_library(struct fixture *f, gconstpointer data) {
+static void test_no_library(gconstpointer data) {
     static const struct missing headless[] = {
         {{"libEGL.so.1"}, "install EGL and Mesa (libegl1"},
         {{"libOpenGL.so.0", "libGL.so.1"}, "install libgl1"},
@@ -464,7 +447,7 @@ static void test_no_library(struct fixture *f, gconstpointer data) {
         {{"libGLX_mesa.so.0"}, "LIBGL_ALWAYS_SOFTWARE=1"},
         {{"libEGL.so.1"}, NULL},
     };
-    if (f->gpu == NULL || !have_programs())
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
@@ -482,7 +465,7 @@ struct shape {
     const char *name, *text, *said;
 };
 
-static void test_shapes(struct fixture *f, gconstpointer data) {
+static void test_shapes(gconstpointer data) {
     static const struct shape shapes[] = {
         {"bare.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no texture coordinates (vt)"},
         {"nan.obj", "v 0 nan 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n", "nan.obj:1"},
@@ -497,7 +480,7 @@ static void test_shapes(struct fixture *f, gconstpointer data) {
          "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}]}",
          "no texture coordinates (TEXCOORD_0)"},
     };
-    if (f->gpu == NULL || !have_programs())
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
@@ -511,69 +494,43 @@ static void test_shapes(struct fixture *f, gconstpointer data) {
     remove_tree(dir);
 }
 
-static guint8 *picture(const char *const *environment, const char *const *arguments,
-                       const char *path, int *ret_n) {
-    g_autofree char *err = NULL;
-    png_image image = {.version = PNG_IMAGE_VERSION};
-    const int code = run_in(environment, arguments, &err);
-    if (code != 0)
-        g_error("%s", err);
-    g_assert_true(png_image_begin_read_from_file(&image, path));
-    image.format = PNG_FORMAT_RGB;
-    guint8 *rgb = g_malloc(PNG_IMAGE_SIZE(image));
-    g_assert_true(png_image_finish_read(&image, NULL, rgb, 0, NULL));
-    *ret_n = (int)PNG_IMAGE_SIZE(image);
-    png_image_free(&image);
-    return rgb;
-}
-
-static int count_different(const guint8 *a, const guint8 *b, int n) {
-    int different = 0;
-    for (int k = 0; k < n; k++)
-        different += ABS(a[k] - b[k]) > 2;
-    return different;
-}
-
 /* OpenGL 3.3 is enough, for silhouettes too; what needs more says so. */
-static void test_least_gl(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL || !have_programs())
+static void test_least_gl(gconstpointer data) {
+    if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
     g_autofree char *mdf = write_mdf(dir, 8, 8);
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
     static const char *const least[] = {"MESA_GL_VERSION_OVERRIDE", "3.3", NULL};
-    const char *arguments[] = {VIEWER,
-                               dir,
-                               "-o",
-                               path,
-                               "--size",
-                               "48x32",
-                               "--supersample",
-                               "1",
-                               "--shadows",
-                               "--lamp",
-                               "30,90",
-                               "--silhouettes=lists",
-                               NULL};
+    const char *arguments[] = {
+        VIEWER,          dir, "--silhouettes=lists", "-o",     path,    "--size", "48x32",
+        "--supersample", "1", "--shadows",           "--lamp", "30,90", NULL};
     refuses(least, arguments, "OpenGL 4.3");
-    arguments[11] = "--silhouettes";
-    int n = 0;
-    g_autofree guint8 *with = picture(NULL, arguments, path, &n);
-    g_autofree guint8 *without = picture(least, arguments, path, &n);
-    g_assert_cmpint(count_different(with, without, n), <=, n / 500);
+    arguments[2] = "--silhouettes";
+    guint8 *rgb[2];
+    int different = 0, width, height;
+    for (int k = 0; k < 2; k++) {
+        g_autofree char *err = NULL;
+        if (run_without(NULL, k == 0 ? NULL : least, arguments, &err) != 0)
+            g_error("%s", err);
+        rgb[k] = view_fixture_read_png(path, &width, &height);
+    }
+    for (int k = 0; k < 3 * width * height; k++)
+        different += ABS(rgb[0][k] - rgb[1][k]) > 2;
+    g_assert_cmpint(different, <=, 3 * width * height / 500);
+    g_free(rgb[0]);
+    g_free(rgb[1]);
     remove_tree(dir);
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-#define ADD(path, function)                                                                        \
-    g_test_add(path, struct fixture, NULL, gpu_fixture_set_up, function, gpu_fixture_tear_down)
-    ADD("/view-mistakes/products", test_products);
-    ADD("/view-mistakes/distances", test_distances);
-    ADD("/view-mistakes/too-wide", test_too_wide);
-    ADD("/view-mistakes/no-gl", test_no_gl);
-    ADD("/view-mistakes/no-library", test_no_library);
-    ADD("/view-mistakes/shapes", test_shapes);
-    ADD("/view-mistakes/least-gl", test_least_gl);
+    gpu_fixture_add("/view-mistakes/products", test_products, NULL);
+    gpu_fixture_add("/view-mistakes/distances", test_distances, NULL);
+    gpu_fixture_add("/view-mistakes/too-wide", test_too_wide, NULL);
+    gpu_fixture_add("/view-mistakes/no-gl", test_no_gl, NULL);
+    gpu_fixture_add("/view-mistakes/no-library", test_no_library, NULL);
+    gpu_fixture_add("/view-mistakes/shapes", test_shapes, NULL);
+    gpu_fixture_add("/view-mistakes/least-gl", test_least_gl, NULL);
     return g_test_run();
 }

@@ -8,25 +8,18 @@
 
 #define SMALL "--size", "400x300"
 
-static double camera(GHashTable *texts, gboolean elevation) {
-    double azimuth = NAN, high = NAN;
-    g_assert_cmpint(
-        sscanf(user_said(texts, "Camera"), "azimuth %lf deg, elevation %lf deg", &azimuth, &high),
-        ==, 2);
-    return elevation ? high : azimuth;
-}
-
-static double light(GHashTable *texts, gboolean azimuth) {
-    double theta = NAN, phi = NAN;
-    g_assert_cmpint(sscanf(user_said(texts, "Light"), "theta %lf deg, phi %lf deg", &theta, &phi),
-                    ==, 2);
-    return azimuth ? phi : theta;
-}
-
-static double distance(GHashTable *texts) {
-    const char *at = strstr(user_said(texts, "Camera"), "distance ");
+/* A number in a text: what follows its name. */
+static double number(GHashTable *texts, const char *text, const char *name) {
+    const char *at = strstr(user_said(texts, text), name);
     g_assert_nonnull(at);
-    return g_ascii_strtod(at + strlen("distance "), NULL);
+    return g_ascii_strtod(at + strlen(name), NULL);
+}
+
+/* The change of a number is known. */
+static void check_change(GHashTable *before, GHashTable *after, const char *text, const char *name,
+                         double change) {
+    g_assert_cmpfloat_with_epsilon(number(after, text, name), number(before, text, name) + change,
+                                   1e-6);
 }
 
 static void test_mouse(void) {
@@ -37,27 +30,27 @@ static void test_mouse(void) {
     g_autoptr(GHashTable) before = user_look(&u);
     x_display_drag(u.x, 1, 360, 200, 50, 20);
     g_autoptr(GHashTable) turned = user_look(&u);
-    g_assert_cmpfloat_with_epsilon(camera(turned, FALSE), camera(before, FALSE) - 20.0, 1e-6);
-    g_assert_cmpfloat_with_epsilon(camera(turned, TRUE), camera(before, TRUE) + 8.0, 1e-6);
+    check_change(before, turned, "Camera", "azimuth", -20.0);
+    check_change(before, turned, "Camera", "elevation", 8.0);
     g_assert_cmpstr(user_said(turned, "Light"), ==, user_said(before, "Light"));
     x_display_drag(u.x, 3, 360, 200, -25, 10);
     g_autoptr(GHashTable) lit = user_look(&u);
     g_assert_cmpstr(user_said(lit, "Camera"), ==, user_said(turned, "Camera"));
-    g_assert_cmpfloat_with_epsilon(light(lit, TRUE), light(before, TRUE) - 10.0, 1e-6);
-    g_assert_cmpfloat_with_epsilon(light(lit, FALSE), light(before, FALSE) + 4.0, 1e-6);
+    check_change(before, lit, "Light", "phi", -10.0);
+    check_change(before, lit, "Light", "theta", 4.0);
     x_display_click(u.x, 4, 360, 200);
     g_autoptr(GHashTable) nearer = user_look(&u);
-    g_assert_cmpfloat_with_epsilon(distance(nearer), 0.9 * distance(before), 1e-6);
+    g_assert_cmpfloat_with_epsilon(number(nearer, "Camera", "distance"),
+                                   0.9 * number(before, "Camera", "distance"), 1e-6);
     /* On the panel the mouse is the panel's. */
     x_display_drag(u.x, 1, 30, 14, 0, 200);
     g_autoptr(GHashTable) same = user_look(&u);
     g_assert_cmpstr(user_said(same, "Camera"), ==, user_said(nearer, "Camera"));
     x_display_key(u.x, "r");
     g_autoptr(GHashTable) reset = user_look(&u);
-    g_assert_cmpfloat_with_epsilon(camera(reset, TRUE), camera(before, TRUE), 1e-6);
+    check_change(before, reset, "Camera", "elevation", 0.0);
     g_assert_cmpstr(user_said(reset, "Light"), ==, user_said(before, "Light"));
-    x_display_key(u.x, "Escape");
-    g_free(user_stand_up(&u, 0));
+    g_free(user_leave(&u));
 }
 
 static void test_keys(void) {
@@ -146,23 +139,30 @@ static void test_help(void) {
     g_autofree guint8 *again = settled(&u, bare, panel_pixels, &n);
     /* The time that a picture took is written in the panel. */
     g_assert_cmpint(count_different(before, again, n), <, 300 * 60);
-    x_display_key(u.x, "Escape");
-    g_free(user_stand_up(&u, 0));
+    g_free(user_leave(&u));
+}
+
+enum closing { BY_KEY, BY_DESKTOP, BY_DISPLAY, N_CLOSINGS };
+
+static void close_window(struct user *u, enum closing how) {
+    if (how == BY_KEY)
+        x_display_key(u->x, "Escape");
+    else if (how == BY_DESKTOP)
+        x_display_ask_to_close(u->x);
+    else
+        x_display_kill(u->x);
+    g_free(user_stand_up(u, how == BY_DISPLAY ? 1 : 0));
 }
 
 /* Asked by the desktop, and the display gone: an end without a crash. */
 static void test_closed(void) {
-    struct user u;
-    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
-        return;
-    user_wait_for_title(&u, "eigenmaps.exr");
-    x_display_ask_to_close(u.x);
-    g_free(user_stand_up(&u, 0));
-    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
-        return;
-    user_wait_for_title(&u, "eigenmaps.exr");
-    x_display_kill(u.x);
-    g_free(user_stand_up(&u, 1));
+    for (int how = BY_DESKTOP; how < N_CLOSINGS; how++) {
+        struct user u;
+        if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+            return;
+        user_wait_for_title(&u, "eigenmaps.exr");
+        close_window(&u, how);
+    }
 }
 
 /* Eigen-maps that take seconds to open. */
@@ -202,26 +202,13 @@ static void test_opening(void) {
     user_wait_for_title(&u, "eigenmaps.exr");
     g_autoptr(GHashTable) late = user_look(&u);
     g_assert_cmpstr(user_said(late, "Shape"), ==, "sphere");
-    x_display_key(u.x, "Escape");
-    g_free(user_stand_up(&u, 0));
-
-    g_autofree char *again = write_large_session();
-    if (!user_sit_down(&u, again, (const char *[]){SMALL, NULL}))
-        return;
-    x_display_key(u.x, "Escape");
-    g_free(user_stand_up(&u, 0));
-
-    g_autofree char *third = write_large_session();
-    if (!user_sit_down(&u, third, (const char *[]){SMALL, NULL}))
-        return;
-    x_display_ask_to_close(u.x);
-    g_free(user_stand_up(&u, 0));
-
-    g_autofree char *fourth = write_large_session();
-    if (!user_sit_down(&u, fourth, (const char *[]){SMALL, NULL}))
-        return;
-    x_display_kill(u.x);
-    g_free(user_stand_up(&u, 1));
+    g_free(user_leave(&u));
+    for (int how = 0; how < N_CLOSINGS; how++) {
+        g_autofree char *again = write_large_session();
+        if (!user_sit_down(&u, again, (const char *[]){SMALL, NULL}))
+            return;
+        close_window(&u, how);
+    }
 }
 
 int main(int argc, char **argv) {

@@ -93,14 +93,10 @@ static gboolean wait_for_change(struct user *u, const struct seen *before, const
     return different >= at_least;
 }
 
-static struct box box_of(int row) {
-    return (struct box){LEFT, row - 7, RIGHT, row + 7};
-}
-
 /* Moves the mouse there from elsewhere, and waits until what lies there is lit:
  * where frames are slow, what comes within one frame is lost on the panel. */
 static gboolean point(struct user *u, int x, int row, double seconds) {
-    const struct box box = box_of(row);
+    const struct box box = {LEFT, row - 7, RIGHT, row + 7};
     struct seen before = see(u);
     x_display_move(u->x, x, row);
     const gboolean lit = wait_for_change(u, &before, &box, 100, seconds);
@@ -129,22 +125,17 @@ static GArray *find_choosers(struct user *u, guint n) {
     g_error("%u choosers are not seen", n);
 }
 
-/* The row of a chooser on which the mouse is then: anew if it has moved away
- * meanwhile. */
-static int point_at_chooser(struct user *u, guint n, guint chooser) {
-    for (int k = 0; k < DEADLINE_S / 5; k++) {
-        g_autoptr(GArray) rows = find_choosers(u, n);
-        const int row = g_array_index(rows, int, chooser);
-        if (point(u, ARROW_X, row, 5.0))
-            return row;
-    }
-    g_error("chooser %u of %u is not lit", chooser, n);
-}
-
 /* Opens a chooser (of n that there are, from the top), and takes an item of its
  * list. */
 static void choose(struct user *u, guint n, guint chooser, int item) {
-    const int row = point_at_chooser(u, n, chooser), at = row + LIST_Y + item * ITEM_Y;
+    int row, tries = 0;
+    do { /* anew if it has moved away meanwhile */
+        g_autoptr(GArray) rows = find_choosers(u, n);
+        row = g_array_index(rows, int, chooser);
+        if (++tries > DEADLINE_S / 5)
+            g_error("chooser %u of %u is not lit", chooser, n);
+    } while (!point(u, ARROW_X, row, 5.0));
+    const int at = row + LIST_Y + item * ITEM_Y;
     const struct box list = {LEFT, row + LIST_Y - 9, RIGHT, row + LIST_Y + ITEM_Y};
     struct seen closed = see(u);
     x_display_click(u->x, 1, ARROW_X, row);
@@ -162,18 +153,18 @@ static void check(struct user *u, const char *name, const char *expected) {
     g_assert_cmpstr(user_said(texts, name), ==, expected);
 }
 
-/* A product is opened while the window goes on. */
-static void wait_for_source(struct user *u, const char *source) {
+/* A product is opened, and views come, while the window goes on. */
+static void wait_for(struct user *u, const char *name, const char *expected) {
     const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
     g_autofree char *last = NULL;
     while (g_get_monotonic_time() < until) {
         g_autoptr(GHashTable) texts = user_look(u);
         g_free(last);
-        last = g_strdup(user_said(texts, "Source"));
-        if (g_str_equal(last, source))
+        last = g_strdup(user_said(texts, name));
+        if (g_str_equal(last, expected))
             return;
     }
-    g_error("“%s” was not reached, but “%s”", source, last);
+    g_error("%s: “%s” was not reached, but “%s”", name, expected, last);
 }
 
 static gboolean start(struct user *u, const char *const *options) {
@@ -184,17 +175,6 @@ static gboolean start(struct user *u, const char *const *options) {
         return FALSE;
     user_wait_for_title(u, "eigenmaps.exr");
     return TRUE;
-}
-
-/* What went wrong is said above the choosers. */
-static void wait_for_message(struct user *u, guint n, int first_row) {
-    const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
-    int row;
-    do {
-        g_autoptr(GArray) rows = find_choosers(u, n);
-        row = g_array_index(rows, int, 0);
-    } while (row == first_row && g_get_monotonic_time() < until);
-    g_assert_cmpint(row, >, first_row);
 }
 
 /* Methods, shapes, two halves of the picture and their difference. */
@@ -208,19 +188,24 @@ static void test_choosers(void) {
     user_wait_for_title(&u, "fields.exr");
     check(&u, "Compare", "one picture");
     choose(&u, 3, 1, 1); /* split; there is one chooser more now */
-    wait_for_source(&u, "reflectance fields, and on the right reflectance fields");
+    wait_for(&u, "Source", "reflectance fields, and on the right reflectance fields");
     choose(&u, 4, 2, 0);
-    wait_for_source(&u, "reflectance fields, and on the right eigen-maps");
+    wait_for(&u, "Source", "reflectance fields, and on the right eigen-maps");
     choose(&u, 4, 1, 2);
-    wait_for_source(&u, "reflectance fields, and how much brighter is eigen-maps");
+    wait_for(&u, "Source", "reflectance fields, and how much brighter is eigen-maps");
     check(&u, "Compare", "difference times 4");
     /* What is not there: said, and nothing else changes. */
-    g_autoptr(GArray) rows = find_choosers(&u, 4);
+    g_autoptr(GArray) rows = find_choosers(&u, 4), lower = NULL;
     choose(&u, 4, 0, 3);
-    wait_for_message(&u, 4, g_array_index(rows, int, 0));
+    const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
+    do { /* the message lies above the choosers */
+        g_clear_pointer(&lower, g_array_unref);
+        lower = find_choosers(&u, 4);
+    } while (g_array_index(lower, int, 0) == g_array_index(rows, int, 0) &&
+             g_get_monotonic_time() < until);
+    g_assert_cmpint(g_array_index(lower, int, 0), >, g_array_index(rows, int, 0));
     check(&u, "Source", "reflectance fields, and how much brighter is eigen-maps");
-    x_display_key(u.x, "Escape");
-    g_autofree char *err = user_stand_up(&u, 0);
+    g_autofree char *err = user_leave(&u);
     g_assert_nonnull(strstr(err, "products/lpca.exr"));
 }
 
@@ -261,21 +246,6 @@ static void give_back(int fd) {
     close(fd);
 }
 
-static void wait_for_opening(int fd) {
-    const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
-    while (!is_waited_for(fd) && g_get_monotonic_time() < until)
-        g_usleep(20000);
-    g_assert_true(is_waited_for(fd));
-}
-
-/* Twice: the window has looked at its files between them, which it does once a
- * second. */
-static void wait_for_a_look(struct user *u) {
-    g_hash_table_unref(user_look(u));
-    g_usleep(1100000);
-    g_hash_table_unref(user_look(u));
-}
-
 #define METAL "brushed metal (Ashikhmin and Shirley)"
 
 /* A method of another file, and shapes, while that file takes its time: what
@@ -288,13 +258,18 @@ static void test_while_opening(void) {
                        (const char *[]){WINDOW, "--size", "400x520", "--split", "metal-ashikhmin",
                                         "--normal-map", map, "--shape", shape, NULL}))
         return;
-    wait_for_source(&u, "eigen-maps, and on the right " METAL);
+    wait_for(&u, "Source", "eigen-maps, and on the right " METAL);
     const int fd = take(map);
     if (fd >= 0) {
         choose(&u, 5, 0, 11);
-        wait_for_opening(fd);
+        const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
+        while (!is_waited_for(fd) && g_get_monotonic_time() < until)
+            g_usleep(20000);
+        g_assert_true(is_waited_for(fd));
         choose(&u, 5, 4, 2);
-        wait_for_a_look(&u);
+        g_hash_table_unref(user_look(&u));
+        g_usleep(1100000); /* the window looks at its files once a second */
+        g_hash_table_unref(user_look(&u));
         g_autoptr(GHashTable) meanwhile = user_look(&u);
         g_assert_cmpstr(user_said(meanwhile, "Shape"), ==, "sphere");
         if (is_waited_for(fd))
@@ -311,8 +286,7 @@ static void test_while_opening(void) {
     } else {
         test_skip_or_fail("the file system knows no leases");
     }
-    x_display_key(u.x, "Escape");
-    g_free(user_stand_up(&u, 0));
+    g_free(user_leave(&u));
 }
 
 static double split_at(struct user *u) {
@@ -339,7 +313,7 @@ static void test_split(void) {
     if (!start(&u, (const char *[]){WINDOW, "--size", "400x460", "--split", "fields", "--shape",
                                     "plane", NULL}))
         return;
-    wait_for_source(&u, "eigen-maps, and on the right reflectance fields");
+    wait_for(&u, "Source", "eigen-maps, and on the right reflectance fields");
     g_assert_cmpfloat(split_at(&u), ==, 0.5);
     g_autoptr(GArray) rows = find_choosers(&u, 4);
     const int *row = (const int *)(const void *)rows->data;
@@ -366,20 +340,7 @@ static void test_split(void) {
     g_free(second.rgb);
     g_free(first.rgb);
     g_free(again.rgb);
-    x_display_key(u.x, "Escape");
-    g_free(user_stand_up(&u, 0));
-}
-
-/* A screenshot says how many views are there. */
-static void wait_for_views(struct user *u, int n) {
-    const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
-    g_autofree char *expected = g_strdup_printf("%d of %d", n, N);
-    gboolean there = FALSE;
-    while (!there && g_get_monotonic_time() < until) {
-        g_autoptr(GHashTable) texts = user_look(u);
-        there = g_str_has_prefix(user_said(texts, "Views"), expected);
-    }
-    g_assert_true(there);
+    g_free(user_leave(&u));
 }
 
 /* What is chosen while views come stays; eigen-maps of those that are there can be had back. */
@@ -394,16 +355,18 @@ static void test_while_capturing(void) {
     if (user_sit_down(&u, session, (const char *[]){WINDOW, "--size", "400x600", NULL})) {
         user_wait_for_title(&u, "eigenmaps.exr");
         choose(&u, 3, 0, 4);
-        wait_for_source(&u, "reflectance fields");
+        wait_for(&u, "Source", "reflectance fields");
         for (int view = 1; view < 5; view++) {
             capturing_move_view(made, session, view);
-            wait_for_views(&u, view + 1); /* looked for once a second, as new eigen-maps are */
+            g_autofree char *views = g_strdup_printf(
+                "%d of %d; where the nearest to the line of sight is missing, striped", view + 1,
+                N);
+            wait_for(&u, "Views", views); /* looked for once a second, as new eigen-maps are */
         }
         check(&u, "Source", "reflectance fields");
         choose(&u, 3, 0, 0);
-        wait_for_source(&u, "eigen-maps");
-        x_display_key(u.x, "Escape");
-        g_free(user_stand_up(&u, 0));
+        wait_for(&u, "Source", "eigen-maps");
+        g_free(user_leave(&u));
     }
     remove_tree(made);
     remove_tree(folder);
