@@ -72,25 +72,22 @@ static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAd
 static ArvDevice *open_gige(const char *ip, GError **error) {
     g_autoptr(GInetAddress) ours = NULL, theirs = g_inet_address_new_from_string(ip);
     g_autoptr(GError) why = NULL;
+    g_autoptr(ArvDevice) device = NULL;
     guint32 control = 0;
     if (!aravis_connect_ask(ip, &control, &ours, error))
         return NULL;
-    if (control & 3) {
-        device_error_set(error, DEVICE_ERROR_BUSY, NULL,
-                         "another program controls it" ERROR_ADVICE "end that program");
-        return NULL;
+    if (!(control & 3)) {
+        g_mutex_lock(&parser_lock);
+        device = arv_gv_device_new(ours, theirs, &why);
+        g_mutex_unlock(&parser_lock);
+        if (!device) {
+            device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "%s: %s", ip,
+                             why ? why->message : "it cannot be opened");
+            return NULL;
+        }
     }
-    g_mutex_lock(&parser_lock);
-    ArvDevice *device = arv_gv_device_new(ours, theirs, &why);
-    g_mutex_unlock(&parser_lock);
-    if (!device) {
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "%s: %s", ip,
-                         why ? why->message : "it cannot be opened");
-        return NULL;
-    }
-    if (arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
-        return device;
-    g_object_unref(device);
+    if (device && arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
+        return g_steal_pointer(&device);
     device_error_set(error, DEVICE_ERROR_BUSY, NULL,
                      "another program controls it" ERROR_ADVICE "end that program");
     return NULL;
