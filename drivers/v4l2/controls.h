@@ -10,7 +10,7 @@
 
 struct video_range {
     guint32 id; /* 0: the device has no such control */
-    gint64 min, max, step, fallback;
+    gint64 min, max, step;
 };
 
 struct video_controls {
@@ -18,7 +18,6 @@ struct video_controls {
     double exposure_unit_us; /* of exposure's values; 0: not known */
     struct video_range gain;
     struct video_range white_balance; /* in kelvin */
-    gboolean has_auto_exposure, has_auto_white_balance;
 };
 
 void video_controls_read(const struct video_node *node, struct video_controls *ret);

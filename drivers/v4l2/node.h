@@ -8,6 +8,8 @@
 
 #include "formats.h"
 
+#include "drivers/device.h"
+
 #include <linux/videodev2.h>
 
 struct video_node {
@@ -39,13 +41,16 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
 /* What it is set to; -1 with errno. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
-/* Sets width, height and fourcc, and returns what the device has set. */
-int video_node_set_pix(const struct video_node *node, const struct video_pix *request,
-                       struct video_pix *ret);
+/* Sets width, height and fourcc; pix becomes what the device has set. -1 with errno. */
+int video_node_set_pix(const struct video_node *node, struct video_pix *pix);
 
-/* An error of errno; what: "could not start". */
-void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
-                     const char *what);
+/* An error of errno; what: "could not start". Returns FALSE always. */
+gboolean video_set_error(GError **error, const char *who, const struct video_node *node, int code,
+                         const char *what);
+
+/* An error that names the node: "/dev/video0 cannot …". Returns FALSE always. */
+gboolean video_refuse(GError **error, enum device_error code, const char *who,
+                      const struct video_node *node, const char *format, ...) G_GNUC_PRINTF(5, 6);
 
 /* Format numbers that it offers, of which some may be of no use for measuring. */
 GArray *video_node_formats(const struct video_node *node); /* of guint32 */
