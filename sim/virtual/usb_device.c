@@ -62,23 +62,6 @@ static void flight_free(struct flight *flight) {
     g_free(flight);
 }
 
-static int answer_string(const char *text, guint8 *data, int length) {
-    guint8 descriptor[256] = {0, STRING_TYPE};
-    int n = 2;
-    for (; *text && n < 254; text++, n += 2)
-        descriptor[n] = (guint8)*text;
-    descriptor[0] = (guint8)n;
-    n = MIN(n, length);
-    memcpy(data, descriptor, (gsize)n);
-    return n;
-}
-
-static int answer_languages(guint8 *data, int length) {
-    static const guint8 english[] = {4, STRING_TYPE, 0x09, 0x04};
-    memcpy(data, english, (gsize)MIN(length, 4));
-    return MIN(length, 4);
-}
-
 static const char *find_string(const struct virtual_usb_class *class, int index) {
     const char *const *more = class->strings;
     if (index <= SERIAL_INDEX)
@@ -97,7 +80,8 @@ static guint32 endpoint_bit(guint8 endpoint) {
 
 /* FALSE: it is the class's own. */
 static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *data, int *ret) {
-    int length = setup[6] | setup[7] << 8;
+    int length = setup[6] | setup[7] << 8, n = 4;
+    guint8 descriptor[256] = {4, STRING_TYPE, 0x09, 0x04}; /* the languages: English */
     if (setup[0] == TO_ENDPOINT && setup[1] == SET_FEATURE) {
         usb->halted |= endpoint_bit(setup[4]);
         *ret = 0;
@@ -105,22 +89,15 @@ static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *da
     }
     if (setup[0] != 0x80 || setup[1] != GET_DESCRIPTOR || setup[3] != STRING_TYPE)
         return FALSE;
-    const char *text = find_string(usb->class, setup[2]);
-    *ret = setup[2] == 0 ? answer_languages(data, length)
-           : text        ? answer_string(text, data, length)
-                         : -EPIPE;
+    const char *text = setup[2] > 0 ? find_string(usb->class, setup[2]) : NULL;
+    for (n = text ? 2 : n; text && *text && n < 254; text++, n += 2) {
+        descriptor[n] = (guint8)*text;
+        descriptor[n + 1] = 0;
+    }
+    descriptor[0] = (guint8)n;
+    *ret = text || setup[2] == 0 ? MIN(n, length) : -EPIPE;
+    memcpy(data, descriptor, (gsize)MAX(*ret, 0));
     return TRUE;
-}
-
-static int virtual_usb_device_answer(VirtualUsb *usb, const guint8 *setup, guint8 *data) {
-    int n;
-    if (answer_standard(usb, setup, data, &n))
-        return n;
-    usb->n_requests++;
-    if (usb->fault == VIRTUAL_USB_STALLS)
-        return -EPIPE;
-    n = usb->class->control(usb->model, setup, data);
-    return usb->fault == VIRTUAL_USB_SHORT && n > 0 ? n / 2 : n;
 }
 
 static gboolean is_halted(const VirtualUsb *usb, guint8 endpoint) {
@@ -129,7 +106,15 @@ static gboolean is_halted(const VirtualUsb *usb, guint8 endpoint) {
 
 static void submit_control(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *buffer) {
     gboolean silent = usb->fault == VIRTUAL_USB_SILENT;
-    int n = silent ? 0 : virtual_usb_device_answer(usb, buffer->data, buffer->data + SETUP_SIZE);
+    guint8 *setup = buffer->data, *data = buffer->data + SETUP_SIZE;
+    int n = 0;
+    if (!silent && !answer_standard(usb, setup, data, &n)) {
+        usb->n_requests++;
+        n = usb->fault == VIRTUAL_USB_STALLS ? -EPIPE
+                                             : usb->class->control(usb->model, setup, data);
+        if (usb->fault == VIRTUAL_USB_SHORT && n > 0)
+            n /= 2;
+    }
     flight->due_us = silent ? G_MAXINT64 : g_get_monotonic_time() + LATENCY_US;
     flight->status = MIN(n, 0);
     flight->length = MAX(n, 0);
@@ -147,14 +132,6 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
     flight->due_us = 0;
     flight->status = MIN(n, 0);
     flight->length = MAX(n, 0);
-}
-
-static void virtual_usb_device_give(struct flight *flight, const guint8 *bytes, int n) {
-    UMockdevIoctlData *buffer = umockdev_ioctl_data_resolve(
-        flight->urb, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)n, NULL);
-    memcpy(buffer->data, bytes, (gsize)n);
-    flight->length = n;
-    umockdev_ioctl_data_unref(buffer);
 }
 
 /* Asks for the data of a bulk transfer that waits for it. */
@@ -175,14 +152,13 @@ static void virtual_usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     flight->waits = FALSE;
     flight->due_us = 0;
     flight->status = MIN(n, 0);
-    if (n > 0)
-        virtual_usb_device_give(flight, usb->room, n);
-}
-
-static gboolean virtual_usb_device_is_known(const VirtualUsb *usb, const struct usbdevfs_urb *urb) {
-    return urb->type == USBDEVFS_URB_TYPE_CONTROL ||
-           (urb->type == USBDEVFS_URB_TYPE_BULK &&
-            (urb->endpoint & 0x80 ? usb->class->bulk_in != NULL : usb->class->bulk_out != NULL));
+    if (n <= 0)
+        return;
+    UMockdevIoctlData *buffer = umockdev_ioctl_data_resolve(
+        flight->urb, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)n, NULL);
+    memcpy(buffer->data, usb->room, (gsize)n);
+    flight->length = n;
+    umockdev_ioctl_data_unref(buffer);
 }
 
 static void launch(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *urb_data) {
@@ -207,7 +183,11 @@ static void virtual_usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *clie
     UMockdevIoctlData *data =
         umockdev_ioctl_data_resolve(arg, 0, sizeof(struct usbdevfs_urb), NULL);
     const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)data->data;
-    if (usb->sysfs && virtual_usb_device_is_known(usb, urb) && urb->buffer_length > 0) {
+    gboolean served =
+        urb->endpoint & 0x80 ? usb->class->bulk_in != NULL : usb->class->bulk_out != NULL;
+    gboolean known =
+        urb->type == USBDEVFS_URB_TYPE_CONTROL || (urb->type == USBDEVFS_URB_TYPE_BULK && served);
+    if (usb->sysfs && known && urb->buffer_length > 0) {
         launch(usb, client, data);
         umockdev_ioctl_client_complete(client, 0, 0);
     } else {

@@ -18,22 +18,13 @@ struct VirtualRelays {
 #define HID                                    9, 0x21, 1, 1, 0, 1, 0x22, 22, 0
 #define INTERRUPT(address)                     7, 5, address, 3, 8, 0, 20
 
+/* clang-format off */
 static const guint8 config[] = {
     9, 2, 34, 0, 1, 1, 0, 0x80, 50, INTERFACE(0, 1, 3), HID, INTERRUPT(0x81)};
 /* Another interface first, and other endpoint addresses. */
-static const guint8 config_second[] = {9,
-                                       2,
-                                       43,
-                                       0,
-                                       2,
-                                       1,
-                                       0,
-                                       0x80,
-                                       50,
-                                       INTERFACE(0, 0, 0xff),
-                                       INTERFACE(1, 1, 3),
-                                       HID,
-                                       INTERRUPT(0x85)};
+static const guint8 config_second[] = {
+    9, 2, 43, 0, 2, 1, 0, 0x80, 50, INTERFACE(0, 0, 0xff), INTERFACE(1, 1, 3), HID, INTERRUPT(0x85)};
+/* clang-format on */
 
 static void virtual_usb_relays_set_state(VirtualRelays *relays, guint state) {
     guint changed = relays->state ^ state;

@@ -76,17 +76,13 @@ static void halt(VirtualTic *tic) {
     tic->uncertain = TRUE;
 }
 
-static void end_homing(VirtualTic *tic) {
-    tic->origin = tic->steps;
-    tic->velocity = 0;
-    tic->state = HOLDING;
-    tic->uncertain = FALSE;
-}
-
 static void run_into_switches(VirtualTic *tic) {
     int direction = (tic->velocity > 0) - (tic->velocity < 0);
     if (tic->state == HOMING_AWAY && !pressed(tic, tic->homing)) {
-        end_homing(tic);
+        tic->origin = tic->steps;
+        tic->velocity = 0;
+        tic->state = HOLDING;
+        tic->uncertain = FALSE;
     } else if (direction && pressed(tic, direction)) {
         tic->velocity = 0;
         if (tic->state == HOMING_TOWARDS && direction == tic->homing)
