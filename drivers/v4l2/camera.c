@@ -140,7 +140,7 @@ static Frame *make_frame(const Camera *camera, const struct v4l2_buffer *buffer)
 static void report_failure(Camera *camera, int code) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     GError *error = NULL;
-    video_set_error(&error, v4l2->who, &v4l2->node, code, "stopped streaming");
+    video_set_error(&error, &v4l2->node, code, "stopped streaming");
     if (code == ENODEV)
         video_node_close(&v4l2->node);
     camera_report_fault(camera, error);
@@ -202,22 +202,17 @@ static void on_broken(gpointer data) {
     report_failure(camera, v4l2->broken);
 }
 
-/* Discards the frames in the buffers: they are old, whatever their time stamps. Returns an errno.
- */
-static int drain(const struct v4l2_camera *v4l2) {
-    struct v4l2_buffer buffer;
-    for (int i = 0; i < v4l2->stream.n; i++) {
-        int taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer);
-        if (taken <= 0)
-            return taken ? errno : 0;
-        video_stream_give_back(&v4l2->node, &buffer);
-    }
-    return 0;
-}
-
 static gboolean v4l2_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
-    v4l2->broken = drain(v4l2);
+    struct v4l2_buffer buffer;
+    int taken = 1;
+    /* Discard the frames in the buffers: they are old, whatever their time stamps. */
+    for (int i = 0; i < v4l2->stream.n && taken > 0; i++) {
+        taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer);
+        if (taken > 0)
+            video_stream_give_back(&v4l2->node, &buffer);
+    }
+    v4l2->broken = taken < 0 ? errno : 0;
     v4l2->shot = shot;
     v4l2->earliest_us = MAX(clock_now_us(camera->device.clock), v4l2->settled_us);
     if (v4l2->broken)
@@ -238,17 +233,17 @@ static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us,
         return TRUE; /* the class has checked that it is the fixed exposure */
     gint64 value = video_range_nearest(range, (double)exposure_us / unit);
     if (fabs((double)value * unit / (double)exposure_us - 1) > 0.01)
-        return video_refuse(error, DEVICE_ERROR_RANGE, v4l2->who, &v4l2->node,
+        return video_refuse(error, DEVICE_ERROR_RANGE, &v4l2->node,
                             "cannot expose for %" G_GINT64_FORMAT
                             " µs, only in steps of %g µs: the nearest is %g µs",
                             exposure_us, (double)range->step * unit, (double)value * unit);
-    return video_control_set(&v4l2->node, v4l2->who, range->id, value, error);
+    return video_control_set(&v4l2->node, range->id, value, error);
 }
 
 static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError **error) {
     const struct video_range *range = &v4l2->controls.gain;
     if (gain_db != 0 && (range->id == 0 || v4l2->gain_per_db == 0))
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, v4l2->who, &v4l2->node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                             "cannot be set to a gain of %g dB: %s" ERROR_ADVICE "use gain_db = 0",
                             gain_db,
                             range->id ? "what its gain control means is not known (gain_per_db)"
@@ -259,12 +254,11 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
     double wanted = zero + gain_db * v4l2->gain_per_db;
     if (wanted < (double)range->min || wanted > (double)range->max)
         return video_refuse(
-            error, DEVICE_ERROR_RANGE, v4l2->who, &v4l2->node,
+            error, DEVICE_ERROR_RANGE, &v4l2->node,
             "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
             " to %" G_GINT64_FORMAT ", and that would be %g",
             gain_db, range->min, range->max, wanted);
-    return video_control_set(&v4l2->node, v4l2->who, range->id, video_range_nearest(range, wanted),
-                             error);
+    return video_control_set(&v4l2->node, range->id, video_range_nearest(range, wanted), error);
 }
 
 static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
@@ -287,16 +281,16 @@ static gboolean v4l2_camera_configure(Camera *camera, const struct camera_settin
 
 static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
     const struct video_range *white = &v4l2->controls.white_balance;
-    if (!video_controls_by_hand(&v4l2->node, v4l2->who, error))
+    if (!video_controls_by_hand(&v4l2->node, error))
         return FALSE;
     if (v4l2->white_balance_k > 0 && white->id == 0)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, v4l2->who, &v4l2->node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                             "has no white balance control: leave white_balance_k out");
     if (v4l2->white_balance_k > 0 &&
-        !video_control_set(&v4l2->node, v4l2->who, white->id, v4l2->white_balance_k, error))
+        !video_control_set(&v4l2->node, white->id, v4l2->white_balance_k, error))
         return FALSE;
     for (int i = 0; v4l2->controls_set && v4l2->controls_set[i]; i++)
-        if (!video_control_set_named(&v4l2->node, v4l2->who, v4l2->controls_set[i], error))
+        if (!video_control_set_named(&v4l2->node, v4l2->controls_set[i], error))
             return FALSE;
     return TRUE;
 }
@@ -305,12 +299,12 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
     if (v4l2->fixed_exposure_us > 0)
         return TRUE;
     if (v4l2->controls.exposure.id == 0)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, v4l2->who, &v4l2->node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                             "(%s) has no control for its exposure" ERROR_ADVICE
                             "if it is fixed and known, write fixed_exposure_us",
                             v4l2->node.card);
     if (exposure_unit_us(v4l2) <= 0)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, v4l2->who, &v4l2->node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                             "(%s) counts its exposure in steps of its own: write how long one is "
                             "as exposure_unit_us",
                             v4l2->node.card);
@@ -329,7 +323,7 @@ static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
     if (!video_node_open(&v4l2->node, v4l2->who, v4l2->path, v4l2->bus, error))
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
-    if (video_setup_apply(&v4l2->node, v4l2->who, &request, &v4l2->setup, error) &&
+    if (video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
         v4l2_camera_check_exposure(v4l2, error)) {
         g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
         double mb_s = video_setup_mb_s(&v4l2->setup);
@@ -353,7 +347,7 @@ static gboolean find_again(Camera *camera, GError **error) {
         v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
         return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
     v4l2->setup = before;
-    video_refuse(error, DEVICE_ERROR_UNSUPPORTED, v4l2->who, &v4l2->node,
+    video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                  "came back with other pictures: it is another camera, or another program "
                  "has set it" ERROR_ADVICE
                  "start the rig again, or write format, width, height and frame_rate");
@@ -365,7 +359,7 @@ static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     if (v4l2->node.fd < 0 && !find_again(camera, error))
         return FALSE;
-    if (video_stream_start(&v4l2->stream, &v4l2->node, v4l2->who, &v4l2->setup, error))
+    if (video_stream_start(&v4l2->stream, &v4l2->node, &v4l2->setup, error))
         return TRUE;
     v4l2_camera_disconnect(v4l2); /* the next try connects again */
     return FALSE;

@@ -20,7 +20,7 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
     return code;
 }
 
-gboolean video_set_error(GError **error, const char *who, const struct video_node *node, int code,
+gboolean video_set_error(GError **error, const struct video_node *node, int code,
                          const char *what) {
     static const char gone[] = "it is gone" ERROR_ADVICE "check its cable";
     static const char closed[] = "this user may not open it" ERROR_ADVICE
@@ -44,19 +44,19 @@ gboolean video_set_error(GError **error, const char *who, const struct video_nod
     const char *path = node->path ? node->path : "the camera";
     for (gsize i = 0; i < G_N_ELEMENTS(known); i++)
         if (known[i].code == code)
-            return device_error_set(error, known[i].error, who, "%s %s: %s", path, what,
+            return device_error_set(error, known[i].error, node->who, "%s %s: %s", path, what,
                                     known[i].advice);
-    return device_error_set(error, DEVICE_ERROR_PROTOCOL, who, "%s %s: %s", path, what,
+    return device_error_set(error, DEVICE_ERROR_PROTOCOL, node->who, "%s %s: %s", path, what,
                             g_strerror(code));
 }
 
-gboolean video_refuse(GError **error, enum device_error code, const char *who,
-                      const struct video_node *node, const char *format, ...) {
+gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
+                      const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    return device_error_set(error, code, who, "%s %s", node->path, what);
+    return device_error_set(error, code, node->who, "%s %s", node->path, what);
 }
 
 void video_node_close(struct video_node *node) {
@@ -148,7 +148,9 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
     int n;
     *node = (struct video_node){.fd = -1};
     if (path && *path) {
-        if (open_path(node, path))
+        gboolean opened = open_path(node, path);
+        node->who = who;
+        if (opened)
             return TRUE;
         if (errno == ENOTTY)
             device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
@@ -156,11 +158,12 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
                              "“mesorig devices” lists those",
                              path);
         else
-            video_set_error(error, who, node, errno, "could not be opened");
+            video_set_error(error, node, errno, "could not be opened");
         video_node_close(node);
         return FALSE;
     }
     open_fitting(node, bus, seen, &n);
+    node->who = who;
     if (n == 1)
         return TRUE;
     video_node_close(node);

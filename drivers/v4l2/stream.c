@@ -21,7 +21,7 @@ static void fill_asked(struct asked *asked, const struct video_node *node, guint
     asked->buffer.length = 1;
 }
 
-static gboolean choose_format(const struct video_node *node, const char *who, const char *name,
+static gboolean choose_format(const struct video_node *node, const char *name,
                               const struct video_format **ret, GError **error) {
     g_autoptr(GArray) offered = video_node_formats(node);
     g_autoptr(GString) list = g_string_new(NULL);
@@ -43,17 +43,17 @@ static gboolean choose_format(const struct video_node *node, const char *who, co
         return TRUE;
     if (named)
         return video_refuse(
-            error, DEVICE_ERROR_UNSUPPORTED, who, node,
+            error, DEVICE_ERROR_UNSUPPORTED, node,
             "cannot be measured with in format %s: what is compressed is no measure of light, "
             "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
             name, list->str);
-    return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+    return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                         "offers only %s: what is compressed is no measure of light; a camera "
                         "with Bayer, mono, YUYV or UYVY is needed",
                         list->len ? list->str : "no format");
 }
 
-static gboolean v4l2_stream_check_format(const struct video_node *node, const char *who,
+static gboolean v4l2_stream_check_format(const struct video_node *node,
                                          const struct video_request *request,
                                          const struct video_pix *pix,
                                          const struct video_setup *setup, GError **error) {
@@ -66,28 +66,28 @@ static gboolean v4l2_stream_check_format(const struct video_node *node, const ch
         pix->stride < video_format_row_bytes(setup->format, (int)pix->width) ||
         pix->stride > 65536 * 16)
         return video_refuse(
-            error, DEVICE_ERROR_UNSUPPORTED, who, node,
+            error, DEVICE_ERROR_UNSUPPORTED, node,
             "answered a picture of %u × %u in rows of %u bytes to format %s, which makes no sense",
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "spreads a picture of format %s over %u planes of memory; only "
                             "those of one are taken: choose another format",
                             name, pix->planes);
     if (wide || high)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "has no pictures of %d × %d in format %s, but of %s" ERROR_ADVICE
                             "set width and height",
                             request->width, request->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "sends fields of interlaced pictures, not whole ones");
     return TRUE;
 }
 
 /* A device that does not know its frame interval gets it from the requested frame rate. */
-static gboolean set_rate(const struct video_node *node, const char *who, double frame_rate,
-                         gint64 *ret_us, GError **error) {
+static gboolean set_rate(const struct video_node *node, double frame_rate, gint64 *ret_us,
+                         GError **error) {
     struct v4l2_streamparm parm = {.type = node->type};
     struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
     gboolean knows = video_ioctl(node, VIDIOC_G_PARM, &parm) == 0 &&
@@ -95,29 +95,28 @@ static gboolean set_rate(const struct video_node *node, const char *who, double 
     if (knows && frame_rate > 0) {
         *interval = (struct v4l2_fract){10000, (guint32)lrint(frame_rate * 1e4)};
         if (video_ioctl(node, VIDIOC_S_PARM, &parm) < 0)
-            return video_set_error(error, who, node, errno, "could not be set to its frame_rate");
+            return video_set_error(error, node, errno, "could not be set to its frame_rate");
     }
     double seconds = frame_rate > 0 ? 1 / frame_rate : 0;
     if (knows && interval->denominator > 0)
         seconds = (double)interval->numerator / interval->denominator;
     if (seconds <= 0 || seconds > 3600)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "does not say how often its frames come: set frame_rate");
     if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
         return video_refuse(
-            error, DEVICE_ERROR_UNSUPPORTED, who, node,
+            error, DEVICE_ERROR_UNSUPPORTED, node,
             "does not send %g frames a second in this format, but %.4g: set frame_rate", frame_rate,
             1 / seconds);
     *ret_us = MAX(llrint(seconds * 1e6), 1);
     return TRUE;
 }
 
-gboolean video_setup_apply(const struct video_node *node, const char *who,
-                           const struct video_request *request, struct video_setup *ret,
-                           GError **error) {
+gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
+                           struct video_setup *ret, GError **error) {
     struct video_pix pix;
     *ret = (struct video_setup){0};
-    if (!choose_format(node, who, request->format, &ret->format, error))
+    if (!choose_format(node, request->format, &ret->format, error))
         return FALSE;
     gboolean set = video_node_get_pix(node, &pix) == 0;
     if (set) {
@@ -127,9 +126,9 @@ gboolean video_setup_apply(const struct video_node *node, const char *who,
         set = video_node_set_pix(node, &pix) == 0;
     }
     if (!set)
-        return video_set_error(error, who, node, errno, "could not be set to its format");
-    if (!v4l2_stream_check_format(node, who, request, &pix, ret, error) ||
-        !set_rate(node, who, request->frame_rate, &ret->interval_us, error))
+        return video_set_error(error, node, errno, "could not be set to its format");
+    if (!v4l2_stream_check_format(node, request, &pix, ret, error) ||
+        !set_rate(node, request->frame_rate, &ret->interval_us, error))
         return FALSE;
     ret->width = (int)pix.width;
     ret->height = (int)pix.height;
@@ -144,43 +143,43 @@ double video_setup_mb_s(const struct video_setup *setup) {
 }
 
 static gboolean map_buffer(struct video_stream *stream, const struct video_node *node,
-                           const char *who, guint32 index, gsize bytes, GError **error) {
+                           guint32 index, gsize bytes, GError **error) {
     struct asked asked;
     fill_asked(&asked, node, index);
     if (video_ioctl(node, VIDIOC_QUERYBUF, &asked.buffer) < 0)
-        return video_set_error(error, who, node, errno, "did not tell of its buffers");
+        return video_set_error(error, node, errno, "did not tell of its buffers");
     gboolean many = node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
     guint32 length = many ? asked.plane.length : asked.buffer.length;
     guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;
     if (length < bytes)
-        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT,
                             length, bytes);
     guint8 *data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, offset);
     if (data == MAP_FAILED)
-        return video_set_error(error, who, node, errno, "did not let its buffers be mapped");
+        return video_set_error(error, node, errno, "did not let its buffers be mapped");
     stream->buffers[index].data = data;
     stream->buffers[index].size = length;
     stream->n = (int)index + 1;
     return video_ioctl(node, VIDIOC_QBUF, &asked.buffer) == 0 ||
-           video_set_error(error, who, node, errno, "did not take a buffer");
+           video_set_error(error, node, errno, "did not take a buffer");
 }
 
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
-                            const char *who, const struct video_setup *setup, GError **error) {
+                            const struct video_setup *setup, GError **error) {
     struct v4l2_requestbuffers request = {
         .count = VIDEO_BUFFERS, .type = node->type, .memory = V4L2_MEMORY_MMAP};
     int type = (int)node->type;
     *stream = (struct video_stream){0};
     if (video_ioctl(node, VIDIOC_REQBUFS, &request) < 0)
-        return video_set_error(error, who, node, errno, "gave no buffers");
+        return video_set_error(error, node, errno, "gave no buffers");
     gboolean ok =
-        request.count >= 2 || video_refuse(error, DEVICE_ERROR_UNSUPPORTED, who, node,
+        request.count >= 2 || video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                                            "gave %u buffers, too few to stream", request.count);
     for (guint32 i = 0; ok && i < MIN(request.count, VIDEO_BUFFERS); i++)
-        ok = map_buffer(stream, node, who, i, setup->bytes, error);
+        ok = map_buffer(stream, node, i, setup->bytes, error);
     if (ok && video_ioctl(node, VIDIOC_STREAMON, &type) < 0)
-        ok = video_set_error(error, who, node, errno, "could not start streaming");
+        ok = video_set_error(error, node, errno, "could not start streaming");
     if (!ok)
         video_stream_stop(stream, node);
     return ok;
