@@ -21,7 +21,7 @@
 #define PULSE_US 1000
 
 /* Longer than Aravis needs to report that a camera was unplugged. */
-#define TELLING_US 10000
+#define UNPLUG_REPORT_US 10000
 
 /* How many packets may be asked for again, a packet of the picture. */
 #define REQUESTS 1.0
@@ -167,14 +167,6 @@ static gboolean set_region(AravisDevice *device, GError **error) {
     return aravis_device_check(why, "Width, Height, OffsetX, OffsetY", error);
 }
 
-static gboolean set_black_level(AravisDevice *device, GError **error) {
-    GError *why = NULL;
-    device->limits.black_level = device->options->black_level_dn;
-    if (device->options->black_level >= 0)
-        arv_camera_set_black_level(device->camera, device->options->black_level, &why);
-    return aravis_device_check(why, "black_level", error);
-}
-
 static gboolean set_trigger(AravisDevice *device, GError **error) {
     const char *source = device->options->trigger;
     GError *why = NULL;
@@ -199,6 +191,11 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     const struct aravis_options *options = device->options;
     double low = 0, high = 0;
     GError *why = NULL;
+    limits->black_level = options->black_level_dn;
+    if (options->black_level >= 0)
+        arv_camera_set_black_level(device->camera, options->black_level, &why);
+    if (!aravis_device_check(why, "black_level", error))
+        return FALSE;
     arv_camera_get_exposure_time_bounds(device->camera, &low, &high, &why);
     if (!aravis_device_check(why, "ExposureTime", error))
         return FALSE;
@@ -280,8 +277,7 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     if (!aravis_device_check(why, options->device, error))
         return NULL;
     if (!switch_off_automatics(device, error) || !aravis_device_set_format(device, error) ||
-        !set_region(device, error) || !set_features(device, error) ||
-        !set_black_level(device, error) || !set_trigger(device, error) ||
+        !set_region(device, error) || !set_features(device, error) || !set_trigger(device, error) ||
         !set_limits(device, error) || !set_transport(device, error) ||
         !make_stream(device, func, data, error))
         return NULL;
@@ -302,7 +298,7 @@ void aravis_device_close(AravisDevice *device) {
     /* The thread of Aravis that reports the unplugging holds the device. Wait, so that it does not
      * drop the last reference. */
     if (g_atomic_int_get(&device->unplugged))
-        g_usleep(TELLING_US);
+        g_usleep(UNPLUG_REPORT_US);
     g_clear_object(&device->stream);
     g_clear_object(&device->camera);
     g_clear_object(&device->device);
@@ -389,24 +385,24 @@ void aravis_device_push(AravisDevice *device, ArvBuffer *buffer) {
     arv_stream_push_buffer(device->stream, buffer);
 }
 
-static gboolean latch(AravisDevice *device) {
-    if (device->ticks_per_us > 0)
-        return arv_device_write_register(device->device, STAMP_CONTROL, STAMP_LATCH, NULL);
-    g_autoptr(GError) why = NULL;
-    arv_device_execute_command(device->device, "TimestampLatch", &why);
-    return why == NULL;
-}
-
-static gboolean read_latched(AravisDevice *device, double *ret_us) {
+static gboolean read_clock(AravisDevice *device, double *ret_us, double *ret_after_us) {
     g_autoptr(GError) why = NULL;
     guint32 high = 0, low = 0;
+    gint64 ns = 0;
     if (device->ticks_per_us > 0) {
-        gboolean read = arv_device_read_register(device->device, STAMP_HIGH, &high, NULL) &&
+        gboolean latched =
+            arv_device_write_register(device->device, STAMP_CONTROL, STAMP_LATCH, NULL);
+        *ret_after_us = (double)g_get_monotonic_time();
+        gboolean read = latched &&
+                        arv_device_read_register(device->device, STAMP_HIGH, &high, NULL) &&
                         arv_device_read_register(device->device, STAMP_LOW, &low, NULL);
         *ret_us = (double)((guint64)high << 32 | low) / device->ticks_per_us;
         return read;
     }
-    gint64 ns = arv_device_get_integer_feature_value(device->device, "TimestampLatchValue", &why);
+    arv_device_execute_command(device->device, "TimestampLatch", &why);
+    *ret_after_us = (double)g_get_monotonic_time();
+    if (!why)
+        ns = arv_device_get_integer_feature_value(device->device, "TimestampLatchValue", &why);
     *ret_us = (double)ns / 1e3;
     return why == NULL;
 }
@@ -417,10 +413,8 @@ void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
     if (device->ticks_per_us <= 0 && !device->sfnc_clock)
         return;
     for (int i = 0; i < N_ASKED; i++) {
-        double before = (double)g_get_monotonic_time(), theirs = 0;
-        gboolean latched = latch(device);
-        double after = (double)g_get_monotonic_time();
-        if (!latched || !read_latched(device, &theirs))
+        double before = (double)g_get_monotonic_time(), theirs = 0, after = 0;
+        if (!read_clock(device, &theirs, &after))
             return;
         double error_us = (after - before) / 2;
         if (error_us < ret->error_us)

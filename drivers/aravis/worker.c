@@ -291,7 +291,7 @@ static void take_buffer(AravisWorker *worker, const struct job *unused) {
         ask_clock(worker);
 }
 
-static void aravis_worker_say(AravisWorker *worker, gboolean *what) {
+static void aravis_worker_announce(AravisWorker *worker, gboolean *what) {
     g_mutex_lock(&worker->mutex);
     *what = TRUE;
     g_cond_broadcast(&worker->cond);
@@ -308,7 +308,7 @@ static gpointer aravis_worker_work(gpointer data) {
     };
     AravisWorker *worker = data;
     aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error);
-    aravis_worker_say(worker, &worker->opened);
+    aravis_worker_announce(worker, &worker->opened);
     for (gboolean go_on = worker->device != NULL; go_on;) {
         g_autofree struct job *job = g_async_queue_timeout_pop(
             worker->jobs, worker->device ? CHECK_EVERY_US : LOOK_EVERY_US);
@@ -328,7 +328,7 @@ static gpointer aravis_worker_work(gpointer data) {
                                  "check its power and cable, and that no other program uses it"));
     }
     close_device(worker);
-    aravis_worker_say(worker, &worker->ended);
+    aravis_worker_announce(worker, &worker->ended);
     worker_unref(worker);
     return NULL;
 }

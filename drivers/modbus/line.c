@@ -31,15 +31,6 @@ static gboolean is_tcp(const struct modbus_line *line) {
     return g_str_has_prefix(line->link.bus, "tcp:");
 }
 
-static modbus_t *new_tcp(const char *bus) {
-    g_autoptr(GSocketConnectable) address = g_network_address_parse(bus + 4, 502, NULL);
-    if (!address)
-        return NULL;
-    GNetworkAddress *network = G_NETWORK_ADDRESS(address);
-    g_autofree char *port = g_strdup_printf("%u", g_network_address_get_port(network));
-    return modbus_new_tcp_pi(g_network_address_get_hostname(network), port);
-}
-
 static void set_timeout(struct modbus_line *line, gint64 us) {
     us = CLAMP(us, 1000, 60 * G_USEC_PER_SEC);
     modbus_set_response_timeout(line->context, (guint32)(us / G_USEC_PER_SEC),
@@ -52,11 +43,17 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
     line->link.bus = g_strdup(link->bus);
     line->backoff_us = FIRST_BACKOFF_US;
     line->taken = -1;
-    if (is_tcp(line))
-        line->context = new_tcp(link->bus);
-    else
+    if (is_tcp(line)) {
+        g_autoptr(GSocketConnectable) address = g_network_address_parse(link->bus + 4, 502, NULL);
+        GNetworkAddress *network = (GNetworkAddress *)address;
+        g_autofree char *port =
+            g_strdup_printf("%u", network ? g_network_address_get_port(network) : 0);
+        if (network)
+            line->context = modbus_new_tcp_pi(g_network_address_get_hostname(network), port);
+    } else {
         line->context =
             modbus_new_rtu(link->bus, link->baud, "NEO"[link->parity], 8, link -> stop_bits);
+    }
     if (line->context) {
         guint32 us = (guint32)(link->timeout_ms * 1000);
         modbus_set_byte_timeout(line->context, us / G_USEC_PER_SEC, us % G_USEC_PER_SEC);

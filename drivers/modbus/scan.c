@@ -26,16 +26,6 @@ static char *port_name(const char *tty) {
     return g_strdup("serial port");
 }
 
-/* A port of the mainboard that is not there has type 0. */
-static gboolean is_port(const char *tty) {
-    g_autofree char *file = g_build_filename("/sys/class/tty", tty, "type", NULL);
-    g_autofree char *type = NULL;
-    if (g_str_has_prefix(tty, "ttyUSB") || g_str_has_prefix(tty, "ttyACM"))
-        return TRUE;
-    return g_str_has_prefix(tty, "ttyS") && g_file_get_contents(file, &type, NULL, NULL) &&
-           atoi(type) != 0;
-}
-
 static int modbus_scan_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
@@ -44,9 +34,15 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
     g_autoptr(GDir) dir = g_dir_open("/sys/class/tty", 0, NULL);
     g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
     const char *name;
-    while (dir && (name = g_dir_read_name(dir)))
-        if (is_port(name))
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *file = g_build_filename("/sys/class/tty", name, "type", NULL);
+        g_autofree char *type = NULL;
+        /* A port of the mainboard that is not there has type 0. */
+        if (g_str_has_prefix(name, "ttyUSB") || g_str_has_prefix(name, "ttyACM") ||
+            (g_str_has_prefix(name, "ttyS") && g_file_get_contents(file, &type, NULL, NULL) &&
+             atoi(type) != 0))
             g_ptr_array_add(names, g_strdup(name));
+    }
     g_ptr_array_sort(names, modbus_scan_by_name);
     for (guint i = 0; i < names->len; i++) {
         g_autofree char *path = g_strconcat("/dev/", names->pdata[i], NULL);

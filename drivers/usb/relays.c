@@ -180,23 +180,6 @@ static gboolean job_send(struct job *job, enum command command, int relay, GErro
     return TRUE;
 }
 
-static gboolean job_start(struct job *job, GError **error) {
-    const struct board *board = job->board;
-    if (!job->on && job->mask == (1u << board->n) - 1) {
-        if (!job_send(job, ALL_OFF, 0, error))
-            return FALSE;
-    } else {
-        for (int i = 0; i < board->n; i++)
-            if (job->mask & 1u << i && !job_send(job, job->on ? ON : OFF, i + 1, error))
-                return FALSE;
-    }
-    struct usb_request get = get_request(board->usb);
-    if (!usb_control(board->usb, &get, ANSWER_MS, on_read_back, job, error))
-        return FALSE;
-    job->n_left++;
-    return TRUE;
-}
-
 /* Looks for an unplugged board again. */
 static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
                              gpointer device, int index, GError **error) {
@@ -204,7 +187,14 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
         return FALSE;
     struct job *job = g_new0(struct job, 1);
     *job = (struct job){board, device, func, index, on, mask};
-    if (!job_start(job, &job->error) && job->n_left == 0) {
+    struct usb_request get = get_request(board->usb);
+    gboolean all_off = !on && mask == (1u << board->n) - 1;
+    gboolean ok = !all_off || job_send(job, ALL_OFF, 0, &job->error);
+    for (int i = 0; ok && !all_off && i < board->n; i++)
+        ok = !(mask & 1u << i) || job_send(job, on ? ON : OFF, i + 1, &job->error);
+    if (ok && usb_control(board->usb, &get, ANSWER_MS, on_read_back, job, &job->error))
+        job->n_left++;
+    if (job->n_left == 0) {
         g_propagate_error(error, job->error);
         g_free(job);
         return FALSE;
