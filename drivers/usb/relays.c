@@ -149,28 +149,6 @@ static void board_unref(struct board *board) {
     g_free(board);
 }
 
-static struct board *board_get(const char *serial, const char *path, GError **error) {
-    struct board *board = NULL;
-    for (GList *l = boards; l && !board; l = l->next) {
-        struct board *other = l->data;
-        if (g_str_equal(other->serial, serial) && g_str_equal(other->path, path))
-            board = other;
-    }
-    if (!board) {
-        const char *name = *serial ? serial : path;
-        board = g_new0(struct board, 1);
-        board->serial = g_strdup(serial);
-        board->path = g_strdup(path);
-        board->who = g_strdup_printf("USB relay board%s%s", *name ? " " : "", name);
-        boards = g_list_append(boards, board);
-    }
-    board->refs++;
-    if (board->usb || board_connect(board, error))
-        return board;
-    board_unref(board);
-    return NULL;
-}
-
 static gboolean job_send(struct job *job, enum command command, int relay, GError **error) {
     guint8 report[REPORT_SIZE] = {(guint8)command, (guint8)relay};
     struct usb_request set = set_request(job->board->usb, report);
@@ -243,26 +221,6 @@ static guint mask_of(int first, int n) {
     return ((1u << n) - 1) << (first - 1);
 }
 
-/* Takes relays of a board and leaves them off. */
-static struct board *board_enter(const struct device *device, const char *serial, const char *path,
-                                 int first, int *n, GError **error) {
-    struct board *board = board_get(serial, path, error);
-    if (!board) {
-        error_details_add_subject(error, device->who);
-        return NULL;
-    }
-    if (*n == 0)
-        *n = board->n - first + 1;
-    if (*n < 1 || first + *n - 1 > board->n)
-        config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
-                         "%s: relay %d of a board that has %d; correct its section", device->who,
-                         first + MAX(*n, 1) - 1, board->n);
-    else if (board_off_now(board, mask_of(first, *n), error))
-        return board;
-    board_unref(board);
-    return NULL;
-}
-
 /* What both classes keep: a bank's relays, or the one of a laser. */
 struct usb_relays {
     char *serial, *path;
@@ -270,6 +228,41 @@ struct usb_relays {
     double warm_up_ms;
     struct board *board;
 };
+
+/* Takes relays of a board and leaves them off. n 0: up to its last one. */
+static struct board *board_enter(const struct device *device, struct usb_relays *relays, int *n,
+                                 GError **error) {
+    const char *name = *relays->serial ? relays->serial : relays->path;
+    struct board *board = NULL;
+    for (GList *l = boards; l && !board; l = l->next) {
+        struct board *other = l->data;
+        if (g_str_equal(other->serial, relays->serial) && g_str_equal(other->path, relays->path))
+            board = other;
+    }
+    if (!board) {
+        board = g_new0(struct board, 1);
+        board->serial = g_strdup(relays->serial);
+        board->path = g_strdup(relays->path);
+        board->who = g_strdup_printf("USB relay board%s%s", *name ? " " : "", name);
+        boards = g_list_append(boards, board);
+    }
+    board->refs++;
+    if (!board->usb && !board_connect(board, error)) {
+        error_details_add_subject(error, device->who);
+        board_unref(board);
+        return NULL;
+    }
+    if (*n == 0)
+        *n = board->n - relays->first + 1;
+    if (*n < 1 || relays->first + *n - 1 > board->n)
+        config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
+                         "%s: relay %d of a board that has %d; correct its section", device->who,
+                         relays->first + MAX(*n, 1) - 1, board->n);
+    else if (board_off_now(board, mask_of(relays->first, *n), error))
+        return board;
+    board_unref(board);
+    return NULL;
+}
 
 #define FIELD(name) G_STRUCT_OFFSET(struct usb_relays, name)
 
@@ -310,8 +303,7 @@ static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
     struct usb_relays *lamps = bank->device.priv;
     bank->n = lamps->n;
     bank->warm_up_s = lamps->warm_up_ms / 1000;
-    lamps->board =
-        board_enter(&bank->device, lamps->serial, lamps->path, lamps->first, &bank->n, error);
+    lamps->board = board_enter(&bank->device, lamps, &bank->n, error);
     return lamps->board != NULL;
 }
 
@@ -353,8 +345,7 @@ static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
     struct usb_relays *priv = laser->device.priv;
     priv->n = 1;
     laser->warm_up_s = priv->warm_up_ms / 1000;
-    priv->board =
-        board_enter(&laser->device, priv->serial, priv->path, priv->first, &priv->n, error);
+    priv->board = board_enter(&laser->device, priv, &priv->n, error);
     return priv->board != NULL;
 }
 

@@ -102,17 +102,6 @@ static void picture_drop(struct picture *picture) {
         sim_camera_picture_free(picture);
 }
 
-static Frame *relabel(const Frame *from, const struct picture *picture, gboolean fresh) {
-    Frame *frame = frame_new(from->width, from->height);
-    guint16 *pixels = frame->pixels;
-    *frame = fresh ? *picture->frame : *from;
-    frame->ref_count = 1;
-    frame->shot = picture->shot;
-    frame->pixels = pixels;
-    memcpy(pixels, from->pixels, (gsize)from->width * (gsize)from->height * sizeof *pixels);
-    return frame;
-}
-
 static void sim_camera_deliver(Camera *camera) {
     struct sim_camera *sim = camera->device.priv;
     struct picture *picture = g_steal_pointer(&sim->picture);
@@ -120,8 +109,15 @@ static void sim_camera_deliver(Camera *camera) {
     gboolean lost = picture->lost;
     sim->n_rendered++;
     sim->rendering_us += picture->rendering_us;
-    if (picture->stale && sim->last)
-        stale = relabel(sim->last, picture, sim->fault_stale_kind == STALE_RELABELLED);
+    if (picture->stale && sim->last) {
+        stale = frame_new(sim->last->width, sim->last->height);
+        guint16 *pixels = stale->pixels;
+        gsize n = (gsize)stale->width * (gsize)stale->height;
+        *stale = sim->fault_stale_kind == STALE_RELABELLED ? *picture->frame : *sim->last;
+        stale->ref_count = 1;
+        stale->shot = picture->shot;
+        stale->pixels = memcpy(pixels, sim->last->pixels, n * sizeof *pixels);
+    }
     Frame *frame = frame_ref(stale ? stale : picture->frame);
     if (!stale && !lost) {
         frame_unref(sim->last);
