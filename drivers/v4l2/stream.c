@@ -39,18 +39,18 @@ static gboolean choose_format(const struct video_node *node, const char *name,
         else if (fourcc == wanted)
             *ret = video_format_find(fourcc);
     }
-    if (*ret)
-        return TRUE;
-    if (named)
-        return video_refuse(
+    if (!*ret && named)
+        video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
             "cannot be measured with in format %s: what is compressed is no measure of light, "
             "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
             name, list->str);
-    return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                        "offers only %s: what is compressed is no measure of light; a camera "
-                        "with Bayer, mono, YUYV or UYVY is needed",
-                        list->len ? list->str : "no format");
+    else if (!*ret)
+        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                     "offers only %s: what is compressed is no measure of light; a camera "
+                     "with Bayer, mono, YUYV or UYVY is needed",
+                     list->len ? list->str : "no format");
+    return *ret != NULL;
 }
 
 static gboolean v4l2_stream_check_format(const struct video_node *node,

@@ -170,8 +170,8 @@ static const struct flaw {
 };
 
 static Frame *flawed_frame(Clock *clock, const struct flaw *flaw) {
-    Frame *frame = good_frame(clock, (guint64)(701 + flaw->shot), 11);
-    frame->id = (guint64)(11 + flaw->id);
+    Frame *frame = good_frame(clock, 701 + (guint64)flaw->shot, 11);
+    frame->id += (guint64)flaw->id;
     frame->exposure_start_us += flaw->start_us;
     frame->exposure_end_us += flaw->end_us;
     frame->exposure_us += flaw->exposure_us;
