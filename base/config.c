@@ -387,8 +387,9 @@ char *config_resolve(const Config *config, const char *path) {
     return g_canonicalize_filename(path, folder);
 }
 
-void config_set_error(GError **error, enum config_error code, const struct config_section *section,
-                      const char *key, const char *format, ...) {
+gboolean config_set_error(GError **error, enum config_error code,
+                          const struct config_section *section, const char *key, const char *format,
+                          ...) {
     va_list args;
     va_start(args, format);
     GError *made = error_details_new_valist(CONFIG_ERROR, (gint)code, NULL, format, args);
@@ -400,4 +401,5 @@ void config_set_error(GError **error, enum config_error code, const struct confi
         g_strdup_printf("[%s]%s%s", section->group, key ? " " : "", key ? key : "");
     error_details_add_place(&made, config_path(section->config), line, where);
     g_propagate_error(error, made);
+    return FALSE;
 }

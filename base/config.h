@@ -75,6 +75,8 @@ const char *const *config_keys(const struct config_section *section);
 /* A path as written in the file, made absolute; free with g_free(). */
 char *config_resolve(const Config *config, const char *path);
 
-/* Sets an error that begins with file, line and section; key may be NULL. */
-void config_set_error(GError **error, enum config_error code, const struct config_section *section,
-                      const char *key, const char *format, ...) G_GNUC_PRINTF(5, 6);
+/* Sets an error that begins with file, line and section; key may be NULL. Returns FALSE always, for
+ * a caller that fails with it. */
+gboolean config_set_error(GError **error, enum config_error code,
+                          const struct config_section *section, const char *key, const char *format,
+                          ...) G_GNUC_PRINTF(5, 6);

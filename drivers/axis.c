@@ -67,21 +67,6 @@ static gint64 axis_to_us(double seconds) {
     return (gint64)MIN(ceil(seconds * 1e6), 1e15);
 }
 
-static gboolean check_motion(const Axis *axis, GError **error) {
-    const struct axis_motion *m = &axis->motion;
-    gboolean finite = isfinite(m->speed_deg_s) && isfinite(m->accel_deg_s2) &&
-                      isfinite(m->backlash_deg) && isfinite(m->settle_ms) && isfinite(m->min_deg) &&
-                      isfinite(m->max_deg);
-    if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
-        m->settle_ms >= 0 && (m->wraps || m->min_deg < m->max_deg))
-        return TRUE;
-    device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                     "makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², backlash "
-                     "%g°" ERROR_ADVICE "correct its section",
-                     m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg);
-    return FALSE;
-}
-
 static void axis_free(Axis *axis) {
     device_clear(&axis->device);
     g_free(axis->state);
@@ -91,6 +76,7 @@ static void axis_free(Axis *axis) {
 Axis *axis_open(const struct axis_driver *driver, const struct config_section *section,
                 const char *const *also, Clock *clock, GError **error) {
     Axis *axis = g_new0(Axis, 1);
+    const struct axis_motion *m = &axis->motion;
     axis->driver = driver;
     axis->state = g_new0(struct axis_state, 1);
     if (!device_init(&axis->device, &driver->info, section, also, clock, error) ||
@@ -98,11 +84,18 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
         axis_free(axis);
         return NULL;
     }
-    if (!check_motion(axis, error)) {
-        axis_close(axis);
-        return NULL;
-    }
-    return axis;
+    gboolean finite = isfinite(m->speed_deg_s) && isfinite(m->accel_deg_s2) &&
+                      isfinite(m->backlash_deg) && isfinite(m->settle_ms) && isfinite(m->min_deg) &&
+                      isfinite(m->max_deg);
+    if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
+        m->settle_ms >= 0 && (m->wraps || m->min_deg < m->max_deg))
+        return axis;
+    device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                     "makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², backlash "
+                     "%g°" ERROR_ADVICE "correct its section",
+                     m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg);
+    axis_close(axis);
+    return NULL;
 }
 
 static void cancel_timers(Axis *axis) {
@@ -170,9 +163,8 @@ static void set_deadline(Axis *axis, double predicted_s) {
 static gboolean axis_check_idle(const Axis *axis, GError **error) {
     if (axis->state->activity == IDLE)
         return TRUE;
-    device_error_set(error, DEVICE_ERROR_BUSY, axis->device.who,
-                     "still %s" ERROR_ADVICE "wait or stop it first", activity_name(axis));
-    return FALSE;
+    return device_error_set(error, DEVICE_ERROR_BUSY, axis->device.who,
+                            "still %s" ERROR_ADVICE "wait or stop it first", activity_name(axis));
 }
 
 gboolean axis_home(Axis *axis, GError **error) {
@@ -190,29 +182,6 @@ gboolean axis_home(Axis *axis, GError **error) {
     }
     double way = motion->wraps ? 360 : motion->max_deg - motion->min_deg;
     set_deadline(axis, HOMING_FACTOR * leg_time_s(motion, way));
-    return TRUE;
-}
-
-static gboolean check_target(const Axis *axis, double target_deg, GError **error) {
-    const struct axis_motion *motion = &axis->motion;
-    if (!axis_check_idle(axis, error))
-        return FALSE;
-    if (!axis->state->homed) {
-        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                         "its position is not known" ERROR_ADVICE "home it first");
-        return FALSE;
-    }
-    if (!isfinite(target_deg)) {
-        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who, "%g is no position",
-                         target_deg);
-        return FALSE;
-    }
-    if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg)) {
-        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                         "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
-                         motion->max_deg);
-        return FALSE;
-    }
     return TRUE;
 }
 
@@ -239,8 +208,18 @@ static gboolean start_leg(Axis *axis, double target_deg, GError **error) {
 gboolean axis_move(Axis *axis, double target_deg, GError **error) {
     struct axis_state *state = axis->state;
     const struct axis_motion *motion = &axis->motion;
-    if (!check_target(axis, target_deg, error))
+    if (!axis_check_idle(axis, error))
         return FALSE;
+    if (!state->homed)
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                                "its position is not known" ERROR_ADVICE "home it first");
+    if (!isfinite(target_deg))
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who, "%g is no position",
+                                target_deg);
+    if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg))
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                                "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
+                                motion->max_deg);
     double from = axis->driver->position(axis);
     double way = axis_way_deg(motion, from, target_deg);
     gboolean take_up = way < 0 || state->slack_unknown;
@@ -317,18 +296,6 @@ double axis_position_deg(Axis *axis) {
     return 360 - deg < SAME_DEG ? 0 : deg;
 }
 
-static void arrived(Axis *axis) {
-    struct axis_state *state = axis->state;
-    if (!state->another_leg) {
-        axis_settle(axis, axis->motion.settle_ms / 1000);
-        return;
-    }
-    state->another_leg = FALSE;
-    g_autoptr(GError) error = NULL;
-    if (!start_leg(axis, state->target_deg, &error))
-        axis_do_fault(axis, error);
-}
-
 void axis_report(Axis *axis, enum axis_event event, GError *error) {
     struct axis_state *state = axis->state;
     g_autoptr(GError) owned = error;
@@ -347,9 +314,14 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     } else if (event == AXIS_STOPPED && state->stopping) {
         axis_end(axis, AXIS_STOPPED, NULL);
     } else if (event == AXIS_ARRIVED && state->activity == MOVING) {
-        if (state->stopping)
+        if (state->stopping) {
             axis_end(axis, AXIS_STOPPED, NULL);
-        else
-            arrived(axis);
+        } else if (!state->another_leg) {
+            axis_settle(axis, axis->motion.settle_ms / 1000);
+        } else {
+            state->another_leg = FALSE;
+            if (!start_leg(axis, state->target_deg, &owned))
+                axis_do_fault(axis, owned);
+        }
     }
 }

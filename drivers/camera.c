@@ -37,19 +37,6 @@ static void camera_free(Camera *camera) {
     g_free(camera);
 }
 
-static gboolean camera_check_format(const Camera *camera, GError **error) {
-    const struct camera_format *f = &camera->format;
-    if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
-        f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
-        f->readout_us >= 0 && f->trigger_us >= 0 && isfinite(f->black_level))
-        return TRUE;
-    device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
-                     "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
-                     " to %" G_GINT64_FORMAT " µs makes no sense",
-                     f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
-    return FALSE;
-}
-
 Camera *camera_open_begin(const struct camera_driver *driver, const struct config_section *section,
                           const char *const *also, Clock *clock, GError **error) {
     Camera *camera = g_new0(Camera, 1);
@@ -64,8 +51,17 @@ Camera *camera_open_begin(const struct camera_driver *driver, const struct confi
 }
 
 gboolean camera_open_finish(Camera *camera, GError **error) {
-    return (!camera->driver->opened || camera->driver->opened(camera, error)) &&
-           camera_check_format(camera, error);
+    const struct camera_format *f = &camera->format;
+    if (camera->driver->opened && !camera->driver->opened(camera, error))
+        return FALSE;
+    if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
+        f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
+        f->readout_us >= 0 && f->trigger_us >= 0 && isfinite(f->black_level))
+        return TRUE;
+    return device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
+                            "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
+                            " to %" G_GINT64_FORMAT " µs makes no sense",
+                            f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
 }
 
 Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
@@ -101,9 +97,8 @@ static void camera_notify(Camera *camera, enum camera_event event, Frame *frame,
 static gboolean check_not_waiting(const Camera *camera, GError **error) {
     if (!camera->state->waiting)
         return TRUE;
-    device_error_set(error, DEVICE_ERROR_BUSY, camera->device.who,
-                     "still waits for the picture of its last trigger");
-    return FALSE;
+    return device_error_set(error, DEVICE_ERROR_BUSY, camera->device.who,
+                            "still waits for the picture of its last trigger");
 }
 
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error) {
@@ -112,18 +107,15 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
     if (!check_not_waiting(camera, error))
         return FALSE;
     if (settings->exposure_us < format->min_exposure_us ||
-        settings->exposure_us > format->max_exposure_us) {
-        device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                         "cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
-                         " to %" G_GINT64_FORMAT " µs",
-                         settings->exposure_us, format->min_exposure_us, format->max_exposure_us);
-        return FALSE;
-    }
-    if (!isfinite(settings->gain_db)) {
-        device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who, "%g is no gain",
-                         settings->gain_db);
-        return FALSE;
-    }
+        settings->exposure_us > format->max_exposure_us)
+        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                                "cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
+                                " to %" G_GINT64_FORMAT " µs",
+                                settings->exposure_us, format->min_exposure_us,
+                                format->max_exposure_us);
+    if (!isfinite(settings->gain_db))
+        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who, "%g is no gain",
+                                settings->gain_db);
     if (state->configured && state->settings.exposure_us == settings->exposure_us &&
         state->settings.gain_db == settings->gain_db)
         return TRUE;
@@ -177,12 +169,10 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct camera_state *state = camera->state;
     if (!check_not_waiting(camera, error))
         return FALSE;
-    if (!state->armed || !state->configured) {
-        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
-                         "cannot be triggered before it is %s",
-                         state->armed ? "configured" : "armed");
-        return FALSE;
-    }
+    if (!state->armed || !state->configured)
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
+                                "cannot be triggered before it is %s",
+                                state->armed ? "configured" : "armed");
     state->waiting = TRUE;
     state->exposed = FALSE;
     state->shot = shot;
@@ -244,17 +234,6 @@ static void remember(Camera *camera, const Frame *frame, guint64 hash) {
     state->seen[state->n_seen++ % N_SEEN] = (struct seen){hash, frame->shot};
 }
 
-static gboolean was_seen(const Camera *camera, guint64 hash, guint64 *ret_shot) {
-    const struct camera_state *state = camera->state;
-    for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++) {
-        if (state->seen[i].hash == hash && state->seen[i].shot != state->shot) {
-            *ret_shot = state->seen[i].shot;
-            return TRUE;
-        }
-    }
-    return FALSE;
-}
-
 static gboolean camera_refuse(const Camera *camera, enum device_error code, GError **error,
                               const char *format, ...) G_GNUC_PRINTF(4, 5);
 static gboolean camera_refuse(const Camera *camera, enum device_error code, GError **error,
@@ -263,24 +242,8 @@ static gboolean camera_refuse(const Camera *camera, enum device_error code, GErr
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    device_error_set(error, code, camera->device.who, "picture refused: %s", what);
-    return FALSE;
+    return device_error_set(error, code, camera->device.who, "picture refused: %s", what);
 }
-
-static gboolean check_shape(const Camera *camera, const Frame *frame, GError **error) {
-    const struct camera_format *format = &camera->format;
-    if (frame->width != format->width || frame->height != format->height ||
-        frame->cfa != format->cfa || frame->bits != format->bits)
-        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
-                             frame->height, cfa_name(frame->cfa), frame->bits, format->width,
-                             format->height, cfa_name(format->cfa), format->bits);
-    if (frame->incomplete)
-        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "some of its data was lost on the way");
-    return TRUE;
-}
-
 static gboolean check_times(const Camera *camera, const Frame *frame, GError **error) {
     const struct camera_state *state = camera->state;
     gint64 before_us = state->triggered_us - frame->exposure_start_us;
@@ -304,6 +267,7 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
 static gboolean camera_check_frame(const Camera *camera, const Frame *frame, guint64 hash,
                                    GError **error) {
     const struct camera_state *state = camera->state;
+    const struct camera_format *format = &camera->format;
     if (frame->shot != state->shot)
         return camera_refuse(camera, DEVICE_ERROR_STALE, error,
                              "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT,
@@ -313,13 +277,22 @@ static gboolean camera_check_frame(const Camera *camera, const Frame *frame, gui
                              "it is an old one: its frame id %" G_GUINT64_FORMAT
                              " was seen before (last: %" G_GUINT64_FORMAT ")",
                              frame->id, state->last_id);
-    if (!check_shape(camera, frame, error) || !check_times(camera, frame, error))
+    if (frame->width != format->width || frame->height != format->height ||
+        frame->cfa != format->cfa || frame->bits != format->bits)
+        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                             "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
+                             frame->height, cfa_name(frame->cfa), frame->bits, format->width,
+                             format->height, cfa_name(format->cfa), format->bits);
+    if (frame->incomplete)
+        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                             "some of its data was lost on the way");
+    if (!check_times(camera, frame, error))
         return FALSE;
-    guint64 other;
-    if (was_seen(camera, hash, &other))
-        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                             "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit",
-                             other);
+    for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++)
+        if (state->seen[i].hash == hash && state->seen[i].shot != state->shot)
+            return camera_refuse(camera, DEVICE_ERROR_STALE, error,
+                                 "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit",
+                                 state->seen[i].shot);
     return TRUE;
 }
 

@@ -12,31 +12,33 @@ GError *device_error_new(enum device_error code, const char *who, const char *fo
     return error;
 }
 
-void device_error_set(GError **error, enum device_error code, const char *who, const char *format,
-                      ...) {
+gboolean device_error_set(GError **error, enum device_error code, const char *who,
+                          const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_propagate_error(error, error_details_new_valist(DEVICE_ERROR, (gint)code, who, format, args));
     va_end(args);
+    return FALSE;
 }
 
-/* The keys of the class or rig, and the one that chose the driver. */
-static const char **add_driver_key(const char *const *also) {
-    GPtrArray *keys = g_ptr_array_new();
-    g_ptr_array_add(keys, (gpointer) "driver");
-    for (; also && *also; also++)
-        g_ptr_array_add(keys, (gpointer)*also);
-    g_ptr_array_add(keys, NULL);
-    return (const char **)g_ptr_array_free(keys, FALSE);
+gboolean device_check_real_clock(const struct device *device, GError **error) {
+    return !clock_is_virtual(device->clock) ||
+           config_set_error(error, CONFIG_ERROR_VALUE, device->section, "driver",
+                            "%s is real and keeps real time; set clock = real in [rig]",
+                            device->info->name);
 }
-
 gboolean device_init(struct device *device, const struct driver_info *info,
                      const struct config_section *section, const char *const *also, Clock *clock,
                      GError **error) {
     g_return_val_if_fail(device && info && section && clock, FALSE);
-    g_autofree const char **keys = add_driver_key(also);
+    g_autoptr(GPtrArray) keys =
+        g_ptr_array_new(); /* of the class or rig, and the driver's choice */
+    g_ptr_array_add(keys, (gpointer) "driver");
+    for (; also && *also; also++)
+        g_ptr_array_add(keys, (gpointer)*also);
+    g_ptr_array_add(keys, NULL);
     gpointer priv = g_malloc0(MAX(info->priv_size, 1));
-    if (!options_parse(info->options, section, keys, priv, error)) {
+    if (!options_parse(info->options, section, (const char *const *)keys->pdata, priv, error)) {
         g_free(priv);
         return FALSE;
     }

@@ -34,11 +34,12 @@ enum device_error {
  * happened, without the device, and after ERROR_ADVICE what to do:
  *     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
  *                      "its position is not known" ERROR_ADVICE "home it first");
- * reads "axis turntable: its position is not known; home it first". */
+ * reads "axis turntable: its position is not known; home it first". device_error_set() returns
+ * FALSE always, for a caller that fails with it. */
 GError *device_error_new(enum device_error code, const char *who, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
-void device_error_set(GError **error, enum device_error code, const char *who, const char *format,
-                      ...) G_GNUC_PRINTF(4, 5);
+gboolean device_error_set(GError **error, enum device_error code, const char *who,
+                          const char *format, ...) G_GNUC_PRINTF(4, 5);
 
 /* First member of every class's driver struct. */
 struct driver_info {
@@ -66,3 +67,6 @@ gboolean device_init(struct device *device, const struct driver_info *info,
                      const struct config_section *section, const char *const *also, Clock *clock,
                      GError **error);
 void device_clear(struct device *device);
+
+/* For the open() of a driver that keeps real time: fails where the rig's clock is virtual. */
+gboolean device_check_real_clock(const struct device *device, GError **error);

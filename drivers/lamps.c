@@ -81,16 +81,12 @@ static void lamps_notify(LampBank *bank, int index, gboolean on, gint64 at_us,
         bank->state->func(bank, index, on, at_us, error, bank->state->data);
 }
 
-static char *lamp_text(int index) {
-    return index < 0 ? g_strdup("all lamps") : g_strdup_printf("lamp %d", index);
-}
-
 static void lamps_on_deadline(gpointer data) {
     struct pending *pending = data;
     LampBank *bank = pending->bank;
     int index = pending->index;
     gboolean on = pending->on;
-    g_autofree char *what = lamp_text(index);
+    g_autofree char *what = index < 0 ? g_strdup("all lamps") : g_strdup_printf("lamp %d", index);
     g_autoptr(GError) error = device_error_new(
         DEVICE_ERROR_TIMEOUT, bank->device.who,
         "%s did not answer to \"%s\" within %d s" ERROR_ADVICE "check its cable and power", what,
@@ -117,11 +113,9 @@ static gboolean lamps_start(LampBank *bank, int index, gboolean on, GError **err
 }
 
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
-    if (index < 0 || index >= bank->n) {
-        device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
-                         "there is no lamp %d; it has 0 to %d", index, bank->n - 1);
-        return FALSE;
-    }
+    if (index < 0 || index >= bank->n)
+        return device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
+                                "there is no lamp %d; it has 0 to %d", index, bank->n - 1);
     return lamps_start(bank, index, on != FALSE, error);
 }
 
@@ -149,14 +143,6 @@ double lamps_hours(const LampBank *bank, int index) {
     return (double)us / (3600.0 * G_USEC_PER_SEC);
 }
 
-static void lamps_note(struct lamp *lamp, gboolean on, gint64 now_us) {
-    if (lamp->on && !on)
-        lamp->burnt_us += now_us - lamp->since_us;
-    if (!lamp->on && on)
-        lamp->since_us = now_us;
-    lamp->on = on;
-}
-
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
     struct pending *pending = g_queue_peek_head(&bank->state->pending);
@@ -168,8 +154,14 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     lamps_pending_free(pending);
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; !owned && i < bank->n; i++) {
-        if (index < 0 || index == i)
-            lamps_note(&bank->state->lamps[i], on, now);
+        struct lamp *lamp = &bank->state->lamps[i];
+        if (index >= 0 && index != i)
+            continue;
+        if (lamp->on && !on)
+            lamp->burnt_us += now - lamp->since_us;
+        if (!lamp->on && on)
+            lamp->since_us = now;
+        lamp->on = on;
     }
     lamps_notify(bank, index, on, now, owned);
 }

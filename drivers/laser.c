@@ -137,13 +137,11 @@ void laser_guard(Laser *laser, Interlock *interlock) {
 
 gboolean laser_set(Laser *laser, gboolean on, GError **error) {
     const Interlock *guard = laser->state->guard;
-    if (on && guard && !interlock_is_closed(guard)) {
-        device_error_set(error, DEVICE_ERROR_INTERLOCK, laser->device.who,
-                         "not switched on, since the interlock %s is open" ERROR_ADVICE
-                         "close it first",
-                         guard->device.name);
-        return FALSE;
-    }
+    if (on && guard && !interlock_is_closed(guard))
+        return device_error_set(error, DEVICE_ERROR_INTERLOCK, laser->device.who,
+                                "not switched on, since the interlock %s is open" ERROR_ADVICE
+                                "close it first",
+                                guard->device.name);
     return laser_start(laser, on != FALSE, error);
 }
 

@@ -23,16 +23,13 @@ static guint64 extend_id(struct answer_state *state, guint64 raw) {
     return state->base + raw;
 }
 
-static gint64 slack_us(const struct answer_state *state, gint64 now_us) {
-    return (gint64)(state->clock.error_us + DRIFT * (double)(now_us - state->asked_us)) +
-           ROUNDING_US;
-}
-
 /* FALSE: exposed before the trigger. A time before the trigger, or in the future, by less than the
  * uncertainty of the clocks is taken as the time of the trigger, or as now. */
 static gboolean map_stamp(const struct answer_state *state, double stamp_us, gint64 *ret_start_us,
                           gint64 *ret_before_us) {
-    gint64 now = g_get_monotonic_time(), slack = slack_us(state, now);
+    gint64 now = g_get_monotonic_time();
+    gint64 slack =
+        (gint64)(state->clock.error_us + DRIFT * (double)(now - state->asked_us)) + ROUNDING_US;
     gint64 start = (gint64)(stamp_us + state->clock.offset_us);
     if (state->stamp_is_end)
         start -= state->exposure_us;
@@ -46,16 +43,6 @@ static gboolean map_stamp(const struct answer_state *state, double stamp_us, gin
     return TRUE;
 }
 
-/* A camera without a clock: use the time at which its picture began to arrive. */
-static gboolean map_arrival(const struct answer_state *state, ArvBuffer *buffer,
-                            gint64 *ret_start_us, gint64 *ret_before_us) {
-    gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
-    gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
-    *ret_start_us = state->sent_us;
-    *ret_before_us = state->sent_us - came_us;
-    return *ret_before_us <= 0;
-}
-
 static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gint64 *ret_start_us,
                          gint64 *ret_before_us) {
     guint64 stamp_ns = arv_buffer_get_timestamp(buffer);
@@ -64,21 +51,11 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
         return TRUE; /* its first packet is missing; the class will refuse it */
-    return map_arrival(state, buffer, ret_start_us, ret_before_us);
-}
-
-static gboolean aravis_answer_fill(Frame *frame, ArvBuffer *buffer,
-                                   const struct aravis_format *format, GError **error) {
-    gsize size = 0, needed = aravis_format_bytes(format, frame->width, frame->height);
-    const guint8 *bytes = arv_buffer_get_data(buffer, &size);
-    if (size < needed) {
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture has %zu bytes, but %d × %d %s are %zu", size, frame->width,
-                         frame->height, format->name, needed);
-        return FALSE;
-    }
-    aravis_unpack(format, bytes, (gsize)frame->width * (gsize)frame->height, frame->pixels);
-    return TRUE;
+    /* A camera without a clock: use the time at which its picture began to arrive. */
+    gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
+    gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
+    *ret_before_us = state->sent_us - came_us;
+    return *ret_before_us <= 0;
 }
 
 static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
@@ -101,9 +78,16 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
         return NULL;
     }
     g_autoptr(Frame) frame = frame_new(width, height);
-    frame->incomplete = FALSE;
-    return aravis_answer_fill(frame, buffer, limits->format, error) ? g_steal_pointer(&frame)
-                                                                    : NULL;
+    gsize size = 0, needed = aravis_format_bytes(limits->format, width, height);
+    const guint8 *bytes = arv_buffer_get_data(buffer, &size);
+    if (size < needed) {
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "its picture has %zu bytes, but %d × %d %s are %zu", size, width, height,
+                         limits->format->name, needed);
+        return NULL;
+    }
+    aravis_unpack(limits->format, bytes, (gsize)width * (gsize)height, frame->pixels);
+    return g_steal_pointer(&frame);
 }
 
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,

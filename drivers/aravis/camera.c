@@ -101,27 +101,22 @@ static void on_sending(gint64 sent_us, gpointer data) {
 
 /* Lamps and axes may have moved on: an end of exposure that was reported too early spoils the
  * picture. (The class refuses a picture from the future.) */
-static gboolean was_exposed_in_time(Camera *camera, const Frame *frame) {
+static void aravis_camera_on_frame(Frame *frame, gpointer data) {
+    Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     gint64 over_us = priv->exposed_us > 0 ? frame->exposure_end_us - priv->exposed_us : 0;
-    if (over_us <= OVERTIME_US || frame->exposure_end_us > clock_now_us(camera->device.clock))
-        return TRUE;
+    gboolean future = frame->exposure_end_us > clock_now_us(camera->device.clock);
+    clear_timers(camera);
+    if (over_us <= OVERTIME_US || future) {
+        camera_report_frame(camera, frame);
+        return;
+    }
+    frame_unref(frame);
     camera_report_fault(
         camera, device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
                                  "it still exposed %.1f ms after it had begun to send" ERROR_ADVICE
                                  "set trigger_ms to %.1f more",
                                  (double)over_us / 1e3, (double)over_us / 1e3));
-    return FALSE;
-}
-
-static void aravis_camera_on_frame(Frame *frame, gpointer data) {
-    Camera *camera = data;
-    gboolean good = was_exposed_in_time(camera, frame);
-    clear_timers(camera);
-    if (good)
-        camera_report_frame(camera, frame);
-    else
-        frame_unref(frame);
 }
 
 static void on_only_stale(gpointer data) {
@@ -173,12 +168,10 @@ static gboolean aravis_camera_configure(Camera *camera, const struct camera_sett
     struct aravis_camera *priv = camera->device.priv;
     const struct aravis_limits *limits = &priv->limits;
     if (settings->gain_db < limits->min_gain_db - 1e-9 ||
-        settings->gain_db > limits->max_gain_db + 1e-9) {
-        device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                         "cannot have a gain of %g dB, only %g to %g dB", settings->gain_db,
-                         limits->min_gain_db, limits->max_gain_db);
-        return FALSE;
-    }
+        settings->gain_db > limits->max_gain_db + 1e-9)
+        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                                "cannot have a gain of %g dB, only %g to %g dB", settings->gain_db,
+                                limits->min_gain_db, limits->max_gain_db);
     priv->settings = *settings;
     aravis_worker_configure(priv->worker, settings->exposure_us, settings->gain_db);
     return TRUE;
@@ -216,27 +209,18 @@ static gboolean aravis_camera_trigger(Camera *camera, guint64 shot, GError **err
     return TRUE;
 }
 
-static gboolean aravis_camera_check_options(const Camera *camera, GError **error) {
-    const struct aravis_options *given = camera->device.priv;
-    if (*given->pixel_format && !aravis_format_by_name(given->pixel_format)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "pixel_format",
-                         "\"%s\" cannot be measured with; choose Mono or BayerRG, BayerBG, "
-                         "BayerGR, BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or 16",
-                         given->pixel_format);
-        return FALSE;
-    }
-    if (!g_str_equal(given->trigger, "Software") && !*given->pulse_path) {
-        config_set_error(error, CONFIG_ERROR_MISSING, camera->device.section, "pulse_path",
-                         "must be given for a trigger by %s", given->trigger);
-        return FALSE;
-    }
-    return TRUE;
-}
-
 static gboolean aravis_camera_open_camera(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    if (!aravis_camera_check_options(camera, error))
-        return FALSE;
+    const struct aravis_options *given = &priv->options;
+    if (*given->pixel_format && !aravis_format_by_name(given->pixel_format))
+        return config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "pixel_format",
+                                "\"%s\" cannot be measured with; choose Mono or BayerRG, BayerBG, "
+                                "BayerGR, BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or "
+                                "16",
+                                given->pixel_format);
+    if (!g_str_equal(given->trigger, "Software") && !*given->pulse_path)
+        return config_set_error(error, CONFIG_ERROR_MISSING, camera->device.section, "pulse_path",
+                                "must be given for a trigger by %s", given->trigger);
     priv->worker = aravis_worker_new(camera->device.name, &priv->options, &hooks, camera);
     return TRUE;
 }

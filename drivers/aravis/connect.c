@@ -72,25 +72,22 @@ static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAd
 static ArvDevice *open_gige(const char *ip, GError **error) {
     g_autoptr(GInetAddress) ours = NULL, theirs = g_inet_address_new_from_string(ip);
     g_autoptr(GError) why = NULL;
+    g_autoptr(ArvDevice) device = NULL;
     guint32 control = 0;
     if (!aravis_connect_ask(ip, &control, &ours, error))
         return NULL;
-    if (control & 3) {
-        device_error_set(error, DEVICE_ERROR_BUSY, NULL,
-                         "another program controls it" ERROR_ADVICE "end that program");
-        return NULL;
+    if (!(control & 3)) {
+        g_mutex_lock(&parser_lock);
+        device = arv_gv_device_new(ours, theirs, &why);
+        g_mutex_unlock(&parser_lock);
+        if (!device) {
+            device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "%s: %s", ip,
+                             why ? why->message : "it cannot be opened");
+            return NULL;
+        }
     }
-    g_mutex_lock(&parser_lock);
-    ArvDevice *device = arv_gv_device_new(ours, theirs, &why);
-    g_mutex_unlock(&parser_lock);
-    if (!device) {
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "%s: %s", ip,
-                         why ? why->message : "it cannot be opened");
-        return NULL;
-    }
-    if (arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
-        return device;
-    g_object_unref(device);
+    if (device && arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
+        return g_steal_pointer(&device);
     device_error_set(error, DEVICE_ERROR_BUSY, NULL,
                      "another program controls it" ERROR_ADVICE "end that program");
     return NULL;
@@ -148,17 +145,6 @@ static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError *
     return found;
 }
 
-static ArvDevice *open_other(const char *id, GError **error) {
-    g_autoptr(GError) why = NULL;
-    g_mutex_lock(&parser_lock);
-    ArvDevice *device = arv_open_device(id, &why);
-    g_mutex_unlock(&parser_lock);
-    if (!device)
-        device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL, "%s",
-                         why ? why->message : "it cannot be opened");
-    return device;
-}
-
 ArvDevice *aravis_connect(const char *id, double control_s, GError **error) {
     gint64 until = g_get_monotonic_time() + (gint64)(control_s * 1e6);
     g_autoptr(GInetAddress) address = g_inet_address_new_from_string(id);
@@ -168,7 +154,16 @@ ArvDevice *aravis_connect(const char *id, double control_s, GError **error) {
         return NULL;
     for (;;) {
         g_autoptr(GError) why = NULL;
-        ArvDevice *device = gige ? open_gige(name, &why) : open_other(name, &why);
+        ArvDevice *device = gige ? open_gige(name, &why) : NULL;
+        if (!gige) {
+            g_autoptr(GError) theirs = NULL;
+            g_mutex_lock(&parser_lock);
+            device = arv_open_device(name, &theirs);
+            g_mutex_unlock(&parser_lock);
+            if (!device)
+                device_error_set(&why, DEVICE_ERROR_DISCONNECTED, NULL, "%s",
+                                 theirs ? theirs->message : "it cannot be opened");
+        }
         if (device)
             return device;
         if (why->code != DEVICE_ERROR_BUSY || g_get_monotonic_time() > until) {

@@ -21,7 +21,7 @@
 #define PULSE_US 1000
 
 /* Longer than Aravis needs to report that a camera was unplugged. */
-#define TELLING_US 10000
+#define UNPLUG_REPORT_US 10000
 
 /* How many packets may be asked for again, a packet of the picture. */
 #define REQUESTS 1.0
@@ -116,44 +116,29 @@ static gboolean set_features(AravisDevice *device, GError **error) {
     return TRUE;
 }
 
-static const struct aravis_format *best_of(const gint64 *codes, guint n) {
-    for (const struct aravis_format *f = aravis_formats; f->name; f++)
+static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
+    const char *wanted = device->options->pixel_format;
+    guint n = 0;
+    g_autoptr(GString) names = g_string_new(NULL);
+    GError *why = NULL;
+    const struct aravis_format *format = NULL;
+    g_autofree gint64 *codes = arv_camera_dup_available_pixel_formats(device->camera, &n, &why);
+    if (!aravis_device_check(why, "PixelFormat", error))
+        return FALSE;
+    for (const struct aravis_format *f = aravis_formats; f->name && !format; f++)
         for (guint i = 0; i < n; i++)
-            if (codes[i] == f->code)
-                return f;
-    return NULL;
-}
-
-static char *aravis_device_names_of(const gint64 *codes, guint n) {
-    GString *names = g_string_new(NULL);
+            if (codes[i] == f->code && (!*wanted || g_str_equal(wanted, f->name)))
+                format = f;
     for (guint i = 0; i < n; i++) {
         const struct aravis_format *f = aravis_format_by_code((guint32)codes[i]);
         if (f)
             g_string_append_printf(names, "%s%s", names->len ? ", " : "", f->name);
     }
-    return g_string_free(names, FALSE);
-}
-
-static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
-    const char *wanted = device->options->pixel_format;
-    guint n = 0;
-    GError *why = NULL;
-    g_autofree gint64 *codes = arv_camera_dup_available_pixel_formats(device->camera, &n, &why);
-    if (!aravis_device_check(why, "PixelFormat", error))
-        return FALSE;
-    const struct aravis_format *format =
-        *wanted ? aravis_format_by_name(wanted) : best_of(codes, n);
-    gboolean there = FALSE;
-    for (guint i = 0; format && i < n; i++)
-        there |= codes[i] == format->code;
-    if (!there) {
-        g_autofree char *names = aravis_device_names_of(codes, n);
-        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                         "pixel_format: it has no \"%s\" to measure with" ERROR_ADVICE
-                         "choose from: %s",
-                         wanted, names);
-        return FALSE;
-    }
+    if (!format)
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                                "pixel_format: it has no \"%s\" to measure with" ERROR_ADVICE
+                                "choose from: %s",
+                                wanted, names->str);
     device->limits.format = format;
     device->limits.bits = device->options->bits > 0 ? device->options->bits : format->bits;
     arv_camera_set_pixel_format(device->camera, format->code, &why);
@@ -170,25 +155,16 @@ static gboolean set_region(AravisDevice *device, GError **error) {
         return FALSE;
     int width = options->width > 0 ? options->width : sensor_width - options->offset_x;
     int height = options->height > 0 ? options->height : sensor_height - options->offset_y;
-    if (width + options->offset_x > sensor_width || height + options->offset_y > sensor_height) {
-        device_error_set(error, DEVICE_ERROR_RANGE, NULL,
-                         "a region of %d × %d at %d, %d does not fit its sensor of %d × %d", width,
-                         height, options->offset_x, options->offset_y, sensor_width, sensor_height);
-        return FALSE;
-    }
+    if (width + options->offset_x > sensor_width || height + options->offset_y > sensor_height)
+        return device_error_set(error, DEVICE_ERROR_RANGE, NULL,
+                                "a region of %d × %d at %d, %d does not fit its sensor of %d × %d",
+                                width, height, options->offset_x, options->offset_y, sensor_width,
+                                sensor_height);
     arv_camera_set_region(device->camera, options->offset_x, options->offset_y, width, height,
                           &why);
     if (why == NULL)
         arv_camera_get_region(device->camera, &x, &y, &limits->width, &limits->height, &why);
     return aravis_device_check(why, "Width, Height, OffsetX, OffsetY", error);
-}
-
-static gboolean set_black_level(AravisDevice *device, GError **error) {
-    GError *why = NULL;
-    device->limits.black_level = device->options->black_level_dn;
-    if (device->options->black_level >= 0)
-        arv_camera_set_black_level(device->camera, device->options->black_level, &why);
-    return aravis_device_check(why, "black_level", error);
 }
 
 static gboolean set_trigger(AravisDevice *device, GError **error) {
@@ -202,10 +178,9 @@ static gboolean set_trigger(AravisDevice *device, GError **error) {
         g_autoptr(GString) list = g_string_new(NULL);
         for (guint i = 0; names && i < n; i++)
             g_string_append_printf(list, "%s%s", i ? ", " : "", names[i]);
-        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                         "trigger: it has no source \"%s\"" ERROR_ADVICE "choose from: %s", source,
-                         list->str);
-        return FALSE;
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                                "trigger: it has no source \"%s\"" ERROR_ADVICE "choose from: %s",
+                                source, list->str);
     }
     arv_camera_set_trigger(device->camera, source, &why);
     return aravis_device_check(why, "TriggerSource", error);
@@ -216,6 +191,11 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     const struct aravis_options *options = device->options;
     double low = 0, high = 0;
     GError *why = NULL;
+    limits->black_level = options->black_level_dn;
+    if (options->black_level >= 0)
+        arv_camera_set_black_level(device->camera, options->black_level, &why);
+    if (!aravis_device_check(why, "black_level", error))
+        return FALSE;
     arv_camera_get_exposure_time_bounds(device->camera, &low, &high, &why);
     if (!aravis_device_check(why, "ExposureTime", error))
         return FALSE;
@@ -248,52 +228,34 @@ static gboolean set_transport(AravisDevice *device, GError **error) {
     return aravis_device_check(why, "packet size", error);
 }
 
-static void tune_stream(AravisDevice *device) {
-    const struct aravis_options *options = device->options;
-    if (!ARV_IS_GV_STREAM(device->stream))
-        return;
-    int bytes = options->socket_buffer_kib * 1024;
-    g_object_set(device->stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
-                 "socket-buffer-size", bytes, "initial-packet-timeout",
-                 (guint)(options->resend_ms * 1000), "packet-timeout",
-                 (guint)(options->resend_ms * 4000), "frame-retention",
-                 (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
-    /* Aravis does so only once the first packet is there, which is too late for the first picture.
-     */
-    socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), bytes);
-}
-
 static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpointer data,
                             GError **error) {
     GError *why = NULL;
+    const struct aravis_options *options = device->options;
     const struct aravis_limits *limits = &device->limits;
+    int room = options->socket_buffer_kib * 1024;
     device->stream = arv_camera_create_stream(device->camera, func, data, &why);
     guint payload = why ? 0 : arv_camera_get_payload(device->camera, &why);
     if (!aravis_device_check(why, "stream", error))
         return FALSE;
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
-    if (payload < bytes) {
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "it says that a picture has %u bytes, but %d × %d %s are %zu", payload,
-                         limits->width, limits->height, limits->format->name, bytes);
-        return FALSE;
+    if (payload < bytes)
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "it says that a picture has %u bytes, but %d × %d %s are %zu",
+                                payload, limits->width, limits->height, limits->format->name,
+                                bytes);
+    if (ARV_IS_GV_STREAM(device->stream)) {
+        g_object_set(device->stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+                     "socket-buffer-size", room, "initial-packet-timeout",
+                     (guint)(options->resend_ms * 1000), "packet-timeout",
+                     (guint)(options->resend_ms * 4000), "frame-retention",
+                     (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
+        /* Aravis does so only once the first packet is there: too late for the first picture. */
+        socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), room);
     }
-    tune_stream(device);
     for (int i = 0; i < N_BUFFERS; i++)
         arv_stream_push_buffer(device->stream, arv_buffer_new(payload, NULL));
     return TRUE;
-}
-
-static void find_clock(AravisDevice *device) {
-    if (device->options->stamp == ARAVIS_STAMP_NONE)
-        return;
-    if (ARV_IS_GV_DEVICE(device->device))
-        device->ticks_per_us = (double)arv_gv_device_get_timestamp_tick_frequency(
-                                   ARV_GV_DEVICE(device->device), NULL) /
-                               1e6;
-    else
-        device->sfnc_clock = aravis_device_has(device, "TimestampLatch") &&
-                             aravis_device_has(device, "TimestampLatchValue");
 }
 
 static void on_unplugged(ArvDevice *arv, gpointer data) {
@@ -315,12 +277,18 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     if (!aravis_device_check(why, options->device, error))
         return NULL;
     if (!switch_off_automatics(device, error) || !aravis_device_set_format(device, error) ||
-        !set_region(device, error) || !set_features(device, error) ||
-        !set_black_level(device, error) || !set_trigger(device, error) ||
+        !set_region(device, error) || !set_features(device, error) || !set_trigger(device, error) ||
         !set_limits(device, error) || !set_transport(device, error) ||
         !make_stream(device, func, data, error))
         return NULL;
-    find_clock(device);
+    gboolean stamped = options->stamp != ARAVIS_STAMP_NONE;
+    if (stamped && ARV_IS_GV_DEVICE(device->device))
+        device->ticks_per_us = (double)arv_gv_device_get_timestamp_tick_frequency(
+                                   ARV_GV_DEVICE(device->device), NULL) /
+                               1e6;
+    else if (stamped)
+        device->sfnc_clock = aravis_device_has(device, "TimestampLatch") &&
+                             aravis_device_has(device, "TimestampLatchValue");
     return g_steal_pointer(&device);
 }
 
@@ -330,7 +298,7 @@ void aravis_device_close(AravisDevice *device) {
     /* The thread of Aravis that reports the unplugging holds the device. Wait, so that it does not
      * drop the last reference. */
     if (g_atomic_int_get(&device->unplugged))
-        g_usleep(TELLING_US);
+        g_usleep(UNPLUG_REPORT_US);
     g_clear_object(&device->stream);
     g_clear_object(&device->camera);
     g_clear_object(&device->device);
@@ -357,13 +325,11 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
     double is_us = why ? 0 : arv_camera_get_exposure_time(device->camera, &why);
     if (!aravis_device_check(why, "ExposureTime", error))
         return FALSE;
-    if (fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us)
-        return TRUE;
-    device_error_set(error, DEVICE_ERROR_RANGE, NULL,
-                     "it exposes for %.1f µs when told %" G_GINT64_FORMAT " µs" ERROR_ADVICE
-                     "ask for an exposure that it can keep",
-                     is_us, exposure_us);
-    return FALSE;
+    return fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us ||
+           device_error_set(error, DEVICE_ERROR_RANGE, NULL,
+                            "it exposes for %.1f µs when told %" G_GINT64_FORMAT " µs" ERROR_ADVICE
+                            "ask for an exposure that it can keep",
+                            is_us, exposure_us);
 }
 
 gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **error) {
@@ -419,24 +385,24 @@ void aravis_device_push(AravisDevice *device, ArvBuffer *buffer) {
     arv_stream_push_buffer(device->stream, buffer);
 }
 
-static gboolean latch(AravisDevice *device) {
-    if (device->ticks_per_us > 0)
-        return arv_device_write_register(device->device, STAMP_CONTROL, STAMP_LATCH, NULL);
-    g_autoptr(GError) why = NULL;
-    arv_device_execute_command(device->device, "TimestampLatch", &why);
-    return why == NULL;
-}
-
-static gboolean read_latched(AravisDevice *device, double *ret_us) {
+static gboolean read_clock(AravisDevice *device, double *ret_us, double *ret_after_us) {
     g_autoptr(GError) why = NULL;
     guint32 high = 0, low = 0;
+    gint64 ns = 0;
     if (device->ticks_per_us > 0) {
-        gboolean read = arv_device_read_register(device->device, STAMP_HIGH, &high, NULL) &&
+        gboolean latched =
+            arv_device_write_register(device->device, STAMP_CONTROL, STAMP_LATCH, NULL);
+        *ret_after_us = (double)g_get_monotonic_time();
+        gboolean read = latched &&
+                        arv_device_read_register(device->device, STAMP_HIGH, &high, NULL) &&
                         arv_device_read_register(device->device, STAMP_LOW, &low, NULL);
         *ret_us = (double)((guint64)high << 32 | low) / device->ticks_per_us;
         return read;
     }
-    gint64 ns = arv_device_get_integer_feature_value(device->device, "TimestampLatchValue", &why);
+    arv_device_execute_command(device->device, "TimestampLatch", &why);
+    *ret_after_us = (double)g_get_monotonic_time();
+    if (!why)
+        ns = arv_device_get_integer_feature_value(device->device, "TimestampLatchValue", &why);
     *ret_us = (double)ns / 1e3;
     return why == NULL;
 }
@@ -447,10 +413,8 @@ void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
     if (device->ticks_per_us <= 0 && !device->sfnc_clock)
         return;
     for (int i = 0; i < N_ASKED; i++) {
-        double before = (double)g_get_monotonic_time(), theirs = 0;
-        gboolean latched = latch(device);
-        double after = (double)g_get_monotonic_time();
-        if (!latched || !read_latched(device, &theirs))
+        double before = (double)g_get_monotonic_time(), theirs = 0, after = 0;
+        if (!read_clock(device, &theirs, &after))
             return;
         double error_us = (after - before) / 2;
         if (error_us < ret->error_us)

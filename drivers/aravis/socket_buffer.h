@@ -3,6 +3,5 @@
 
 #include <glib.h>
 
-/* Of this process's socket on a local UDP port. Returns the bytes of payload that it holds now, or
- * −1 if there is no such socket; the kernel gives no more than net.core.rmem_max. */
-int socket_buffer_set(guint16 port, int bytes);
+/* Of this process's socket on a local UDP port; the kernel gives no more than net.core.rmem_max. */
+void socket_buffer_set(guint16 port, int bytes);

@@ -63,27 +63,14 @@ struct AravisWorker {
     GError *lost_error;
 };
 
-static void copy_options(const struct aravis_options *from, struct aravis_options *to) {
-    *to = *from;
-    to->device = g_strdup(from->device);
-    to->pixel_format = g_strdup(from->pixel_format);
-    to->trigger = g_strdup(from->trigger);
-    to->pulse_path = g_strdup(from->pulse_path);
-    to->features = g_strdupv(from->features);
-}
-
-static void clear_options(struct aravis_options *options) {
-    g_free(options->device);
-    g_free(options->pixel_format);
-    g_free(options->trigger);
-    g_free(options->pulse_path);
-    g_strfreev(options->features);
-}
-
 static void worker_unref(AravisWorker *worker) {
     if (!g_atomic_int_dec_and_test(&worker->ref_count))
         return;
-    clear_options(&worker->options);
+    g_free(worker->options.device);
+    g_free(worker->options.pixel_format);
+    g_free(worker->options.trigger);
+    g_free(worker->options.pulse_path);
+    g_strfreev(worker->options.features);
     g_async_queue_unref(worker->jobs);
     g_mutex_clear(&worker->mutex);
     g_cond_clear(&worker->cond);
@@ -95,37 +82,22 @@ static void worker_unref(AravisWorker *worker) {
 
 /* Events, from any thread to the main loop. */
 
-static void aravis_worker_dispatch(const struct event *event) {
-    const AravisWorker *worker = event->worker;
-    gpointer data = worker->data;
-    gboolean over = worker->closed || event->generation != worker->generation;
-    switch (event->kind) {
-    case SENDING:
-        if (!over)
-            worker->hooks.sending(event->us, data);
-        break;
-    case FRAME:
-        if (!over)
-            worker->hooks.frame(frame_ref(event->frame), data);
-        break;
-    case STALE:
-        if (!over)
-            worker->hooks.stale(event->us, data);
-        break;
-    case FAILED:
-        if (!over)
-            worker->hooks.failed(g_error_copy(event->error), data);
-        break;
-    case LOST:
-    case FOUND:
-        if (!worker->closed)
-            worker->hooks.lost(event->error, data);
-        break;
-    }
-}
-
 static gboolean aravis_worker_on_event(gpointer data) {
-    aravis_worker_dispatch(data);
+    const struct event *event = data;
+    const AravisWorker *worker = event->worker;
+    gboolean lost = event->kind == LOST || event->kind == FOUND;
+    if (worker->closed || (!lost && event->generation != worker->generation))
+        return G_SOURCE_REMOVE;
+    if (lost)
+        worker->hooks.lost(event->error, worker->data);
+    else if (event->kind == SENDING)
+        worker->hooks.sending(event->us, worker->data);
+    else if (event->kind == FRAME)
+        worker->hooks.frame(frame_ref(event->frame), worker->data);
+    else if (event->kind == STALE)
+        worker->hooks.stale(event->us, worker->data);
+    else
+        worker->hooks.failed(g_error_copy(event->error), worker->data);
     return G_SOURCE_REMOVE;
 }
 
@@ -146,17 +118,16 @@ static void post(AravisWorker *worker, enum event_kind kind, guint generation, g
     g_idle_add_full(G_PRIORITY_DEFAULT, aravis_worker_on_event, event, aravis_worker_event_free);
 }
 
-static void push(AravisWorker *worker, const struct job *job) {
-    g_async_queue_push(worker->jobs, g_memdup2(job, sizeof *job));
+static void push(AravisWorker *worker, struct job job) {
+    g_async_queue_push(worker->jobs, g_memdup2(&job, sizeof job));
 }
 
 /* In Aravis's threads. */
 
 static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer) {
     AravisWorker *worker = data;
-    struct job job = {.kind = BUFFER};
     if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE)
-        push(worker, &job);
+        push(worker, (struct job){.kind = BUFFER});
     if (type != ARV_STREAM_CALLBACK_TYPE_START_BUFFER)
         return;
     g_mutex_lock(&worker->mutex);
@@ -248,20 +219,16 @@ static void ask_clock(AravisWorker *worker) {
     worker->answer.asked_us = g_get_monotonic_time();
 }
 
-static void open_anew(AravisWorker *worker) {
-    GError *error = NULL;
-    close_device(worker);
-    if (aravis_worker_open_device(worker, 0, &error))
-        aravis_worker_apply_settings(worker);
-    else
-        aravis_worker_lose(worker, error);
-}
-
 static void aravis_worker_do_arm(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     answer_begin(&worker->answer);
-    if (worker->device && worker->halted)
-        open_anew(worker);
+    if (worker->device && worker->halted) {
+        close_device(worker);
+        if (aravis_worker_open_device(worker, 0, &error))
+            aravis_worker_apply_settings(worker);
+        else
+            aravis_worker_lose(worker, g_steal_pointer(&error));
+    }
     if (!worker->device)
         aravis_worker_fail(worker, job->generation, g_error_copy(worker->lost_error));
     else if (aravis_device_start(worker->device, &error))
@@ -280,12 +247,6 @@ static void aravis_worker_do_disarm(AravisWorker *worker, const struct job *job)
         aravis_worker_lose(worker, g_steal_pointer(&error));
 }
 
-static void drop_old_buffers(AravisWorker *worker) {
-    ArvBuffer *buffer;
-    while ((buffer = aravis_device_pop(worker->device)))
-        aravis_device_push(worker->device, buffer);
-}
-
 static void aravis_worker_do_trigger(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     const GError *why = worker->device ? worker->settings_error : worker->lost_error;
@@ -293,28 +254,16 @@ static void aravis_worker_do_trigger(AravisWorker *worker, const struct job *job
         aravis_worker_fail(worker, job->generation, g_error_copy(why));
         return;
     }
-    drop_old_buffers(worker);
+    ArvBuffer *old;
+    while ((old = aravis_device_pop(worker->device)))
+        aravis_device_push(worker->device, old);
     worker->answer.shot = job->shot;
     set_pending(worker, TRUE, job->generation);
     if (!aravis_device_trigger(worker->device, &error))
         aravis_worker_fail(worker, job->generation, error);
 }
 
-/* TRUE if it ends the waiting trigger. */
-static gboolean aravis_worker_take(AravisWorker *worker, ArvBuffer *buffer, guint generation) {
-    GError *error = NULL;
-    gint64 before_us = 0;
-    Frame *frame = answer_frame(&worker->answer, buffer, &before_us, &error);
-    if (frame)
-        post(worker, FRAME, generation, 0, frame, NULL);
-    else if (error)
-        post(worker, FAILED, generation, 0, NULL, error);
-    else
-        post(worker, STALE, generation, before_us, NULL, NULL);
-    return frame || error;
-}
-
-static void take_buffer(AravisWorker *worker) {
+static void take_buffer(AravisWorker *worker, const struct job *unused) {
     ArvBuffer *buffer = worker->device ? aravis_device_pop(worker->device) : NULL;
     if (!buffer)
         return;
@@ -322,53 +271,27 @@ static void take_buffer(AravisWorker *worker) {
     gboolean pending = worker->pending;
     guint generation = worker->armed;
     g_mutex_unlock(&worker->mutex);
-    if (pending && aravis_worker_take(worker, buffer, generation)) {
+    if (pending) {
+        GError *error = NULL;
+        gint64 before_us = 0;
+        Frame *frame = answer_frame(&worker->answer, buffer, &before_us, &error);
+        if (frame)
+            post(worker, FRAME, generation, 0, frame, NULL);
+        else if (error)
+            post(worker, FAILED, generation, 0, NULL, error);
+        else
+            post(worker, STALE, generation, before_us, NULL, NULL);
+        pending = !frame && !error; /* after an old picture it still waits */
         g_mutex_lock(&worker->mutex);
-        worker->pending = FALSE;
+        worker->pending = pending;
         g_mutex_unlock(&worker->mutex);
-        pending = FALSE;
     }
     aravis_device_push(worker->device, buffer);
     if (!pending && g_get_monotonic_time() - worker->answer.asked_us > CLOCK_AGE_US)
         ask_clock(worker);
 }
 
-/* Polls for the loss of control rather than using the signal: the device must not be freed during
- * the signal, or Aravis's heartbeat thread would wait for itself. */
-static void check_control(AravisWorker *worker) {
-    if (!aravis_device_has_control(worker->device))
-        aravis_worker_fail(
-            worker, worker->armed,
-            device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
-                             "control of it was lost" ERROR_ADVICE
-                             "check its power and cable, and that no other program uses it"));
-}
-
-/* FALSE to end. */
-static gboolean do_job(AravisWorker *worker, const struct job *job) {
-    switch (job->kind) {
-    case CONFIGURE:
-        aravis_worker_do_configure(worker, job);
-        break;
-    case ARM:
-        aravis_worker_do_arm(worker, job);
-        break;
-    case DISARM:
-        aravis_worker_do_disarm(worker, job);
-        break;
-    case TRIGGER:
-        aravis_worker_do_trigger(worker, job);
-        break;
-    case BUFFER:
-        take_buffer(worker);
-        break;
-    case QUIT:
-        return FALSE;
-    }
-    return TRUE;
-}
-
-static void aravis_worker_say(AravisWorker *worker, gboolean *what) {
+static void aravis_worker_announce(AravisWorker *worker, gboolean *what) {
     g_mutex_lock(&worker->mutex);
     *what = TRUE;
     g_cond_broadcast(&worker->cond);
@@ -376,21 +299,36 @@ static void aravis_worker_say(AravisWorker *worker, gboolean *what) {
 }
 
 static gpointer aravis_worker_work(gpointer data) {
+    static void (*const work[])(AravisWorker * worker, const struct job *job) = {
+        [CONFIGURE] = aravis_worker_do_configure,
+        [ARM] = aravis_worker_do_arm,
+        [DISARM] = aravis_worker_do_disarm,
+        [TRIGGER] = aravis_worker_do_trigger,
+        [BUFFER] = take_buffer,
+    };
     AravisWorker *worker = data;
-    gboolean go_on = aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error);
-    aravis_worker_say(worker, &worker->opened);
-    while (go_on) {
+    aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error);
+    aravis_worker_announce(worker, &worker->opened);
+    for (gboolean go_on = worker->device != NULL; go_on;) {
         g_autofree struct job *job = g_async_queue_timeout_pop(
             worker->jobs, worker->device ? CHECK_EVERY_US : LOOK_EVERY_US);
-        if (job)
-            go_on = do_job(worker, job);
-        else if (worker->device)
-            check_control(worker);
-        else
+        if (job && job->kind == QUIT)
+            go_on = FALSE;
+        else if (job)
+            work[job->kind](worker, job);
+        else if (!worker->device)
             look_for_it(worker);
+        /* Polls for the loss of control rather than using the signal: the device must not be freed
+         * during the signal, or Aravis's heartbeat thread would wait for itself. */
+        else if (!aravis_device_has_control(worker->device))
+            aravis_worker_fail(
+                worker, worker->armed,
+                device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
+                                 "control of it was lost" ERROR_ADVICE
+                                 "check its power and cable, and that no other program uses it"));
     }
     close_device(worker);
-    aravis_worker_say(worker, &worker->ended);
+    aravis_worker_announce(worker, &worker->ended);
     worker_unref(worker);
     return NULL;
 }
@@ -417,19 +355,23 @@ AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *o
     worker->jobs = g_async_queue_new_full(g_free);
     g_mutex_init(&worker->mutex);
     g_cond_init(&worker->cond);
-    copy_options(options, &worker->options);
+    worker->options = *options;
+    worker->options.device = g_strdup(options->device);
+    worker->options.pixel_format = g_strdup(options->pixel_format);
+    worker->options.trigger = g_strdup(options->trigger);
+    worker->options.pulse_path = g_strdup(options->pulse_path);
+    worker->options.features = g_strdupv(options->features);
     g_thread_unref(g_thread_new(name, aravis_worker_work, worker));
     return worker;
 }
 
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error) {
     double since_s = (double)(g_get_monotonic_time() - worker->begun_us) * 1e-6;
-    if (!wait_for(worker, &worker->opened, OPEN_LIMIT_S - since_s)) {
-        device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
-                         "it could not be opened in %d s" ERROR_ADVICE "check its power and cable",
-                         OPEN_LIMIT_S);
-        return FALSE;
-    }
+    if (!wait_for(worker, &worker->opened, OPEN_LIMIT_S - since_s))
+        return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
+                                "it could not be opened in %d s" ERROR_ADVICE
+                                "check its power and cable",
+                                OPEN_LIMIT_S);
     if (worker->open_error) {
         g_propagate_error(error, g_error_copy(worker->open_error));
         return FALSE;
@@ -439,31 +381,26 @@ gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GE
 }
 
 void aravis_worker_free(AravisWorker *worker) {
-    struct job job = {.kind = QUIT};
     if (!worker)
         return;
     worker->closed = TRUE;
-    push(worker, &job);
+    push(worker, (struct job){.kind = QUIT});
     wait_for(worker, &worker->ended, CLOSE_LIMIT_S);
     worker_unref(worker);
 }
 
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db) {
-    struct job job = {.kind = CONFIGURE, .exposure_us = exposure_us, .gain_db = gain_db};
-    push(worker, &job);
+    push(worker, (struct job){.kind = CONFIGURE, .exposure_us = exposure_us, .gain_db = gain_db});
 }
 
 void aravis_worker_arm(AravisWorker *worker) {
-    struct job job = {.kind = ARM, .generation = ++worker->generation};
-    push(worker, &job);
+    push(worker, (struct job){.kind = ARM, .generation = ++worker->generation});
 }
 
 void aravis_worker_disarm(AravisWorker *worker) {
-    struct job job = {.kind = DISARM, .generation = ++worker->generation};
-    push(worker, &job);
+    push(worker, (struct job){.kind = DISARM, .generation = ++worker->generation});
 }
 
 void aravis_worker_trigger(AravisWorker *worker, guint64 shot) {
-    struct job job = {.kind = TRIGGER, .generation = worker->generation, .shot = shot};
-    push(worker, &job);
+    push(worker, (struct job){.kind = TRIGGER, .generation = worker->generation, .shot = shot});
 }

@@ -125,14 +125,6 @@ static double to_deg(const struct modbus_axis *priv, gint64 steps) {
     return priv->home_deg + (double)steps / priv->steps_per_deg;
 }
 
-static void modbus_axis_split(const struct modbus_axis *priv, gint64 value, int bits,
-                              guint16 words[2]) {
-    guint16 low = (guint16)value, high = (guint16)(value >> 16);
-    gboolean swapped = bits == BITS_16 || priv->word_order == LOW_FIRST;
-    words[0] = swapped ? low : high;
-    words[1] = swapped ? high : low;
-}
-
 static gint64 modbus_axis_join(const struct modbus_axis *priv, const guint16 *words, int bits) {
     if (bits == BITS_16)
         return (gint16)words[0];
@@ -142,9 +134,12 @@ static gint64 modbus_axis_join(const struct modbus_axis *priv, const guint16 *wo
 
 static void add_number(const struct modbus_axis *priv, struct modbus_job *job,
                        const struct number *number, gint64 value) {
+    gboolean wide = number->bits == BITS_32, swapped = !wide || priv->word_order == LOW_FIRST;
+    guint16 low = (guint16)value, high = (guint16)(value >> 16);
     struct modbus_request *request =
-        modbus_job_add(job, MODBUS_WRITE_HOLDING, number->address, number->bits == BITS_32 ? 2 : 1);
-    modbus_axis_split(priv, value, number->bits, request->values);
+        modbus_job_add(job, MODBUS_WRITE_HOLDING, number->address, wide ? 2 : 1);
+    request->values[0] = swapped ? low : high;
+    request->values[1] = swapped ? high : low;
     request->verify = priv->verify;
 }
 
@@ -180,23 +175,18 @@ static gboolean check_writes(const Axis *axis, const char *key, char *const *wri
                              gboolean needed, GError **error) {
     struct modbus_request request;
     const struct config_section *section = axis->device.section;
-    if (needed && !*writes) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, key, "is empty; write ADDRESS=VALUE");
-        return FALSE;
-    }
-    if (g_strv_length((char **)writes) > MAX_WRITES) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, key, "more than %d writes",
-                         MAX_WRITES);
-        return FALSE;
-    }
+    if (needed && !*writes)
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, key,
+                                "is empty; write ADDRESS=VALUE");
+    if (g_strv_length((char **)writes) > MAX_WRITES)
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, key, "more than %d writes",
+                                MAX_WRITES);
     for (; *writes; writes++)
-        if (!parse_write(*writes, &request)) {
-            config_set_error(error, CONFIG_ERROR_VALUE, section, key,
-                             "\"%s\" is not ADDRESS=VALUE or ADDRESS=VALUE,VALUE (0 to 65535; at "
-                             "most %d values)",
-                             *writes, MAX_WORDS);
-            return FALSE;
-        }
+        if (!parse_write(*writes, &request))
+            return config_set_error(error, CONFIG_ERROR_VALUE, section, key,
+                                    "\"%s\" is not ADDRESS=VALUE or ADDRESS=VALUE,VALUE (0 to "
+                                    "65535; at most %d values)",
+                                    *writes, MAX_WORDS);
     return TRUE;
 }
 
@@ -311,12 +301,9 @@ static void stalled(Axis *axis, const char *format, ...) {
     report_fault(axis, error);
 }
 
-static gint64 tolerance_steps(const struct modbus_axis *priv) {
-    return MAX(1, (gint64)(priv->tolerance_deg * fabs(priv->steps_per_deg)));
-}
-
 static gboolean is_at(const struct modbus_axis *priv, gint64 steps) {
-    return ABS(priv->steps - steps) <= tolerance_steps(priv);
+    gint64 tolerance = MAX(1, (gint64)(priv->tolerance_deg * fabs(priv->steps_per_deg)));
+    return ABS(priv->steps - steps) <= tolerance;
 }
 
 static gboolean is_past(const Axis *axis, gint64 since_us, double ms) {
@@ -354,15 +341,6 @@ static void check_homing(Axis *axis, const struct modbus_job *job, gboolean movi
                 "its homing ended without a reference, at %.3f°" ERROR_ADVICE
                 "check the reference switch",
                 to_deg(priv, priv->steps));
-}
-
-/* Seen to stand twice in a row, since a drive may not have begun to move at the first poll. */
-static void check_stopping(Axis *axis, gboolean moving) {
-    struct modbus_axis *priv = axis->device.priv;
-    if (!moving && priv->was_still)
-        modbus_axis_finish(axis, AXIS_STOPPED);
-    else
-        priv->was_still = !moving;
 }
 
 static void check_standing(Axis *axis, const struct modbus_job *job, gint64 before_steps) {
@@ -406,10 +384,12 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         check_moving(axis, job, moving);
     else if (priv->phase == HOMING)
         check_homing(axis, job, moving);
-    else if (priv->phase == STOPPING)
-        check_stopping(axis, moving);
-    else
+    else if (priv->phase == STANDING)
         check_standing(axis, job, before);
+    else if (!moving && priv->was_still) /* twice in a row: it may not have begun at the first */
+        modbus_axis_finish(axis, AXIS_STOPPED);
+    else
+        priv->was_still = !moving;
 }
 
 /* The drive moves on whether it is polled or not: a late answer ends nothing. */
@@ -448,13 +428,11 @@ static gboolean modbus_axis_move(Axis *axis, double target_deg, GError **error) 
     struct modbus_job job = {0};
     double steps = round((target_deg - priv->home_deg) * priv->steps_per_deg);
     double limit = priv->target.bits == BITS_32 ? G_MAXINT32 : G_MAXINT16;
-    if (fabs(steps) > limit) {
-        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                         "%g° are %.0f steps, more than its target register holds" ERROR_ADVICE
-                         "home it",
-                         target_deg, steps);
-        return FALSE;
-    }
+    if (fabs(steps) > limit)
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "%g° are %.0f steps, more than its target register holds" ERROR_ADVICE "home it",
+            target_deg, steps);
     priv->target_steps = (gint64)steps;
     add_number(priv, &job, &priv->target, priv->target_steps);
     add_writes(&job, priv->start);
@@ -477,25 +455,21 @@ static double modbus_axis_position(Axis *axis) {
 
 static gboolean modbus_axis_check_range(const Axis *axis, const char *key, double value, int bits,
                                         GError **error) {
-    if (fabs(value) <= (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, key,
-                     "%.0f does not fit into its %s bits", value, bits_choices[bits]);
-    return FALSE;
+    return fabs(value) <= (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16) ||
+           config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, key,
+                            "%.0f does not fit into its %s bits", value, bits_choices[bits]);
 }
 
 static gboolean modbus_axis_check_options(const Axis *axis, GError **error) {
     const struct modbus_axis *priv = axis->device.priv;
     const struct config_section *section = axis->device.section;
-    if (priv->steps_per_deg == 0) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "steps_per_deg", "must not be 0");
-        return FALSE;
-    }
-    if (!priv->motion.wraps && priv->motion.min_deg >= priv->motion.max_deg) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "min_deg",
-                         "%g is not below max_deg, %g", priv->motion.min_deg, priv->motion.max_deg);
-        return FALSE;
-    }
+    if (priv->steps_per_deg == 0)
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "steps_per_deg",
+                                "must not be 0");
+    if (!priv->motion.wraps && priv->motion.min_deg >= priv->motion.max_deg)
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "min_deg",
+                                "%g is not below max_deg, %g", priv->motion.min_deg,
+                                priv->motion.max_deg);
     return modbus_axis_check_range(axis, "speed_scale",
                                    priv->motion.speed_deg_s * priv->speed_scale, priv->speed.bits,
                                    error) &&
@@ -512,10 +486,15 @@ static gboolean modbus_axis_check_options(const Axis *axis, GError **error) {
             modbus_watchdog_check(&priv->own, &priv->link, &axis->device, G_MAXUINT16, error));
 }
 
-/* Sets the drive up, and sees where it stands. */
-static gboolean greet(Axis *axis, GError **error) {
+/* Sets the drive up, and reads where it stands. */
+static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
+    if (!modbus_axis_check_options(axis, error))
+        return FALSE;
+    priv->bus = modbus_bus_get(&priv->link, &axis->device, error);
+    if (!priv->bus)
+        return FALSE;
     add_writes(&job, priv->setup);
     if (priv->speed.address >= 0)
         add_number(priv, &job, &priv->speed, llround(priv->motion.speed_deg_s * priv->speed_scale));
@@ -526,24 +505,11 @@ static gboolean greet(Axis *axis, GError **error) {
     if (!modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error) ||
         !modbus_watchdog_arm(&priv->own, priv->bus, &priv->link, error)) {
         error_details_add_subject(error, axis->device.who);
+        g_clear_pointer(&priv->bus, modbus_bus_unref);
         return FALSE;
     }
     priv->steps = modbus_axis_join(priv, job.requests[job.n - 1].values, priv->position.bits);
     priv->faulty = has_bit(&job, priv->fault_bit);
-    return TRUE;
-}
-
-static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
-    struct modbus_axis *priv = axis->device.priv;
-    if (!modbus_axis_check_options(axis, error))
-        return FALSE;
-    priv->bus = modbus_bus_get(&priv->link, &axis->device, error);
-    if (!priv->bus)
-        return FALSE;
-    if (!greet(axis, error)) {
-        g_clear_pointer(&priv->bus, modbus_bus_unref);
-        return FALSE;
-    }
     axis->motion = priv->motion;
     poll_later(axis);
     return TRUE;

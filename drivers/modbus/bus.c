@@ -46,31 +46,13 @@ static void task_unref(gpointer data) {
     g_free(task);
 }
 
-static struct task *task_ref(struct task *task) {
-    g_atomic_int_inc(&task->ref_count);
-    return task;
-}
-
-static void carry_out(ModbusBus *bus, struct task *task) {
-    GError *error = NULL;
-    gint64 deadline_us = g_get_monotonic_time() + task->limit_us;
-    if (g_atomic_int_get(&task->cancelled))
-        return;
-    for (int i = 0; i < task->job.n && !error; i++)
-        modbus_line_do(bus->line, task->unit, &task->job.requests[i], deadline_us, &error);
-    task->error = error;
-}
-
-static struct task *modbus_bus_next_task(ModbusBus *bus) {
-    struct task *task = g_queue_pop_head(&bus->commands);
-    return task ? task : g_queue_pop_head(&bus->polls);
-}
-
 static gpointer modbus_bus_run(gpointer data) {
     ModbusBus *bus = data;
     g_mutex_lock(&bus->mutex);
     for (;;) {
-        struct task *task = modbus_bus_next_task(bus);
+        struct task *task = g_queue_pop_head(&bus->commands);
+        if (!task)
+            task = g_queue_pop_head(&bus->polls);
         if (!task && bus->quit)
             break;
         if (!task) {
@@ -78,7 +60,11 @@ static gpointer modbus_bus_run(gpointer data) {
             continue;
         }
         g_mutex_unlock(&bus->mutex);
-        carry_out(bus, task);
+        gint64 deadline_us = g_get_monotonic_time() + task->limit_us;
+        int n = g_atomic_int_get(&task->cancelled) ? 0 : task->job.n;
+        for (int i = 0; i < n && !task->error; i++)
+            modbus_line_do(bus->line, task->unit, &task->job.requests[i], deadline_us,
+                           &task->error);
         g_mutex_lock(&bus->mutex);
         modbus_line_counts(bus->line, &bus->counts);
         task->done = TRUE;
@@ -94,20 +80,15 @@ static gpointer modbus_bus_run(gpointer data) {
     return NULL;
 }
 
-static struct task *pop_result(ModbusBus *bus) {
-    g_mutex_lock(&bus->mutex);
-    struct task *task = g_queue_pop_head(&bus->results);
-    if (!task)
-        g_source_set_ready_time(bus->source, -1);
-    g_mutex_unlock(&bus->mutex);
-    return task;
-}
-
 /* Delivers one result an iteration. The main loop's thread dispatches it, which
  * g_main_context_invoke() from another thread does not guarantee. */
 static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     ModbusBus *bus = ((struct bus_source *)source)->bus;
-    struct task *task = pop_result(bus);
+    g_mutex_lock(&bus->mutex);
+    struct task *task = g_queue_pop_head(&bus->results);
+    if (!task)
+        g_source_set_ready_time(source, -1);
+    g_mutex_unlock(&bus->mutex);
     if (!task)
         return G_SOURCE_CONTINUE;
     bus->waiting = g_list_remove(bus->waiting, task);
@@ -118,14 +99,6 @@ static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointe
 }
 
 static GSourceFuncs source_funcs = {.dispatch = modbus_bus_dispatch};
-
-static void add_source(ModbusBus *bus) {
-    bus->source = g_source_new(&source_funcs, sizeof(struct bus_source));
-    ((struct bus_source *)bus->source)->bus = bus;
-    g_source_set_name(bus->source, "mesorig modbus");
-    g_source_set_can_recurse(bus->source, TRUE);
-    g_source_attach(bus->source, NULL);
-}
 
 static void modbus_bus_free(ModbusBus *bus) {
     struct task *task;
@@ -155,30 +128,27 @@ static ModbusBus *modbus_bus_new(const struct modbus_link *link, GError **error)
         modbus_bus_free(bus);
         return NULL;
     }
-    add_source(bus);
+    bus->source = g_source_new(&source_funcs, sizeof(struct bus_source));
+    ((struct bus_source *)bus->source)->bus = bus;
+    g_source_set_name(bus->source, "mesorig modbus");
+    g_source_set_can_recurse(bus->source, TRUE);
+    g_source_attach(bus->source, NULL);
     bus->thread = g_thread_new("modbus", modbus_bus_run, bus);
     g_hash_table_insert(buses, bus->key, bus);
     return bus;
 }
 
-static gboolean modbus_bus_is_same(const struct modbus_link *a, const struct modbus_link *b) {
-    return a->baud == b->baud && a->parity == b->parity && a->stop_bits == b->stop_bits &&
-           a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
-}
-
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error) {
     const struct config_section *section = device->section;
-    if (clock_is_virtual(device->clock)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
-                         "%s is real and keeps real time; set clock = real in [rig]",
-                         device->info->name);
+    if (!device_check_real_clock(device, error))
         return NULL;
-    }
     if (!buses)
         buses = g_hash_table_new(g_str_hash, g_str_equal);
     ModbusBus *bus = g_hash_table_lookup(buses, link->bus);
-    if (bus && modbus_bus_is_same(link, &bus->link)) {
+    if (bus && link->baud == bus->link.baud && link->parity == bus->link.parity &&
+        link->stop_bits == bus->link.stop_bits && link->timeout_ms == bus->link.timeout_ms &&
+        link->late_ms == bus->link.late_ms && link->retries == bus->link.retries) {
         bus->ref_count++;
         return bus;
     }
@@ -251,7 +221,8 @@ void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const stru
 
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error) {
-    struct task *task = task_ref(task_new(link, job, deadline_ms));
+    struct task *task = task_new(link, job, deadline_ms);
+    task->ref_count = 2; /* the line's thread's, and this function's */
     gint64 until_us = g_get_monotonic_time() + task->limit_us + EXTRA_WAIT_US;
     gboolean in_time = TRUE;
     task->waited = TRUE;

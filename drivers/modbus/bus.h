@@ -30,54 +30,25 @@ extern const char *const modbus_parities[];
 
 /* The entries of an options table for a struct that begins with a struct modbus_link. */
 #define MODBUS_LINK(name) G_STRUCT_OFFSET(struct modbus_link, name)
+/* clang-format off */
 #define MODBUS_LINK_OPTIONS                                                                        \
     {"bus", OPTION_STRING, .offset = MODBUS_LINK(bus),                                             \
      .help = "The line: /dev/ttyUSB0 or another serial port, or tcp:HOST:PORT"},                   \
-        {"baud", OPTION_INT,        NULL,                                                          \
-         300,    4000000,           "115200",                                                      \
-         NULL,   MODBUS_LINK(baud), "Serial: speed of the line"},                                  \
-        {"parity",                                                                                 \
-         OPTION_CHOICE,                                                                            \
-         NULL,                                                                                     \
-         0,                                                                                        \
-         0,                                                                                        \
-         "even",                                                                                   \
-         modbus_parities,                                                                          \
-         MODBUS_LINK(parity),                                                                      \
-         "Serial: parity of the line"},                                                            \
-        {"stop_bits",        OPTION_INT, NULL, 1, 2, "1", NULL, MODBUS_LINK(stop_bits),            \
-         "Serial: stop bits"},                                                                     \
-        {"unit",                                                                                   \
-         OPTION_INT,                                                                               \
-         NULL,                                                                                     \
-         1,                                                                                        \
-         247,                                                                                      \
-         "1",                                                                                      \
-         NULL,                                                                                     \
-         MODBUS_LINK(unit),                                                                        \
-         "The device's address on the line"},                                                      \
-        {"timeout_ms",                                                                             \
-         OPTION_DOUBLE,                                                                            \
-         "ms",                                                                                     \
-         1,                                                                                        \
-         1000,                                                                                     \
-         "100",                                                                                    \
-         NULL,                                                                                     \
-         MODBUS_LINK(timeout_ms),                                                                  \
-         "How long an answer may take; the same for all devices of a line"},                       \
-        {"late_ms",                                                                                \
-         OPTION_DOUBLE,                                                                            \
-         "ms",                                                                                     \
-         1,                                                                                        \
-         5000,                                                                                     \
-         "300",                                                                                    \
-         NULL,                                                                                     \
-         MODBUS_LINK(late_ms),                                                                     \
-         "After a time-out: how late the answer may still come; the same for a line"},             \
-    {                                                                                              \
-        "retries", OPTION_INT, NULL, 0, 20, "3", NULL, MODBUS_LINK(retries),                       \
-            "How often a request is repeated that got a damaged answer or none"                    \
-    }
+    {"baud", OPTION_INT, NULL, 300, 4000000, "115200", NULL, MODBUS_LINK(baud),                    \
+     "Serial: speed of the line"},                                                                 \
+    {"parity", OPTION_CHOICE, NULL, 0, 0, "even", modbus_parities, MODBUS_LINK(parity),            \
+     "Serial: parity of the line"},                                                                \
+    {"stop_bits", OPTION_INT, NULL, 1, 2, "1", NULL, MODBUS_LINK(stop_bits),                       \
+     "Serial: stop bits"},                                                                         \
+    {"unit", OPTION_INT, NULL, 1, 247, "1", NULL, MODBUS_LINK(unit),                               \
+     "The device's address on the line"},                                                          \
+    {"timeout_ms", OPTION_DOUBLE, "ms", 1, 1000, "100", NULL, MODBUS_LINK(timeout_ms),             \
+     "How long an answer may take; the same for all devices of a line"},                           \
+    {"late_ms", OPTION_DOUBLE, "ms", 1, 5000, "300", NULL, MODBUS_LINK(late_ms),                   \
+     "After a time-out: how late the answer may still come; the same for a line"},                 \
+    {"retries", OPTION_INT, NULL, 0, 20, "3", NULL, MODBUS_LINK(retries),                          \
+     "How often a request is repeated that got a damaged answer or none"}
+/* clang-format on */
 
 enum modbus_kind {
     MODBUS_READ_COILS,

@@ -31,26 +31,6 @@ static gboolean is_tcp(const struct modbus_line *line) {
     return g_str_has_prefix(line->link.bus, "tcp:");
 }
 
-static gboolean modbus_line_fail(GError **error, enum device_error code, const char *format, ...)
-    G_GNUC_PRINTF(3, 4);
-static gboolean modbus_line_fail(GError **error, enum device_error code, const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    g_propagate_error(error,
-                      error_details_new_valist(DEVICE_ERROR, (gint)code, NULL, format, args));
-    va_end(args);
-    return FALSE;
-}
-
-static modbus_t *new_tcp(const char *bus) {
-    g_autoptr(GSocketConnectable) address = g_network_address_parse(bus + 4, 502, NULL);
-    if (!address)
-        return NULL;
-    GNetworkAddress *network = G_NETWORK_ADDRESS(address);
-    g_autofree char *port = g_strdup_printf("%u", g_network_address_get_port(network));
-    return modbus_new_tcp_pi(g_network_address_get_hostname(network), port);
-}
-
 static void set_timeout(struct modbus_line *line, gint64 us) {
     us = CLAMP(us, 1000, 60 * G_USEC_PER_SEC);
     modbus_set_response_timeout(line->context, (guint32)(us / G_USEC_PER_SEC),
@@ -63,17 +43,23 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
     line->link.bus = g_strdup(link->bus);
     line->backoff_us = FIRST_BACKOFF_US;
     line->taken = -1;
-    if (is_tcp(line))
-        line->context = new_tcp(link->bus);
-    else
+    if (is_tcp(line)) {
+        g_autoptr(GSocketConnectable) address = g_network_address_parse(link->bus + 4, 502, NULL);
+        GNetworkAddress *network = (GNetworkAddress *)address;
+        g_autofree char *port =
+            g_strdup_printf("%u", network ? g_network_address_get_port(network) : 0);
+        if (network)
+            line->context = modbus_new_tcp_pi(g_network_address_get_hostname(network), port);
+    } else {
         line->context =
             modbus_new_rtu(link->bus, link->baud, "NEO"[link->parity], 8, link -> stop_bits);
+    }
     if (line->context) {
         guint32 us = (guint32)(link->timeout_ms * 1000);
         modbus_set_byte_timeout(line->context, us / G_USEC_PER_SEC, us % G_USEC_PER_SEC);
         return line;
     }
-    modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+    device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                      "\"%s\" is no Modbus line" ERROR_ADVICE "write /dev/NAME or tcp:HOST:PORT",
                      link->bus);
     modbus_line_free(line);
@@ -137,11 +123,11 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
     line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
     if (why == EWOULDBLOCK && !is_tcp(line))
-        return modbus_line_fail(error, DEVICE_ERROR_BUSY,
+        return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
                                 "cannot open %s: another program uses it" ERROR_ADVICE
                                 "end that program",
                                 line->link.bus);
-    return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+    return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "cannot open %s: %s" ERROR_ADVICE "check %s", line->link.bus,
                             why ? modbus_strerror(why) : "no such host",
                             is_tcp(line) ? "address, power and network cable"
@@ -156,7 +142,7 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
             if (last)
                 g_propagate_error(error, g_steal_pointer(&last));
             else
-                modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+                device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                                  "%s is lost, and is tried again later", line->link.bus);
             return FALSE;
         }
@@ -191,23 +177,6 @@ static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     return silent;
 }
 
-static int transfer_bits(modbus_t *context, struct modbus_request *request) {
-    guint8 bits[MODBUS_MAX_VALUES];
-    int done;
-    for (int i = 0; i < request->n; i++)
-        bits[i] = request->values[i] != 0;
-    if (request->kind == MODBUS_WRITE_COILS)
-        return request->n == 1 ? modbus_write_bit(context, request->address, bits[0])
-                               : modbus_write_bits(context, request->address, request->n, bits);
-    if (request->kind == MODBUS_READ_COILS)
-        done = modbus_read_bits(context, request->address, request->n, bits);
-    else
-        done = modbus_read_input_bits(context, request->address, request->n, bits);
-    for (int i = 0; i < done; i++)
-        request->values[i] = bits[i];
-    return done;
-}
-
 /* libmodbus has no call for it. Its raw requests have the transaction id 0 on TCP. -1 with errno.
  */
 static int transfer_pulse(modbus_t *context, const struct modbus_request *request) {
@@ -236,26 +205,36 @@ static int transfer_pulse(modbus_t *context, const struct modbus_request *reques
 }
 
 static int modbus_line_transfer(modbus_t *context, struct modbus_request *request) {
+    int at = request->address, n = request->n, done;
+    guint8 bits[MODBUS_MAX_VALUES];
+    for (int i = 0; i < n; i++)
+        bits[i] = request->values[i] != 0;
     switch (request->kind) {
     case MODBUS_READ_COILS:
     case MODBUS_READ_INPUTS:
-    case MODBUS_WRITE_COILS:
-        return transfer_bits(context, request);
+        done = (request->kind == MODBUS_READ_COILS ? modbus_read_bits
+                                                   : modbus_read_input_bits)(context, at, n, bits);
+        for (int i = 0; i < done; i++)
+            request->values[i] = bits[i];
+        return done;
     case MODBUS_READ_HOLDING:
-        return modbus_read_registers(context, request->address, request->n, request->values);
+        return modbus_read_registers(context, at, n, request->values);
     case MODBUS_READ_INPUT_REGISTERS:
-        return modbus_read_input_registers(context, request->address, request->n, request->values);
+        return modbus_read_input_registers(context, at, n, request->values);
+    case MODBUS_WRITE_COILS:
+        return n == 1 ? modbus_write_bit(context, at, bits[0])
+                      : modbus_write_bits(context, at, n, bits);
     case MODBUS_WRITE_HOLDING:
-        return request->n == 1
-                   ? modbus_write_register(context, request->address, request->values[0])
-                   : modbus_write_registers(context, request->address, request->n, request->values);
+        return n == 1 ? modbus_write_register(context, at, request->values[0])
+                      : modbus_write_registers(context, at, n, request->values);
     case MODBUS_PULSE_COIL:
         return transfer_pulse(context, request);
     }
     g_return_val_if_reached(-1);
 }
 
-static const char *kind_text(enum modbus_kind kind) {
+static char *request_text(const struct modbus_line *line, int unit,
+                          const struct modbus_request *request) {
     static const char *const texts[] = {
         [MODBUS_READ_COILS] = "reading coil",
         [MODBUS_READ_INPUTS] = "reading discrete input",
@@ -265,17 +244,8 @@ static const char *kind_text(enum modbus_kind kind) {
         [MODBUS_WRITE_HOLDING] = "writing holding register",
         [MODBUS_PULSE_COIL] = "writing a time to coil",
     };
-    return texts[kind];
-}
-
-static char *request_text(const struct modbus_line *line, int unit,
-                          const struct modbus_request *request) {
-    return g_strdup_printf("%s unit %d, %s %d (0x%04x)", line->link.bus, unit,
-                           kind_text(request->kind), request->address, (guint)request->address);
-}
-
-static gboolean is_timeout(int why) {
-    return why == ETIMEDOUT;
+    return g_strdup_printf("%s unit %d, %s %d (0x%04x)", line->link.bus, unit, texts[request->kind],
+                           request->address, (guint)request->address);
 }
 
 /* The reply is damaged, or from another unit or transaction. */
@@ -291,20 +261,6 @@ static gboolean is_exception(int why) {
 /* Failures that a repetition may cure. */
 static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
-}
-
-/* Makes the line ready for the next attempt; returns why. */
-static int recover(struct modbus_line *line, int why, gboolean distrust) {
-    line->counts.timeouts += is_timeout(why);
-    line->counts.damaged += is_damage(why);
-    if (why == EMBBADCRC &&
-        !distrust) { /* no earlier answer is outstanding: the damaged one was this request's */
-        await_silence(line, SILENCE_MS);
-        line->owed = FALSE;
-    } else if (!is_timeout(why) && !is_damage(why)) {
-        modbus_line_disconnect(line);
-    }
-    return why;
 }
 
 /* One attempt; 0 or the reason, with the line ready for the next. */
@@ -324,8 +280,18 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     errno = 0;
     struct modbus_request answer = *request;
     int why = modbus_line_transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
-    if (why && !is_exception(why))
-        return recover(line, why, distrust);
+    if (why && !is_exception(why)) {
+        line->counts.timeouts += why == ETIMEDOUT;
+        line->counts.damaged += is_damage(why);
+        if (why == EMBBADCRC && !distrust) {
+            /* No earlier answer is outstanding: the damaged one was this request's. */
+            await_silence(line, SILENCE_MS);
+            line->owed = FALSE;
+        } else if (why != ETIMEDOUT && !is_damage(why)) {
+            modbus_line_disconnect(line);
+        }
+        return why;
+    }
     if (distrust && !await_silence(line, line->link.late_ms)) {
         line->counts.disbelieved++;
         return EMBBADDATA;
@@ -340,33 +306,30 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                                     const struct modbus_request *request, int why, int tries,
                                     GError **error) {
     g_autofree char *what = request_text(line, unit, request);
-    if (is_timeout(why))
-        return modbus_line_fail(error, DEVICE_ERROR_TIMEOUT,
+    if (why == ETIMEDOUT)
+        return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                                 "%s: no answer within %g ms (%d tries)" ERROR_ADVICE
                                 "check its power, its address and the cable",
                                 what, line->link.timeout_ms, tries);
     if (is_exception(why))
-        return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "%s: it refused: %s" ERROR_ADVICE
                                 "check the address and value in its section",
                                 what, modbus_strerror(why));
     if (is_damage(why))
-        return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "%s: damaged answers (%d tries): %s" ERROR_ADVICE
                                 "check the cable, its termination, baud and parity",
                                 what, tries, modbus_strerror(why));
-    return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+    return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "%s: the line was lost: %s" ERROR_ADVICE
                             "check its power and the cable",
                             what, modbus_strerror(why));
 }
 
-static gint64 try_us(const struct modbus_line *line) {
-    return (gint64)((line->link.late_ms + line->link.timeout_ms) * 1000);
-}
-
 static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request *request,
                        gint64 deadline_us, GError **error) {
+    gint64 try_us = (gint64)((line->link.late_ms + line->link.timeout_ms) * 1000);
     for (int tries = 1;; tries++) {
         if (!modbus_line_connect(line, deadline_us, error))
             return FALSE;
@@ -376,7 +339,7 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         gboolean final = is_exception(why) && !is_busy(why);
         /* This program may have been held up for all of the time: one try proves nothing. */
         if (tries == 1)
-            deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us(line));
+            deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us);
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
             return modbus_line_give_up(line, unit, request, why, tries, error);
         if (is_busy(why))
@@ -391,37 +354,22 @@ static gboolean is_read(enum modbus_kind kind) {
 static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
                                     const struct modbus_request *wanted,
                                     const struct modbus_request *read, GError **error) {
-    for (int i = 0; i < read->n; i++)
-        if (wanted->values[i] != read->values[i]) {
-            g_autofree char *what = request_text(line, unit, wanted);
-            if (is_read(wanted->kind))
-                return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
-                                        "%s: %d was set to %d, but it reads as %d" ERROR_ADVICE
-                                        "see whether the board lost its power or was not heard of "
-                                        "for too long, and what else writes it",
-                                        what, read->address + i, wanted->values[i],
-                                        read->values[i]);
-            return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
-                                    "%s: wrote %d to %d, but it reads back as %d" ERROR_ADVICE
-                                    "check what else writes it",
-                                    what, wanted->values[i], read->address + i, read->values[i]);
-        }
+    for (int i = 0; i < read->n; i++) {
+        if (wanted->values[i] == read->values[i])
+            continue;
+        g_autofree char *what = request_text(line, unit, wanted);
+        if (is_read(wanted->kind))
+            return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                    "%s: %d was set to %d, but it reads as %d" ERROR_ADVICE
+                                    "see whether the board lost its power or was not heard of "
+                                    "for too long, and what else writes it",
+                                    what, read->address + i, wanted->values[i], read->values[i]);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "%s: wrote %d to %d, but it reads back as %d" ERROR_ADVICE
+                                "check what else writes it",
+                                what, wanted->values[i], read->address + i, read->values[i]);
+    }
     return TRUE;
-}
-
-static gboolean check_pulse(struct modbus_line *line, int unit,
-                            const struct modbus_request *request, gint64 deadline_us,
-                            GError **error) {
-    struct modbus_request coil = {.kind = MODBUS_READ_COILS, .address = request->coil, .n = 1};
-    if (!repeat(line, unit, &coil, deadline_us, error))
-        return FALSE;
-    if (coil.values[0])
-        return TRUE;
-    g_autofree char *what = request_text(line, unit, request);
-    return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
-                            "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
-                            "check that the board switches coils on for a time in this way",
-                            what, request->values[0], request->coil);
 }
 
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
@@ -431,10 +379,18 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
         return FALSE;
     if (!request->verify)
         return TRUE;
-    if (request->kind == MODBUS_PULSE_COIL)
-        return check_pulse(line, unit, request, deadline_us, error);
     if (is_read(request->kind))
         return modbus_line_compare(line, unit, &wanted, request, error);
+    if (request->kind == MODBUS_PULSE_COIL) {
+        struct modbus_request coil = {.kind = MODBUS_READ_COILS, .address = request->coil, .n = 1};
+        g_autofree char *what = request_text(line, unit, request);
+        return repeat(line, unit, &coil, deadline_us, error) &&
+               (coil.values[0] ||
+                device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                 "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
+                                 "check that the board switches coils on for a time in this way",
+                                 what, request->values[0], request->coil));
+    }
     struct modbus_request back = *request;
     back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;
     return repeat(line, unit, &back, deadline_us, error) &&

@@ -83,17 +83,6 @@ static struct relays *relays_of(gpointer device) {
     return ((struct device *)device)->priv;
 }
 
-/* Stops feeding the watchdog, so that the relays go off even if the line is dead. */
-static void modbus_relays_lose(struct relays *relays, const GError *error) {
-    GError *why = g_error_copy(error);
-    g_prefix_error(&why, "not known to be on any more: ");
-    error_details_add_subject(&why, relays->device->who);
-    for (int i = 0; i < relays->n; i++)
-        relays->on[i] = FALSE;
-    feed_later(relays);
-    relays->lost((gpointer)relays->device, why);
-}
-
 /* A board that was not reached for its watchdog time has switched off; until then, try again.
  * Last in its caller: the listener may close the device. */
 static void on_fed(const struct modbus_job *job, const GError *error, gpointer data) {
@@ -104,8 +93,15 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
     if (!error)
         relays->fed_us = now;
     else if (any_on(relays) && (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) ||
-                                unheard_s > modbus_watchdog_s(&relays->watchdog)))
-        modbus_relays_lose(relays, error);
+                                unheard_s > modbus_watchdog_s(&relays->watchdog))) {
+        GError *why = g_error_copy(error);
+        g_prefix_error(&why, "not known to be on any more: ");
+        error_details_add_subject(&why, relays->device->who);
+        for (int i = 0; i < relays->n; i++)
+            relays->on[i] = FALSE;
+        feed_later(relays); /* no more: the relays go off even if the line is dead */
+        relays->lost((gpointer)relays->device, why);
+    }
 }
 
 static void start_feeding(struct relays *relays, const struct modbus_job *job) {
@@ -178,11 +174,10 @@ static gboolean check_shared(const struct relays *relays, GError **error) {
              (other->watchdog.address < 0 ||
               modbus_watchdog_value(&other->watchdog) == modbus_watchdog_value(&relays->watchdog))))
             continue;
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "watchdog_register",
-                         "[%s %s] has another watchdog for the same board; make "
-                         "watchdog_register, watchdog_after_s and watchdog_scale the same",
-                         other->device->info->class_name, other->device->name);
-        return FALSE;
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "watchdog_register",
+                                "[%s %s] has another watchdog for the same board; make "
+                                "watchdog_register, watchdog_after_s and watchdog_scale the same",
+                                other->device->info->class_name, other->device->name);
     }
     return TRUE;
 }
@@ -192,9 +187,8 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
     if (relays->pulse_coil < 0 || relays->watchdog.address < 0)
         return !has_watchdog(relays) ||
                modbus_watchdog_check(&relays->watchdog, &relays->link, relays->device, max, error);
-    config_set_error(error, CONFIG_ERROR_VALUE, relays->device->section, "pulse_coil",
-                     "is given beside watchdog_register; leave one of them out");
-    return FALSE;
+    return config_set_error(error, CONFIG_ERROR_VALUE, relays->device->section, "pulse_coil",
+                            "is given beside watchdog_register; leave one of them out");
 }
 
 static gboolean relays_open(struct relays *relays, const struct device *device,

@@ -26,16 +26,6 @@ static char *port_name(const char *tty) {
     return g_strdup("serial port");
 }
 
-/* A port of the mainboard that is not there has type 0. */
-static gboolean is_port(const char *tty) {
-    g_autofree char *file = g_build_filename("/sys/class/tty", tty, "type", NULL);
-    g_autofree char *type = NULL;
-    if (g_str_has_prefix(tty, "ttyUSB") || g_str_has_prefix(tty, "ttyACM"))
-        return TRUE;
-    return g_str_has_prefix(tty, "ttyS") && g_file_get_contents(file, &type, NULL, NULL) &&
-           atoi(type) != 0;
-}
-
 static int modbus_scan_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
@@ -44,9 +34,15 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
     g_autoptr(GDir) dir = g_dir_open("/sys/class/tty", 0, NULL);
     g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
     const char *name;
-    while (dir && (name = g_dir_read_name(dir)))
-        if (is_port(name))
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *file = g_build_filename("/sys/class/tty", name, "type", NULL);
+        g_autofree char *type = NULL;
+        /* A port of the mainboard that is not there has type 0. */
+        if (g_str_has_prefix(name, "ttyUSB") || g_str_has_prefix(name, "ttyACM") ||
+            (g_str_has_prefix(name, "ttyS") && g_file_get_contents(file, &type, NULL, NULL) &&
+             atoi(type) != 0))
             g_ptr_array_add(names, g_strdup(name));
+    }
     g_ptr_array_sort(names, modbus_scan_by_name);
     for (guint i = 0; i < names->len; i++) {
         g_autofree char *path = g_strconcat("/dev/", names->pdata[i], NULL);
@@ -78,22 +74,6 @@ static enum presence modbus_scan_ask(struct modbus_line *line, const struct modb
                : REFUSES;
 }
 
-static void modbus_scan_add_link(GString *section, const struct modbus_link *link, int unit) {
-    g_string_append_printf(section, "bus = %s\n", link->bus);
-    if (!g_str_has_prefix(link->bus, "tcp:"))
-        g_string_append_printf(section, "baud = %d\nparity = %s\nstop_bits = %d\n", link->baud,
-                               modbus_parities[link->parity], link->stop_bits);
-    g_string_append_printf(section, "unit = %d\n", unit);
-}
-
-/* The number of coils: the largest usual number that the unit reads in one request. */
-static int count_coils(struct modbus_line *line, const struct modbus_link *link, int unit) {
-    for (int n = 32; n >= 1; n /= 2)
-        if (modbus_scan_ask(line, link, unit, MODBUS_READ_COILS, n) == ANSWERS)
-            return n;
-    return 0;
-}
-
 static void add_unit(const struct modbus_link *link, int unit, gboolean registers, int coils,
                      GPtrArray *to) {
     g_autofree char *address = g_strdup_printf("%s, unit %d", link->bus, unit);
@@ -108,7 +88,11 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
     gboolean relays = coils && !registers;
     g_string_append(section, relays ? "[lamps NAME]\ndriver = modbus-relays\n"
                                     : "[axis NAME]\ndriver = modbus-axis\n");
-    modbus_scan_add_link(section, link, unit);
+    g_string_append_printf(section, "bus = %s\n", link->bus);
+    if (!g_str_has_prefix(link->bus, "tcp:"))
+        g_string_append_printf(section, "baud = %d\nparity = %s\nstop_bits = %d\n", link->baud,
+                               modbus_parities[link->parity], link->stop_bits);
+    g_string_append_printf(section, "unit = %d\n", unit);
     if (relays)
         g_string_append_printf(section, "n = %d\n", coils);
     else
@@ -125,8 +109,12 @@ gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrAr
     gboolean ok = modbus_line_connect(line, g_get_monotonic_time() + CONNECT_US, error);
     for (int unit = first; ok && unit <= last; unit++) {
         enum presence registers = modbus_scan_ask(line, link, unit, MODBUS_READ_HOLDING, 1);
+        /* The largest usual number of coils that the unit reads in one request. */
+        int coils = registers == ABSENT ? 0 : 32;
+        while (coils > 0 && modbus_scan_ask(line, link, unit, MODBUS_READ_COILS, coils) != ANSWERS)
+            coils /= 2;
         if (registers != ABSENT)
-            add_unit(link, unit, registers == ANSWERS, count_coils(line, link, unit), to);
+            add_unit(link, unit, registers == ANSWERS, coils, to);
     }
     modbus_line_free(line);
     return ok;

@@ -23,19 +23,15 @@ gboolean modbus_watchdog_check(const struct modbus_watchdog *watchdog,
     /* The cost of one lost answer, see line.c: timeout_ms, and late_ms of silence twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
     double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
-    if (written < 0.5 || round(written) > max) {
-        config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_scale",
-                         "%g s × %g is not a number from 1 to %d", watchdog->after_s,
-                         watchdog->scale, max);
-        return FALSE;
-    }
-    if (modbus_watchdog_s(watchdog) >= least_s)
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_after_s",
-                     "%g s is too short, since an answer that is lost costs %g s (timeout_ms and "
-                     "twice late_ms); write %g or more",
-                     modbus_watchdog_s(watchdog), lapse_s, least_s);
-    return FALSE;
+    if (written < 0.5 || round(written) > max)
+        return config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_scale",
+                                "%g s × %g is not a number from 1 to %d", watchdog->after_s,
+                                watchdog->scale, max);
+    return modbus_watchdog_s(watchdog) >= least_s ||
+           config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_after_s",
+                            "%g s is too short, since an answer that is lost costs %g s "
+                            "(timeout_ms and twice late_ms); write %g or more",
+                            modbus_watchdog_s(watchdog), lapse_s, least_s);
 }
 
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,
@@ -46,21 +42,15 @@ gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *
         return TRUE;
     struct modbus_request *request =
         modbus_job_add(&job, MODBUS_READ_HOLDING, watchdog->address, 1);
-    if (!modbus_bus_do(bus, link, &job, DEADLINE_MS, error)) {
-        g_prefix_error(error, "watchdog_register: ");
-        return FALSE;
+    gboolean ok = modbus_bus_do(bus, link, &job, DEADLINE_MS, error);
+    if (ok && request->values[0] != value) {
+        *request = (struct modbus_request){MODBUS_WRITE_HOLDING, watchdog->address, 1,
+                                           .values = {value}, .verify = TRUE};
+        ok = modbus_bus_do(bus, link, &job, DEADLINE_MS, error);
     }
-    if (request->values[0] == value)
-        return TRUE;
-    *request = (struct modbus_request){.kind = MODBUS_WRITE_HOLDING,
-                                       .address = watchdog->address,
-                                       .n = 1,
-                                       .values = {value},
-                                       .verify = TRUE};
-    if (modbus_bus_do(bus, link, &job, DEADLINE_MS, error))
-        return TRUE;
-    g_prefix_error(error, "watchdog_register: ");
-    return FALSE;
+    if (!ok)
+        g_prefix_error(error, "watchdog_register: ");
+    return ok;
 }
 
 void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job) {

@@ -15,30 +15,17 @@ struct modbus_watchdog {
 };
 
 /* The entries of an options table for a struct that has a struct modbus_watchdog at an offset. */
+/* clang-format off */
+#define MODBUS_WATCHDOG(at, field) ((at) + G_STRUCT_OFFSET(struct modbus_watchdog, field))
 #define MODBUS_WATCHDOG_OPTIONS(at)                                                                \
-    {"watchdog_register",                                                                          \
-     OPTION_INT,                                                                                   \
-     NULL,                                                                                         \
-     -1,                                                                                           \
-     65535,                                                                                        \
-     "-1",                                                                                         \
-     NULL,                                                                                         \
-     (at) + G_STRUCT_OFFSET(struct modbus_watchdog, address),                                      \
+    {"watchdog_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, MODBUS_WATCHDOG(at, address),   \
      "Holding register of its communication timeout, after which it ends by itself what it does; " \
      "−1: none is used"},                                                                          \
-        {"watchdog_after_s",                                                                       \
-         OPTION_DOUBLE,                                                                            \
-         "s",                                                                                      \
-         0.1,                                                                                      \
-         600,                                                                                      \
-         "3",                                                                                      \
-         NULL,                                                                                     \
-         (at) + G_STRUCT_OFFSET(struct modbus_watchdog, after_s),                                  \
-         "How long it hears nothing before it does so; it is asked three times as often"},         \
-    {                                                                                              \
-        "watchdog_scale", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL,                               \
-            (at) + G_STRUCT_OFFSET(struct modbus_watchdog, scale), "What is written to it for 1 s" \
-    }
+    {"watchdog_after_s", OPTION_DOUBLE, "s", 0.1, 600, "3", NULL, MODBUS_WATCHDOG(at, after_s),    \
+     "How long it hears nothing before it does so; it is asked three times as often"},             \
+    {"watchdog_scale", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL, MODBUS_WATCHDOG(at, scale),      \
+     "What is written to it for 1 s"}
+/* clang-format on */
 
 /* The value for its register, and the time that this value stands for. */
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog);

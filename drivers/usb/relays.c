@@ -57,50 +57,35 @@ static void usb_relays_job_free(gpointer data) {
     g_free(job);
 }
 
-static void job_ended(struct job *job) {
+static void on_set(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
+                   gpointer user) {
+    struct job *job = user;
     struct board *board = job->board;
+    if (error && !job->error)
+        job->error = g_error_copy(error);
+    if (--job->n_left > 0)
+        return;
     board->jobs = g_list_remove(board->jobs, job);
     if (job->device)
         job->func(job->device, job->index, job->on, g_steal_pointer(&job->error));
     usb_relays_job_free(job);
 }
 
-static void usb_relays_note_error(struct job *job, const GError *error) {
-    if (!job->error)
-        job->error = g_error_copy(error);
-}
-
-static void on_set(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
-                   gpointer user) {
+static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
+                         gpointer user) {
     struct job *job = user;
-    if (error)
-        usb_relays_note_error(job, error);
-    if (--job->n_left == 0)
-        job_ended(job);
-}
-
-static void check_state(struct job *job, const guint8 *data, gsize n) {
-    if (n != REPORT_SIZE) {
+    guint wrong = (n == REPORT_SIZE ? data[STATE_BYTE] ^ (job->on ? 0xffu : 0) : 0) & job->mask;
+    if (!error && !job->error && n != REPORT_SIZE)
         job->error = device_error_new(
             DEVICE_ERROR_PROTOCOL, job->board->who,
             "the board answered %d bytes of %d; it is no relay board that this driver knows",
             (int)n, REPORT_SIZE);
-        return;
-    }
-    guint wrong = (data[STATE_BYTE] ^ (job->on ? 0xffu : 0)) & job->mask;
-    if (wrong)
+    else if (!error && !job->error && wrong)
         job->error = device_error_new(
             DEVICE_ERROR_PROTOCOL, job->board->who,
             "relay %d was switched %s, but the board says it is %s" ERROR_ADVICE
             "check the board's power",
             g_bit_nth_lsf(wrong, -1) + 1, job->on ? "on" : "off", job->on ? "off" : "on");
-}
-
-static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
-                         gpointer user) {
-    struct job *job = user;
-    if (!error && !job->error)
-        check_state(job, data, n);
     on_set(usb, data, n, error, user);
 }
 
@@ -164,52 +149,10 @@ static void board_unref(struct board *board) {
     g_free(board);
 }
 
-static struct board *board_get(const char *serial, const char *path, GError **error) {
-    struct board *board;
-    for (GList *l = boards; l; l = l->next) {
-        board = l->data;
-        if (g_str_equal(board->serial, serial) && g_str_equal(board->path, path)) {
-            board->refs++;
-            if (board->usb || board_connect(board, error))
-                return board;
-            board_unref(board);
-            return NULL;
-        }
-    }
-    board = g_new0(struct board, 1);
-    board->refs = 1;
-    board->serial = g_strdup(serial);
-    board->path = g_strdup(path);
-    const char *name = *serial ? serial : path;
-    board->who = g_strdup_printf("USB relay board%s%s", *name ? " " : "", name);
-    boards = g_list_append(boards, board);
-    if (board_connect(board, error))
-        return board;
-    board_unref(board);
-    return NULL;
-}
-
 static gboolean job_send(struct job *job, enum command command, int relay, GError **error) {
     guint8 report[REPORT_SIZE] = {(guint8)command, (guint8)relay};
     struct usb_request set = set_request(job->board->usb, report);
     if (!usb_control(job->board->usb, &set, ANSWER_MS, on_set, job, error))
-        return FALSE;
-    job->n_left++;
-    return TRUE;
-}
-
-static gboolean job_start(struct job *job, GError **error) {
-    const struct board *board = job->board;
-    if (!job->on && job->mask == (1u << board->n) - 1) {
-        if (!job_send(job, ALL_OFF, 0, error))
-            return FALSE;
-    } else {
-        for (int i = 0; i < board->n; i++)
-            if (job->mask & 1u << i && !job_send(job, job->on ? ON : OFF, i + 1, error))
-                return FALSE;
-    }
-    struct usb_request get = get_request(board->usb);
-    if (!usb_control(board->usb, &get, ANSWER_MS, on_read_back, job, error))
         return FALSE;
     job->n_left++;
     return TRUE;
@@ -222,15 +165,19 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
         return FALSE;
     struct job *job = g_new0(struct job, 1);
     *job = (struct job){board, device, func, index, on, mask};
-    GError *failed = NULL;
-    if (!job_start(job, &failed) && job->n_left == 0) {
-        g_propagate_error(error, failed);
+    struct usb_request get = get_request(board->usb);
+    gboolean all_off = !on && mask == (1u << board->n) - 1;
+    gboolean ok = !all_off || job_send(job, ALL_OFF, 0, &job->error);
+    for (int i = 0; ok && !all_off && i < board->n; i++)
+        ok = !(mask & 1u << i) || job_send(job, on ? ON : OFF, i + 1, &job->error);
+    if (ok && usb_control(board->usb, &get, ANSWER_MS, on_read_back, job, &job->error))
+        job->n_left++;
+    if (job->n_left == 0) {
+        g_propagate_error(error, job->error);
         g_free(job);
         return FALSE;
     }
-    if (failed) /* some requests are under way: the job is reported when they end */
-        usb_relays_note_error(job, failed);
-    g_clear_error(&failed);
+    /* With an error, some requests are under way all the same: the end of the last reports it. */
     board->jobs = g_list_append(board->jobs, job);
     return TRUE;
 }
@@ -252,10 +199,9 @@ static gboolean board_off_now(struct board *board, guint mask, GError **error) {
         return FALSE;
     if (n == REPORT_SIZE && !(answer[STATE_BYTE] & mask))
         return TRUE;
-    device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
-                     "its relays do not switch off" ERROR_ADVICE
-                     "check the board, and cut the power of what it switches");
-    return FALSE;
+    return device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
+                            "its relays do not switch off" ERROR_ADVICE
+                            "check the board, and cut the power of what it switches");
 }
 
 static void board_leave(struct board *board, gpointer device, guint mask) {
@@ -275,48 +221,67 @@ static guint mask_of(int first, int n) {
     return ((1u << n) - 1) << (first - 1);
 }
 
-/* Takes relays of a board and leaves them off. */
-static struct board *board_enter(const struct device *device, const char *serial, const char *path,
-                                 int first, int *n, GError **error) {
-    struct board *board = board_get(serial, path, error);
+/* What both classes keep: a bank's relays, or the one of a laser. */
+struct usb_relays {
+    char *serial, *path;
+    int first, n;
+    double warm_up_ms;
+    struct board *board;
+};
+
+/* Takes relays of a board and leaves them off. n 0: up to its last one. */
+static struct board *board_enter(const struct device *device, struct usb_relays *relays, int *n,
+                                 GError **error) {
+    const char *name = *relays->serial ? relays->serial : relays->path;
+    struct board *board = NULL;
+    for (GList *l = boards; l && !board; l = l->next) {
+        struct board *other = l->data;
+        if (g_str_equal(other->serial, relays->serial) && g_str_equal(other->path, relays->path))
+            board = other;
+    }
     if (!board) {
+        board = g_new0(struct board, 1);
+        board->serial = g_strdup(relays->serial);
+        board->path = g_strdup(relays->path);
+        board->who = g_strdup_printf("USB relay board%s%s", *name ? " " : "", name);
+        boards = g_list_append(boards, board);
+    }
+    board->refs++;
+    if (!board->usb && !board_connect(board, error)) {
         error_details_add_subject(error, device->who);
+        board_unref(board);
         return NULL;
     }
     if (*n == 0)
-        *n = board->n - first + 1;
-    if (*n < 1 || first + *n - 1 > board->n)
+        *n = board->n - relays->first + 1;
+    if (*n < 1 || relays->first + *n - 1 > board->n)
         config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
                          "%s: relay %d of a board that has %d; correct its section", device->who,
-                         first + MAX(*n, 1) - 1, board->n);
-    else if (board_off_now(board, mask_of(first, *n), error))
+                         relays->first + MAX(*n, 1) - 1, board->n);
+    else if (board_off_now(board, mask_of(relays->first, *n), error))
         return board;
     board_unref(board);
     return NULL;
 }
 
-struct relay_lamps {
-    char *serial, *path;
-    int first_relay, n_lamps;
-    double warm_up_ms;
-    struct board *board;
-};
+#define FIELD(name) G_STRUCT_OFFSET(struct usb_relays, name)
 
-#define LAMPS_FIELD(name) G_STRUCT_OFFSET(struct relay_lamps, name)
-
-static const char serial_help[] = "The board's own serial number of five characters; may be left "
-                                  "out if only one board is plugged in";
-static const char path_help[] = "Where it is plugged in: bus-port, with .port at each hub, as in "
-                                "1-2.4";
+/* clang-format off */
+#define BOARD_OPTIONS                                                                              \
+    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(serial),                                 \
+     "The board's own serial number of five characters; may be left out if only one board is "     \
+     "plugged in"},                                                                                \
+    {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),                                     \
+     "Where it is plugged in: bus-port, with .port at each hub, as in 1-2.4"}
+/* clang-format on */
 
 static const struct option lamps_options[] = {
-    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, LAMPS_FIELD(serial), serial_help},
-    {"path", OPTION_STRING, NULL, 0, 0, "", NULL, LAMPS_FIELD(path), path_help},
-    {"first_relay", OPTION_INT, NULL, 1, MAX_RELAYS, "1", NULL, LAMPS_FIELD(first_relay),
+    BOARD_OPTIONS,
+    {"first_relay", OPTION_INT, NULL, 1, MAX_RELAYS, "1", NULL, FIELD(first),
      "Relay of the first lamp; the others follow"},
-    {"n_lamps", OPTION_INT, NULL, 0, MAX_RELAYS, "0", NULL, LAMPS_FIELD(n_lamps),
+    {"n_lamps", OPTION_INT, NULL, 0, MAX_RELAYS, "0", NULL, FIELD(n),
      "How many lamps; 0: up to the board's last relay"},
-    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, LAMPS_FIELD(warm_up_ms),
+    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
      "From switching on until a lamp's output is stable"},
     {NULL},
 };
@@ -326,9 +291,8 @@ static void usb_relays_on_lamp(gpointer device, int index, gboolean on, GError *
 }
 
 static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **error) {
-    struct relay_lamps *lamps = bank->device.priv;
-    guint mask =
-        index < 0 ? mask_of(lamps->first_relay, bank->n) : mask_of(lamps->first_relay + index, 1);
+    struct usb_relays *lamps = bank->device.priv;
+    guint mask = index < 0 ? mask_of(lamps->first, bank->n) : mask_of(lamps->first + index, 1);
     if (board_switch(lamps->board, mask, on, usb_relays_on_lamp, bank, index, error))
         return TRUE;
     error_details_add_subject(error, bank->device.who);
@@ -336,41 +300,30 @@ static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **er
 }
 
 static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
-    struct relay_lamps *lamps = bank->device.priv;
-    bank->n = lamps->n_lamps;
+    struct usb_relays *lamps = bank->device.priv;
+    bank->n = lamps->n;
     bank->warm_up_s = lamps->warm_up_ms / 1000;
-    lamps->board =
-        board_enter(&bank->device, lamps->serial, lamps->path, lamps->first_relay, &bank->n, error);
+    lamps->board = board_enter(&bank->device, lamps, &bank->n, error);
     return lamps->board != NULL;
 }
 
 static void usb_relays_close_lamps(LampBank *bank) {
-    struct relay_lamps *lamps = bank->device.priv;
-    board_leave(lamps->board, bank, mask_of(lamps->first_relay, bank->n));
+    struct usb_relays *lamps = bank->device.priv;
+    board_leave(lamps->board, bank, mask_of(lamps->first, bank->n));
 }
 
 const struct lamps_driver usb_relays_driver = {
     .info = {"lamps", "usb-relays", "Lamps on a USB relay board (16c0:05df, up to 8 relays)",
-             lamps_options, sizeof(struct relay_lamps)},
+             lamps_options, sizeof(struct usb_relays)},
     .open = usb_relays_open_lamps,
     .close = usb_relays_close_lamps,
     .set = lamps_switch,
 };
 
-struct relay_laser {
-    char *serial, *path;
-    int relay;
-    double warm_up_ms;
-    struct board *board;
-};
-
-#define LASER_FIELD(name) G_STRUCT_OFFSET(struct relay_laser, name)
-
 static const struct option laser_options[] = {
-    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, LASER_FIELD(serial), serial_help},
-    {"path", OPTION_STRING, NULL, 0, 0, "", NULL, LASER_FIELD(path), path_help},
-    {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, LASER_FIELD(relay), "The laser's relay"},
-    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, LASER_FIELD(warm_up_ms),
+    BOARD_OPTIONS,
+    {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, FIELD(first), "The laser's relay"},
+    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
      "From switching on until its power is stable"},
     {NULL},
 };
@@ -380,8 +333,8 @@ static void usb_relays_on_laser(gpointer device, int index, gboolean on, GError 
 }
 
 static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
-    struct relay_laser *priv = laser->device.priv;
-    if (board_switch(priv->board, mask_of(priv->relay, 1), on, usb_relays_on_laser, laser, 0,
+    struct usb_relays *priv = laser->device.priv;
+    if (board_switch(priv->board, mask_of(priv->first, 1), on, usb_relays_on_laser, laser, 0,
                      error))
         return TRUE;
     error_details_add_subject(error, laser->device.who);
@@ -389,21 +342,21 @@ static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
 }
 
 static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
-    struct relay_laser *priv = laser->device.priv;
-    int n = 1;
+    struct usb_relays *priv = laser->device.priv;
+    priv->n = 1;
     laser->warm_up_s = priv->warm_up_ms / 1000;
-    priv->board = board_enter(&laser->device, priv->serial, priv->path, priv->relay, &n, error);
+    priv->board = board_enter(&laser->device, priv, &priv->n, error);
     return priv->board != NULL;
 }
 
 static void usb_relays_close_laser(Laser *laser) {
-    struct relay_laser *priv = laser->device.priv;
-    board_leave(priv->board, laser, mask_of(priv->relay, 1));
+    struct usb_relays *priv = laser->device.priv;
+    board_leave(priv->board, laser, mask_of(priv->first, 1));
 }
 
 const struct laser_driver usb_relay_laser_driver = {
     .info = {"laser", "usb-relay-laser", "A laser switched by a relay of a USB relay board",
-             laser_options, sizeof(struct relay_laser)},
+             laser_options, sizeof(struct usb_relays)},
     .open = usb_relays_open_laser,
     .close = usb_relays_close_laser,
     .set = laser_switch,

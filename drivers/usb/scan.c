@@ -1,5 +1,7 @@
 #include "scan.h"
 
+#include "usb.h"
+
 #include "drivers/device.h"
 
 #include <libusb.h>
@@ -41,61 +43,39 @@ static gboolean is_camera(libusb_device *device) {
     return is;
 }
 
-static gboolean is_tic(const struct libusb_device_descriptor *descriptor) {
-    for (gsize i = 0; i < G_N_ELEMENTS(tics); i++)
-        if (descriptor->idVendor == VENDOR_POLOLU && descriptor->idProduct == tics[i])
-            return TRUE;
-    return FALSE;
-}
-
-static void usb_scan_describe(const struct libusb_device_descriptor *descriptor, const char *path,
-                              struct found *found) {
+static void add_device(libusb_device *device, GPtrArray *to) {
+    struct libusb_device_descriptor descriptor;
+    if (libusb_get_device_descriptor(device, &descriptor) ||
+        descriptor.bDeviceClass == LIBUSB_CLASS_HUB || is_camera(device))
+        return;
+    g_autofree char *path = usb_path_of(device);
+    g_autofree char *maker = usb_scan_read_attribute(path, "manufacturer");
     g_autofree char *product = usb_scan_read_attribute(path, "product");
-    if (is_tic(descriptor) && *found->serial)
-        found->section = g_strdup_printf("[axis NAME]\ndriver = tic-axis\nserial = %s\n"
+    g_autofree char *serial = usb_scan_read_attribute(path, "serial");
+    g_autofree char *what =
+        *maker || *product
+            ? g_strdup_printf("%s%s%s", maker, *maker ? " " : "", product)
+            : g_strdup_printf("%04x:%04x", descriptor.idVendor, descriptor.idProduct);
+    struct found *found = found_add(to, "usb", path, what, serial);
+    gboolean tic = FALSE;
+    for (gsize i = 0; i < G_N_ELEMENTS(tics); i++)
+        tic |= descriptor.idVendor == VENDOR_POLOLU && descriptor.idProduct == tics[i];
+    if (tic)
+        found->section = g_strdup_printf("[axis NAME]\ndriver = tic-axis\n%s = %s\n"
                                          "# steps_per_deg = microsteps in a degree of the axis\n",
-                                         found->serial);
-    else if (is_tic(descriptor))
-        found->section = g_strdup_printf("[axis NAME]\ndriver = tic-axis\npath = %s\n"
-                                         "# steps_per_deg = microsteps in a degree of the axis\n",
-                                         path);
-    else if (descriptor->idVendor == VENDOR_VUSB && descriptor->idProduct == PRODUCT_VUSB &&
+                                         *found->serial ? "serial" : "path",
+                                         *found->serial ? found->serial : path);
+    else if (descriptor.idVendor == VENDOR_VUSB && descriptor.idProduct == PRODUCT_VUSB &&
              g_str_has_prefix(product, "USBRelay"))
         found->section = g_strdup_printf("[lamps NAME]\ndriver = usb-relays\npath = %s\n"
                                          "# or, where it switches a laser:\n"
                                          "# [laser NAME]\n# driver = usb-relay-laser\n"
                                          "# path = %s\n# relay = 1\n",
                                          path, path);
-}
-
-static void note_access(libusb_device *device, struct found *found) {
     g_autofree char *node = g_strdup_printf("/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device),
                                             libusb_get_device_address(device));
     if (found->section && access(node, R_OK | W_OK) < 0)
         found->note = g_strdup("this user may not open it; install etc/udev/60-mesorig.rules");
-}
-
-static void add_device(libusb_device *device, GPtrArray *to) {
-    struct libusb_device_descriptor descriptor;
-    if (libusb_get_device_descriptor(device, &descriptor) ||
-        descriptor.bDeviceClass == LIBUSB_CLASS_HUB || is_camera(device))
-        return;
-    guint8 ports[8];
-    int n = libusb_get_port_numbers(device, ports, G_N_ELEMENTS(ports));
-    g_autoptr(GString) path = g_string_new(NULL);
-    g_string_printf(path, "%u", libusb_get_bus_number(device));
-    for (int i = 0; i < n; i++)
-        g_string_append_printf(path, "%c%u", i ? '.' : '-', ports[i]);
-    g_autofree char *maker = usb_scan_read_attribute(path->str, "manufacturer");
-    g_autofree char *product = usb_scan_read_attribute(path->str, "product");
-    g_autofree char *serial = usb_scan_read_attribute(path->str, "serial");
-    g_autofree char *what =
-        *maker || *product
-            ? g_strdup_printf("%s%s%s", maker, *maker ? " " : "", product)
-            : g_strdup_printf("%04x:%04x", descriptor.idVendor, descriptor.idProduct);
-    struct found *found = found_add(to, "usb", path->str, what, serial);
-    usb_scan_describe(&descriptor, path->str, found);
-    note_access(device, found);
 }
 
 gboolean usb_scan(GPtrArray *to, GError **error) {
@@ -104,11 +84,9 @@ gboolean usb_scan(GPtrArray *to, GError **error) {
     int code = libusb_init(&context);
     if (code == LIBUSB_ERROR_OTHER || code == LIBUSB_ERROR_NOT_SUPPORTED)
         return TRUE; /* a machine, or a container, without USB */
-    if (code) {
-        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL, "USB cannot be looked at: %s",
-                         libusb_strerror(code));
-        return FALSE;
-    }
+    if (code)
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                                "USB cannot be looked at: %s", libusb_strerror(code));
     gssize n = libusb_get_device_list(context, &all);
     for (gssize i = 0; i < n; i++)
         add_device(all[i], to);

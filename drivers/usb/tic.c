@@ -138,17 +138,6 @@ static gint32 get_i32(const guint8 *data) {
                     (guint32)data[3] << 24);
 }
 
-static char *errors_text(int errors) {
-    for (gsize i = 0; i < G_N_ELEMENTS(error_texts); i++)
-        if (errors & 1 << i)
-            return g_strdup(error_texts[i]);
-    return g_strdup_printf("error status 0x%04x", errors);
-}
-
-static gint64 usb_tic_now_us(const Axis *axis) {
-    return clock_now_us(axis->device.clock);
-}
-
 static void usb_tic_let_go(Axis *axis) {
     struct tic *tic = axis->device.priv;
     clock_cancel(axis->device.clock, &tic->timer);
@@ -196,21 +185,14 @@ static void ended(Axis *axis, enum axis_event event) {
     axis_report(axis, event, NULL);
 }
 
-static void broke_down(Axis *axis, enum device_error code, const char *why) {
+static void broke_down(Axis *axis, const char *why) {
     struct tic *tic = axis->device.priv;
     /* It may still turn. Do not wait for the answer. */
     send(axis, HALT_AND_HOLD, 0, NULL);
-    usb_tic_fault(axis, device_error_new(code, axis->device.who,
+    usb_tic_fault(axis, device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
                                          "at %.3f°: %s" ERROR_ADVICE "then home it",
                                          tic->position_deg, why));
 }
-
-static gboolean ran_into_limit(const struct tic *tic, const struct status *status) {
-    gboolean up = tic->target_deg > tic->position_deg;
-    return tic->phase == MOVING &&
-           status->flags & (up ? FORWARD_LIMIT_ACTIVE : REVERSE_LIMIT_ACTIVE);
-}
-
 /* Whether the command timeout has stopped it because this program was held up. It has braked and
  * knows its position, so the move can go on. */
 static gboolean stopped_by_timeout(const struct tic *tic, const struct status *status) {
@@ -235,40 +217,38 @@ static void usb_tic_resume(Axis *axis) {
     tic->was_well = FALSE;
     tic->unfed_us = 0;
     tic->n_started++;
-    tic->start_us = usb_tic_now_us(axis);
+    tic->start_us = clock_now_us(axis->device.clock);
 }
 
 /* Whether the status ends the movement with a fault; reports that fault. */
 static gboolean is_broken(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
-    gboolean late = usb_tic_now_us(axis) > tic->start_us + GRACE_US;
+    gboolean late = clock_now_us(axis->device.clock) > tic->start_us + GRACE_US;
+    gboolean up = tic->target_deg > tic->position_deg;
+    g_autofree char *errors = g_strdup_printf("error status 0x%04x", status->errors);
+    const char *why = NULL;
     if (!status->errors && status->state == STATE_NORMAL) {
         tic->was_well = TRUE;
         tic->unfed_us = 0;
     }
-    if (ran_into_limit(tic, status)) {
-        broke_down(axis, DEVICE_ERROR_STALLED,
-                   "ran into a limit switch" ERROR_ADVICE
-                   "check min_deg, max_deg and steps_per_deg");
-        return TRUE;
+    if (tic->phase == MOVING &&
+        status->flags & (up ? FORWARD_LIMIT_ACTIVE : REVERSE_LIMIT_ACTIVE)) {
+        why = "ran into a limit switch" ERROR_ADVICE "check min_deg, max_deg and steps_per_deg";
+    } else if (status->errors && (tic->was_well || late)) {
+        int first = g_bit_nth_lsf((gulong)status->errors, -1);
+        why = first < (int)G_N_ELEMENTS(error_texts) ? error_texts[first] : errors;
+    } else if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
+        why = "its position has become uncertain: it was halted or reset" ERROR_ADVICE
+              "see what did that";
     }
-    if (status->errors && (tic->was_well || late)) {
-        g_autofree char *why = errors_text(status->errors);
-        broke_down(axis, DEVICE_ERROR_STALLED, why);
-        return TRUE;
-    }
-    if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
-        broke_down(axis, DEVICE_ERROR_STALLED,
-                   "its position has become uncertain: it was halted or reset" ERROR_ADVICE
-                   "see what did that");
-        return TRUE;
-    }
-    return FALSE;
+    if (why)
+        broke_down(axis, why);
+    return why != NULL;
 }
 
 static void check_tic_homing(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
-    gboolean late = usb_tic_now_us(axis) > tic->start_us + GRACE_US;
+    gboolean late = clock_now_us(axis->device.clock) > tic->start_us + GRACE_US;
     if (status->flags & HOMING_ACTIVE)
         return;
     if (!(status->flags & POSITION_UNCERTAIN) && status->velocity == 0) {
@@ -278,18 +258,8 @@ static void check_tic_homing(Axis *axis, const struct status *status) {
         tic->target_steps = status->position;
         ended(axis, AXIS_HOMED);
     } else if (late && status->flags & POSITION_UNCERTAIN) {
-        broke_down(axis, DEVICE_ERROR_STALLED,
-                   "homing ended without its limit switch" ERROR_ADVICE
-                   "check the switch and its settings");
-    }
-}
-
-static void check_tic_move(Axis *axis, const struct status *status) {
-    struct tic *tic = axis->device.priv;
-    if (status->target == tic->target_steps && status->position == tic->target_steps &&
-        status->velocity == 0) {
-        tic->on_target = TRUE;
-        ended(axis, AXIS_ARRIVED);
+        broke_down(axis, "homing ended without its limit switch" ERROR_ADVICE
+                         "check the switch and its settings");
     }
 }
 
@@ -306,8 +276,11 @@ static void usb_tic_evaluate(Axis *axis, const struct status *status) {
         return;
     else if (tic->phase == HOMING)
         check_tic_homing(axis, status);
-    else if (tic->phase == MOVING)
-        check_tic_move(axis, status);
+    else if (tic->phase == MOVING && status->target == tic->target_steps &&
+             status->position == tic->target_steps && status->velocity == 0) {
+        tic->on_target = TRUE;
+        ended(axis, AXIS_ARRIVED);
+    }
 }
 
 static gboolean read_status(const guint8 *data, gsize n, struct status *ret) {
@@ -342,7 +315,7 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
                                              "check its firmware, then home it",
                                              (int)n, VARIABLES_SIZE));
     } else {
-        tic->unfed_us = MAX(tic->unfed_us, usb_tic_now_us(axis) - tic->fed_us);
+        tic->unfed_us = MAX(tic->unfed_us, clock_now_us(axis->device.clock) - tic->fed_us);
         tic->fed_us = tic->asked_us;
         usb_tic_wake(axis);
         usb_tic_evaluate(axis, &status);
@@ -360,7 +333,7 @@ static void usb_tic_on_timer(gpointer data) {
     if (tic->asked)
         return;
     tic->asked = TRUE;
-    tic->asked_us = usb_tic_now_us(axis);
+    tic->asked_us = clock_now_us(axis->device.clock);
     tic->n_asked = tic->n_started;
     if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
         !usb_control(tic->usb, &get_status, ANSWER_MS, on_status, axis, &error)) {
@@ -376,60 +349,37 @@ static void usb_tic_wake(Axis *axis) {
     tic->timer = clock_call_in(axis->device.clock, period_ms * 1000, usb_tic_on_timer, axis);
 }
 
-static gint32 speed_units(const struct tic *tic) {
-    return (gint32)MAX(1, llround(tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS));
-}
-
-static gint32 accel_units(const struct tic *tic) {
-    return (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
-}
-
 static void started(Axis *axis, enum phase phase) {
     struct tic *tic = axis->device.priv;
     tic->phase = phase;
     tic->on_target = FALSE;
     tic->was_well = FALSE;
     tic->n_started++;
-    tic->start_us = tic->fed_us = usb_tic_now_us(axis);
+    tic->start_us = tic->fed_us = clock_now_us(axis->device.clock);
     tic->unfed_us = 0;
     usb_tic_wake(axis);
 }
 
 static gboolean check_plugged(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    if (tic->usb)
-        return TRUE;
-    device_error_set(error, DEVICE_ERROR_DISCONNECTED, axis->device.who,
-                     "not plugged in" ERROR_ADVICE "plug it in, then home it");
-    return FALSE;
-}
-
-static gboolean usb_tic_set_up(Axis *axis, GError **error) {
-    const struct tic *tic = axis->device.priv;
-    return send(axis, CLEAR_DRIVER_ERROR, 0, error) && send(axis, ENERGIZE, 0, error) &&
-           send(axis, SET_MAX_SPEED, speed_units(tic), error) &&
-           send(axis, SET_MAX_ACCEL, accel_units(tic), error) &&
-           send(axis, SET_MAX_DECEL, accel_units(tic), error) &&
-           send(axis, EXIT_SAFE_START, 0, error);
-}
-
-/* Halts first, which makes the position uncertain: once it is certain again, homing is complete. */
-static gboolean set_off_home(Axis *axis, GError **error) {
-    const struct tic *tic = axis->device.priv;
-    if (!send(axis, HALT_AND_HOLD, 0, error))
-        return FALSE;
-    if (tic->homing == HOMING_HERE)
-        return send(axis, HALT_AND_SET_POSITION, 0, error);
-    return send(axis, GO_HOME, tic->homing == HOMING_FORWARD, error);
+    return tic->usb || device_error_set(error, DEVICE_ERROR_DISCONNECTED, axis->device.who,
+                                        "not plugged in" ERROR_ADVICE "plug it in, then home it");
 }
 
 static gboolean connect_usb(Axis *axis, GError **error);
-
+/* Halts first, which makes the position uncertain: once it is certain again, homing is complete. */
 static gboolean usb_tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
-    if (!usb_tic_set_up(axis, error) || !set_off_home(axis, error))
+    double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
+    gint32 accel = (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
+    if (!send(axis, CLEAR_DRIVER_ERROR, 0, error) || !send(axis, ENERGIZE, 0, error) ||
+        !send(axis, SET_MAX_SPEED, (gint32)MAX(1, llround(speed)), error) ||
+        !send(axis, SET_MAX_ACCEL, accel, error) || !send(axis, SET_MAX_DECEL, accel, error) ||
+        !send(axis, EXIT_SAFE_START, 0, error) || !send(axis, HALT_AND_HOLD, 0, error) ||
+        !(tic->homing == HOMING_HERE ? send(axis, HALT_AND_SET_POSITION, 0, error)
+                                     : send(axis, GO_HOME, tic->homing == HOMING_FORWARD, error)))
         return FALSE;
     started(axis, HOMING);
     return TRUE;
@@ -440,12 +390,10 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
     double steps = round((target_deg - tic->home_deg) * tic->steps_per_deg);
     if (!check_plugged(axis, error))
         return FALSE;
-    if (fabs(steps) > MAX_STEPS) {
-        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                         "%g° is further than the Tic can count" ERROR_ADVICE "home it again",
-                         target_deg);
-        return FALSE;
-    }
+    if (fabs(steps) > MAX_STEPS)
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "%g° is further than the Tic can count" ERROR_ADVICE "home it again", target_deg);
     if (!send(axis, EXIT_SAFE_START, 0, error) ||
         !send(axis, SET_TARGET_POSITION, (gint32)steps, error))
         return FALSE;
@@ -478,12 +426,10 @@ static gboolean usb_tic_get_setting(Axis *axis, enum setting setting, guint16 le
     struct tic *tic = axis->device.priv;
     struct usb_request request = {TYPE_IN, GET_SETTING, 0, (guint16)setting, NULL, length};
     int n = usb_control_sync(tic->usb, &request, ret, error);
-    if (n == length)
-        return TRUE;
-    if (n >= 0)
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
-                         "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n, length);
-    return FALSE;
+    return n == length ||
+           (n >= 0 && device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
+                                       "answered %d bytes of %d" ERROR_ADVICE "check its firmware",
+                                       n, length));
 }
 
 /* Both settings are stored in the Tic; only its owner changes them, with ticgui. */
@@ -494,21 +440,17 @@ static gboolean check_settings(Axis *axis, GError **error) {
         !usb_tic_get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
         return FALSE;
     int timeout_ms = tic->timeout_ms = timeout[0] | timeout[1] << 8;
-    if (mode != 0) {
-        device_error_set(
+    if (mode != 0)
+        return device_error_set(
             error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
             "its control mode is %d" ERROR_ADVICE "set it to Serial/I2C/USB with ticgui", mode);
-        return FALSE;
-    }
     int least_ms = 2 * MAX(STANDING_MS, tic->poll_ms);
-    if (timeout_ms < least_ms) {
-        device_error_set(
+    if (timeout_ms < least_ms)
+        return device_error_set(
             error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
             "its command timeout is %d ms%s" ERROR_ADVICE "set it to %d ms or more with ticgui",
             timeout_ms, timeout_ms ? "" : " (off), so it would turn on if this program died",
             least_ms);
-        return FALSE;
-    }
     return TRUE;
 }
 
@@ -521,12 +463,10 @@ static gboolean read_position(Axis *axis, GError **error) {
     int n = usb_control_sync(tic->usb, &get_status, data, error);
     if (n < 0)
         return FALSE;
-    if (!read_status(data, (gsize)n, &status)) {
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
-                         "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
-                         VARIABLES_SIZE);
-        return FALSE;
-    }
+    if (!read_status(data, (gsize)n, &status))
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
+                                "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
+                                VARIABLES_SIZE);
     tic->position_deg = tic->home_deg + status.position / tic->steps_per_deg;
     /* A program that died may have left it turning: make it stand. */
     return status.velocity == 0 || usb_control_sync(tic->usb, &brake, NULL, error) >= 0;
@@ -549,26 +489,19 @@ static gboolean connect_usb(Axis *axis, GError **error) {
     return FALSE;
 }
 
-static gboolean usb_tic_check_options(const Axis *axis, GError **error) {
-    const struct tic *tic = axis->device.priv;
-    double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
-    double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
-    if (speed <= MAX_SPEED && accel >= MIN_ACCEL && accel <= MAX_STEPS)
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
-                     "%s: %g microsteps/s and %g microsteps/s² are outside what a Tic does, "
-                     "up to %g and %g to %g; change speed_deg_s, accel_deg_s2 or steps_per_deg",
-                     axis->device.who, speed / SPEED_UNITS, accel / ACCEL_UNITS,
-                     MAX_SPEED / SPEED_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
-    return FALSE;
-}
-
 static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    if (!usb_tic_check_options(axis, error) || !connect_usb(axis, error))
-        return FALSE;
+    double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
+    double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
     axis->motion = tic->motion;
-    return TRUE;
+    if (speed <= MAX_SPEED && accel >= MIN_ACCEL && accel <= MAX_STEPS)
+        return connect_usb(axis, error);
+    return config_set_error(
+        error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
+        "%s: %g microsteps/s and %g microsteps/s² are outside what a Tic does, "
+        "up to %g and %g to %g; change speed_deg_s, accel_deg_s2 or steps_per_deg",
+        axis->device.who, speed / SPEED_UNITS, accel / ACCEL_UNITS, MAX_SPEED / SPEED_UNITS,
+        MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
 }
 
 static void usb_tic_close_axis(Axis *axis) {

@@ -48,59 +48,41 @@ static void transfer_free(struct transfer *transfer) {
     g_free(transfer);
 }
 
-static GError *make_error(const UsbDevice *usb, int code, const char *what) {
-    return device_error_new(code, usb->who, "%s", what);
-}
-
 static GError *library_error(UsbDevice *usb, int code) {
-    switch (code) {
-    case LIBUSB_ERROR_NO_DEVICE:
-        usb->lost = TRUE;
-        return make_error(usb, DEVICE_ERROR_DISCONNECTED,
-                          "unplugged, or its power is gone" ERROR_ADVICE "check its cable");
-    case LIBUSB_ERROR_TIMEOUT:
-        return make_error(usb, DEVICE_ERROR_TIMEOUT,
-                          "did not answer in time" ERROR_ADVICE "check its cable and power");
-    case LIBUSB_ERROR_PIPE:
-        return make_error(usb, DEVICE_ERROR_PROTOCOL,
-                          "refused a request (stall)" ERROR_ADVICE
-                          "check that its firmware is the maker's");
-    case LIBUSB_ERROR_BUSY:
-        return make_error(usb, DEVICE_ERROR_BUSY,
-                          "another program uses it, or another section names it differently");
-    case LIBUSB_ERROR_ACCESS:
-        return make_error(usb, DEVICE_ERROR_UNSUPPORTED,
-                          "may not be opened by this user" ERROR_ADVICE
-                          "install etc/udev/60-mesorig.rules");
-    default:
-        return device_error_new(DEVICE_ERROR_PROTOCOL, usb->who,
-                                "USB failed: %s" ERROR_ADVICE "check its cable",
-                                libusb_strerror(code));
-    }
-}
-
-static int status_code(enum libusb_transfer_status status) {
-    switch (status) {
-    case LIBUSB_TRANSFER_COMPLETED:
-        return LIBUSB_SUCCESS;
-    case LIBUSB_TRANSFER_TIMED_OUT:
-        return LIBUSB_ERROR_TIMEOUT;
-    case LIBUSB_TRANSFER_STALL:
-        return LIBUSB_ERROR_PIPE;
-    case LIBUSB_TRANSFER_NO_DEVICE:
-        return LIBUSB_ERROR_NO_DEVICE;
-    case LIBUSB_TRANSFER_OVERFLOW:
-        return LIBUSB_ERROR_OVERFLOW;
-    case LIBUSB_TRANSFER_CANCELLED:
-        return LIBUSB_ERROR_INTERRUPTED;
-    default:
-        return LIBUSB_ERROR_IO;
-    }
+    static const struct {
+        int code;
+        enum device_error error;
+        const char *what;
+    } known[] = {
+        {LIBUSB_ERROR_NO_DEVICE, DEVICE_ERROR_DISCONNECTED,
+         "unplugged, or its power is gone" ERROR_ADVICE "check its cable"},
+        {LIBUSB_ERROR_TIMEOUT, DEVICE_ERROR_TIMEOUT,
+         "did not answer in time" ERROR_ADVICE "check its cable and power"},
+        {LIBUSB_ERROR_PIPE, DEVICE_ERROR_PROTOCOL,
+         "refused a request (stall)" ERROR_ADVICE "check that its firmware is the maker's"},
+        {LIBUSB_ERROR_BUSY, DEVICE_ERROR_BUSY,
+         "another program uses it, or another section names it differently"},
+        {LIBUSB_ERROR_ACCESS, DEVICE_ERROR_UNSUPPORTED,
+         "may not be opened by this user" ERROR_ADVICE "install etc/udev/60-mesorig.rules"},
+    };
+    usb->lost |= code == LIBUSB_ERROR_NO_DEVICE;
+    for (gsize i = 0; i < G_N_ELEMENTS(known); i++)
+        if (known[i].code == code)
+            return device_error_new(known[i].error, usb->who, "%s", known[i].what);
+    return device_error_new(DEVICE_ERROR_PROTOCOL, usb->who,
+                            "USB failed: %s" ERROR_ADVICE "check its cable", libusb_strerror(code));
 }
 
 static void usb_report_transfer(struct transfer *transfer) {
+    static const int codes[] = {[LIBUSB_TRANSFER_COMPLETED] = LIBUSB_SUCCESS,
+                                [LIBUSB_TRANSFER_ERROR] = LIBUSB_ERROR_IO,
+                                [LIBUSB_TRANSFER_TIMED_OUT] = LIBUSB_ERROR_TIMEOUT,
+                                [LIBUSB_TRANSFER_CANCELLED] = LIBUSB_ERROR_INTERRUPTED,
+                                [LIBUSB_TRANSFER_STALL] = LIBUSB_ERROR_PIPE,
+                                [LIBUSB_TRANSFER_NO_DEVICE] = LIBUSB_ERROR_NO_DEVICE,
+                                [LIBUSB_TRANSFER_OVERFLOW] = LIBUSB_ERROR_OVERFLOW};
     UsbDevice *usb = transfer->usb;
-    int code = status_code(transfer->libusb->status);
+    int code = codes[transfer->libusb->status];
     g_autoptr(GError) error = code ? library_error(usb, code) : NULL;
     gsize n = error ? 0 : (gsize)transfer->libusb->actual_length;
     transfer->func(usb, libusb_control_transfer_get_data(transfer->libusb), n, error,
@@ -195,17 +177,6 @@ static int LIBUSB_CALL on_left(libusb_context *unused, libusb_device *device,
     return 0;
 }
 
-static void usb_usb_watch(struct context *context) {
-    const struct libusb_pollfd **fds = libusb_get_pollfds(context->libusb);
-    for (int i = 0; fds && fds[i]; i++)
-        on_fd_added(fds[i]->fd, fds[i]->events, context);
-    libusb_free_pollfds(fds);
-    libusb_set_pollfd_notifiers(context->libusb, on_fd_added, on_fd_removed, context);
-    libusb_hotplug_register_callback(context->libusb, LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT, 0,
-                                     LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY,
-                                     LIBUSB_HOTPLUG_MATCH_ANY, on_left, context, &context->hotplug);
-}
-
 static struct context *context_ref(const char *who, GError **error) {
     if (shared) {
         shared->refs++;
@@ -225,7 +196,14 @@ static struct context *context_ref(const char *who, GError **error) {
     context->source = g_source_new(&source_funcs, sizeof(struct context_source));
     ((struct context_source *)context->source)->context = context;
     g_source_set_name(context->source, "mesorig usb");
-    usb_usb_watch(context);
+    const struct libusb_pollfd **fds = libusb_get_pollfds(context->libusb);
+    for (int i = 0; fds && fds[i]; i++)
+        on_fd_added(fds[i]->fd, fds[i]->events, context);
+    libusb_free_pollfds(fds);
+    libusb_set_pollfd_notifiers(context->libusb, on_fd_added, on_fd_removed, context);
+    libusb_hotplug_register_callback(context->libusb, LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT, 0,
+                                     LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY,
+                                     LIBUSB_HOTPLUG_MATCH_ANY, on_left, context, &context->hotplug);
     g_source_attach(context->source, NULL);
     shared = context;
     return context;
@@ -294,11 +272,13 @@ int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *
     return -1;
 }
 
-/* Waits until the kernel has returned the transfers, which it does at once. */
-static gboolean cancel_all(UsbDevice *usb) {
+void usb_close(UsbDevice *usb) {
+    if (!usb)
+        return;
     gint64 limit = g_get_monotonic_time() + CLOSE_US;
     for (GList *l = usb->flying; l; l = l->next)
         libusb_cancel_transfer(((struct transfer *)l->data)->libusb);
+    /* Wait until the kernel has returned the transfers, which it does at once. */
     while (usb->flying && g_get_monotonic_time() < limit) {
         struct timeval some = {0, 10000};
         libusb_handle_events_timeout_completed(usb->context->libusb, &some, NULL);
@@ -311,15 +291,8 @@ static gboolean cancel_all(UsbDevice *usb) {
             transfer_free(transfer);
         }
     }
-    return usb->flying == NULL;
-}
-
-void usb_close(UsbDevice *usb) {
-    if (!usb)
-        return;
-    gboolean idle = cancel_all(usb);
     usb->context->devices = g_list_remove(usb->context->devices, usb);
-    if (!idle) {
+    if (usb->flying) {
         g_warning("%s: the kernel did not give its USB requests back; they are left to it",
                   usb->who);
         return;
@@ -363,7 +336,7 @@ static char *read_string(UsbDevice *usb, guint8 index) {
     return utf8 ? utf8 : g_strdup("");
 }
 
-static char *usb_usb_path_of(libusb_device *device) {
+char *usb_path_of(libusb_device *device) {
     guint8 ports[8];
     int n = libusb_get_port_numbers(device, ports, G_N_ELEMENTS(ports));
     GString *path = g_string_new(NULL);
@@ -373,40 +346,22 @@ static char *usb_usb_path_of(libusb_device *device) {
     return g_string_free(path, FALSE);
 }
 
-static gboolean is_product(const struct usb_match *match, libusb_device *device,
-                           struct libusb_device_descriptor *ret) {
-    if (libusb_get_device_descriptor(device, ret) || ret->idVendor != match->vendor)
-        return FALSE;
-    for (const guint16 *product = match->products; *product; product++)
-        if (*product == ret->idProduct)
-            return TRUE;
-    return FALSE;
-}
-
-/* The number of the interface of the class wanted, or -1. */
-static int find_interface(libusb_device *device, guint8 class) {
-    struct libusb_config_descriptor *config;
-    int found = -1;
-    if (libusb_get_active_config_descriptor(device, &config))
-        return -1;
-    for (int i = config->bNumInterfaces - 1; i >= 0; i--)
-        if (config->interface[i].num_altsetting > 0 &&
-            config->interface[i].altsetting[0].bInterfaceClass == class)
-            found = config->interface[i].altsetting[0].bInterfaceNumber;
-    libusb_free_config_descriptor(config);
-    return found;
-}
-
 static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
+    struct libusb_config_descriptor *config;
+    int number = -1;
     if (usb->interface >= 0)
         return TRUE;
-    int number = find_interface(libusb_get_device(usb->handle), match->interface_class);
-    if (number < 0) {
-        g_propagate_error(error, make_error(usb, DEVICE_ERROR_PROTOCOL,
-                                            "has no interface of the kind this driver speaks to; "
-                                            "it is another device, or in its bootloader"));
-        return FALSE;
+    if (libusb_get_active_config_descriptor(libusb_get_device(usb->handle), &config) == 0) {
+        for (int i = config->bNumInterfaces - 1; i >= 0; i--)
+            if (config->interface[i].num_altsetting > 0 &&
+                config->interface[i].altsetting[0].bInterfaceClass == match->interface_class)
+                number = config->interface[i].altsetting[0].bInterfaceNumber;
+        libusb_free_config_descriptor(config);
     }
+    if (number < 0)
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, usb->who,
+                                "has no interface of the kind this driver speaks to; "
+                                "it is another device, or in its bootloader");
     libusb_set_auto_detach_kernel_driver(usb->handle, 1);
     int code = libusb_claim_interface(usb->handle, number);
     if (code) {
@@ -421,21 +376,7 @@ static gboolean has_name(const struct usb_match *match, const UsbDevice *usb) {
     return !match->product_prefix || g_str_has_prefix(usb->product, match->product_prefix);
 }
 
-/* Reads product and serial number. A serial number read through an interface needs it claimed. */
-static gboolean identify(UsbDevice *usb, const struct usb_match *match,
-                         const struct libusb_device_descriptor *descriptor, GError **error) {
-    usb->product = read_string(usb, descriptor->iProduct);
-    if (!match->read_serial || !has_name(match, usb)) {
-        usb->serial = read_string(usb, descriptor->iSerialNumber);
-        return TRUE;
-    }
-    if (!usb_usb_claim(usb, match, error))
-        return FALSE;
-    usb->serial = match->read_serial(usb);
-    return TRUE;
-}
-
-/* error is set anew. */
+/* Also reads product and serial number. error is set anew. */
 static UsbDevice *try_open(struct context *context, const struct usb_match *match,
                            libusb_device *device, const struct libusb_device_descriptor *descriptor,
                            GError **error) {
@@ -453,20 +394,18 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     }
     context->refs++;
     context->devices = g_list_append(context->devices, usb);
-    if (identify(usb, match, descriptor, error))
+    usb->product = read_string(usb, descriptor->iProduct);
+    if (!match->read_serial || !has_name(match, usb)) {
+        usb->serial = read_string(usb, descriptor->iSerialNumber);
         return usb;
+    }
+    /* A serial number read through an interface needs it claimed. */
+    if (usb_usb_claim(usb, match, error)) {
+        usb->serial = match->read_serial(usb);
+        return usb;
+    }
     usb_close(usb);
     return NULL;
-}
-
-static gboolean usb_usb_fits(const struct usb_match *match, const UsbDevice *usb) {
-    return has_name(match, usb) &&
-           (!match->serial || !*match->serial || g_strcmp0(usb->serial, match->serial) == 0);
-}
-
-static void usb_usb_add_seen(GString *seen, const UsbDevice *usb, const char *path) {
-    g_string_append_printf(seen, "%s%s (serial \"%s\", path %s)", seen->len ? ", " : "",
-                           *usb->product ? usb->product : "a device", usb->serial, path);
 }
 
 /* All that fit; error is the last failure to open one. */
@@ -477,16 +416,24 @@ static GList *find_all(struct context *context, const struct usb_match *match, G
     gssize n = libusb_get_device_list(context->libusb, &all);
     for (gssize i = 0; i < n; i++) {
         struct libusb_device_descriptor descriptor;
-        if (!is_product(match, all[i], &descriptor))
+        const guint16 *product = match->products;
+        if (libusb_get_device_descriptor(all[i], &descriptor) ||
+            descriptor.idVendor != match->vendor)
             continue;
-        g_autofree char *path = usb_usb_path_of(all[i]);
+        while (*product && *product != descriptor.idProduct)
+            product++;
+        if (!*product)
+            continue;
+        g_autofree char *path = usb_path_of(all[i]);
         if (match->path && *match->path && strcmp(match->path, path) != 0)
             continue;
         UsbDevice *usb = try_open(context, match, all[i], &descriptor, error);
         if (!usb)
             continue;
-        usb_usb_add_seen(seen, usb, path);
-        if (usb_usb_fits(match, usb))
+        g_string_append_printf(seen, "%s%s (serial \"%s\", path %s)", seen->len ? ", " : "",
+                               *usb->product ? usb->product : "a device", usb->serial, path);
+        if (has_name(match, usb) &&
+            (!match->serial || !*match->serial || g_strcmp0(usb->serial, match->serial) == 0))
             found = g_list_append(found, usb);
         else
             usb_close(usb);
@@ -500,31 +447,6 @@ static void close_one(gpointer usb) {
     usb_close(usb);
 }
 
-/* Takes the list. */
-static UsbDevice *usb_usb_choose(const struct usb_match *match, GList *found, const char *seen,
-                                 GError **error) {
-    if (found && !found->next) {
-        UsbDevice *usb = found->data;
-        g_list_free(found);
-        if (usb_usb_claim(usb, match, error))
-            return usb;
-        usb_close(usb);
-        return NULL;
-    }
-    if (found)
-        device_error_set(error, DEVICE_ERROR_RANGE, match->who,
-                         "more than one device fits: %s" ERROR_ADVICE "say which by serial or path",
-                         seen);
-    else
-        device_error_set(error, DEVICE_ERROR_DISCONNECTED, match->who,
-                         "no such device is plugged in (vendor %04x, serial \"%s\", path \"%s\"); "
-                         "found: %s" ERROR_ADVICE "check its cable, serial and path",
-                         match->vendor, match->serial ? match->serial : "",
-                         match->path ? match->path : "", *seen ? seen : "none");
-    g_list_free_full(found, close_one);
-    return NULL;
-}
-
 UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer user,
                     GError **error) {
     struct context *context = context_ref(match->who, error);
@@ -534,15 +456,26 @@ UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer us
     GError *refused = NULL;
     GList *found = find_all(context, match, seen, &refused);
     UsbDevice *usb = NULL;
-    if (!found && refused)
+    if (!found && refused) {
         g_propagate_error(error, g_steal_pointer(&refused));
-    else
-        usb = usb_usb_choose(match, found, seen->str, error);
-    g_clear_error(&refused);
-    if (usb) {
+    } else if (!found) {
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, match->who,
+                         "no such device is plugged in (vendor %04x, serial \"%s\", path \"%s\"); "
+                         "found: %s" ERROR_ADVICE "check its cable, serial and path",
+                         match->vendor, match->serial ? match->serial : "",
+                         match->path ? match->path : "", seen->len ? seen->str : "none");
+    } else if (found->next) {
+        device_error_set(error, DEVICE_ERROR_RANGE, match->who,
+                         "more than one device fits: %s" ERROR_ADVICE "say which by serial or path",
+                         seen->str);
+    } else if (usb_usb_claim(found->data, match, error)) {
+        usb = found->data;
         usb->lost_func = lost;
         usb->user = user;
+        found = g_list_delete_link(found, found);
     }
+    g_list_free_full(found, close_one);
+    g_clear_error(&refused);
     context_unref(context);
     return usb;
 }

@@ -57,5 +57,8 @@ gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint ti
 int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *answer,
                      GError **error);
 
+struct libusb_device;
+char *usb_path_of(struct libusb_device *device); /* as in usb_match; g_free() */
+
 guint8 usb_interface(const UsbDevice *usb); /* number of the one that was claimed */
 const char *usb_product(const UsbDevice *usb);

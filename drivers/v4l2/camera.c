@@ -89,10 +89,6 @@ static const struct option options[] = {
     {NULL},
 };
 
-static gint64 v4l2_camera_now_us(const Camera *camera) {
-    return clock_now_us(camera->device.clock);
-}
-
 /* uvcvideo marks its time stamps as start of exposure, but takes the time of the first packet,
  * unless its module parameter selects the camera's clock. */
 static enum stamp stamp_kind(const struct v4l2_camera *v4l2, guint32 flags) {
@@ -140,29 +136,14 @@ static Frame *make_frame(const Camera *camera, const struct v4l2_buffer *buffer)
     return frame;
 }
 
-static void stop_waiting(Camera *camera) {
-    struct v4l2_camera *v4l2 = camera->device.priv;
-    clock_cancel(camera->device.clock, &v4l2->timer);
-    g_clear_handle_id(&v4l2->source, g_source_remove);
-}
-
 /* Call it last, as everything that reports: the listener may close the camera. */
 static void report_failure(Camera *camera, int code) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     GError *error = NULL;
-    video_set_error(&error, v4l2->who, &v4l2->node, code, "stopped streaming");
+    video_set_error(&error, &v4l2->node, code, "stopped streaming");
     if (code == ENODEV)
         video_node_close(&v4l2->node);
     camera_report_fault(camera, error);
-}
-
-static void report_wrong_clock(Camera *camera) {
-    struct v4l2_camera *v4l2 = camera->device.priv;
-    camera_report_fault(
-        camera, device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
-                                 "%s does not stamp its frames by the monotonic clock, so that it "
-                                 "cannot be told which were exposed after a trigger",
-                                 v4l2->node.path));
 }
 
 static void v4l2_camera_watch(Camera *camera);
@@ -188,7 +169,12 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
             frame = make_frame(camera, &buffer);
         video_stream_give_back(&v4l2->node, &buffer);
         if (!monotonic)
-            report_wrong_clock(camera);
+            camera_report_fault(
+                camera,
+                device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
+                                 "%s does not stamp its frames by the monotonic clock, so that it "
+                                 "cannot be told which were exposed after a trigger",
+                                 v4l2->node.path));
         else if (frame)
             camera_report_frame(camera, g_steal_pointer(&frame));
         else
@@ -216,42 +202,24 @@ static void on_broken(gpointer data) {
     report_failure(camera, v4l2->broken);
 }
 
-/* Discards the frames in the buffers: they are old, whatever their time stamps. Returns an errno.
- */
-static int drain(const struct v4l2_camera *v4l2) {
-    struct v4l2_buffer buffer;
-    for (int i = 0; i < v4l2->stream.n; i++) {
-        int taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer);
-        if (taken <= 0)
-            return taken ? errno : 0;
-        video_stream_give_back(&v4l2->node, &buffer);
-    }
-    return 0;
-}
-
 static gboolean v4l2_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
-    v4l2->broken = drain(v4l2);
+    struct v4l2_buffer buffer;
+    int taken = 1;
+    /* Discard the frames in the buffers: they are old, whatever their time stamps. */
+    for (int i = 0; i < v4l2->stream.n && taken > 0; i++) {
+        taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer);
+        if (taken > 0)
+            video_stream_give_back(&v4l2->node, &buffer);
+    }
+    v4l2->broken = taken < 0 ? errno : 0;
     v4l2->shot = shot;
-    v4l2->earliest_us = MAX(v4l2_camera_now_us(camera), v4l2->settled_us);
+    v4l2->earliest_us = MAX(clock_now_us(camera->device.clock), v4l2->settled_us);
     if (v4l2->broken)
         v4l2->timer = clock_call_in(camera->device.clock, 0, on_broken, camera);
     else
         v4l2_camera_watch(camera);
     return TRUE;
-}
-
-static gboolean v4l2_camera_refuse(const struct v4l2_camera *v4l2, GError **error,
-                                   enum device_error code, const char *format, ...)
-    G_GNUC_PRINTF(4, 5);
-static gboolean v4l2_camera_refuse(const struct v4l2_camera *v4l2, GError **error,
-                                   enum device_error code, const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    g_autofree char *what = g_strdup_vprintf(format, args);
-    va_end(args);
-    device_error_set(error, code, v4l2->who, "%s %s", v4l2->node.path, what);
-    return FALSE;
 }
 
 static double exposure_unit_us(const struct v4l2_camera *v4l2) {
@@ -265,33 +233,32 @@ static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us,
         return TRUE; /* the class has checked that it is the fixed exposure */
     gint64 value = video_range_nearest(range, (double)exposure_us / unit);
     if (fabs((double)value * unit / (double)exposure_us - 1) > 0.01)
-        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_RANGE,
-                                  "cannot expose for %" G_GINT64_FORMAT
-                                  " µs, only in steps of %g µs: the nearest is %g µs",
-                                  exposure_us, (double)range->step * unit, (double)value * unit);
-    return video_control_set(&v4l2->node, v4l2->who, range->id, value, error);
+        return video_refuse(error, DEVICE_ERROR_RANGE, &v4l2->node,
+                            "cannot expose for %" G_GINT64_FORMAT
+                            " µs, only in steps of %g µs: the nearest is %g µs",
+                            exposure_us, (double)range->step * unit, (double)value * unit);
+    return video_control_set(&v4l2->node, range->id, value, error);
 }
 
 static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError **error) {
     const struct video_range *range = &v4l2->controls.gain;
     if (gain_db != 0 && (range->id == 0 || v4l2->gain_per_db == 0))
-        return v4l2_camera_refuse(
-            v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-            "cannot be set to a gain of %g dB: %s" ERROR_ADVICE "use gain_db = 0", gain_db,
-            range->id ? "what its gain control means is not known (gain_per_db)"
-                      : "it has no gain control");
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
+                            "cannot be set to a gain of %g dB: %s" ERROR_ADVICE "use gain_db = 0",
+                            gain_db,
+                            range->id ? "what its gain control means is not known (gain_per_db)"
+                                      : "it has no gain control");
     if (range->id == 0)
         return TRUE;
     double zero = v4l2->gain_0db >= 0 ? v4l2->gain_0db : (double)range->min;
     double wanted = zero + gain_db * v4l2->gain_per_db;
     if (wanted < (double)range->min || wanted > (double)range->max)
-        return v4l2_camera_refuse(
-            v4l2, error, DEVICE_ERROR_RANGE,
+        return video_refuse(
+            error, DEVICE_ERROR_RANGE, &v4l2->node,
             "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
             " to %" G_GINT64_FORMAT ", and that would be %g",
             gain_db, range->min, range->max, wanted);
-    return video_control_set(&v4l2->node, v4l2->who, range->id, video_range_nearest(range, wanted),
-                             error);
+    return video_control_set(&v4l2->node, range->id, video_range_nearest(range, wanted), error);
 }
 
 static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
@@ -299,7 +266,8 @@ static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
     if (!set_exposure(v4l2, v4l2->settings.exposure_us, error) ||
         !set_gain(v4l2, v4l2->settings.gain_db, error))
         return FALSE;
-    v4l2->settled_us = v4l2_camera_now_us(camera) + v4l2->settle_frames * v4l2->setup.interval_us;
+    v4l2->settled_us =
+        clock_now_us(camera->device.clock) + v4l2->settle_frames * v4l2->setup.interval_us;
     return TRUE;
 }
 
@@ -313,16 +281,16 @@ static gboolean v4l2_camera_configure(Camera *camera, const struct camera_settin
 
 static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
     const struct video_range *white = &v4l2->controls.white_balance;
-    if (!video_controls_by_hand(&v4l2->node, v4l2->who, error))
+    if (!video_controls_by_hand(&v4l2->node, error))
         return FALSE;
     if (v4l2->white_balance_k > 0 && white->id == 0)
-        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                                  "has no white balance control: leave white_balance_k out");
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
+                            "has no white balance control: leave white_balance_k out");
     if (v4l2->white_balance_k > 0 &&
-        !video_control_set(&v4l2->node, v4l2->who, white->id, v4l2->white_balance_k, error))
+        !video_control_set(&v4l2->node, white->id, v4l2->white_balance_k, error))
         return FALSE;
     for (int i = 0; v4l2->controls_set && v4l2->controls_set[i]; i++)
-        if (!video_control_set_named(&v4l2->node, v4l2->who, v4l2->controls_set[i], error))
+        if (!video_control_set_named(&v4l2->node, v4l2->controls_set[i], error))
             return FALSE;
     return TRUE;
 }
@@ -331,22 +299,16 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
     if (v4l2->fixed_exposure_us > 0)
         return TRUE;
     if (v4l2->controls.exposure.id == 0)
-        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                                  "(%s) has no control for its exposure" ERROR_ADVICE
-                                  "if it is fixed and known, write fixed_exposure_us",
-                                  v4l2->node.card);
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
+                            "(%s) has no control for its exposure" ERROR_ADVICE
+                            "if it is fixed and known, write fixed_exposure_us",
+                            v4l2->node.card);
     if (exposure_unit_us(v4l2) <= 0)
-        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                                  "(%s) counts its exposure in steps of its own: write how long "
-                                  "one is as exposure_unit_us",
-                                  v4l2->node.card);
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
+                            "(%s) counts its exposure in steps of its own: write how long one is "
+                            "as exposure_unit_us",
+                            v4l2->node.card);
     return TRUE;
-}
-
-static gboolean count_load(struct v4l2_camera *v4l2, GError **error) {
-    g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
-    return !v4l2->check_bandwidth ||
-           video_load_add(v4l2->who, sysfs, video_setup_mb_s(&v4l2->setup), &v4l2->load, error);
 }
 
 static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
@@ -361,10 +323,15 @@ static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
     if (!video_node_open(&v4l2->node, v4l2->who, v4l2->path, v4l2->bus, error))
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
-    if (video_setup_apply(&v4l2->node, v4l2->who, &request, &v4l2->setup, error) &&
-        v4l2_camera_check_exposure(v4l2, error) && count_load(v4l2, error) &&
-        set_controls(v4l2, error))
-        return TRUE;
+    if (video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
+        v4l2_camera_check_exposure(v4l2, error)) {
+        g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
+        double mb_s = video_setup_mb_s(&v4l2->setup);
+        if ((!v4l2->check_bandwidth ||
+             video_load_add(v4l2->who, sysfs, mb_s, &v4l2->load, error)) &&
+            set_controls(v4l2, error))
+            return TRUE;
+    }
     v4l2_camera_disconnect(v4l2);
     return FALSE;
 }
@@ -380,10 +347,10 @@ static gboolean find_again(Camera *camera, GError **error) {
         v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
         return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
     v4l2->setup = before;
-    v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                       "came back with other pictures: it is another camera, or another program "
-                       "has set it" ERROR_ADVICE
-                       "start the rig again, or write format, width, height and frame_rate");
+    video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
+                 "came back with other pictures: it is another camera, or another program "
+                 "has set it" ERROR_ADVICE
+                 "start the rig again, or write format, width, height and frame_rate");
     v4l2_camera_disconnect(v4l2);
     return FALSE;
 }
@@ -392,7 +359,7 @@ static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     if (v4l2->node.fd < 0 && !find_again(camera, error))
         return FALSE;
-    if (video_stream_start(&v4l2->stream, &v4l2->node, v4l2->who, &v4l2->setup, error))
+    if (video_stream_start(&v4l2->stream, &v4l2->node, &v4l2->setup, error))
         return TRUE;
     v4l2_camera_disconnect(v4l2); /* the next try connects again */
     return FALSE;
@@ -400,7 +367,8 @@ static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
 
 static void v4l2_camera_disarm(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
-    stop_waiting(camera);
+    clock_cancel(camera->device.clock, &v4l2->timer);
+    g_clear_handle_id(&v4l2->source, g_source_remove);
     video_stream_stop(&v4l2->stream, &v4l2->node);
 }
 
@@ -428,26 +396,19 @@ static void fill_format(Camera *camera) {
             llrint(v4l2->fixed_exposure_us);
 }
 
-static void report_lacking_controls(const struct v4l2_camera *v4l2) {
+static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->node.fd = -1;
+    v4l2->who = camera->device.who;
+    if (!device_check_real_clock(&camera->device, error))
+        return FALSE;
+    if (!connect_camera(v4l2, error))
+        return FALSE;
+    fill_format(camera);
     g_autofree char *lacking = video_controls_lacking(&v4l2->controls);
     if (lacking)
         g_message("%s: %s (%s) has no control for: %s", v4l2->who, v4l2->node.path, v4l2->node.card,
                   lacking);
-}
-
-static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
-    struct v4l2_camera *v4l2 = camera->device.priv;
-    v4l2->node.fd = -1;
-    if (clock_is_virtual(camera->device.clock)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "driver",
-                         "v4l2-camera is real and keeps real time; set clock = real in [rig]");
-        return FALSE;
-    }
-    v4l2->who = camera->device.who;
-    if (!connect_camera(v4l2, error))
-        return FALSE;
-    fill_format(camera);
-    report_lacking_controls(v4l2);
     return TRUE;
 }
 

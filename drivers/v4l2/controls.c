@@ -37,13 +37,11 @@ static gboolean read_range(const struct video_node *node, guint32 id, struct vid
     if (!v4l2_controls_query(node, id, &control) || control.flags & V4L2_CTRL_FLAG_READ_ONLY ||
         control.maximum < control.minimum)
         return FALSE;
-    *ret = (struct video_range){id, control.minimum, control.maximum, MAX(control.step, 1),
-                                control.default_value};
+    *ret = (struct video_range){id, control.minimum, control.maximum, MAX(control.step, 1)};
     return TRUE;
 }
 
 void video_controls_read(const struct video_node *node, struct video_controls *ret) {
-    struct v4l2_queryctrl control;
     *ret = (struct video_controls){0};
     if (read_range(node, V4L2_CID_EXPOSURE_ABSOLUTE, &ret->exposure))
         ret->exposure_unit_us = EXPOSURE_ABSOLUTE_US;
@@ -52,8 +50,6 @@ void video_controls_read(const struct video_node *node, struct video_controls *r
     if (!read_range(node, V4L2_CID_GAIN, &ret->gain))
         read_range(node, V4L2_CID_ANALOGUE_GAIN, &ret->gain);
     read_range(node, V4L2_CID_WHITE_BALANCE_TEMPERATURE, &ret->white_balance);
-    ret->has_auto_exposure = v4l2_controls_query(node, V4L2_CID_EXPOSURE_AUTO, &control);
-    ret->has_auto_white_balance = v4l2_controls_query(node, V4L2_CID_AUTO_WHITE_BALANCE, &control);
 }
 
 char *video_controls_lacking(const struct video_controls *controls) {
@@ -70,35 +66,26 @@ char *video_controls_lacking(const struct video_controls *controls) {
     return text->len ? g_string_free(g_steal_pointer(&text), FALSE) : NULL;
 }
 
-gboolean video_control_set(const struct video_node *node, const char *who, guint32 id, gint64 value,
+gboolean video_control_set(const struct video_node *node, guint32 id, gint64 value,
                            GError **error) {
-    struct v4l2_control control = {id, (gint32)value};
+    struct v4l2_control set = {id, (gint32)value}, is = {.id = id};
     struct v4l2_queryctrl about;
-    g_autofree char *name = v4l2_controls_query(node, id, &about)
-                                ? g_strndup((char *)about.name, sizeof about.name)
-                                : NULL;
-    g_autofree char *what =
-        g_strdup_printf("refused %s = %" G_GINT64_FORMAT, name ? name : "a control", value);
-    if (video_ioctl(node, VIDIOC_S_CTRL, &control) < 0) {
-        video_set_error(error, who, node, errno, what);
-        return FALSE;
-    }
-    control = (struct v4l2_control){.id = id};
-    if (about.flags & V4L2_CTRL_FLAG_WRITE_ONLY || about.type == V4L2_CTRL_TYPE_BUTTON)
-        return TRUE;
-    if (video_ioctl(node, VIDIOC_G_CTRL, &control) < 0) {
-        video_set_error(error, who, node, errno, what);
-        return FALSE;
-    }
-    if (control.value == value)
-        return TRUE;
-    device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
-                     "%s: %s was set to %" G_GINT64_FORMAT ", but is %d", node->path,
-                     name ? name : "a control", value, control.value);
-    return FALSE;
+    gboolean named = v4l2_controls_query(node, id, &about);
+    gboolean hidden =
+        about.flags & V4L2_CTRL_FLAG_WRITE_ONLY || about.type == V4L2_CTRL_TYPE_BUTTON;
+    g_autofree char *name =
+        named ? g_strndup((char *)about.name, sizeof about.name) : g_strdup("a control");
+    g_autofree char *what = g_strdup_printf("refused %s = %" G_GINT64_FORMAT, name, value);
+    if (video_ioctl(node, VIDIOC_S_CTRL, &set) < 0 ||
+        (!hidden && video_ioctl(node, VIDIOC_G_CTRL, &is) < 0))
+        return video_set_error(error, node, errno, what);
+    return hidden || is.value == value ||
+           device_error_set(error, DEVICE_ERROR_PROTOCOL, node->who,
+                            "%s: %s was set to %" G_GINT64_FORMAT ", but is %d", node->path, name,
+                            value, is.value);
 }
 
-gboolean video_controls_by_hand(const struct video_node *node, const char *who, GError **error) {
+gboolean video_controls_by_hand(const struct video_node *node, GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(automatic); i++) {
         struct v4l2_queryctrl control;
         gboolean passive = V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE;
@@ -106,7 +93,7 @@ gboolean video_controls_by_hand(const struct video_node *node, const char *who, 
             control.flags & (guint32)passive || automatic[i].value < control.minimum ||
             automatic[i].value > control.maximum)
             continue;
-        if (!video_control_set(node, who, automatic[i].id, automatic[i].value, error))
+        if (!video_control_set(node, automatic[i].id, automatic[i].value, error))
             return FALSE;
     }
     return TRUE;
@@ -146,8 +133,8 @@ static gboolean find_named(const struct video_node *node, const char *name, GStr
     return FALSE;
 }
 
-gboolean video_control_set_named(const struct video_node *node, const char *who,
-                                 const char *setting, GError **error) {
+gboolean video_control_set_named(const struct video_node *node, const char *setting,
+                                 GError **error) {
     g_auto(GStrv) parts = g_strsplit(setting, "=", 2);
     g_autoptr(GString) names = g_string_new(NULL);
     struct v4l2_queryctrl control;
@@ -155,24 +142,18 @@ gboolean video_control_set_named(const struct video_node *node, const char *who,
     for (int i = 0; parts[0] && parts[i]; i++)
         g_strstrip(parts[i]);
     if (g_strv_length(parts) != 2 ||
-        !g_ascii_string_to_signed(parts[1], 10, G_MININT32, G_MAXINT32, &value, NULL)) {
-        device_error_set(error, DEVICE_ERROR_RANGE, who, "controls: \"%s\" is no NAME=NUMBER",
-                         setting);
-        return FALSE;
-    }
-    if (!find_named(node, parts[0], names, &control)) {
-        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
-                         "controls: %s has no \"%s\"; it has: %s", node->path, parts[0],
-                         names->len ? names->str : "none");
-        return FALSE;
-    }
-    if (value < control.minimum || value > control.maximum) {
-        device_error_set(error, DEVICE_ERROR_RANGE, who,
-                         "controls: %s = %" G_GINT64_FORMAT " is not within %d to %d", parts[0],
-                         value, control.minimum, control.maximum);
-        return FALSE;
-    }
-    return video_control_set(node, who, control.id, value, error);
+        !g_ascii_string_to_signed(parts[1], 10, G_MININT32, G_MAXINT32, &value, NULL))
+        return device_error_set(error, DEVICE_ERROR_RANGE, node->who,
+                                "controls: \"%s\" is no NAME=NUMBER", setting);
+    if (!find_named(node, parts[0], names, &control))
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, node->who,
+                                "controls: %s has no \"%s\"; it has: %s", node->path, parts[0],
+                                names->len ? names->str : "none");
+    if (value < control.minimum || value > control.maximum)
+        return device_error_set(error, DEVICE_ERROR_RANGE, node->who,
+                                "controls: %s = %" G_GINT64_FORMAT " is not within %d to %d",
+                                parts[0], value, control.minimum, control.maximum);
+    return video_control_set(node, control.id, value, error);
 }
 
 gint64 video_range_nearest(const struct video_range *range, double wanted) {

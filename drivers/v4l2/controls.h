@@ -10,7 +10,7 @@
 
 struct video_range {
     guint32 id; /* 0: the device has no such control */
-    gint64 min, max, step, fallback;
+    gint64 min, max, step;
 };
 
 struct video_controls {
@@ -18,7 +18,6 @@ struct video_controls {
     double exposure_unit_us; /* of exposure's values; 0: not known */
     struct video_range gain;
     struct video_range white_balance; /* in kelvin */
-    gboolean has_auto_exposure, has_auto_white_balance;
 };
 
 void video_controls_read(const struct video_node *node, struct video_controls *ret);
@@ -28,16 +27,15 @@ void video_controls_read(const struct video_node *node, struct video_controls *r
 char *video_controls_lacking(const struct video_controls *controls);
 
 /* Switches off all automatic controls: exposure, gain, white balance, frame rate, … */
-gboolean video_controls_by_hand(const struct video_node *node, const char *who, GError **error);
+gboolean video_controls_by_hand(const struct video_node *node, GError **error);
 
 /* Sets and reads back; a value that the device changes is an error. */
-gboolean video_control_set(const struct video_node *node, const char *who, guint32 id, gint64 value,
-                           GError **error);
+gboolean video_control_set(const struct video_node *node, guint32 id, gint64 value, GError **error);
 
 /* "brightness=10" with a control's name in lower case, words joined by _; anything that is not
  * there, or out of range, is an error that lists what there is. */
-gboolean video_control_set_named(const struct video_node *node, const char *who,
-                                 const char *setting, GError **error);
+gboolean video_control_set_named(const struct video_node *node, const char *setting,
+                                 GError **error);
 
 /* The value of a range nearest to a wanted one. */
 gint64 video_range_nearest(const struct video_range *range, double wanted);

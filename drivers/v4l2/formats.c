@@ -105,41 +105,31 @@ static void unpack_bytes(const guint8 *from, int width, int step, guint16 *to) {
         to[x] = from[x * step];
 }
 
-static void unpack_words(const guint8 *from, int width, guint16 most, guint16 *to) {
-    for (int x = 0; x < width; x++) {
-        guint16 value = (guint16)(from[2 * x] | from[2 * x + 1] << 8);
-        to[x] = MIN(value, most);
-    }
-}
-
-static void unpack_mipi10(const guint8 *from, int width, guint16 *to) {
-    for (int x = 0; x < width; x++) {
-        const guint8 *group = from + x / 4 * 5;
-        to[x] = (guint16)(group[x % 4] << 2 | (group[4] >> x % 4 * 2 & 3));
-    }
-}
-
-static void unpack_mipi12(const guint8 *from, int width, guint16 *to) {
-    for (int x = 0; x < width; x++) {
-        const guint8 *group = from + x / 2 * 3;
-        to[x] = (guint16)(group[x % 2] << 4 | (group[2] >> x % 2 * 4 & 15));
-    }
-}
-
 static void unpack_row(const struct video_format *format, const guint8 *from, int width,
                        guint16 *to) {
+    const guint8 *group;
+    guint16 most = (guint16)((1u << format->bits) - 1);
     switch (format->packing) {
     case VIDEO_BYTES:
         unpack_bytes(from, width, 1, to);
         break;
     case VIDEO_WORDS:
-        unpack_words(from, width, (guint16)((1u << format->bits) - 1), to);
+        for (int x = 0; x < width; x++) {
+            guint16 value = (guint16)(from[2 * x] | from[2 * x + 1] << 8);
+            to[x] = MIN(value, most);
+        }
         break;
     case VIDEO_MIPI10:
-        unpack_mipi10(from, width, to);
+        for (int x = 0; x < width; x++) {
+            group = from + x / 4 * 5;
+            to[x] = (guint16)(group[x % 4] << 2 | (group[4] >> x % 4 * 2 & 3));
+        }
         break;
     case VIDEO_MIPI12:
-        unpack_mipi12(from, width, to);
+        for (int x = 0; x < width; x++) {
+            group = from + x / 2 * 3;
+            to[x] = (guint16)(group[x % 2] << 4 | (group[2] >> x % 2 * 4 & 15));
+        }
         break;
     case VIDEO_YUYV:
         unpack_bytes(from, width, 2, to);

@@ -36,64 +36,51 @@ static double read_speed(const char *folder) {
     return mbit_s > 0 && mbit_s < 1e6 ? mbit_s : 0;
 }
 
-/* The camera itself, the hubs above it, and the root hub. */
-static GPtrArray *links_above(const char *sysfs) {
-    GPtrArray *links = g_ptr_array_new_with_free_func(g_free);
-    for (char *folder = g_strdup(sysfs); folder;) {
-        if (read_speed(folder) > 0)
-            g_ptr_array_add(links, g_strdup(folder));
-        char *parent = strlen(folder) > 1 ? g_path_get_dirname(folder) : NULL;
-        g_free(folder);
-        folder = parent;
-    }
-    return links;
-}
-
-static double load_of(const char *link, GString *who) {
-    double mb_s = 0;
+static gboolean v4l2_load_check_link(const char *link, const struct video_load *new,
+                                     GError **error) {
+    g_autoptr(GString) who = g_string_new(NULL);
+    double speed = read_speed(link), most = video_link_mb_s(speed), sum = new->mb_s;
     for (GList *l = loads; l; l = l->next) {
         const struct video_load *load = l->data;
         if (!g_ptr_array_find_with_equal_func(load->links, link, g_str_equal, NULL))
             continue;
-        mb_s += load->mb_s;
+        sum += load->mb_s;
         g_string_append_printf(who, "%s, ", load->who);
     }
-    return mb_s;
-}
-
-static gboolean v4l2_load_check_link(const char *link, const struct video_load *new,
-                                     GError **error) {
-    g_autoptr(GString) who = g_string_new(NULL);
-    double speed = read_speed(link), most = video_link_mb_s(speed);
-    double sum = load_of(link, who) + new->mb_s;
     if (sum <= most)
         return TRUE;
     g_autofree char *name = g_path_get_basename(link);
-    device_error_set(error, DEVICE_ERROR_UNSUPPORTED, new->who,
-                     "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "
-                     "of %.0f Mbit/s carries" ERROR_ADVICE
-                     "lower frame_rate, choose a format of fewer bytes or smaller pictures, or "
-                     "plug some into another controller",
-                     who->str, new->who, sum, most, name, speed);
-    return FALSE;
+    return device_error_set(
+        error, DEVICE_ERROR_UNSUPPORTED, new->who,
+        "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "
+        "of %.0f Mbit/s carries" ERROR_ADVICE
+        "lower frame_rate, choose a format of fewer bytes or smaller pictures, or "
+        "plug some into another controller",
+        who->str, new->who, sum, most, name, speed);
 }
 
 gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
                         GError **error) {
     struct video_load *load = g_new0(struct video_load, 1);
+    gboolean ok = TRUE;
     *ret = NULL;
     load->who = g_strdup(who);
-    load->links = sysfs ? links_above(sysfs) : g_ptr_array_new();
+    load->links = g_ptr_array_new_with_free_func(g_free);
     load->mb_s = mb_s;
-    for (guint i = 0; i < load->links->len; i++) {
-        if (!v4l2_load_check_link(load->links->pdata[i], load, error)) {
-            video_load_remove(load);
-            return FALSE;
-        }
+    /* The camera itself, the hubs above it, and the root hub. */
+    for (char *folder = g_strdup(sysfs); folder;) {
+        char *parent = strlen(folder) > 1 ? g_path_get_dirname(folder) : NULL;
+        if (read_speed(folder) > 0)
+            g_ptr_array_add(load->links, folder);
+        else
+            g_free(folder);
+        folder = parent;
     }
-    if (load->links->len == 0) {
+    for (guint i = 0; ok && i < load->links->len; i++)
+        ok = v4l2_load_check_link(load->links->pdata[i], load, error);
+    if (!ok || load->links->len == 0) {
         video_load_remove(load);
-        return TRUE;
+        return ok;
     }
     loads = g_list_append(loads, load);
     *ret = load;

@@ -20,51 +20,43 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
     return code;
 }
 
-static enum device_error error_code(int code) {
-    switch (code) {
-    case ENODEV:
-    case ENXIO:
-    case ENOENT:
-        return DEVICE_ERROR_DISCONNECTED;
-    case EBUSY:
-        return DEVICE_ERROR_BUSY;
-    case EACCES:
-    case EPERM:
-    case ENOTTY:
-    case ENOSPC:
-        return DEVICE_ERROR_UNSUPPORTED;
-    default:
-        return DEVICE_ERROR_PROTOCOL;
-    }
+gboolean video_set_error(GError **error, const struct video_node *node, int code,
+                         const char *what) {
+    static const char gone[] = "it is gone" ERROR_ADVICE "check its cable";
+    static const char closed[] = "this user may not open it" ERROR_ADVICE
+                                 "install etc/udev/60-mesorig.rules, or join group video";
+    static const struct {
+        int code;
+        enum device_error error;
+        const char *advice;
+    } known[] = {
+        {ENODEV, DEVICE_ERROR_DISCONNECTED, gone},
+        {ENXIO, DEVICE_ERROR_DISCONNECTED, gone},
+        {ENOENT, DEVICE_ERROR_DISCONNECTED, gone},
+        {EBUSY, DEVICE_ERROR_BUSY, "another program uses it"},
+        {EACCES, DEVICE_ERROR_UNSUPPORTED, closed},
+        {EPERM, DEVICE_ERROR_UNSUPPORTED, closed},
+        {ENOSPC, DEVICE_ERROR_UNSUPPORTED,
+         "the USB bus has no bandwidth left for it" ERROR_ADVICE
+         "lower frame_rate, make pictures smaller, or plug it into another controller"},
+        {ENOTTY, DEVICE_ERROR_UNSUPPORTED, "it cannot do that"},
+    };
+    const char *path = node->path ? node->path : "the camera";
+    for (gsize i = 0; i < G_N_ELEMENTS(known); i++)
+        if (known[i].code == code)
+            return device_error_set(error, known[i].error, node->who, "%s %s: %s", path, what,
+                                    known[i].advice);
+    return device_error_set(error, DEVICE_ERROR_PROTOCOL, node->who, "%s %s: %s", path, what,
+                            g_strerror(code));
 }
 
-static const char *v4l2_node_advice(int code) {
-    switch (code) {
-    case ENODEV:
-    case ENXIO:
-    case ENOENT:
-        return "it is gone" ERROR_ADVICE "check its cable";
-    case EBUSY:
-        return "another program uses it";
-    case EACCES:
-    case EPERM:
-        return "this user may not open it" ERROR_ADVICE
-               "install etc/udev/60-mesorig.rules, or join group video";
-    case ENOSPC:
-        return "the USB bus has no bandwidth left for it" ERROR_ADVICE
-               "lower frame_rate, make pictures smaller, "
-               "or plug it into another controller";
-    case ENOTTY:
-        return "it cannot do that";
-    default:
-        return g_strerror(code);
-    }
-}
-
-void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
-                     const char *what) {
-    device_error_set(error, error_code(code), who, "%s %s: %s",
-                     node->path ? node->path : "the camera", what, v4l2_node_advice(code));
+gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
+                      const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *what = g_strdup_vprintf(format, args);
+    va_end(args);
+    return device_error_set(error, code, node->who, "%s %s", node->path, what);
 }
 
 void video_node_close(struct video_node *node) {
@@ -130,22 +122,6 @@ GPtrArray *video_node_list(void) {
     return all;
 }
 
-static gboolean open_named(struct video_node *node, const char *who, const char *path,
-                           GError **error) {
-    if (open_path(node, path))
-        return TRUE;
-    int code = errno;
-    if (code == ENOTTY)
-        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
-                         "%s is no camera that streams video" ERROR_ADVICE
-                         "“mesorig devices” lists those",
-                         path);
-    else
-        video_set_error(error, who, node, code, "could not be opened");
-    video_node_close(node);
-    return FALSE;
-}
-
 /* Opens the one that fits among all; n is how many fit. */
 static void open_fitting(struct video_node *ret, const char *bus, GString *seen, int *n) {
     g_autoptr(GPtrArray) all = list_all();
@@ -171,22 +147,34 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
     g_autoptr(GString) seen = g_string_new(NULL);
     int n;
     *node = (struct video_node){.fd = -1};
-    if (path && *path)
-        return open_named(node, who, path, error);
+    if (path && *path) {
+        gboolean opened = open_path(node, path);
+        node->who = who;
+        if (opened)
+            return TRUE;
+        if (errno == ENOTTY)
+            device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
+                             "%s is no camera that streams video" ERROR_ADVICE
+                             "“mesorig devices” lists those",
+                             path);
+        else
+            video_set_error(error, node, errno, "could not be opened");
+        video_node_close(node);
+        return FALSE;
+    }
     open_fitting(node, bus, seen, &n);
+    node->who = who;
     if (n == 1)
         return TRUE;
     video_node_close(node);
     if (n > 1)
-        device_error_set(error, DEVICE_ERROR_RANGE, who,
-                         "more than one camera fits: %s" ERROR_ADVICE "say which by bus or device",
-                         seen->str);
-    else
-        device_error_set(error, DEVICE_ERROR_DISCONNECTED, who,
-                         "no such camera is plugged in (bus \"%s\"); found: %s" ERROR_ADVICE
-                         "check its cable, and that this user may open it",
-                         bus ? bus : "", seen->len ? seen->str : "none");
-    return FALSE;
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, who,
+            "more than one camera fits: %s" ERROR_ADVICE "say which by bus or device", seen->str);
+    return device_error_set(error, DEVICE_ERROR_DISCONNECTED, who,
+                            "no such camera is plugged in (bus \"%s\"); found: %s" ERROR_ADVICE
+                            "check its cable, and that this user may open it",
+                            bus ? bus : "", seen->len ? seen->str : "none");
 }
 
 static gboolean is_full_range(guint32 quantization, guint32 colorspace) {
@@ -225,34 +213,29 @@ int video_node_get_pix(const struct video_node *node, struct video_pix *ret) {
 }
 
 /* The device chooses everything but width, height and format. */
-static void write_pix(const struct video_pix *request, struct v4l2_format *format) {
-    if (format->type == V4L2_BUF_TYPE_VIDEO_CAPTURE) {
-        struct v4l2_pix_format *pix = &format->fmt.pix;
-        pix->width = request->width;
-        pix->height = request->height;
-        pix->pixelformat = request->fourcc;
-        pix->field = V4L2_FIELD_NONE;
-        pix->bytesperline = pix->sizeimage = 0;
+int video_node_set_pix(const struct video_node *node, struct video_pix *pix) {
+    struct v4l2_format format = {.type = node->type};
+    if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)
+        return -1;
+    if (format.type == V4L2_BUF_TYPE_VIDEO_CAPTURE) {
+        struct v4l2_pix_format *one = &format.fmt.pix;
+        one->width = pix->width;
+        one->height = pix->height;
+        one->pixelformat = pix->fourcc;
+        one->field = V4L2_FIELD_NONE;
+        one->bytesperline = one->sizeimage = 0;
     } else {
-        struct v4l2_pix_format_mplane *many = &format->fmt.pix_mp;
-        many->width = request->width;
-        many->height = request->height;
-        many->pixelformat = request->fourcc;
+        struct v4l2_pix_format_mplane *many = &format.fmt.pix_mp;
+        many->width = pix->width;
+        many->height = pix->height;
+        many->pixelformat = pix->fourcc;
         many->field = V4L2_FIELD_NONE;
         many->num_planes = 1;
         memset(many->plane_fmt, 0, sizeof many->plane_fmt);
     }
-}
-
-int video_node_set_pix(const struct video_node *node, const struct video_pix *request,
-                       struct video_pix *ret) {
-    struct v4l2_format format = {.type = node->type};
-    if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)
-        return -1;
-    write_pix(request, &format);
     if (video_ioctl(node, VIDIOC_S_FMT, &format) < 0)
         return -1;
-    read_pix(&format, ret);
+    read_pix(&format, pix);
     return 0;
 }
 

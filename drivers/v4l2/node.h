@@ -2,16 +2,19 @@
  * A V4L2 device node: found, opened, asked. The functions are calls of the kernel and return when
  * it does, which is at once for all but a device that is being unplugged. Main loop's thread.
  *
- * who ("camera top") begins every error message. Errors are DEVICE_ERROR.
+ * Errors are DEVICE_ERROR, and begin with whose node it is.
  */
 #pragma once
 
 #include "formats.h"
 
+#include "drivers/device.h"
+
 #include <linux/videodev2.h>
 
 struct video_node {
     int fd;                    /* -1: not open */
+    const char *who;           /* whose it is: "camera top"; not owned */
     char *path;                /* "/dev/video0" */
     char *card, *driver, *bus; /* as it reports: "HD Webcam", "uvcvideo", "usb-…-1.2" */
     guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
@@ -39,13 +42,15 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
 /* What it is set to; -1 with errno. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
-/* Sets width, height and fourcc, and returns what the device has set. */
-int video_node_set_pix(const struct video_node *node, const struct video_pix *request,
-                       struct video_pix *ret);
+/* Sets width, height and fourcc; pix becomes what the device has set. -1 with errno. */
+int video_node_set_pix(const struct video_node *node, struct video_pix *pix);
 
-/* An error of errno; what: "could not start". */
-void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
-                     const char *what);
+/* An error of errno; what: "could not start". Returns FALSE always. */
+gboolean video_set_error(GError **error, const struct video_node *node, int code, const char *what);
+
+/* An error that names the node: "/dev/video0 cannot …". Returns FALSE always. */
+gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
+                      const char *format, ...) G_GNUC_PRINTF(4, 5);
 
 /* Format numbers that it offers, of which some may be of no use for measuring. */
 GArray *video_node_formats(const struct video_node *node); /* of guint32 */

@@ -4,27 +4,13 @@
 
 #include <string.h>
 
-/* Which format it would be used in. */
-static const struct video_format *best_format(const struct video_node *node) {
-    g_autoptr(GArray) offered = video_node_formats(node);
-    const struct video_format *best = NULL;
-    for (guint i = 0; i < offered->len; i++)
-        best = video_format_better(best, video_format_find(g_array_index(offered, guint32, i)));
-    return best;
-}
-
-static gboolean shares_bus(const GPtrArray *nodes, const struct video_node *node) {
-    int n = 0;
-    for (guint i = 0; i < nodes->len; i++) {
-        struct video_node other;
-        if (video_node_open(&other, "", nodes->pdata[i], NULL, NULL))
-            n += strcmp(other.bus, node->bus) == 0;
-        video_node_close(&other);
-    }
-    return n > 1;
-}
-
-static void add_size_and_rate(const struct video_node *node, GString *section) {
+static char *make_section(const struct video_node *node, const struct video_format *format,
+                          const struct video_controls *controls, gboolean by_bus) {
+    GString *section = g_string_new("[camera NAME]\ndriver = v4l2-camera\n");
+    g_autofree char *fourcc = video_fourcc_name(format->fourcc);
+    g_string_append_printf(section, by_bus ? "bus = %s\n" : "device = %s\n",
+                           by_bus ? node->bus : node->path);
+    g_string_append_printf(section, "format = %s\n", fourcc);
     struct video_pix pix;
     struct v4l2_streamparm parm = {.type = node->type};
     const struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
@@ -36,16 +22,6 @@ static void add_size_and_rate(const struct video_node *node, GString *section) {
                         (double)interval->denominator / interval->numerator);
         g_string_append_printf(section, "frame_rate = %s\n", rate);
     }
-}
-
-static char *make_section(const struct video_node *node, const struct video_format *format,
-                          const struct video_controls *controls, gboolean by_bus) {
-    GString *section = g_string_new("[camera NAME]\ndriver = v4l2-camera\n");
-    g_autofree char *fourcc = video_fourcc_name(format->fourcc);
-    g_string_append_printf(section, by_bus ? "bus = %s\n" : "device = %s\n",
-                           by_bus ? node->bus : node->path);
-    g_string_append_printf(section, "format = %s\n", fourcc);
-    add_size_and_rate(node, section);
     if (controls->exposure.id == 0)
         g_string_append(section, "# fixed_exposure_us = what its maker says\n");
     else if (controls->exposure_unit_us == 0)
@@ -56,8 +32,12 @@ static char *make_section(const struct video_node *node, const struct video_form
 
 static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *nodes,
                                struct found *found) {
-    const struct video_format *format = best_format(node);
+    g_autoptr(GArray) offered = video_node_formats(node);
+    const struct video_format *format = NULL; /* which it would be used in */
     struct video_controls controls;
+    int n_on_bus = 0;
+    for (guint i = 0; i < offered->len; i++)
+        format = video_format_better(format, video_format_find(g_array_index(offered, guint32, i)));
     if (!format) {
         found->note = g_strdup("offers only compressed pictures, which are no measure of light");
         return;
@@ -65,7 +45,13 @@ static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *n
     video_controls_read(node, &controls);
     g_autofree char *lacking = video_controls_lacking(&controls);
     g_autofree char *sizes = video_node_sizes(node, format->fourcc);
-    found->section = make_section(node, format, &controls, !shares_bus(nodes, node));
+    for (guint i = 0; i < nodes->len; i++) {
+        struct video_node other;
+        if (video_node_open(&other, "", nodes->pdata[i], NULL, NULL))
+            n_on_bus += strcmp(other.bus, node->bus) == 0;
+        video_node_close(&other);
+    }
+    found->section = make_section(node, format, &controls, n_on_bus <= 1);
     g_autoptr(GString) note = g_string_new(NULL);
     if (*sizes)
         g_string_append_printf(note, "pictures of %s", sizes);

@@ -21,77 +21,39 @@ static void fill_asked(struct asked *asked, const struct video_node *node, guint
     asked->buffer.length = 1;
 }
 
-static gboolean v4l2_stream_refuse(GError **error, const char *who, const struct video_node *node,
-                                   const char *format, ...) G_GNUC_PRINTF(4, 5);
-static gboolean v4l2_stream_refuse(GError **error, const char *who, const struct video_node *node,
-                                   const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    g_autofree char *what = g_strdup_vprintf(format, args);
-    va_end(args);
-    device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who, "%s %s", node->path, what);
-    return FALSE;
-}
-
-static char *list_formats(const GArray *offered) {
-    GString *text = g_string_new(NULL);
-    for (guint i = 0; i < offered->len; i++) {
-        g_autofree char *name = video_fourcc_name(g_array_index(offered, guint32, i));
-        g_string_append_printf(text, "%s%s", i ? ", " : "", name);
-    }
-    return g_string_free(text, FALSE);
-}
-
-static gboolean choose_named(const GArray *offered, const char *name,
-                             const struct video_format **ret) {
-    guint32 fourcc;
-    *ret = NULL;
-    for (guint i = 0; i < offered->len && video_fourcc_parse(name, &fourcc); i++)
-        if (g_array_index(offered, guint32, i) == fourcc)
-            *ret = video_format_find(fourcc);
-    return *ret != NULL;
-}
-
-static gboolean choose_format(const struct video_node *node, const char *who, const char *name,
+static gboolean choose_format(const struct video_node *node, const char *name,
                               const struct video_format **ret, GError **error) {
     g_autoptr(GArray) offered = video_node_formats(node);
-    g_autofree char *list = list_formats(offered);
+    g_autoptr(GString) list = g_string_new(NULL);
+    gboolean named = name && *name;
+    guint32 wanted = 0;
     *ret = NULL;
-    if (name && *name) {
-        if (!choose_named(offered, name, ret))
-            v4l2_stream_refuse(
-                error, who, node,
-                "cannot be measured with in format %s: what is compressed is no measure of light, "
-                "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
-                name, list);
-        return *ret != NULL;
+    if (named)
+        video_fourcc_parse(name, &wanted);
+    for (guint i = 0; i < offered->len; i++) {
+        guint32 fourcc = g_array_index(offered, guint32, i);
+        g_autofree char *text = video_fourcc_name(fourcc);
+        g_string_append_printf(list, "%s%s", i ? ", " : "", text);
+        if (!named)
+            *ret = video_format_better(*ret, video_format_find(fourcc));
+        else if (fourcc == wanted)
+            *ret = video_format_find(fourcc);
     }
-    for (guint i = 0; i < offered->len; i++)
-        *ret = video_format_better(*ret, video_format_find(g_array_index(offered, guint32, i)));
-    if (!*ret)
-        v4l2_stream_refuse(error, who, node,
-                           "offers only %s: what is compressed is no measure of light; a camera "
-                           "with Bayer, mono, YUYV or UYVY is needed",
-                           *list ? list : "no format");
+    if (!*ret && named)
+        video_refuse(
+            error, DEVICE_ERROR_UNSUPPORTED, node,
+            "cannot be measured with in format %s: what is compressed is no measure of light, "
+            "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
+            name, list->str);
+    else if (!*ret)
+        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                     "offers only %s: what is compressed is no measure of light; a camera "
+                     "with Bayer, mono, YUYV or UYVY is needed",
+                     list->len ? list->str : "no format");
     return *ret != NULL;
 }
 
-static gboolean v4l2_stream_set_format(const struct video_node *node, const char *who,
-                                       const struct video_request *request, struct video_pix *ret,
-                                       guint32 fourcc, GError **error) {
-    struct video_pix pix;
-    if (video_node_get_pix(node, &pix) == 0) {
-        pix.width = request->width > 0 ? (guint32)request->width : pix.width;
-        pix.height = request->height > 0 ? (guint32)request->height : pix.height;
-        pix.fourcc = fourcc;
-        if (video_node_set_pix(node, &pix, ret) == 0)
-            return TRUE;
-    }
-    video_set_error(error, who, node, errno, "could not be set to its format");
-    return FALSE;
-}
-
-static gboolean v4l2_stream_check_format(const struct video_node *node, const char *who,
+static gboolean v4l2_stream_check_format(const struct video_node *node,
                                          const struct video_request *request,
                                          const struct video_pix *pix,
                                          const struct video_setup *setup, GError **error) {
@@ -103,64 +65,70 @@ static gboolean v4l2_stream_check_format(const struct video_node *node, const ch
         pix->fourcc != setup->format->fourcc ||
         pix->stride < video_format_row_bytes(setup->format, (int)pix->width) ||
         pix->stride > 65536 * 16)
-        return v4l2_stream_refuse(
-            error, who, node,
+        return video_refuse(
+            error, DEVICE_ERROR_UNSUPPORTED, node,
             "answered a picture of %u × %u in rows of %u bytes to format %s, which makes no sense",
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
-        return v4l2_stream_refuse(error, who, node,
-                                  "spreads a picture of format %s over %u planes of memory; only "
-                                  "those of one are taken: choose another format",
-                                  name, pix->planes);
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                            "spreads a picture of format %s over %u planes of memory; only "
+                            "those of one are taken: choose another format",
+                            name, pix->planes);
     if (wide || high)
-        return v4l2_stream_refuse(error, who, node,
-                                  "has no pictures of %d × %d in format %s, but of %s" ERROR_ADVICE
-                                  "set width and height",
-                                  request->width, request->height, name, *sizes ? sizes : "others");
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                            "has no pictures of %d × %d in format %s, but of %s" ERROR_ADVICE
+                            "set width and height",
+                            request->width, request->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)
-        return v4l2_stream_refuse(error, who, node,
-                                  "sends fields of interlaced pictures, not whole ones");
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                            "sends fields of interlaced pictures, not whole ones");
     return TRUE;
 }
 
 /* A device that does not know its frame interval gets it from the requested frame rate. */
-static gboolean set_rate(const struct video_node *node, const char *who, double frame_rate,
-                         gint64 *ret_us, GError **error) {
+static gboolean set_rate(const struct video_node *node, double frame_rate, gint64 *ret_us,
+                         GError **error) {
     struct v4l2_streamparm parm = {.type = node->type};
     struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
     gboolean knows = video_ioctl(node, VIDIOC_G_PARM, &parm) == 0 &&
                      parm.parm.capture.capability & V4L2_CAP_TIMEPERFRAME;
     if (knows && frame_rate > 0) {
         *interval = (struct v4l2_fract){10000, (guint32)lrint(frame_rate * 1e4)};
-        if (video_ioctl(node, VIDIOC_S_PARM, &parm) < 0) {
-            video_set_error(error, who, node, errno, "could not be set to its frame_rate");
-            return FALSE;
-        }
+        if (video_ioctl(node, VIDIOC_S_PARM, &parm) < 0)
+            return video_set_error(error, node, errno, "could not be set to its frame_rate");
     }
     double seconds = frame_rate > 0 ? 1 / frame_rate : 0;
     if (knows && interval->denominator > 0)
         seconds = (double)interval->numerator / interval->denominator;
     if (seconds <= 0 || seconds > 3600)
-        return v4l2_stream_refuse(error, who, node,
-                                  "does not say how often its frames come: set frame_rate");
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                            "does not say how often its frames come: set frame_rate");
     if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
-        return v4l2_stream_refuse(
-            error, who, node,
+        return video_refuse(
+            error, DEVICE_ERROR_UNSUPPORTED, node,
             "does not send %g frames a second in this format, but %.4g: set frame_rate", frame_rate,
             1 / seconds);
     *ret_us = MAX(llrint(seconds * 1e6), 1);
     return TRUE;
 }
 
-gboolean video_setup_apply(const struct video_node *node, const char *who,
-                           const struct video_request *request, struct video_setup *ret,
-                           GError **error) {
+gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
+                           struct video_setup *ret, GError **error) {
     struct video_pix pix;
     *ret = (struct video_setup){0};
-    if (!choose_format(node, who, request->format, &ret->format, error) ||
-        !v4l2_stream_set_format(node, who, request, &pix, ret->format->fourcc, error) ||
-        !v4l2_stream_check_format(node, who, request, &pix, ret, error) ||
-        !set_rate(node, who, request->frame_rate, &ret->interval_us, error))
+    if (!choose_format(node, request->format, &ret->format, error))
+        return FALSE;
+    gboolean set = video_node_get_pix(node, &pix) == 0;
+    if (set) {
+        pix.width = request->width > 0 ? (guint32)request->width : pix.width;
+        pix.height = request->height > 0 ? (guint32)request->height : pix.height;
+        pix.fourcc = ret->format->fourcc;
+        set = video_node_set_pix(node, &pix) == 0;
+    }
+    if (!set)
+        return video_set_error(error, node, errno, "could not be set to its format");
+    if (!v4l2_stream_check_format(node, request, &pix, ret, error) ||
+        !set_rate(node, request->frame_rate, &ret->interval_us, error))
         return FALSE;
     ret->width = (int)pix.width;
     ret->height = (int)pix.height;
@@ -175,53 +143,43 @@ double video_setup_mb_s(const struct video_setup *setup) {
 }
 
 static gboolean map_buffer(struct video_stream *stream, const struct video_node *node,
-                           const char *who, guint32 index, gsize bytes, GError **error) {
+                           guint32 index, gsize bytes, GError **error) {
     struct asked asked;
     fill_asked(&asked, node, index);
-    if (video_ioctl(node, VIDIOC_QUERYBUF, &asked.buffer) < 0) {
-        video_set_error(error, who, node, errno, "did not tell of its buffers");
-        return FALSE;
-    }
+    if (video_ioctl(node, VIDIOC_QUERYBUF, &asked.buffer) < 0)
+        return video_set_error(error, node, errno, "did not tell of its buffers");
     gboolean many = node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
     guint32 length = many ? asked.plane.length : asked.buffer.length;
     guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;
     if (length < bytes)
-        return v4l2_stream_refuse(
-            error, who, node,
-            "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT, length, bytes);
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                            "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT,
+                            length, bytes);
     guint8 *data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, offset);
-    if (data == MAP_FAILED) {
-        video_set_error(error, who, node, errno, "did not let its buffers be mapped");
-        return FALSE;
-    }
+    if (data == MAP_FAILED)
+        return video_set_error(error, node, errno, "did not let its buffers be mapped");
     stream->buffers[index].data = data;
     stream->buffers[index].size = length;
     stream->n = (int)index + 1;
-    if (video_ioctl(node, VIDIOC_QBUF, &asked.buffer) == 0)
-        return TRUE;
-    video_set_error(error, who, node, errno, "did not take a buffer");
-    return FALSE;
+    return video_ioctl(node, VIDIOC_QBUF, &asked.buffer) == 0 ||
+           video_set_error(error, node, errno, "did not take a buffer");
 }
 
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
-                            const char *who, const struct video_setup *setup, GError **error) {
+                            const struct video_setup *setup, GError **error) {
     struct v4l2_requestbuffers request = {
         .count = VIDEO_BUFFERS, .type = node->type, .memory = V4L2_MEMORY_MMAP};
     int type = (int)node->type;
     *stream = (struct video_stream){0};
-    if (video_ioctl(node, VIDIOC_REQBUFS, &request) < 0) {
-        video_set_error(error, who, node, errno, "gave no buffers");
-        return FALSE;
-    }
+    if (video_ioctl(node, VIDIOC_REQBUFS, &request) < 0)
+        return video_set_error(error, node, errno, "gave no buffers");
     gboolean ok =
-        request.count >= 2 ||
-        v4l2_stream_refuse(error, who, node, "gave %u buffers, too few to stream", request.count);
+        request.count >= 2 || video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                                           "gave %u buffers, too few to stream", request.count);
     for (guint32 i = 0; ok && i < MIN(request.count, VIDEO_BUFFERS); i++)
-        ok = map_buffer(stream, node, who, i, setup->bytes, error);
-    if (ok && video_ioctl(node, VIDIOC_STREAMON, &type) < 0) {
-        video_set_error(error, who, node, errno, "could not start streaming");
-        ok = FALSE;
-    }
+        ok = map_buffer(stream, node, i, setup->bytes, error);
+    if (ok && video_ioctl(node, VIDIOC_STREAMON, &type) < 0)
+        ok = video_set_error(error, node, errno, "could not start streaming");
     if (!ok)
         video_stream_stop(stream, node);
     return ok;

@@ -1,7 +1,7 @@
 /*
  * The format and frame rate of a node, and its buffers, mapped into memory. Main loop's thread.
  *
- * who ("camera top") begins every error message. Errors are DEVICE_ERROR.
+ * Errors are DEVICE_ERROR, and begin with whose node it is.
  */
 #pragma once
 
@@ -22,9 +22,8 @@ struct video_setup {
 };
 
 /* Sets exactly what is requested, or gives an error that lists what the device offers. */
-gboolean video_setup_apply(const struct video_node *node, const char *who,
-                           const struct video_request *request, struct video_setup *ret,
-                           GError **error);
+gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
+                           struct video_setup *ret, GError **error);
 
 /* 10⁶ bytes a second that it sends. */
 double video_setup_mb_s(const struct video_setup *setup);
@@ -41,7 +40,7 @@ struct video_stream {
 
 /* Buffers of at least setup's bytes, all queued; frames come from now on. */
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
-                            const char *who, const struct video_setup *setup, GError **error);
+                            const struct video_setup *setup, GError **error);
 /* A stream of zeroes is allowed. */
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 

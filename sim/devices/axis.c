@@ -97,14 +97,11 @@ double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) 
     return deg + position_error_deg(deg, most_deg, seed);
 }
 
-static double true_deg(const struct sim_axis *sim, double deg) {
-    double slip = sim->n_moves >= sim->fault_slip_at ? sim->fault_slip_deg : 0;
-    return sim_axis_true_deg(deg, sim->motion.wraps, sim->position_error_deg, sim->error_seed) +
-           sim->slack_deg + slip;
-}
-
 static void update_world(struct sim_axis *sim, double off_deg) {
-    double deg = true_deg(sim, sim->position_deg) + off_deg;
+    double slip = sim->n_moves >= sim->fault_slip_at ? sim->fault_slip_deg : 0;
+    double deg = sim_axis_true_deg(sim->position_deg, sim->motion.wraps, sim->position_error_deg,
+                                   sim->error_seed) +
+                 sim->slack_deg + slip + off_deg;
     if (sim->part == PART_TURNTABLE)
         world_set_turntable(sim->world, deg);
     else if (sim->part == PART_ARC)
@@ -270,9 +267,16 @@ static double sim_axis_position(Axis *axis) {
     return sim->position_deg;
 }
 
-static gboolean find_part(Axis *axis, GError **error) {
+static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     const char *name = *sim->part_name ? sim->part_name : axis->device.name;
+    if (!sim->motion.wraps &&
+        (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg))
+        return config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
+                                "%s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
+                                axis->device.who, sim->home_deg, sim->motion.min_deg,
+                                sim->motion.max_deg);
+    axis->motion = sim->motion;
     if (!*sim->world_path)
         return TRUE;
     sim->world = world_get(sim->world_path, error);
@@ -285,26 +289,11 @@ static gboolean find_part(Axis *axis, GError **error) {
                                                : PART_NONE;
     if (sim->part != PART_NONE)
         return TRUE;
-    config_set_error(error, CONFIG_ERROR_UNKNOWN, axis->device.section, NULL,
-                     "%s: part: %s has no \"%s\"; choose turntable, arc or one of its lasers",
-                     axis->device.who, sim->world_path, name);
     g_clear_pointer(&sim->world, world_unref);
-    return FALSE;
-}
-
-static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
-    struct sim_axis *sim = axis->device.priv;
-    if (!sim->motion.wraps &&
-        (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
-                         "%s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
-                         axis->device.who, sim->home_deg, sim->motion.min_deg, sim->motion.max_deg);
-        return FALSE;
-    }
-    if (!find_part(axis, error))
-        return FALSE;
-    axis->motion = sim->motion;
-    return TRUE;
+    return config_set_error(
+        error, CONFIG_ERROR_UNKNOWN, axis->device.section, NULL,
+        "%s: part: %s has no \"%s\"; choose turntable, arc or one of its lasers", axis->device.who,
+        sim->world_path, name);
 }
 
 static void sim_axis_close_axis(Axis *axis) {

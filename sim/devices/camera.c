@@ -102,17 +102,6 @@ static void picture_drop(struct picture *picture) {
         sim_camera_picture_free(picture);
 }
 
-static Frame *relabel(const Frame *from, const struct picture *picture, gboolean fresh) {
-    Frame *frame = frame_new(from->width, from->height);
-    guint16 *pixels = frame->pixels;
-    *frame = fresh ? *picture->frame : *from;
-    frame->ref_count = 1;
-    frame->shot = picture->shot;
-    frame->pixels = pixels;
-    memcpy(pixels, from->pixels, (gsize)from->width * (gsize)from->height * sizeof *pixels);
-    return frame;
-}
-
 static void sim_camera_deliver(Camera *camera) {
     struct sim_camera *sim = camera->device.priv;
     struct picture *picture = g_steal_pointer(&sim->picture);
@@ -120,8 +109,15 @@ static void sim_camera_deliver(Camera *camera) {
     gboolean lost = picture->lost;
     sim->n_rendered++;
     sim->rendering_us += picture->rendering_us;
-    if (picture->stale && sim->last)
-        stale = relabel(sim->last, picture, sim->fault_stale_kind == STALE_RELABELLED);
+    if (picture->stale && sim->last) {
+        stale = frame_new(sim->last->width, sim->last->height);
+        guint16 *pixels = stale->pixels;
+        gsize n = (gsize)stale->width * (gsize)stale->height;
+        *stale = sim->fault_stale_kind == STALE_RELABELLED ? *picture->frame : *sim->last;
+        stale->ref_count = 1;
+        stale->shot = picture->shot;
+        stale->pixels = memcpy(pixels, sim->last->pixels, n * sizeof *pixels);
+    }
     Frame *frame = frame_ref(stale ? stale : picture->frame);
     if (!stale && !lost) {
         frame_unref(sim->last);
@@ -161,13 +157,6 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 
-static GThreadPool *render_pool(void) {
-    static GThreadPool *pool;
-    if (!pool)
-        pool = g_thread_pool_new(sim_camera_render, NULL, (int)g_get_num_processors(), FALSE, NULL);
-    return pool;
-}
-
 static void on_due(gpointer data) {
     Camera *camera = data;
     struct sim_camera *sim = camera->device.priv;
@@ -183,27 +172,16 @@ static void on_due(gpointer data) {
     clock_hold(picture->clock);
 }
 
-static Frame *sim_camera_new_frame(const Camera *camera, const struct picture *picture) {
-    struct sim_camera *sim = camera->device.priv;
-    Frame *frame = frame_new(camera->format.width, camera->format.height);
-    frame->shot = picture->shot;
-    frame->id = ++sim->last_id;
-    frame->exposure_us = sim->settings.exposure_us;
-    frame->exposure_start_us = picture->start_us;
-    frame->exposure_end_us = picture->start_us + frame->exposure_us;
-    frame->cfa = camera->format.cfa;
-    frame->bits = camera->format.bits;
-    frame->black_level = camera->format.black_level;
-    return frame;
-}
-
 static void sim_camera_on_exposed(gpointer data) {
+    static GThreadPool *pool;
     Camera *camera = data;
     struct sim_camera *sim = camera->device.priv;
     struct picture *picture = sim->picture;
     world_snapshot(sim->world, picture->start_us, sim->settings.exposure_us, &picture->state);
     picture->started = TRUE;
-    g_thread_pool_push(render_pool(), picture, NULL);
+    if (!pool)
+        pool = g_thread_pool_new(sim_camera_render, NULL, (int)g_get_num_processors(), FALSE, NULL);
+    g_thread_pool_push(pool, picture, NULL);
     sim->timer =
         clock_call_in(camera->device.clock, (gint64)((sim->readout_ms + sim->fault_slow_ms) * 1000),
                       on_due, camera);
@@ -211,9 +189,8 @@ static void sim_camera_on_exposed(gpointer data) {
 }
 
 static gboolean refuse_gone(const Camera *camera, GError **error) {
-    device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
-                     "it is gone" ERROR_ADVICE "check its cable");
-    return FALSE;
+    return device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
+                            "it is gone" ERROR_ADVICE "check its cable");
 }
 
 static void sim_camera_on_gone(gpointer data) {
@@ -223,12 +200,6 @@ static void sim_camera_on_gone(gpointer data) {
     sim->timer = 0;
     refuse_gone(camera, &error);
     camera_report_fault(camera, g_steal_pointer(&error));
-}
-
-/* Draw both random numbers for every picture, so that one fault does not shift the others. */
-static void draw_faults(struct sim_camera *sim, struct picture *picture) {
-    picture->stale = g_rand_double(sim->faults) < sim->fault_stale;
-    picture->lost = g_rand_double(sim->faults) < sim->fault_lost;
 }
 
 static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error) {
@@ -250,11 +221,21 @@ static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error)
     picture->gain_db = sim->settings.gain_db;
     picture->shot = shot;
     picture->start_us = now + (gint64)(sim->trigger_ms * 1000);
-    picture->frame = sim_camera_new_frame(camera, picture);
-    draw_faults(sim, picture);
+    Frame *frame = picture->frame = frame_new(camera->format.width, camera->format.height);
+    frame->shot = shot;
+    frame->id = ++sim->last_id;
+    frame->exposure_us = sim->settings.exposure_us;
+    frame->exposure_start_us = picture->start_us;
+    frame->exposure_end_us = picture->start_us + frame->exposure_us;
+    frame->cfa = camera->format.cfa;
+    frame->bits = camera->format.bits;
+    frame->black_level = camera->format.black_level;
+    /* Draw both random numbers for every picture, so that one fault does not shift the others. */
+    picture->stale = g_rand_double(sim->faults) < sim->fault_stale;
+    picture->lost = g_rand_double(sim->faults) < sim->fault_lost;
     sim->picture = picture;
-    sim->timer = clock_call_at(camera->device.clock, picture->frame->exposure_end_us,
-                               sim_camera_on_exposed, camera);
+    sim->timer =
+        clock_call_at(camera->device.clock, frame->exposure_end_us, sim_camera_on_exposed, camera);
     return TRUE;
 }
 

@@ -36,24 +36,18 @@ static const struct option options[] = {
     {NULL},
 };
 
-static gboolean is_faulty(const struct sim_lamps *sim, int index) {
-    const char *name = sim->world->lamp_names[sim->lamps[index]];
-    return g_strv_contains((const char *const *)sim->fault_dead, name);
-}
-
-static void switch_one(struct sim_lamps *sim, int index, gboolean on, gint64 at_us) {
-    int lamp = sim->lamps[index];
-    if (on && is_faulty(sim, index) && sim->switches[index]++ >= sim->fault_dead_after)
-        world_set_lamp_dead(sim->world, lamp, TRUE);
-    world_set_lamp(sim->world, lamp, on, at_us);
-}
-
 static void switch_lamps(LampBank *bank, int index, gboolean on) {
     struct sim_lamps *sim = bank->device.priv;
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; i < bank->n; i++) {
-        if (index < 0 || index == i)
-            switch_one(sim, i, on, now);
+        int lamp = sim->lamps[i];
+        if (index >= 0 && index != i)
+            continue;
+        if (on &&
+            g_strv_contains((const char *const *)sim->fault_dead, sim->world->lamp_names[lamp]) &&
+            sim->switches[i]++ >= sim->fault_dead_after)
+            world_set_lamp_dead(sim->world, lamp, TRUE);
+        world_set_lamp(sim->world, lamp, on, now);
     }
 }
 

@@ -62,11 +62,6 @@ static double virtual_modbus_travelled(const VirtualModbus *device, double way, 
     return left <= ramp ? way - a * left * left / 2 : v * (t - ramp / 2);
 }
 
-static double way_time_s(const VirtualModbus *device, double way) {
-    double v = device->options.speed_steps_s, a = device->options.accel_steps_s2;
-    return way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
-}
-
 static double position_at(const VirtualModbus *device, gint64 now_us) {
     double t = (double)(now_us - device->start_us) * 1e-6, way = device->to - device->from;
     if (device->phase == STANDING || device->faults.blocked)
@@ -91,12 +86,14 @@ static void update_motion(VirtualModbus *device) {
 
 static void begin_motion(VirtualModbus *device, enum phase phase, double to, gint64 least_us) {
     gint64 now = g_get_monotonic_time();
+    double v = device->options.speed_steps_s, a = device->options.accel_steps_s2;
+    double way = fabs(to - device->state.position_steps);
+    double seconds = way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
     device->phase = phase;
     device->from = device->state.position_steps;
     device->to = to;
     device->start_us = device->state.began_us = now;
-    gint64 us = (gint64)(way_time_s(device, fabs(to - device->from)) * 1e6);
-    device->end_us = now + MAX(us, least_us);
+    device->end_us = now + MAX((gint64)(seconds * 1e6), least_us);
 }
 
 static void brake(VirtualModbus *device) {
@@ -176,25 +173,19 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-static void react_to_coils(VirtualModbus *device, const guint8 *pdu) {
-    int address = pdu[1] << 8 | pdu[2], n = pdu[0] == 15 ? pdu[3] << 8 | pdu[4] : 1;
-    int pulsed = pulsed_coil(pdu), time = pdu[3] << 8 | pdu[4];
-    if (pulsed >= 0) {
-        device->mapping->tab_bits[pulsed] = time > 0;
-        device->pulse_end_us[pulsed] = g_get_monotonic_time() + time * (gint64)UNIT_US;
-        device->state.pulses++;
-        return;
-    }
-    for (int i = address; i < address + n && i < VIRTUAL_MODBUS_BITS; i++)
-        device->pulse_end_us[i] = 0;
-}
-
 /* What a request has changed. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
-    int address = pdu[1] << 8 | pdu[2], n = pdu[0] == 16 ? pdu[3] << 8 | pdu[4] : 1;
-    if (pdu[0] == 5 || pdu[0] == 15)
-        react_to_coils(device, pdu);
+    int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];
+    int n = pdu[0] == 15 || pdu[0] == 16 ? n_or_value : 1, pulsed = pulsed_coil(pdu);
+    if (pulsed >= 0) {
+        device->mapping->tab_bits[pulsed] = n_or_value > 0;
+        device->pulse_end_us[pulsed] = g_get_monotonic_time() + n_or_value * (gint64)UNIT_US;
+        device->state.pulses++;
+    } else if (pdu[0] == 5 || pdu[0] == 15) {
+        for (int i = address; i < address + n && i < VIRTUAL_MODBUS_BITS; i++)
+            device->pulse_end_us[i] = 0;
+    }
     if (pdu[0] != 6 && pdu[0] != 16)
         return;
     if (address <= COMMAND && COMMAND < address + n)
@@ -307,23 +298,20 @@ static void stop_listening(VirtualModbus *device) {
     device->listener = -1;
 }
 
-static void virtual_modbus_forget(VirtualModbus *device) {
-    memset(device->mapping->tab_registers, 0, N_REGISTERS * sizeof(guint16));
-    memset(device->mapping->tab_bits, 0, VIRTUAL_MODBUS_BITS);
-    memset(device->pulse_end_us, 0, sizeof device->pulse_end_us);
-    device->phase = STANDING;
-    device->state.position_steps = 0;
-    device->state.homed = device->state.faulty = FALSE;
-}
-
 /* TRUE to go on. */
 static gboolean follow_orders(VirtualModbus *device) {
     g_mutex_lock(&device->mutex);
     int down_ms = device->down_ms;
     gboolean quit = device->quit;
     device->down_ms = 0;
-    if (down_ms > 0)
-        virtual_modbus_forget(device);
+    if (down_ms > 0) {
+        memset(device->mapping->tab_registers, 0, N_REGISTERS * sizeof(guint16));
+        memset(device->mapping->tab_bits, 0, VIRTUAL_MODBUS_BITS);
+        memset(device->pulse_end_us, 0, sizeof device->pulse_end_us);
+        device->phase = STANDING;
+        device->state.position_steps = 0;
+        device->state.homed = device->state.faulty = FALSE;
+    }
     g_mutex_unlock(&device->mutex);
     if (quit || down_ms == 0)
         return !quit;
@@ -335,14 +323,6 @@ static gboolean follow_orders(VirtualModbus *device) {
     stop_listening(device);
     g_usleep((gulong)down_ms * 1000);
     return start_listening(device);
-}
-
-static void pick_up(VirtualModbus *device) {
-    hang_up(device);
-    device->wire = accept4(device->listener, NULL, NULL, SOCK_CLOEXEC);
-    g_mutex_lock(&device->mutex);
-    device->state.connections++;
-    g_mutex_unlock(&device->mutex);
 }
 
 /* How long there is nothing to do by itself; -1: for ever. */
@@ -372,10 +352,15 @@ static gpointer virtual_modbus_run(gpointer data) {
             return NULL;
         if (fds[0].revents)
             continue;
-        if (fds[1].revents)
-            pick_up(device);
-        else if (fds[2].revents)
+        if (fds[1].revents) {
+            hang_up(device);
+            device->wire = accept4(device->listener, NULL, NULL, SOCK_CLOEXEC);
+            g_mutex_lock(&device->mutex);
+            device->state.connections++;
+            g_mutex_unlock(&device->mutex);
+        } else if (fds[2].revents) {
             virtual_modbus_serve(device);
+        }
     }
 }
 
@@ -384,21 +369,19 @@ static void virtual_modbus_wake(VirtualModbus *device) {
         g_warning("virtual modbus: %s", g_strerror(errno));
 }
 
-static gboolean open_pty(VirtualModbus *device) {
-    struct termios raw;
-    char name[64];
-    cfmakeraw(memset(&raw, 0, sizeof raw));
-    raw.c_cflag |= CS8 | CREAD | CLOCAL;
-    if (openpty(&device->wire, &device->slave, name, &raw, NULL) != 0)
-        return FALSE;
-    device->bus = g_strdup(name);
-    return TRUE;
-}
-
 static gboolean open_wire(VirtualModbus *device) {
-    gboolean ok = device->options.rtu ? open_pty(device) : start_listening(device);
-    if (ok && !device->options.rtu)
-        device->bus = g_strdup_printf("tcp:127.0.0.1:%d", device->port);
+    struct termios raw = {0};
+    char name[64];
+    gboolean ok;
+    cfmakeraw(&raw);
+    raw.c_cflag |= CS8 | CREAD | CLOCAL;
+    if (device->options.rtu) {
+        ok = openpty(&device->wire, &device->slave, name, &raw, NULL) == 0;
+        device->bus = ok ? g_strdup(name) : NULL;
+    } else {
+        ok = start_listening(device);
+        device->bus = ok ? g_strdup_printf("tcp:127.0.0.1:%d", device->port) : NULL;
+    }
     device->context = device->options.rtu ? modbus_new_rtu("/dev/null", 115200, 'E', 8, 1)
                                           : modbus_new_tcp("127.0.0.1", MAX(device->port, 1));
     device->mapping = modbus_mapping_new(VIRTUAL_MODBUS_BITS, VIRTUAL_MODBUS_BITS, N_REGISTERS,

@@ -62,23 +62,6 @@ static void flight_free(struct flight *flight) {
     g_free(flight);
 }
 
-static int answer_string(const char *text, guint8 *data, int length) {
-    guint8 descriptor[256] = {0, STRING_TYPE};
-    int n = 2;
-    for (; *text && n < 254; text++, n += 2)
-        descriptor[n] = (guint8)*text;
-    descriptor[0] = (guint8)n;
-    n = MIN(n, length);
-    memcpy(data, descriptor, (gsize)n);
-    return n;
-}
-
-static int answer_languages(guint8 *data, int length) {
-    static const guint8 english[] = {4, STRING_TYPE, 0x09, 0x04};
-    memcpy(data, english, (gsize)MIN(length, 4));
-    return MIN(length, 4);
-}
-
 static const char *find_string(const struct virtual_usb_class *class, int index) {
     const char *const *more = class->strings;
     if (index <= SERIAL_INDEX)
@@ -97,7 +80,8 @@ static guint32 endpoint_bit(guint8 endpoint) {
 
 /* FALSE: it is the class's own. */
 static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *data, int *ret) {
-    int length = setup[6] | setup[7] << 8;
+    int length = setup[6] | setup[7] << 8, n = 4;
+    guint8 descriptor[256] = {4, STRING_TYPE, 0x09, 0x04}; /* the languages: English */
     if (setup[0] == TO_ENDPOINT && setup[1] == SET_FEATURE) {
         usb->halted |= endpoint_bit(setup[4]);
         *ret = 0;
@@ -105,22 +89,15 @@ static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *da
     }
     if (setup[0] != 0x80 || setup[1] != GET_DESCRIPTOR || setup[3] != STRING_TYPE)
         return FALSE;
-    const char *text = find_string(usb->class, setup[2]);
-    *ret = setup[2] == 0 ? answer_languages(data, length)
-           : text        ? answer_string(text, data, length)
-                         : -EPIPE;
+    const char *text = setup[2] > 0 ? find_string(usb->class, setup[2]) : NULL;
+    for (n = text ? 2 : n; text && *text && n < 254; text++, n += 2) {
+        descriptor[n] = (guint8)*text;
+        descriptor[n + 1] = 0;
+    }
+    descriptor[0] = (guint8)n;
+    *ret = text || setup[2] == 0 ? MIN(n, length) : -EPIPE;
+    memcpy(data, descriptor, (gsize)MAX(*ret, 0));
     return TRUE;
-}
-
-static int virtual_usb_device_answer(VirtualUsb *usb, const guint8 *setup, guint8 *data) {
-    int n;
-    if (answer_standard(usb, setup, data, &n))
-        return n;
-    usb->n_requests++;
-    if (usb->fault == VIRTUAL_USB_STALLS)
-        return -EPIPE;
-    n = usb->class->control(usb->model, setup, data);
-    return usb->fault == VIRTUAL_USB_SHORT && n > 0 ? n / 2 : n;
 }
 
 static gboolean is_halted(const VirtualUsb *usb, guint8 endpoint) {
@@ -129,7 +106,15 @@ static gboolean is_halted(const VirtualUsb *usb, guint8 endpoint) {
 
 static void submit_control(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *buffer) {
     gboolean silent = usb->fault == VIRTUAL_USB_SILENT;
-    int n = silent ? 0 : virtual_usb_device_answer(usb, buffer->data, buffer->data + SETUP_SIZE);
+    guint8 *setup = buffer->data, *data = buffer->data + SETUP_SIZE;
+    int n = 0;
+    if (!silent && !answer_standard(usb, setup, data, &n)) {
+        usb->n_requests++;
+        n = usb->fault == VIRTUAL_USB_STALLS ? -EPIPE
+                                             : usb->class->control(usb->model, setup, data);
+        if (usb->fault == VIRTUAL_USB_SHORT && n > 0)
+            n /= 2;
+    }
     flight->due_us = silent ? G_MAXINT64 : g_get_monotonic_time() + LATENCY_US;
     flight->status = MIN(n, 0);
     flight->length = MAX(n, 0);
@@ -147,14 +132,6 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
     flight->due_us = 0;
     flight->status = MIN(n, 0);
     flight->length = MAX(n, 0);
-}
-
-static void virtual_usb_device_give(struct flight *flight, const guint8 *bytes, int n) {
-    UMockdevIoctlData *buffer = umockdev_ioctl_data_resolve(
-        flight->urb, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)n, NULL);
-    memcpy(buffer->data, bytes, (gsize)n);
-    flight->length = n;
-    umockdev_ioctl_data_unref(buffer);
 }
 
 /* Asks for the data of a bulk transfer that waits for it. */
@@ -175,45 +152,38 @@ static void virtual_usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     flight->waits = FALSE;
     flight->due_us = 0;
     flight->status = MIN(n, 0);
-    if (n > 0)
-        virtual_usb_device_give(flight, usb->room, n);
-}
-
-static gboolean virtual_usb_device_is_known(const VirtualUsb *usb, const struct usbdevfs_urb *urb) {
-    return urb->type == USBDEVFS_URB_TYPE_CONTROL ||
-           (urb->type == USBDEVFS_URB_TYPE_BULK &&
-            (urb->endpoint & 0x80 ? usb->class->bulk_in != NULL : usb->class->bulk_out != NULL));
-}
-
-static void launch(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *urb_data) {
-    const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)urb_data->data;
-    struct flight *flight = g_new0(struct flight, 1);
-    flight->client = client;
-    flight->urb = umockdev_ioctl_data_ref(urb_data);
-    flight->waits = urb->type == USBDEVFS_URB_TYPE_BULK && urb->endpoint & 0x80;
-    flight->due_us = G_MAXINT64;
-    if (!flight->waits) {
-        UMockdevIoctlData *buffer =
-            umockdev_ioctl_data_resolve(urb_data, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer),
-                                        (gsize)urb->buffer_length, NULL);
-        (urb->type == USBDEVFS_URB_TYPE_CONTROL ? submit_control : send_out)(usb, flight, buffer);
-        umockdev_ioctl_data_unref(buffer);
-    }
-    g_queue_push_tail(&usb->flying, flight);
+    if (n <= 0)
+        return;
+    g_autoptr(UMockdevIoctlData) buffer = umockdev_ioctl_data_resolve(
+        flight->urb, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)n, NULL);
+    memcpy(buffer->data, usb->room, (gsize)n);
+    flight->length = n;
 }
 
 static void virtual_usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *client,
                                       UMockdevIoctlData *arg) {
-    UMockdevIoctlData *data =
+    g_autoptr(UMockdevIoctlData) data =
         umockdev_ioctl_data_resolve(arg, 0, sizeof(struct usbdevfs_urb), NULL);
     const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)data->data;
-    if (usb->sysfs && virtual_usb_device_is_known(usb, urb) && urb->buffer_length > 0) {
-        launch(usb, client, data);
-        umockdev_ioctl_client_complete(client, 0, 0);
-    } else {
+    gboolean in = urb->endpoint & 0x80, bulk = urb->type == USBDEVFS_URB_TYPE_BULK;
+    gboolean served = in ? usb->class->bulk_in != NULL : usb->class->bulk_out != NULL;
+    gboolean known = urb->type == USBDEVFS_URB_TYPE_CONTROL || (bulk && served);
+    if (!usb->sysfs || !known || urb->buffer_length <= 0) {
         umockdev_ioctl_client_complete(client, -1, usb->sysfs ? EINVAL : ENODEV);
+        return;
     }
-    umockdev_ioctl_data_unref(data);
+    struct flight *flight = g_new0(struct flight, 1);
+    flight->client = client;
+    flight->urb = umockdev_ioctl_data_ref(data);
+    flight->waits = bulk && in;
+    flight->due_us = G_MAXINT64;
+    if (!flight->waits) {
+        g_autoptr(UMockdevIoctlData) buffer = umockdev_ioctl_data_resolve(
+            data, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)urb->buffer_length, NULL);
+        (bulk ? send_out : submit_control)(usb, flight, buffer);
+    }
+    g_queue_push_tail(&usb->flying, flight);
+    umockdev_ioctl_client_complete(client, 0, 0);
 }
 
 /* arg's data is the URB's address. */
@@ -281,27 +251,11 @@ static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData
     }
     urb_of(flight)->status = flight->status;
     urb_of(flight)->actual_length = flight->length;
-    UMockdevIoctlData *pointer = umockdev_ioctl_data_resolve(arg, 0, sizeof(gpointer), NULL);
+    g_autoptr(UMockdevIoctlData) pointer =
+        umockdev_ioctl_data_resolve(arg, 0, sizeof(gpointer), NULL);
     umockdev_ioctl_data_set_ptr(pointer, 0, flight->urb);
     umockdev_ioctl_client_complete(client, 0, 0);
-    umockdev_ioctl_data_unref(pointer);
     flight_free(flight);
-}
-
-static void clear_halt(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
-    UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, sizeof(guint), NULL);
-    usb->halted &= ~endpoint_bit((guint8) * (guint *)data->data);
-    umockdev_ioctl_client_complete(client, 0, 0);
-    umockdev_ioctl_data_unref(data);
-}
-
-/* Transfers may have any size, as with xHCI's controllers. */
-static void get_capabilities(UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
-    UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, sizeof(guint32), NULL);
-    *(guint32 *)data->data = USBDEVFS_CAP_REAP_AFTER_DISCONNECT | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
-                             USBDEVFS_CAP_BULK_SCATTER_GATHER;
-    umockdev_ioctl_client_complete(client, 0, 0);
-    umockdev_ioctl_data_unref(data);
 }
 
 static void virtual_usb_device_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
@@ -326,23 +280,33 @@ static gboolean virtual_usb_device_on_ioctl(UMockdevIoctlBase *handler, UMockdev
     gulong request = umockdev_ioctl_client_get_request(client);
     gboolean known = TRUE;
     g_mutex_lock(&usb->mutex);
-    if (request == USBDEVFS_GET_CAPABILITIES)
-        get_capabilities(client, arg);
-    else if (request == USBDEVFS_CLAIMINTERFACE || request == USBDEVFS_RELEASEINTERFACE ||
-             request == USBDEVFS_DISCONNECT_CLAIM)
+    if (request == USBDEVFS_GET_CAPABILITIES) {
+        /* Transfers may have any size, as with xHCI's controllers. */
+        g_autoptr(UMockdevIoctlData) data32 =
+            umockdev_ioctl_data_resolve(arg, 0, sizeof(guint32), NULL);
+        *(guint32 *)data32->data = USBDEVFS_CAP_REAP_AFTER_DISCONNECT |
+                                   USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
+                                   USBDEVFS_CAP_BULK_SCATTER_GATHER;
         umockdev_ioctl_client_complete(client, 0, 0);
-    else if (request == USBDEVFS_SUBMITURB)
+    } else if (request == USBDEVFS_CLAIMINTERFACE || request == USBDEVFS_RELEASEINTERFACE ||
+               request == USBDEVFS_DISCONNECT_CLAIM) {
+        umockdev_ioctl_client_complete(client, 0, 0);
+    } else if (request == USBDEVFS_SUBMITURB) {
         virtual_usb_device_submit(usb, client, arg);
-    else if (request == USBDEVFS_DISCARDURB)
+    } else if (request == USBDEVFS_DISCARDURB) {
         discard(usb, client, arg);
-    else if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY)
+    } else if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) {
         reap(usb, client, arg);
-    else if (request == USBDEVFS_CLEAR_HALT)
-        clear_halt(usb, client, arg);
-    else if (request == USBDEVFS_IOCTL || request == USBDEVFS_GETDRIVER)
+    } else if (request == USBDEVFS_CLEAR_HALT) {
+        g_autoptr(UMockdevIoctlData) endpoint =
+            umockdev_ioctl_data_resolve(arg, 0, sizeof(guint), NULL);
+        usb->halted &= ~endpoint_bit((guint8) * (guint *)endpoint->data);
+        umockdev_ioctl_client_complete(client, 0, 0);
+    } else if (request == USBDEVFS_IOCTL || request == USBDEVFS_GETDRIVER) {
         umockdev_ioctl_client_complete(client, -1, ENODATA); /* there is no kernel driver */
-    else
+    } else {
         known = FALSE;
+    }
     g_mutex_unlock(&usb->mutex);
     return known;
 }
@@ -406,26 +370,21 @@ void virtual_usb_unplug(VirtualUsb *usb) {
     umockdev_testbed_detach_ioctl(testbed, usb->node, NULL);
 }
 
-static void add_hub(void) {
-    GError *error = NULL;
-    umockdev_testbed_add_from_string(
-        testbed,
+VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpointer model) {
+    static const char hub[] =
         "P: /devices/usb1\nN: bus/usb/001/001\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\n"
         "E: DEVNUM=001\nE: DEVNAME=/dev/bus/usb/001/001\nE: DEVTYPE=usb_device\n"
         "A: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=1\\n\nA: speed=12\\n\n"
-        "H: "
-        "descriptors=12010002090000406B1D020001000000000109021900010100E0000904000001090000000705"
-        "810304000C\n",
-        &error);
-    g_assert_no_error(error);
-    last_address = 1;
-}
-
-VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpointer model) {
+        "H: descriptors=12010002090000406B1D02000100000000010902190001"
+        "0100E0000904000001090000000705810304000C\n";
     VirtualUsb *usb = g_new0(VirtualUsb, 1);
+    GError *error = NULL;
     testbed = testbed_ref();
-    if (n_devices++ == 0)
-        add_hub();
+    if (n_devices++ == 0) {
+        umockdev_testbed_add_from_string(testbed, hub, &error);
+        g_assert_no_error(error);
+        last_address = 1;
+    }
     usb->class = class;
     usb->model = model;
     usb->port = port;

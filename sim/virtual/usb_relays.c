@@ -18,22 +18,13 @@ struct VirtualRelays {
 #define HID                                    9, 0x21, 1, 1, 0, 1, 0x22, 22, 0
 #define INTERRUPT(address)                     7, 5, address, 3, 8, 0, 20
 
+/* clang-format off */
 static const guint8 config[] = {
     9, 2, 34, 0, 1, 1, 0, 0x80, 50, INTERFACE(0, 1, 3), HID, INTERRUPT(0x81)};
 /* Another interface first, and other endpoint addresses. */
-static const guint8 config_second[] = {9,
-                                       2,
-                                       43,
-                                       0,
-                                       2,
-                                       1,
-                                       0,
-                                       0x80,
-                                       50,
-                                       INTERFACE(0, 0, 0xff),
-                                       INTERFACE(1, 1, 3),
-                                       HID,
-                                       INTERRUPT(0x85)};
+static const guint8 config_second[] = {
+    9, 2, 43, 0, 2, 1, 0, 0x80, 50, INTERFACE(0, 0, 0xff), INTERFACE(1, 1, 3), HID, INTERRUPT(0x85)};
+/* clang-format on */
 
 static void virtual_usb_relays_set_state(VirtualRelays *relays, guint state) {
     guint changed = relays->state ^ state;
@@ -48,25 +39,19 @@ static void set_relays(VirtualRelays *relays, guint mask, gboolean on) {
     virtual_usb_relays_set_state(relays, on ? relays->state | mask : relays->state & ~mask);
 }
 
-static int set_report(VirtualRelays *relays, const guint8 *data) {
-    guint one = data[1] >= 1 && data[1] <= 8 ? 1u << (data[1] - 1) : 0;
-    if (data[0] == 0xff || data[0] == 0xfd)
-        set_relays(relays, one, data[0] == 0xff);
-    else if (data[0] == 0xfe || data[0] == 0xfc)
-        set_relays(relays, 0xff, data[0] == 0xfe);
-    else
-        return -EPIPE;
-    return 8;
-}
-
 static int virtual_usb_relays_control(gpointer model, const guint8 *setup, guint8 *data) {
     VirtualRelays *relays = model;
     int value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8;
     int length = setup[6] | setup[7] << 8;
     if (value != 0x0300 || index != relays->interface || length != 8)
         return -EPIPE;
-    if (setup[0] == 0x21 && setup[1] == 9)
-        return set_report(relays, data);
+    if (setup[0] == 0x21 && setup[1] == 9) {
+        guint one = data[1] >= 1 && data[1] <= 8 ? 1u << (data[1] - 1) : 0;
+        if (data[0] != 0xff && data[0] != 0xfe && data[0] != 0xfd && data[0] != 0xfc)
+            return -EPIPE;
+        set_relays(relays, data[0] & 1 ? one : 0xff, data[0] >= 0xfe);
+        return 8;
+    }
     if (setup[0] != 0xa1 || setup[1] != 1)
         return -EPIPE;
     memset(data, 0, 8);

@@ -76,26 +76,6 @@ static void halt(VirtualTic *tic) {
     tic->uncertain = TRUE;
 }
 
-static void end_homing(VirtualTic *tic) {
-    tic->origin = tic->steps;
-    tic->velocity = 0;
-    tic->state = HOLDING;
-    tic->uncertain = FALSE;
-}
-
-static void run_into_switches(VirtualTic *tic) {
-    int direction = (tic->velocity > 0) - (tic->velocity < 0);
-    if (tic->state == HOMING_AWAY && !pressed(tic, tic->homing)) {
-        end_homing(tic);
-    } else if (direction && pressed(tic, direction)) {
-        tic->velocity = 0;
-        if (tic->state == HOMING_TOWARDS && direction == tic->homing)
-            tic->state = HOMING_AWAY;
-        else
-            halt(tic);
-    }
-}
-
 static void virtual_usb_tic_step(VirtualTic *tic, double dt) {
     int bits = errors(tic);
     if (bits == 0) /* normal operation keeps the safe start exited */
@@ -111,7 +91,19 @@ static void virtual_usb_tic_step(VirtualTic *tic, double dt) {
         tic->steps += left;
         tic->velocity = 0;
     }
-    run_into_switches(tic);
+    int direction = (tic->velocity > 0) - (tic->velocity < 0);
+    if (tic->state == HOMING_AWAY && !pressed(tic, tic->homing)) {
+        tic->origin = tic->steps;
+        tic->velocity = 0;
+        tic->state = HOLDING;
+        tic->uncertain = FALSE;
+    } else if (direction && pressed(tic, direction)) {
+        tic->velocity = 0;
+        if (tic->state == HOMING_TOWARDS && direction == tic->homing)
+            tic->state = HOMING_AWAY;
+        else
+            halt(tic);
+    }
 }
 
 static void virtual_usb_tic_run(VirtualTic *tic) {

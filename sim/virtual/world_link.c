@@ -47,11 +47,6 @@ void world_part_clear(struct world_part *part) {
     *part = (struct world_part){0};
 }
 
-gboolean world_part_turns(const struct world_part *part) {
-    return part->kind == WORLD_PART_TURNTABLE || part->kind == WORLD_PART_ARC ||
-           part->kind == WORLD_PART_SWEEP;
-}
-
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us) {
     if (part->kind == WORLD_PART_LAMP)
         world_set_lamp(part->world, part->index, on, at_us);

@@ -30,8 +30,6 @@ struct world_part {
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
 void world_part_clear(struct world_part *part); /* of zeroes is allowed */
 
-gboolean world_part_turns(const struct world_part *part); /* rather than being switched */
-
 /* Lamps and lasers; the others ignore it. at_us: when the contact closed or opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 

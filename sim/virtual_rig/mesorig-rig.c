@@ -25,47 +25,33 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static int virtual_rig_main_fail(const GError *error) {
-    g_printerr("mesorig-rig: %s\n", error->message);
-    return 1;
-}
-
-static void say_json(const VirtualRig *rig) {
-    gsize n;
-    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
-    g_autofree char *path = g_strescape(out_path, NULL);
-    g_print("{\"rig\":\"%s\",\"devices\":[", path);
-    for (gsize i = 0; i < n; i++)
-        g_print("%s{\"section\":\"%s\",\"driver\":\"%s\",\"where\":\"%s\"}", i ? "," : "",
-                devices[i].section, devices[i].driver, devices[i].where);
-    g_autofree char *environment = virtual_rig_environment(rig);
-    g_print("],\"environment\":\"%s\"}\n", environment ? environment : "");
-}
-
-static void virtual_rig_main_say(const VirtualRig *rig) {
-    gsize n;
-    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
-    for (gsize i = 0; i < n; i++)
-        g_print("%-20s %-15s %s\n", devices[i].section, devices[i].driver, devices[i].where);
-    g_autofree char *environment = virtual_rig_environment(rig);
-    g_print("\n%s is the rig file. In another terminal:\n"
-            "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
-            "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
-            "Ctrl-C ends the devices.\n",
-            out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
-}
-
+/* Tells what there is, as the options ask. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, GError **error) {
+    gsize n;
+    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
+    g_autofree char *environment = virtual_rig_environment(rig);
     if (!out_path) {
         g_print("%s", virtual_rig_text(rig));
         return TRUE;
     }
     if (!g_file_set_contents(out_path, virtual_rig_text(rig), -1, error))
         return FALSE;
-    if (json)
-        say_json(rig);
-    else
-        virtual_rig_main_say(rig);
+    if (json) {
+        g_autofree char *path = g_strescape(out_path, NULL);
+        g_print("{\"rig\":\"%s\",\"devices\":[", path);
+        for (gsize i = 0; i < n; i++)
+            g_print("%s{\"section\":\"%s\",\"driver\":\"%s\",\"where\":\"%s\"}", i ? "," : "",
+                    devices[i].section, devices[i].driver, devices[i].where);
+        g_print("],\"environment\":\"%s\"}\n", environment ? environment : "");
+        return TRUE;
+    }
+    for (gsize i = 0; i < n; i++)
+        g_print("%-20s %-15s %s\n", devices[i].section, devices[i].driver, devices[i].where);
+    g_print("\n%s is the rig file. In another terminal:\n"
+            "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
+            "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
+            "Ctrl-C ends the devices.\n",
+            out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
     return TRUE;
 }
 
@@ -78,8 +64,10 @@ static int virtual_rig_main_run(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(VirtualRig) rig =
         virtual_rig_new(virtual_path, (const char *const *)usb, (const char *const *)u3v, &error);
-    if (!rig || !virtual_rig_main_write_file(rig, &error))
-        return virtual_rig_main_fail(error);
+    if (!rig || !virtual_rig_main_write_file(rig, &error)) {
+        g_printerr("mesorig-rig: %s\n", error->message);
+        return 1;
+    }
     fflush(stdout);
     struct virtual_camera_faults faults = {.loss = loss};
     virtual_rig_fail_cameras(rig, &faults);

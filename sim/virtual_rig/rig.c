@@ -27,8 +27,8 @@ static const struct option *find_option(const struct option *table, const char *
 }
 
 /* As written, or the option's default; NULL if it has none. */
-const char *rig_value(const struct config_section *section, const struct driver_info *driver,
-                      const char *key) {
+static const char *rig_value(const struct config_section *section, const struct driver_info *driver,
+                             const char *key) {
     const struct option *option = find_option(driver->options, key);
     const char *value = config_value(section, key, NULL);
     return value ? value : option ? option->fallback : NULL;
@@ -106,15 +106,8 @@ char *rig_axis_part(const struct config_section *section) {
     return g_strconcat(sweep ? "sweep " : "", part, NULL);
 }
 
-static gboolean find_axis_part(VirtualRig *rig, const struct config_section *section,
-                               struct drive *drive, GError **error) {
-    g_autofree char *name = rig_axis_part(section);
-    return !config_value(section, "world", NULL) ||
-           world_part_find(rig->world, name, &drive->part, error);
-}
-
-gboolean rig_find_part(VirtualRig *rig, const char *kind, const char *part, struct world_part *ret,
-                       GError **error) {
+static gboolean rig_find_part(VirtualRig *rig, const char *kind, const char *part,
+                              struct world_part *ret, GError **error) {
     g_autofree char *name = g_strconcat(kind, part, NULL);
     return world_part_find(rig->world, name, ret, error);
 }
@@ -141,7 +134,10 @@ static gboolean virtual_rig_add_axis(VirtualRig *rig, const struct config_sectio
     double speed = rig_number(section, sim, "speed_deg_s");
     double accel = rig_number(section, sim, "accel_deg_s2");
     struct virtual_modbus_options options = {TRUE, 1, speed * STEPS_PER_DEG, accel * STEPS_PER_DEG};
-    if (!find_world(rig, section, error) || !find_axis_part(rig, section, drive, error))
+    g_autofree char *part = rig_axis_part(section);
+    if (!find_world(rig, section, error) ||
+        (config_value(section, "world", NULL) &&
+         !world_part_find(rig->world, part, &drive->part, error)))
         return FALSE;
     drive->wraps = rig_wraps(section);
     drive->home_deg = rig_number(section, sim, "home_deg");
@@ -254,31 +250,26 @@ static gboolean add_interlock(VirtualRig *rig, const struct config_section *sect
     return TRUE;
 }
 
-static void couple_drive(const struct drive *drive) {
-    struct virtual_modbus_state state;
-    virtual_modbus_state(drive->device, &state);
-    double deg = drive->home_deg + state.position_steps / STEPS_PER_DEG;
-    deg = sim_axis_true_deg(deg, drive->wraps, drive->error_deg, drive->error_seed);
-    world_part_turn(&drive->part, deg);
-}
-
-static void couple_board(struct board *board) {
-    struct virtual_modbus_state state;
-    virtual_modbus_state(board->device, &state);
-    for (int i = 0; i < board->n_coils; i++) {
-        if (state.coils[i] == board->on[i])
-            continue;
-        board->on[i] = state.coils[i];
-        world_part_switch(&board->parts[i], board->on[i], g_get_monotonic_time());
-    }
-}
-
 static void couple(VirtualRig *rig) {
+    struct virtual_modbus_state state;
     g_mutex_lock(&rig->coupling);
-    for (int i = 0; i < rig->n_drives; i++)
-        couple_drive(&rig->drives[i]);
-    for (int i = 0; i < rig->n_boards; i++)
-        couple_board(&rig->boards[i]);
+    for (int i = 0; i < rig->n_drives; i++) {
+        const struct drive *drive = &rig->drives[i];
+        virtual_modbus_state(drive->device, &state);
+        double deg = drive->home_deg + state.position_steps / STEPS_PER_DEG;
+        deg = sim_axis_true_deg(deg, drive->wraps, drive->error_deg, drive->error_seed);
+        world_part_turn(&drive->part, deg);
+    }
+    for (int i = 0; i < rig->n_boards; i++) {
+        struct board *board = &rig->boards[i];
+        virtual_modbus_state(board->device, &state);
+        for (int k = 0; k < board->n_coils; k++) {
+            if (state.coils[k] == board->on[k])
+                continue;
+            board->on[k] = state.coils[k];
+            world_part_switch(&board->parts[k], board->on[k], g_get_monotonic_time());
+        }
+    }
     g_mutex_unlock(&rig->coupling);
 }
 
@@ -299,26 +290,8 @@ static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gp
                  exposure->n, ret_pixels);
 }
 
-static char *format_of(const struct world_sensor *sensor) {
-    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
-    const char *depth = sensor->bits <= 8    ? "8"
-                        : sensor->bits <= 10 ? "10p"
-                        : sensor->bits <= 12 ? "12p"
-                                             : "16";
-    return g_strconcat(phases[sensor->cfa], depth, NULL);
-}
-
-static void write_camera(VirtualRig *rig, const struct config_section *section,
-                         const struct world_sensor *sensor, const char *device) {
-    g_autofree char *format = format_of(sensor);
-    rig_copy_section(rig, section, &sim_camera_driver.info, &aravis_camera_driver.info);
-    g_string_append_printf(rig->text,
-                           "device = %s\npixel_format = %s\nbits = %d\nblack_level_dn = %g\n",
-                           device, format, sensor->bits, sensor->black_level);
-    rig_list_device(rig, section, aravis_camera_driver.info.name, g_strdup(device));
-}
-
 static gboolean add_camera(VirtualRig *rig, const struct config_section *section, GError **error) {
+    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
     World *world = rig_world(rig, section, error);
     struct world_sensor sensor;
     if (!world)
@@ -344,9 +317,17 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
     else if (!(vision->gige = virtual_gige_new(&options, NULL, error)))
         return FALSE;
     rig->n_cameras++;
-    write_camera(rig, section, &sensor,
-                 vision->u3v ? virtual_u3v_serial(vision->u3v)
-                             : virtual_gige_address(vision->gige));
+    const char *device =
+        vision->u3v ? virtual_u3v_serial(vision->u3v) : virtual_gige_address(vision->gige);
+    const char *depth = sensor.bits <= 8    ? "8"
+                        : sensor.bits <= 10 ? "10p"
+                        : sensor.bits <= 12 ? "12p"
+                                            : "16";
+    rig_copy_section(rig, section, &sim_camera_driver.info, &aravis_camera_driver.info);
+    g_string_append_printf(rig->text,
+                           "device = %s\npixel_format = %s%s\nbits = %d\nblack_level_dn = %g\n",
+                           device, phases[sensor.cfa], depth, sensor.bits, sensor.black_level);
+    rig_list_device(rig, section, aravis_camera_driver.info.name, g_strdup(device));
     return TRUE;
 }
 
@@ -382,26 +363,10 @@ static void clear_device(gpointer data) {
     g_free(device->where);
 }
 
-static gboolean virtual_rig_fill(VirtualRig *rig, GError **error) {
-    gsize n;
-    const struct config_section *sections = config_sections(rig->config, &n);
-    if (n > MAX_DEVICES) {
-        rig_set_error(error, &sections[0], "a virtual rig has no more than 64 sections");
-        return FALSE;
-    }
-    for (gsize i = 0; i < n; i++)
-        if (!virtual_rig_add_section(rig, &sections[i], error))
-            return FALSE;
-    if (rig->world)
-        return TRUE;
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: no device of it has a world",
-                config_path(rig->config));
-    return FALSE;
-}
-
 VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char *const *u3v,
                             GError **error) {
     g_autoptr(VirtualRig) rig = g_new0(VirtualRig, 1);
+    gsize n;
     g_mutex_init(&rig->coupling);
     rig->usb = g_strdupv((char **)usb);
     rig->u3v = g_strdupv((char **)u3v);
@@ -409,12 +374,23 @@ VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char
     g_array_set_clear_func(rig->devices, clear_device);
     rig->text = g_string_new(NULL);
     rig->config = config_load(path, error);
-    if (!rig->config)
+    if (!rig->config || !rig_check_usb(rig, error))
         return NULL;
     g_string_append_printf(rig->text, "# The rig of %s, as virtual devices on this machine.\n",
                            path);
-    if (!rig_check_usb(rig, error) || !virtual_rig_fill(rig, error))
+    const struct config_section *sections = config_sections(rig->config, &n);
+    if (n > MAX_DEVICES) {
+        rig_set_error(error, &sections[0], "a virtual rig has no more than 64 sections");
         return NULL;
+    }
+    for (gsize i = 0; i < n; i++)
+        if (!virtual_rig_add_section(rig, &sections[i], error))
+            return NULL;
+    if (!rig->world) {
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: no device of it has a world",
+                    config_path(rig->config));
+        return NULL;
+    }
     rig->timer = g_timeout_add(COUPLE_MS, virtual_rig_on_timer, rig);
     return g_steal_pointer(&rig);
 }
@@ -475,23 +451,6 @@ void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms) 
     for (int i = 0; i < rig->n_cameras; i++)
         if (g_str_equal(rig->cameras[i].name, name) && rig->cameras[i].gige)
             virtual_gige_restart(rig->cameras[i].gige, down_ms);
-}
-
-void virtual_rig_cameras(VirtualRig *rig, struct virtual_camera_state *ret_sum) {
-    *ret_sum = (struct virtual_camera_state){0};
-    for (int i = 0; i < rig->n_cameras; i++) {
-        struct virtual_camera_state state;
-        if (rig->cameras[i].gige)
-            virtual_gige_state(rig->cameras[i].gige, &state);
-        else
-            virtual_u3v_state(rig->cameras[i].u3v, &state);
-        ret_sum->triggers += state.triggers;
-        ret_sum->missed += state.missed;
-        ret_sum->pictures += state.pictures;
-        ret_sum->packets += state.packets;
-        ret_sum->lost += state.lost;
-        ret_sum->resent += state.resent;
-    }
 }
 
 void virtual_rig_state(VirtualRig *rig, struct virtual_rig_state *ret) {

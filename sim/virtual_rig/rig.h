@@ -52,9 +52,6 @@ void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults 
 /* A GigE Vision camera loses power for so long. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* State of all its cameras together: missed, lost, resent and pictures are sums. */
-void virtual_rig_cameras(VirtualRig *rig, struct virtual_camera_state *ret_sum);
-
 /* What shines, and what moves, now. */
 struct virtual_rig_state {
     int n_lit, n_moving;

@@ -58,19 +58,15 @@ struct VirtualRig {
     guint timer;
 };
 
-/* As written, or the option's default; NULL if it has none. */
-const char *rig_value(const struct config_section *section, const struct driver_info *driver,
-                      const char *key);
+/* As written, or the option's default; 0 if it has none. */
 double rig_number(const struct config_section *section, const struct driver_info *driver,
-                  const char *key); /* or 0 */
+                  const char *key);
 const char *rig_part(const struct config_section *section);
 gboolean rig_wraps(const struct config_section *section);
 void rig_set_error(GError **error, const struct config_section *section, const char *what);
 
 /* The world that a section names, which must be that of the others. Owned by rig. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
-gboolean rig_find_part(VirtualRig *rig, const char *kind, const char *part, struct world_part *ret,
-                       GError **error);
 /* Of the lamps that a bank switches, in their order; g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
 char *rig_axis_part(const struct config_section *section); /* by world_part_find(); g_free() */

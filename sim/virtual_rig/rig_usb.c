@@ -30,22 +30,20 @@ gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section)
     return is_in(rig->usb, section) && !rig_is_u3v(rig, section);
 }
 
-static gboolean has_section(const VirtualRig *rig, const char *name) {
+static gboolean check_names(const VirtualRig *rig, char *const *names, GError **error) {
     gsize n;
     const struct config_section *sections = config_sections(rig->config, &n);
-    for (gsize i = 0; i < n; i++)
-        if (g_strcmp0(sections[i].name, name) == 0 && config_value(&sections[i], "driver", NULL))
-            return TRUE;
-    return g_str_equal(name, "all");
-}
-
-static gboolean check_names(const VirtualRig *rig, char *const *names, GError **error) {
-    for (; names && *names; names++)
-        if (!has_section(rig, *names)) {
+    for (; names && *names; names++) {
+        gboolean found = g_str_equal(*names, "all");
+        for (gsize i = 0; i < n; i++)
+            found |= g_strcmp0(sections[i].name, *names) == 0 &&
+                     config_value(&sections[i], "driver", NULL);
+        if (!found) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: it has no device \"%s\"",
                         config_path(rig->config), *names);
             return FALSE;
         }
+    }
     return TRUE;
 }
 
@@ -93,19 +91,6 @@ static gboolean find_switch(const struct config_section *section, double *ret_de
     return FALSE;
 }
 
-static void write_tic(VirtualRig *rig, const struct config_section *section, const char *serial,
-                      double steps_per_deg, double switch_deg) {
-    gboolean wraps = rig_wraps(section);
-    rig_copy_motion(rig, section, &tic_axis_driver.info);
-    if (!wraps && !config_value(section, "home_deg", NULL))
-        g_string_append_printf(rig->text, "home_deg = %g\n", switch_deg);
-    g_string_append_printf(rig->text,
-                           "serial = %s\nsteps_per_deg = %g\nhoming = %s\npoll_ms = 10\n", serial,
-                           steps_per_deg, wraps ? "here" : "reverse");
-    rig_list_device(rig, section, tic_axis_driver.info.name,
-                    g_strdup_printf("USB, serial %s", serial));
-}
-
 gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     double speed = rig_number(section, sim, "speed_deg_s"), switch_deg;
@@ -123,7 +108,14 @@ gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GErr
     VirtualTic *tic = virtual_tic_new(serial, port, wraps ? 0 : way_deg * steps_per_deg,
                                       CLAMP(zero, 0, way_deg * steps_per_deg));
     rig->tics[rig->n_tics++] = tic;
-    write_tic(rig, section, serial, steps_per_deg, switch_deg);
+    rig_copy_motion(rig, section, &tic_axis_driver.info);
+    if (!wraps && !config_value(section, "home_deg", NULL))
+        g_string_append_printf(rig->text, "home_deg = %g\n", switch_deg);
+    g_string_append_printf(rig->text,
+                           "serial = %s\nsteps_per_deg = %g\nhoming = %s\npoll_ms = 10\n", serial,
+                           steps_per_deg, wraps ? "here" : "reverse");
+    rig_list_device(rig, section, tic_axis_driver.info.name,
+                    g_strdup_printf("USB, serial %s", serial));
     return !moves || virtual_tic_link(tic, rig->world, part, steps_per_deg, zero, error);
 }
 

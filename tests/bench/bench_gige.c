@@ -168,7 +168,7 @@ int main(int argc, char **argv) {
     run(seats, &tally);
     print(seats, &tally);
     for (int i = 0; i < N_CAMERAS; i++)
-        eye_end(&seats[i].eye);
+        eye_end(&seats[i].eye, NULL);
     g_free(painted);
     return tally.frames == tally.triggered ? 0 : 1;
 }

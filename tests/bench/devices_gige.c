@@ -150,5 +150,5 @@ void gige_latency(int width, int height, struct gige_latency *ret) {
     ret->driver_p99_us = quantile(driver_us, SHOTS, 0.99);
     close(bare.control);
     close(bare.stream);
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }

@@ -3,6 +3,7 @@
 #define FILES_WAIT_S 5
 
 struct test {
+    const struct suite *suite;
     gconstpointer driver;
     const struct conformance *with;
     const struct check *check;
@@ -10,18 +11,35 @@ struct test {
 
 static void run(gconstpointer data) {
     const struct test *test = data;
-    test->check->run(test->driver, test->with);
+    g_autofree struct bench *bench = g_malloc0(test->suite->bench_size);
+    test->suite->begin(bench, test->driver, test->with);
+    if (test->check->run)
+        test->check->run(bench);
+    test->suite->end(bench);
+    int files = conformance_open_files();
+    for (int i = 0; test->check->reopens && i < 20; i++) {
+        test->suite->begin(bench, test->driver, test->with);
+        test->suite->end(bench);
+    }
+    if (test->check->reopens)
+        conformance_expect_files(test->with, files);
 }
 
-void conformance_add(const char *class_name, gconstpointer driver, const struct conformance *with,
-                     const struct check *checks) {
-    for (; checks->name; checks++) {
+void conformance_add(const struct suite *suite, gconstpointer driver,
+                     const struct conformance *with) {
+    for (const struct check *check = suite->checks; check->name; check++) {
         g_autofree char *path =
-            g_strdup_printf("/conformance/%s/%s/%s", class_name, with->name, checks->name);
+            g_strdup_printf("/conformance/%s/%s/%s", suite->class_name, with->name, check->name);
         struct test *test = g_new0(struct test, 1);
-        *test = (struct test){driver, with, checks};
+        *test = (struct test){suite, driver, with, check};
         g_test_add_data_func_full(path, test, (GTestDataFunc)run, g_free);
     }
+}
+
+void conformance_assert_unknown_option(GError *error) {
+    g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN);
+    g_assert_nonnull(strstr(error->message, "no_such_option"));
+    g_error_free(error);
 }
 
 Clock *conformance_clock(const struct conformance *with) {
@@ -59,6 +77,13 @@ void conformance_pass(Clock *clock, double seconds) {
     clock_call_in(clock, (gint64)(seconds * 1e6), set_flag, &over);
     while (!over)
         g_main_context_iteration(NULL, TRUE);
+}
+
+void conformance_expect_error(GError **error, GQuark domain, int code, const char *words) {
+    g_assert_error(*error, domain, code);
+    if (!strstr((*error)->message, words))
+        g_error("\"%s\" does not say \"%s\"", (*error)->message, words);
+    g_clear_error(error);
 }
 
 int conformance_open_files(void) {

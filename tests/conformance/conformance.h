@@ -48,6 +48,9 @@ void conformance_wait(Clock *clock, const int *counter, int n, double limit_s);
 /* Runs the main loop for so long on the clock. */
 void conformance_pass(Clock *clock, double seconds);
 
+/* Asserts that it is this error and that its message has these words; clears it. */
+void conformance_expect_error(GError **error, GQuark domain, int code, const char *words);
+
 int conformance_open_files(void);
 
 /* What runs in this process on threads of its own may let go of its descriptors a little later:

@@ -51,18 +51,16 @@ static void test_move_time(void) {
     g_assert_cmpfloat(axis_way_deg(&m, 725, 5), ==, 0);
 }
 
-static void test_predicted_time(void) {
+static void test_predicted_time(struct heard *heard, gconstpointer unused) {
     static const double targets[] = {30, 350, 170, 169.9, 169.95, 0, 180, 0, 0.001, -725.5};
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, &heard);
-    home(axis, &heard);
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, heard);
+    home(axis, heard);
     for (gsize i = 0; i < G_N_ELEMENTS(targets); i++) {
         double from = axis_position_deg(axis);
         double predicted = axis_move_time_s(&axis->motion, from, targets[i]);
-        gint64 start = clock_now_us(clock);
-        go(axis, &heard, targets[i]);
-        double took = (double)(clock_now_us(clock) - start) / 1e6;
+        gint64 start = clock_now_us(heard->clock);
+        go(axis, heard, targets[i]);
+        double took = (double)(clock_now_us(heard->clock) - start) / 1e6;
         g_assert_cmpfloat_with_epsilon(took, predicted, 1e-3);
     }
     g_assert_cmpfloat_with_epsilon(axis_position_deg(axis), 360 * 3 - 725.5, 1e-6);
@@ -118,60 +116,54 @@ static void arrive(Axis *axis) {
     axis_report(axis, AXIS_ARRIVED, NULL);
 }
 
-static void test_backlash(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Axis) axis = open_axis(&silent_driver, "[axis a]", &heard);
+static void test_backlash(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Axis) axis = open_axis(&silent_driver, "[axis a]", heard);
     struct silent_axis *silent = axis->device.priv;
     g_assert_true(axis_home(axis, NULL));
     axis_report(axis, AXIS_HOMED, NULL);
-    heard_next(&heard, AXIS_HOMED);
+    heard_next(heard, AXIS_HOMED);
 
     g_assert_true(axis_move(axis, 20, NULL)); /* upwards: straight */
     arrive(axis);
-    heard_next(&heard, AXIS_ARRIVED);
+    heard_next(heard, AXIS_ARRIVED);
     g_assert_cmpint(silent->n_targets, ==, 1);
     g_assert_true(axis_move(axis, 10, NULL)); /* downwards: past it and back */
     g_assert_cmpfloat(silent->targets[1], ==, 8);
     arrive(axis);
-    g_assert_cmpint(heard.n, ==, 0);
+    g_assert_cmpint(heard->n, ==, 0);
     g_assert_cmpfloat(silent->targets[2], ==, 10);
-    gint64 arrived = clock_now_us(clock);
+    gint64 arrived = clock_now_us(heard->clock);
     arrive(axis);
-    heard_next(&heard, AXIS_ARRIVED);
-    g_assert_cmpint(heard.at_us - arrived, ==, 500000); /* settled */
-    g_assert_true(axis_move(axis, -50, NULL));          /* no room below */
+    heard_next(heard, AXIS_ARRIVED);
+    g_assert_cmpint(heard->at_us - arrived, ==, 500000); /* settled */
+    g_assert_true(axis_move(axis, -50, NULL));           /* no room below */
     g_assert_cmpfloat(silent->targets[3], ==, -50);
     arrive(axis);
-    heard_next(&heard, AXIS_ARRIVED);
+    heard_next(heard, AXIS_ARRIVED);
     g_assert_cmpint(silent->n_targets, ==, 4);
-    heard_clear(&heard);
 }
 
-static void test_axis_deadline(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Axis) axis = open_axis(&silent_driver, "[axis a]", &heard);
+static void test_axis_deadline(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Axis) axis = open_axis(&silent_driver, "[axis a]", heard);
     struct silent_axis *silent = axis->device.priv;
     g_assert_true(axis_home(axis, NULL));
     axis_report(axis, AXIS_HOMED, NULL);
-    heard_next(&heard, AXIS_HOMED);
-    gint64 start = clock_now_us(clock);
+    heard_next(heard, AXIS_HOMED);
+    gint64 start = clock_now_us(heard->clock);
     g_assert_true(axis_move(axis, 20, NULL));
-    heard_next(&heard, AXIS_FAULT);
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
-    g_assert_cmpint(heard.at_us - start, ==, (gint64)(3.5 * 1.5e6) + 4000000);
+    heard_next(heard, AXIS_FAULT);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_assert_cmpint(heard->at_us - start, ==, (gint64)(3.5 * 1.5e6) + 4000000);
     g_assert_cmpint(silent->n_stops, ==, 1);
     g_assert_false(axis_is_homed(axis));
     axis_report(axis, AXIS_ARRIVED, NULL); /* too late */
     axis_report(axis, AXIS_STOPPED, NULL);
     g_assert_true(axis_home(axis, NULL));
     axis_report(axis, AXIS_ARRIVED, NULL); /* still too late: no answer to home */
-    conformance_pass(clock, 1);
-    g_assert_cmpint(heard.n, ==, 0);
-    heard_next(&heard, AXIS_FAULT); /* homing has its deadline too */
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
-    heard_clear(&heard);
+    conformance_pass(heard->clock, 1);
+    g_assert_cmpint(heard->n, ==, 0);
+    heard_next(heard, AXIS_FAULT); /* homing has its deadline too */
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
 }
 
 static double true_turntable(Clock *clock) {
@@ -182,49 +174,45 @@ static double true_turntable(Clock *clock) {
 }
 
 /* What backlash and errors do to the truth, and that the class undoes the first. */
-static void test_true_position(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
+static void test_true_position(struct heard *heard, gconstpointer unused) {
     g_autoptr(World) world = world_get(WORLD, NULL);
-    struct heard heard = {.clock = clock};
     g_autoptr(Axis) axis =
         open_axis(&sim_axis_driver,
                   "[axis turntable]\nworld = world.conf\nwraps = yes\nbacklash_deg = 0.5\n"
                   "position_error_deg = 0.1\nsettle_ms = 100\n",
-                  &heard);
-    home(axis, &heard);
-    go(axis, &heard, 40);
-    double from_below = true_turntable(clock);
+                  heard);
+    home(axis, heard);
+    go(axis, heard, 40);
+    double from_below = true_turntable(heard->clock);
     g_assert_cmpfloat(fabs(from_below - 40), <=, 0.1);
     g_assert_cmpfloat(fabs(from_below - 40), >, 0);
-    go(axis, &heard, 170);
-    go(axis, &heard, 290); /* round and round: the same truth to the last bit */
-    go(axis, &heard, 50);
-    go(axis, &heard, 40);
-    g_assert_cmpfloat(true_turntable(clock), ==, from_below);
+    go(axis, heard, 170);
+    go(axis, heard, 290); /* round and round: the same truth to the last bit */
+    go(axis, heard, 50);
+    go(axis, heard, 40);
+    g_assert_cmpfloat(true_turntable(heard->clock), ==, from_below);
 
     g_assert_true(axis_move(axis, 30, NULL)); /* half way down the load lags, and moves */
-    conformance_pass(clock, 0.3);
-    double lag = true_turntable(clock) - axis_position_deg(axis);
+    conformance_pass(heard->clock, 0.3);
+    double lag = true_turntable(heard->clock) - axis_position_deg(axis);
     g_assert_cmpfloat(lag, >, 0.35);
     g_assert_cmpfloat(lag, <, 2.0);
-    g_assert_cmpfloat(true_turntable(clock), <, 40);
-    heard_next(&heard, AXIS_ARRIVED);
+    g_assert_cmpfloat(true_turntable(heard->clock), <, 40);
+    heard_next(heard, AXIS_ARRIVED);
 }
 
 /* Straight after arrival the load still swings, until the settling time is over. */
-static void test_settling(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
+static void test_settling(struct heard *heard, gconstpointer unused) {
     g_autoptr(World) world = world_get(WORLD, NULL);
-    struct heard heard = {.clock = clock};
-    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, &heard);
-    home(axis, &heard);
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, heard);
+    home(axis, heard);
     double predicted = axis_move_time_s(&axis->motion, 0, 40);
     g_assert_true(axis_move(axis, 40, NULL));
-    conformance_pass(clock, predicted - 0.01);
-    g_assert_cmpint(heard.n, ==, 0);
-    g_assert_cmpfloat(true_turntable(clock), !=, 40);
-    heard_next(&heard, AXIS_ARRIVED);
-    g_assert_cmpfloat(true_turntable(clock), ==, 40);
+    conformance_pass(heard->clock, predicted - 0.01);
+    g_assert_cmpint(heard->n, ==, 0);
+    g_assert_cmpfloat(true_turntable(heard->clock), !=, 40);
+    heard_next(heard, AXIS_ARRIVED);
+    g_assert_cmpfloat(true_turntable(heard->clock), ==, 40);
 }
 
 static void test_stall(void) {
@@ -253,11 +241,13 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_autoptr(World) built_once = world_get(WORLD, NULL);
     g_test_add_func("/axis/move-time", test_move_time);
-    g_test_add_func("/axis/predicted-time", test_predicted_time);
-    g_test_add_func("/axis/backlash", test_backlash);
-    g_test_add_func("/axis/deadline", test_axis_deadline);
-    g_test_add_func("/axis/true-position", test_true_position);
-    g_test_add_func("/axis/settling", test_settling);
+    g_test_add("/axis/predicted-time", struct heard, NULL, heard_begin, test_predicted_time,
+               heard_end);
+    g_test_add("/axis/backlash", struct heard, NULL, heard_begin, test_backlash, heard_end);
+    g_test_add("/axis/deadline", struct heard, NULL, heard_begin, test_axis_deadline, heard_end);
+    g_test_add("/axis/true-position", struct heard, NULL, heard_begin, test_true_position,
+               heard_end);
+    g_test_add("/axis/settling", struct heard, NULL, heard_begin, test_settling, heard_end);
     g_test_add_func("/axis/stall", test_stall);
     return g_test_run();
 }

@@ -36,12 +36,8 @@ static void shoot(Camera *from, struct heard *heard, guint64 shot, int event) {
     heard_next(heard, event);
 }
 
-static gboolean same_pixels(const Frame *a, const Frame *b) {
-    return memcmp(a->pixels, b->pixels, sizeof *a->pixels * a->width * a->height) == 0;
-}
-
 /* Every second picture or so is stale; whatever is accepted must be what a good camera sees. */
-static void check_stale(const char *keys) {
+static void test_stale(gconstpointer keys) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct heard heard = {.clock = clock}, truth = {.clock = clock};
     g_autoptr(Camera) bad = open_camera(&sim_camera_driver, keys, &heard);
@@ -61,65 +57,49 @@ static void check_stale(const char *keys) {
         }
         heard.n = 0;
         g_assert_cmpint(heard.event, ==, CAMERA_FRAME);
-        g_assert_true(same_pixels(heard.frame, truth.frame));
+        gsize bytes = sizeof *truth.frame->pixels * truth.frame->width * truth.frame->height;
+        g_assert_cmpmem(heard.frame->pixels, bytes, truth.frame->pixels, bytes);
     }
     g_assert_cmpint(refused, >, 8);
     heard_clear(&heard);
     heard_clear(&truth);
 }
 
-static void test_stale_old(void) {
-    check_stale("fault_stale = 0.5\nfault_seed = 3\n");
-}
-
-static void test_stale_relabelled(void) {
-    check_stale("fault_stale = 0.5\nfault_stale_kind = relabelled\nfault_seed = 4\n");
-}
-
-static void test_lost(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Camera) lossy = open_camera(&sim_camera_driver, "fault_lost = 1\n", &heard);
-    gint64 start = clock_now_us(clock);
-    shoot(lossy, &heard, 1, CAMERA_FAULT);
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
-    g_assert_cmpint(heard.at_us - start, ==, 1000 + 20000 + 3 * 30000 + 2000000);
+static void test_lost(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Camera) lossy = open_camera(&sim_camera_driver, "fault_lost = 1\n", heard);
+    gint64 start = clock_now_us(heard->clock);
+    shoot(lossy, heard, 1, CAMERA_FAULT);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_assert_cmpint(heard->at_us - start, ==, 1000 + 20000 + 3 * 30000 + 2000000);
     g_assert_false(camera_is_armed(lossy));
     g_assert_true(camera_arm(lossy, NULL));
-    heard_clear(&heard);
 }
 
 /* Later than its deadline: a fault, and the late picture is not taken for the next one's. */
-static void test_slow(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Camera) slow = open_camera(&sim_camera_driver, "fault_slow_ms = 1500\n", &heard);
-    shoot(slow, &heard, 1, CAMERA_FRAME);
+static void test_slow(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Camera) slow = open_camera(&sim_camera_driver, "fault_slow_ms = 1500\n", heard);
+    shoot(slow, heard, 1, CAMERA_FRAME);
     g_clear_pointer(&slow, camera_close);
-    slow = open_camera(&sim_camera_driver, "fault_slow_ms = 3000\n", &heard);
-    shoot(slow, &heard, 1, CAMERA_FAULT);
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
-    heard_clear(&heard);
+    slow = open_camera(&sim_camera_driver, "fault_slow_ms = 3000\n", heard);
+    shoot(slow, heard, 1, CAMERA_FAULT);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
 }
 
-static void test_disconnect(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
+static void test_disconnect(struct heard *heard, gconstpointer unused) {
     GError *error = NULL;
     g_autoptr(Camera) loose = open_camera(
-        &sim_camera_driver, "fault_disconnect_after = 2\nfault_reconnect_s = 8\n", &heard);
-    shoot(loose, &heard, 1, CAMERA_FRAME);
-    shoot(loose, &heard, 2, CAMERA_FRAME);
-    shoot(loose, &heard, 3, CAMERA_FAULT);
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+        &sim_camera_driver, "fault_disconnect_after = 2\nfault_reconnect_s = 8\n", heard);
+    shoot(loose, heard, 1, CAMERA_FRAME);
+    shoot(loose, heard, 2, CAMERA_FRAME);
+    shoot(loose, heard, 3, CAMERA_FAULT);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
     g_assert_false(camera_arm(loose, &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
     g_clear_error(&error);
-    conformance_pass(clock, 8.1);
+    conformance_pass(heard->clock, 8.1);
     g_assert_true(camera_arm(loose, NULL));
     for (guint64 shot = 3; shot < 8; shot++)
-        shoot(loose, &heard, shot, CAMERA_FRAME);
-    heard_clear(&heard);
+        shoot(loose, heard, shot, CAMERA_FRAME);
 }
 
 /* A camera whose pictures the test makes. */
@@ -168,91 +148,60 @@ static Frame *good_frame(Clock *clock, guint64 shot, guint64 id) {
     return frame;
 }
 
-enum flaw {
-    NONE,
-    OLD_ID,
-    SAME_ID,
-    EARLY,
-    SHORT,
-    OTHER_EXPOSURE,
-    FUTURE,
-    SIZE,
-    COLOURS,
-    INCOMPLETE,
-    OTHER_SHOT,
-    REPEATED,
-    N_FLAWS
+/* What differs from the picture that is wanted, number 11 of shot 701. */
+static const struct flaw {
+    gboolean stale; /* refused as such */
+    int id, shot, width, height, cfa, pixels;
+    gint64 start_us, end_us, exposure_us;
+    gboolean incomplete;
+} flaws[] = {
+    {0},
+    {TRUE, .id = -6},
+    {TRUE, .id = -1},
+    {TRUE, .start_us = -10001, .end_us = -10001},
+    {FALSE, .end_us = -10000},
+    {FALSE, .exposure_us = -10000},
+    {FALSE, .start_us = 3000000, .end_us = 3000000},
+    {FALSE, .width = -1, .height = 1},
+    {FALSE, .cfa = CFA_BGGR - CFA_RGGB},
+    {FALSE, .incomplete = TRUE},
+    {TRUE, .shot = -1},
+    {TRUE, .pixels = -1}, /* those of the frame before */
 };
 
-static Frame *flawed_frame(Clock *clock, guint64 shot, guint64 id, enum flaw flaw) {
-    Frame *frame = good_frame(clock, shot, id);
-    switch (flaw) {
-    case OLD_ID:
-        frame->id = 5;
-        break;
-    case SAME_ID:
-        frame->id = id - 1;
-        break;
-    case EARLY:
-        frame->exposure_start_us -= 10001;
-        frame->exposure_end_us -= 10001;
-        break;
-    case SHORT:
-        frame->exposure_end_us -= 10000;
-        break;
-    case OTHER_EXPOSURE:
-        frame->exposure_us = 10000;
-        break;
-    case FUTURE:
-        frame->exposure_start_us += 3000000;
-        frame->exposure_end_us += 3000000;
-        break;
-    case SIZE:
-        frame->width = 3;
-        frame->height = 4;
-        break;
-    case COLOURS:
-        frame->cfa = CFA_BGGR;
-        break;
-    case INCOMPLETE:
-        frame->incomplete = TRUE;
-        break;
-    case OTHER_SHOT:
-        frame->shot--;
-        break;
-    case REPEATED:
-        for (int i = 0; i < 12; i++)
-            frame->pixels[i]--; /* those of the frame before */
-        break;
-    default:
-        break;
-    }
+static Frame *flawed_frame(Clock *clock, const struct flaw *flaw) {
+    Frame *frame = good_frame(clock, 701 + (guint64)flaw->shot, 11);
+    frame->id += (guint64)flaw->id;
+    frame->exposure_start_us += flaw->start_us;
+    frame->exposure_end_us += flaw->end_us;
+    frame->exposure_us += flaw->exposure_us;
+    frame->width += flaw->width;
+    frame->height += flaw->height;
+    frame->cfa = (enum cfa)((int)frame->cfa + flaw->cfa);
+    frame->incomplete = flaw->incomplete;
+    for (int i = 0; i < 12; i++)
+        frame->pixels[i] = (guint16)(frame->pixels[i] + flaw->pixels);
     return frame;
 }
 
-static void test_flaws(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    for (int flaw = NONE; flaw < N_FLAWS; flaw++) {
-        struct heard heard = {.clock = clock};
-        g_autoptr(Camera) null = open_camera(&null_driver, "", &heard);
-        for (guint64 i = 0; i < 2; i++) {
-            g_assert_true(camera_trigger(null, 700 + i, NULL));
-            conformance_pass(clock, 0.03);
-            camera_report_frame(null,
-                                flawed_frame(clock, 700 + i, 10 + i, i ? (enum flaw)flaw : NONE));
-            heard_next(&heard, i && flaw ? CAMERA_REFUSED : CAMERA_FRAME);
-        }
-        if (flaw)
-            g_assert_cmpint(heard.error->code, ==,
-                            flaw == OLD_ID || flaw == SAME_ID || flaw == EARLY ||
-                                    flaw == OTHER_SHOT || flaw == REPEATED
-                                ? DEVICE_ERROR_STALE
-                                : DEVICE_ERROR_PROTOCOL);
+static void test_flaws(struct heard *heard, gconstpointer unused) {
+    for (gsize i = 0; i < G_N_ELEMENTS(flaws); i++) {
+        int code = flaws[i].stale ? DEVICE_ERROR_STALE : DEVICE_ERROR_PROTOCOL;
+        g_autoptr(Camera) null = open_camera(&null_driver, "", heard);
+        g_assert_true(camera_trigger(null, 700, NULL));
+        conformance_pass(heard->clock, 0.03);
+        camera_report_frame(null, good_frame(heard->clock, 700, 10));
+        heard_next(heard, CAMERA_FRAME);
+        g_assert_true(camera_trigger(null, 701, NULL));
+        conformance_pass(heard->clock, 0.03);
+        camera_report_frame(null, flawed_frame(heard->clock, &flaws[i]));
+        heard_next(heard, i ? CAMERA_REFUSED : CAMERA_FRAME);
+        if (i)
+            g_assert_error(heard->error, DEVICE_ERROR, code);
         g_assert_true(camera_trigger(null, 701, NULL)); /* may be given again at once */
-        conformance_pass(clock, 0.03);
-        camera_report_frame(null, good_frame(clock, 701, 12));
-        heard_next(&heard, CAMERA_FRAME);
-        heard_clear(&heard);
+        conformance_pass(heard->clock, 0.03);
+        camera_report_frame(null, good_frame(heard->clock, 701, 12));
+        heard_next(heard, CAMERA_FRAME);
     }
 }
 
@@ -287,48 +236,44 @@ static void report_odd(struct heard *heard, Camera *from, guint64 shot, int chan
 }
 
 /* One bit of one pixel makes another picture, whichever it is. */
-static void test_one_pixel(void) {
+static void test_one_pixel(struct heard *heard, gconstpointer unused) {
     struct camera_driver odd = null_driver;
     odd.open = odd_open;
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Camera) from = open_camera(&odd, "", &heard);
+    g_autoptr(Camera) from = open_camera(&odd, "", heard);
     guint64 shot = 1;
-    report_odd(&heard, from, shot++, -1, 0, CAMERA_FRAME);
+    report_odd(heard, from, shot++, -1, 0, CAMERA_FRAME);
     for (int i = 0; i < 143; i++) {
         for (int bit = 0; bit < 12; bit++)
-            report_odd(&heard, from, shot++, i, bit, CAMERA_FRAME);
-        report_odd(&heard, from, shot++, -1, 0, CAMERA_FRAME);
-        report_odd(&heard, from, shot++, -1, 0, CAMERA_REFUSED);
+            report_odd(heard, from, shot++, i, bit, CAMERA_FRAME);
+        report_odd(heard, from, shot++, -1, 0, CAMERA_FRAME);
+        report_odd(heard, from, shot++, -1, 0, CAMERA_REFUSED);
     }
-    heard_clear(&heard);
 }
 
 /* A picture that comes while nobody waits, and once more when somebody does. */
-static void test_unasked(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(Camera) null = open_camera(&null_driver, "", &heard);
-    camera_report_frame(null, good_frame(clock, 1, 10));
-    g_assert_cmpint(heard.n, ==, 0);
+static void test_unasked(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Camera) null = open_camera(&null_driver, "", heard);
+    camera_report_frame(null, good_frame(heard->clock, 1, 10));
+    g_assert_cmpint(heard->n, ==, 0);
     g_assert_true(camera_trigger(null, 2, NULL));
-    conformance_pass(clock, 0.03);
-    camera_report_frame(null, good_frame(clock, 2, 10));
-    heard_next(&heard, CAMERA_REFUSED);
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_STALE);
-    heard_clear(&heard);
+    conformance_pass(heard->clock, 0.03);
+    camera_report_frame(null, good_frame(heard->clock, 2, 10));
+    heard_next(heard, CAMERA_REFUSED);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_STALE);
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_autoptr(World) built_once = world_get(WORLD, NULL);
-    g_test_add_func("/camera/stale-old", test_stale_old);
-    g_test_add_func("/camera/stale-relabelled", test_stale_relabelled);
-    g_test_add_func("/camera/lost", test_lost);
-    g_test_add_func("/camera/slow", test_slow);
-    g_test_add_func("/camera/disconnect", test_disconnect);
-    g_test_add_func("/camera/flaws", test_flaws);
-    g_test_add_func("/camera/one-pixel", test_one_pixel);
-    g_test_add_func("/camera/unasked", test_unasked);
+    g_test_add_data_func("/camera/stale-old", "fault_stale = 0.5\nfault_seed = 3\n", test_stale);
+    g_test_add_data_func("/camera/stale-relabelled",
+                         "fault_stale = 0.5\nfault_stale_kind = relabelled\nfault_seed = 4\n",
+                         test_stale);
+    g_test_add("/camera/lost", struct heard, NULL, heard_begin, test_lost, heard_end);
+    g_test_add("/camera/slow", struct heard, NULL, heard_begin, test_slow, heard_end);
+    g_test_add("/camera/disconnect", struct heard, NULL, heard_begin, test_disconnect, heard_end);
+    g_test_add("/camera/flaws", struct heard, NULL, heard_begin, test_flaws, heard_end);
+    g_test_add("/camera/one-pixel", struct heard, NULL, heard_begin, test_one_pixel, heard_end);
+    g_test_add("/camera/unasked", struct heard, NULL, heard_begin, test_unasked, heard_end);
     return g_test_run();
 }

@@ -87,23 +87,17 @@ static void test_behind_everything(void) {
     g_string_free(log.text, TRUE);
 }
 
-struct work {
-    struct log *log;
-    Clock *clock;
-};
-
 static gboolean worked(gpointer data) {
-    struct work *work = data;
-    g_string_append_printf(work->log->text, "worked@%" G_GINT64_FORMAT " ",
-                           clock_now_us(work->clock));
+    struct log *log = data;
+    g_string_append_printf(log->text, "worked@%" G_GINT64_FORMAT " ", clock_now_us(log->clock));
     return G_SOURCE_REMOVE;
 }
 
 static gpointer work_thread(gpointer data) {
-    struct work *work = data;
+    struct log *log = data;
     g_usleep(50000);
-    g_idle_add(worked, work);
-    clock_release(work->clock);
+    g_idle_add(worked, log);
+    clock_release(log->clock);
     return NULL;
 }
 
@@ -111,7 +105,6 @@ static gpointer work_thread(gpointer data) {
 static void test_hold(void) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct log log = {g_string_new(NULL), clock};
-    struct work work = {&log, clock};
     struct call a = {&log, "a", 0};
     for (int i = 0; i < 5; i++) {
         g_string_truncate(log.text, 0);
@@ -120,7 +113,7 @@ static void test_hold(void) {
         clock_hold(clock);
         clock_hold(clock);
         clock_release(clock);
-        GThread *thread = g_thread_new("work", work_thread, &work);
+        GThread *thread = g_thread_new("work", work_thread, &log);
         run_until(clock, before + 2000);
         g_thread_join(thread);
         g_autofree char *expected = g_strdup_printf(

@@ -39,28 +39,26 @@ static void switch_lamp(LampBank *to, struct heard *heard, int index, gboolean o
         conformance_pass(heard->clock, to->warm_up_s);
 }
 
-static void test_dead_lamp(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
+static void test_dead_lamp(struct heard *heard, gconstpointer unused) {
     g_autoptr(World) world = world_get(WORLD, NULL);
-    struct heard heard = {.clock = clock};
     g_autoptr(LampBank) lit =
         open_lamps(&sim_lamps_driver,
-                   "lamps = lamp60; lamp30\nfault_dead = lamp30\nfault_dead_after = 2\n", &heard);
+                   "lamps = lamp60; lamp30\nfault_dead = lamp30\nfault_dead_after = 2\n", heard);
     int lamp60 = world_find_lamp(world, "lamp60"), lamp30 = world_find_lamp(world, "lamp30");
     for (int i = 0; i < 4; i++) {
-        switch_lamp(lit, &heard, 0, TRUE);
-        g_assert_cmpfloat(lamp_output(clock, lamp60), >, 0.9);
-        g_assert_cmpfloat(lamp_output(clock, lamp30), ==, 0);
-        switch_lamp(lit, &heard, 0, FALSE);
-        switch_lamp(lit, &heard, 1, TRUE);
-        g_assert_cmpint(lamp_output(clock, lamp30) > 0.9, ==, i < 2);
+        switch_lamp(lit, heard, 0, TRUE);
+        g_assert_cmpfloat(lamp_output(heard->clock, lamp60), >, 0.9);
+        g_assert_cmpfloat(lamp_output(heard->clock, lamp30), ==, 0);
+        switch_lamp(lit, heard, 0, FALSE);
+        switch_lamp(lit, heard, 1, TRUE);
+        g_assert_cmpint(lamp_output(heard->clock, lamp30) > 0.9, ==, i < 2);
         g_assert_true(lamps_is_on(lit, 1)); /* its switch answers all the same */
-        switch_lamp(lit, &heard, 1, FALSE);
+        switch_lamp(lit, heard, 1, FALSE);
     }
-    switch_lamp(lit, &heard, 0, TRUE);
+    switch_lamp(lit, heard, 0, TRUE);
     g_clear_pointer(&lit, lamps_close);
-    conformance_pass(clock, 0.1);
-    g_assert_cmpfloat(lamp_output(clock, lamp60), ==, 0);
+    conformance_pass(heard->clock, 0.1);
+    g_assert_cmpfloat(lamp_output(heard->clock, lamp60), ==, 0);
 }
 
 static gboolean silent_lamps_open(LampBank *from, GError **error) {
@@ -82,40 +80,35 @@ static const struct lamps_driver silent_lamps_driver = {
     .set = silent_lamps_set,
 };
 
-static void test_lamp_deadline(void) {
-    g_autoptr(Clock) clock = clock_new_virtual();
-    struct heard heard = {.clock = clock};
-    g_autoptr(LampBank) silent = open_lamps(&silent_lamps_driver, "", &heard);
-    gint64 start = clock_now_us(clock);
+static void test_lamp_deadline(struct heard *heard, gconstpointer unused) {
+    g_autoptr(LampBank) silent = open_lamps(&silent_lamps_driver, "", heard);
+    gint64 start = clock_now_us(heard->clock);
     g_assert_true(lamps_set(silent, 1, TRUE, NULL));
-    heard_next(&heard, 1);
-    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
-    g_assert_cmpint(heard.at_us - start, ==, 2000000);
+    heard_next(heard, 1);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_assert_cmpint(heard->at_us - start, ==, 2000000);
     g_assert_false(lamps_is_on(silent, 1));
     lamps_report(silent, 1, TRUE, NULL); /* too late */
-    g_assert_cmpint(heard.n, ==, 0);
-    heard_clear(&heard);
+    g_assert_cmpint(heard->n, ==, 0);
 }
 
-static void test_laser_stays_on(void) {
+static void test_laser_stays_on(struct heard *heard, gconstpointer unused) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(&laser, "fault_stays_on = yes\n", &section);
-    g_autoptr(Clock) clock = clock_new_virtual();
     g_autoptr(World) world = world_get(WORLD, NULL);
-    struct heard heard = {.clock = clock};
     struct world_state state;
     int index = world_find_laser(world, "laser30");
-    g_autoptr(Laser) stuck = laser_open(&sim_laser_driver, section, NULL, clock, NULL);
-    laser_listen(stuck, on_laser, &heard);
+    g_autoptr(Laser) stuck = laser_open(&sim_laser_driver, section, NULL, heard->clock, NULL);
+    laser_listen(stuck, on_laser, heard);
     for (int on = 1; on >= 0; on--) {
         g_assert_true(laser_set(stuck, on, NULL));
-        heard_next(&heard, on);
+        heard_next(heard, on);
         g_assert_cmpint(laser_is_on(stuck), ==, on);
-        world_snapshot(world, clock_now_us(clock), 1, &state);
+        world_snapshot(world, clock_now_us(heard->clock), 1, &state);
         g_assert_true(state.laser_on[index]);
     }
     g_clear_pointer(&stuck, laser_close);
-    world_snapshot(world, clock_now_us(clock), 1, &state);
+    world_snapshot(world, clock_now_us(heard->clock), 1, &state);
     g_assert_false(state.laser_on[index]);
 }
 
@@ -137,9 +130,9 @@ static void test_door(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_autoptr(World) built_once = world_get(WORLD, NULL);
-    g_test_add_func("/lamps/dead", test_dead_lamp);
-    g_test_add_func("/lamps/deadline", test_lamp_deadline);
-    g_test_add_func("/laser/stays-on", test_laser_stays_on);
+    g_test_add("/lamps/dead", struct heard, NULL, heard_begin, test_dead_lamp, heard_end);
+    g_test_add("/lamps/deadline", struct heard, NULL, heard_begin, test_lamp_deadline, heard_end);
+    g_test_add("/laser/stays-on", struct heard, NULL, heard_begin, test_laser_stays_on, heard_end);
     g_test_add_func("/interlock/door", test_door);
     return g_test_run();
 }

@@ -47,13 +47,17 @@ gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error) {
     return camera_configure(eye->camera, &settings, error) && camera_arm(eye->camera, error);
 }
 
-void eye_begin(struct eye *eye, const char *keys) {
+void eye_start(struct eye *eye, const char *keys, gint64 exposure_us) {
     GError *error = NULL;
-    *eye = (struct eye){.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     eye_open(eye, keys, &error);
     g_assert_no_error(error);
-    eye_ready(eye, 1000, &error);
+    eye_ready(eye, exposure_us, &error);
     g_assert_no_error(error);
+}
+
+void eye_begin(struct eye *eye, gconstpointer keys) {
+    *eye = (struct eye){.device = eye_device("EYE", 320, 240, CFA_RGGB)};
+    eye_start(eye, keys, 1000);
 }
 
 void eye_close(struct eye *eye) {
@@ -63,7 +67,7 @@ void eye_close(struct eye *eye) {
     g_clear_error(&eye->error);
 }
 
-void eye_end(struct eye *eye) {
+void eye_end(struct eye *eye, gconstpointer unused) {
     eye_close(eye);
     virtual_gige_free(eye->device);
 }
@@ -79,6 +83,17 @@ enum camera_event eye_shoot(struct eye *eye, guint64 shot) {
     eye_trigger(eye, shot);
     conformance_wait(eye->clock, &eye->n_ended, n + 1, 10);
     return eye->last;
+}
+
+void eye_shoot_together(struct eye *eyes, int n, int shots) {
+    for (int shot = 1; shot <= shots; shot++) {
+        for (int i = 0; i < n; i++)
+            eye_trigger(&eyes[i], (guint64)shot);
+        for (int i = 0; i < n; i++)
+            conformance_wait(eyes[i].clock, &eyes[i].n_ended, shot, 10);
+    }
+    for (int i = 0; i < n; i++)
+        g_assert_cmpint(eyes[i].n_frames, ==, shots);
 }
 
 void eye_recover(struct eye *eye, guint64 shot, double limit_s) {

@@ -22,13 +22,19 @@ void eye_on_event(Camera *camera, enum camera_event event, Frame *frame, const G
 /* keys: further lines of its section. FALSE: error says why. */
 gboolean eye_open(struct eye *eye, const char *keys, GError **error);
 gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error);
-void eye_begin(struct eye *eye, const char *keys);
+void eye_start(struct eye *eye, const char *keys, gint64 exposure_us); /* both; must succeed */
 void eye_close(struct eye *eye);
-void eye_end(struct eye *eye);
+
+/* The fixture of a test: a camera of its own, opened with these further lines, and ready. */
+void eye_begin(struct eye *eye, gconstpointer keys);
+void eye_end(struct eye *eye, gconstpointer unused);
 void eye_trigger(struct eye *eye, guint64 shot);
 
 /* Triggers once and waits for what comes of it. */
 enum camera_event eye_shoot(struct eye *eye, guint64 shot);
+
+/* Triggers all of them at once, so many times; each must give that many pictures. */
+void eye_shoot_together(struct eye *eyes, int n, int shots);
 
 /* Arms and shoots again until a picture comes, as the sequencer does; fails after limit_s. */
 void eye_recover(struct eye *eye, guint64 shot, double limit_s);

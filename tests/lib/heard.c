@@ -5,6 +5,15 @@ void heard_clear(struct heard *heard) {
     g_clear_pointer(&heard->frame, frame_unref);
 }
 
+void heard_begin(struct heard *heard, gconstpointer unused) {
+    heard->clock = clock_new_virtual();
+}
+
+void heard_end(struct heard *heard, gconstpointer unused) {
+    heard_clear(heard);
+    clock_unref(heard->clock);
+}
+
 void heard_event(struct heard *heard, int event, const GError *error) {
     heard->n++;
     heard->event = event;

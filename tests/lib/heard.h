@@ -15,6 +15,10 @@ struct heard {
     Clock *clock;
 };
 
+/* The fixture of a test, with a virtual clock. */
+void heard_begin(struct heard *heard, gconstpointer unused);
+void heard_end(struct heard *heard, gconstpointer unused);
+
 void heard_clear(struct heard *heard);
 void heard_event(struct heard *heard, int event, const GError *error);
 

@@ -26,7 +26,7 @@ static gpointer change_colours(gpointer data) {
     struct video_node *nodes = data;
     for (int i = 0; !g_atomic_int_get(&over); i++) {
         g_autofree char *setting = g_strdup_printf("saturation=%d", i / 2 % 256);
-        video_control_set_named(&nodes[i % 2], "test", setting, NULL);
+        video_control_set_named(&nodes[i % 2], setting, NULL);
         g_usleep(2500);
     }
     return NULL;

@@ -34,17 +34,14 @@ static void formats(gconstpointer data) {
     for (gsize i = 0; i < G_N_ELEMENTS(depths); i++) {
         g_autofree char *key =
             g_strdup_printf("pixel_format = %s%s\npacket_size = 1500", phases[cfa], depths[i].name);
-        GError *error = NULL;
-        eye_open(&eye, key, &error);
-        g_assert_no_error(error);
+        eye_start(&eye, key, 100);
         g_assert_cmpint(eye.camera->format.cfa, ==, (int)cfa);
         g_assert_cmpint(eye.camera->format.bits, ==, depths[i].bits);
-        g_assert_true(eye_ready(&eye, 100, NULL));
         g_assert_cmpint(eye_shoot(&eye, i), ==, CAMERA_FRAME);
         painted_assert(eye.frame, 0, 0, 0);
         eye_close(&eye);
     }
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }
 
 static void settings(void) {
@@ -76,7 +73,7 @@ static void settings(void) {
     g_assert_cmpfloat_with_epsilon(state.gain_db, 6.25, 0.01);
     g_assert_cmpfloat_with_epsilon(state.black_level, 72, 0.1);
     g_assert_false(state.automatic);
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }
 
 /* As large as gets through, which is found out. */
@@ -86,30 +83,26 @@ static void packet_size(void) {
     for (int mtu = 0; mtu <= 1500; mtu += 1500) {
         struct virtual_camera_faults faults = {.mtu = mtu};
         virtual_gige_fail(eye.device, &faults);
-        g_assert_true(eye_open(&eye, "", NULL));
-        g_assert_true(eye_ready(&eye, 1000, NULL));
+        eye_start(&eye, "", 1000);
         g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
         virtual_gige_state(eye.device, &state);
         g_assert_cmpint(state.packet_size, >, mtu > 0 ? 1450 : 8900);
         g_assert_cmpint(state.packet_size, <=, mtu > 0 ? mtu : 9000);
         eye_close(&eye);
     }
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }
 
 /* The camera's own time stamps are mapped to ours: checked against when it was triggered. */
-static void times(void) {
-    struct eye eye;
-    eye_begin(&eye, "");
+static void times(struct eye *eye, gconstpointer unused) {
     for (guint64 shot = 1; shot <= 10; shot++) {
         struct virtual_camera_state state;
-        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
-        virtual_gige_state(eye.device, &state);
-        gint64 off_us = eye.frame->exposure_start_us - state.triggered_us;
+        g_assert_cmpint(eye_shoot(eye, shot), ==, CAMERA_FRAME);
+        virtual_gige_state(eye->device, &state);
+        gint64 off_us = eye->frame->exposure_start_us - state.triggered_us;
         g_assert_cmpint(ABS(off_us), <, 1000);
-        g_assert_cmpint(eye.frame->exposure_end_us - eye.frame->exposure_start_us, ==, 1000);
+        g_assert_cmpint(eye->frame->exposure_end_us - eye->frame->exposure_start_us, ==, 1000);
     }
-    eye_end(&eye);
 }
 
 /* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
@@ -124,49 +117,40 @@ static void stamps_of_the_end(void) {
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     virtual_gige_state(eye.device, &state);
     g_assert_cmpint(ABS(eye.frame->exposure_start_us - state.triggered_us), <, 1000);
-    eye_end(&eye);
+    eye_end(&eye, NULL);
     /* Not told so, it does not take them for something else. */
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     g_assert_true(camera_configure(eye.camera, &settings, NULL));
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_REFUSED);
     eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "its time stamp is in the future");
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }
 
 /* Lamps may go on while the picture is still being sent. */
-static void exposed_before_it_is_here(void) {
-    struct eye eye;
-    eye_begin(&eye, "packet_delay_ns = 2000000\npacket_size = 1500");
+static void exposed_before_it_is_here(struct eye *eye, gconstpointer unused) {
     for (guint64 shot = 1; shot <= 3; shot++) {
-        eye.n_exposed = 0;
-        eye_trigger(&eye, shot);
-        conformance_wait(eye.clock, &eye.n_exposed, 1, 5);
-        g_assert_cmpint(eye.n_ended, <, (int)shot);
-        gint64 exposed_us = clock_now_us(eye.clock);
-        conformance_wait(eye.clock, &eye.n_ended, (int)shot, 5);
-        g_assert_cmpint(eye.last, ==, CAMERA_FRAME);
-        g_assert_cmpint(eye.frame->exposure_end_us, <=, exposed_us);
-        g_assert_cmpint(clock_now_us(eye.clock) - exposed_us, >, 20000);
+        eye->n_exposed = 0;
+        eye_trigger(eye, shot);
+        conformance_wait(eye->clock, &eye->n_exposed, 1, 5);
+        g_assert_cmpint(eye->n_ended, <, (int)shot);
+        gint64 exposed_us = clock_now_us(eye->clock);
+        conformance_wait(eye->clock, &eye->n_ended, (int)shot, 5);
+        g_assert_cmpint(eye->last, ==, CAMERA_FRAME);
+        g_assert_cmpint(eye->frame->exposure_end_us, <=, exposed_us);
+        g_assert_cmpint(clock_now_us(eye->clock) - exposed_us, >, 20000);
     }
-    eye_end(&eye);
 }
 
-static void without_clock(void) {
-    struct eye eye;
-    eye_begin(&eye, "stamp = none");
+static void without_clock(struct eye *eye, gconstpointer unused) {
     for (guint64 shot = 1; shot <= 5; shot++)
-        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
-    eye_end(&eye);
+        g_assert_cmpint(eye_shoot(eye, shot), ==, CAMERA_FRAME);
 }
 
 /* Past the kernel's UDP where this process may, else as without. */
-static void packet_socket(void) {
-    struct eye eye;
-    eye_begin(&eye, "packet_socket = yes");
+static void packet_socket(struct eye *eye, gconstpointer unused) {
     for (guint64 shot = 1; shot <= 5; shot++)
-        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
-    eye_end(&eye);
+        g_assert_cmpint(eye_shoot(eye, shot), ==, CAMERA_FRAME);
 }
 
 struct line {
@@ -192,13 +176,10 @@ static void hardware_trigger(void) {
     g_autofree char *dir = g_dir_make_tmp("mesorig-line-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "value", NULL);
     g_autofree char *keys = g_strdup_printf("trigger = Line0\npulse_path = %s", path);
-    GError *error = NULL;
     g_assert_cmpint(mkfifo(path, 0600), ==, 0);
     line.fd = g_open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC, 0);
     guint source = g_unix_fd_add(line.fd, G_IO_IN, on_line, &line);
-    eye_open(&eye, keys, &error);
-    g_assert_no_error(error);
-    g_assert_true(eye_ready(&eye, 1000, NULL));
+    eye_start(&eye, keys, 1000);
     for (guint64 shot = 1; shot <= 5; shot++)
         g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
     g_assert_cmpint(line.pulses, ==, 5);
@@ -207,7 +188,7 @@ static void hardware_trigger(void) {
     g_unlink(path);
     g_assert_cmpint(eye_shoot(&eye, 6), ==, CAMERA_FAULT);
     eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "cannot make a pulse with");
-    eye_end(&eye);
+    eye_end(&eye, NULL);
     g_rmdir(dir);
 }
 
@@ -216,26 +197,15 @@ static void hardware_trigger(void) {
 static void eight_at_once(void) {
     struct eye eyes[8] = {0};
     struct virtual_camera_faults faults = {.no_resend = TRUE};
-    GError *error = NULL;
     for (int i = 0; i < 8; i++) {
         g_autofree char *serial = g_strdup_printf("EIGHT%d", i);
         eyes[i].device = eye_device(serial, 1024, 768, CFA_RGGB);
         virtual_gige_fail(eyes[i].device, &faults);
-        eye_open(&eyes[i], "pixel_format = BayerRG8", &error);
-        g_assert_no_error(error);
+        eye_start(&eyes[i], "pixel_format = BayerRG8", 1000);
     }
+    eye_shoot_together(eyes, 8, 10);
     for (int i = 0; i < 8; i++)
-        g_assert_true(eye_ready(&eyes[i], 1000, NULL));
-    for (guint64 shot = 1; shot <= 10; shot++) {
-        for (int i = 0; i < 8; i++)
-            eye_trigger(&eyes[i], shot);
-        for (int i = 0; i < 8; i++)
-            conformance_wait(eyes[i].clock, &eyes[i].n_ended, (int)shot, 10);
-    }
-    for (int i = 0; i < 8; i++) {
-        g_assert_cmpint(eyes[i].n_frames, ==, 10);
-        eye_end(&eyes[i]);
-    }
+        eye_end(&eyes[i], NULL);
 }
 
 static void scan(void) {
@@ -264,16 +234,15 @@ static void by_serial(void) {
     g_autoptr(Config) other = conformance_config(&with, "device = NOBODY\n", &section);
     eye.clock = clock_new_real();
     g_assert_null(camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error));
-    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
-    g_assert_nonnull(strstr(error->message, "no camera \"NOBODY\" is found"));
-    g_clear_error(&error);
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                             "no camera \"NOBODY\" is found");
     section = config_find(config, "camera", "eye");
     eye.camera = camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error);
     g_assert_no_error(error);
     camera_listen(eye.camera, eye_on_event, &eye);
     g_assert_true(eye_ready(&eye, 1000, NULL));
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }
 
 static void refused_options(void) {
@@ -300,7 +269,7 @@ static void refused_options(void) {
         g_clear_error(&error);
         eye_close(&eye);
     }
-    eye_end(&eye);
+    eye_end(&eye, NULL);
 }
 
 static Camera *set_off(VirtualGige *device, int i, Clock *clock) {
@@ -356,17 +325,26 @@ static void closed_before_opened(void) {
     struct virtual_camera_faults slow = {.answer_us = 10000}, none = {0};
     struct eye eye = {.device = device};
     Clock *clock = clock_new_real();
-    GError *error = NULL;
     virtual_gige_fail(device, &slow);
     camera_close(set_off(device, 0, clock));
     virtual_gige_fail(device, &none);
-    eye_open(&eye, "", &error);
-    g_assert_no_error(error);
-    g_assert_true(eye_ready(&eye, 1000, NULL));
+    eye_start(&eye, "", 1000);
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
-    eye_end(&eye);
+    eye_end(&eye, NULL);
     clock_unref(clock);
 }
+
+static const struct {
+    const char *name;
+    void (*run)(struct eye *eye, gconstpointer unused);
+    const char *keys;
+} cases[] = {
+    {"/gige/times", times, ""},
+    {"/gige/exposed-before-it-is-here", exposed_before_it_is_here,
+     "packet_delay_ns = 2000000\npacket_size = 1500"},
+    {"/gige/without-clock", without_clock, "stamp = none"},
+    {"/gige/packet-socket", packet_socket, "packet_socket = yes"},
+};
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
@@ -382,11 +360,7 @@ int main(int argc, char **argv) {
     }
     g_test_add_func("/gige/settings", settings);
     g_test_add_func("/gige/packet-size", packet_size);
-    g_test_add_func("/gige/times", times);
     g_test_add_func("/gige/stamps-of-the-end", stamps_of_the_end);
-    g_test_add_func("/gige/exposed-before-it-is-here", exposed_before_it_is_here);
-    g_test_add_func("/gige/without-clock", without_clock);
-    g_test_add_func("/gige/packet-socket", packet_socket);
     g_test_add_func("/gige/hardware-trigger", hardware_trigger);
     g_test_add_func("/gige/eight-at-once", eight_at_once);
     g_test_add_func("/gige/opened-at-once", opened_at_once);
@@ -394,5 +368,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/gige/scan", scan);
     g_test_add_func("/gige/by-serial", by_serial);
     g_test_add_func("/gige/refused-options", refused_options);
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
+        g_test_add(cases[i].name, struct eye, cases[i].keys, eye_begin, cases[i].run, eye_end);
     return g_test_run();
 }

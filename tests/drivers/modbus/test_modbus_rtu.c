@@ -43,11 +43,11 @@ static void begin_with(struct opened *opened, VirtualModbus *served, int retries
     virtual_modbus_set_plain(opened->device, 1, 222);
 }
 
-static void begin(struct opened *opened, int retries) {
-    begin_with(opened, modbus_rig_device(TRUE), retries);
+static void begin(struct opened *opened, gconstpointer unused) {
+    begin_with(opened, modbus_rig_device(TRUE), 3);
 }
 
-static void end(struct opened *opened) {
+static void end(struct opened *opened, gconstpointer unused) {
     modbus_bus_unref(opened->bus);
     virtual_modbus_free(opened->device);
     clock_unref(opened->clock);
@@ -90,17 +90,14 @@ static void raw_is_fooled(void) {
     modbus_free(raw);
 }
 
-static void late_is_asked_again(void) {
+static void late_is_asked_again(struct opened *opened, gconstpointer unused) {
     struct virtual_modbus_faults late = {.late = 1, .late_ms = 60};
     struct modbus_counts counts;
-    struct opened opened;
-    begin(&opened, 3);
-    virtual_modbus_fail(opened.device, &late);
-    expect_plain(&opened, 0, 111);
-    expect_plain(&opened, 1, 222);
-    modbus_bus_counts(opened.bus, &counts);
+    virtual_modbus_fail(opened->device, &late);
+    expect_plain(opened, 0, 111);
+    expect_plain(opened, 1, 222);
+    modbus_bus_counts(opened->bus, &counts);
     g_assert_cmpint(counts.timeouts, ==, 1);
-    end(&opened);
 }
 
 /* Without a retry the request fails; its answer must not pass for that to the next one. */
@@ -112,7 +109,7 @@ static void late_is_not_the_next(void) {
         struct opened opened;
         GError *error = NULL;
         guint16 value;
-        begin(&opened, 0);
+        begin_with(&opened, modbus_rig_device(TRUE), 0);
         virtual_modbus_fail(opened.device, &late);
         /* A busy machine may wake this too late to see that it was late. */
         if (read_plain(&opened, 0, &value, &error)) {
@@ -124,63 +121,53 @@ static void late_is_not_the_next(void) {
         g_clear_error(&error);
         expect_plain(&opened, 1, 222);
         expect_plain(&opened, 0, 111);
-        end(&opened);
+        end(&opened, NULL);
     }
     g_assert_cmpint(n_late, >, 0);
 }
 
-static void change_plain(gpointer data) {
-    virtual_modbus_set_plain(data, 0, 333);
-}
-
 static gpointer change_later(gpointer data) {
     g_usleep(60000);
-    change_plain(data);
+    virtual_modbus_set_plain(data, 0, 333);
     return NULL;
 }
 
 /* Later than the line waits: the old answer comes while the question is asked anew, with a value
  * that is true no more. That a second answer follows gives it away. */
-static void very_late_is_disbelieved(void) {
+static void very_late_is_disbelieved(struct opened *opened, gconstpointer unused) {
     struct virtual_modbus_faults late = {.late = 1, .late_ms = 155};
     struct modbus_counts counts;
-    struct opened opened;
-    begin(&opened, 3);
-    virtual_modbus_fail(opened.device, &late);
-    GThread *thread = g_thread_new("change", change_later, opened.device);
-    expect_plain(&opened, 0, 333);
+    virtual_modbus_fail(opened->device, &late);
+    GThread *thread = g_thread_new("change", change_later, opened->device);
+    expect_plain(opened, 0, 333);
     g_thread_join(thread);
-    modbus_bus_counts(opened.bus, &counts);
+    modbus_bus_counts(opened->bus, &counts);
     g_assert_cmpint(counts.disbelieved, >=, 1);
-    expect_plain(&opened, 1, 222);
-    end(&opened);
+    expect_plain(opened, 1, 222);
 }
 
-static void damaged_is_repeated(void) {
+static void damaged_is_repeated(struct opened *opened, gconstpointer unused) {
     struct virtual_modbus_faults damaged = {.damaged = 2};
     struct modbus_counts counts;
-    struct opened opened;
     GError *error = NULL;
     guint16 value;
-    begin(&opened, 3);
-    virtual_modbus_fail(opened.device, &damaged);
-    expect_plain(&opened, 0, 111);
-    modbus_bus_counts(opened.bus, &counts);
+    virtual_modbus_fail(opened->device, &damaged);
+    expect_plain(opened, 0, 111);
+    modbus_bus_counts(opened->bus, &counts);
     g_assert_cmpint(counts.damaged, ==, 2);
     damaged.damaged = -1;
-    virtual_modbus_fail(opened.device, &damaged);
-    g_assert_false(read_plain(&opened, 0, &value, &error));
+    virtual_modbus_fail(opened->device, &damaged);
+    g_assert_false(read_plain(opened, 0, &value, &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL);
     g_assert_nonnull(strstr(error->message, "unit 7, reading holding register 100 (0x0064)"));
     g_assert_nonnull(strstr(error->message, "4 tries"));
     g_assert_nonnull(strstr(error->message, "termination"));
     g_clear_error(&error);
-    modbus_bus_counts(opened.bus, &counts);
+    modbus_bus_counts(opened->bus, &counts);
     g_assert_cmpint(counts.damaged, ==, 6);
     damaged.damaged = 0;
-    virtual_modbus_fail(opened.device, &damaged);
-    expect_plain(&opened, 1, 222);
-    end(&opened);
+    virtual_modbus_fail(opened->device, &damaged);
+    expect_plain(opened, 1, 222);
 }
 
 static void note(const struct modbus_job *job, const GError *error, gpointer data) {
@@ -189,12 +176,10 @@ static void note(const struct modbus_job *job, const GError *error, gpointer dat
 }
 
 /* Commands keep their order, polls come last, results come from the main loop alone. */
-static void order(void) {
+static void order(struct opened *opened, gconstpointer unused) {
     g_autoptr(GString) text = g_string_new(NULL);
     struct virtual_modbus_faults slow = {.delay_us = 5000};
-    struct opened opened;
-    begin(&opened, 3);
-    virtual_modbus_fail(opened.device, &slow);
+    virtual_modbus_fail(opened->device, &slow);
     static const struct {
         int index;
         gboolean poll;
@@ -202,7 +187,7 @@ static void order(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(jobs); i++) {
         struct modbus_job job = {0};
         modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN + jobs[i].index, 1);
-        modbus_bus_start(opened.bus, &opened.link, &job, jobs[i].poll, 1500, note, text);
+        modbus_bus_start(opened->bus, &opened->link, &job, jobs[i].poll, 1500, note, text);
     }
     g_usleep(100000);
     g_assert_cmpuint(text->len, ==, 0);
@@ -211,11 +196,10 @@ static void order(void) {
     g_assert_cmpstr(text->str, ==, "0 2 4 1 3 ");
     struct modbus_job job = {0};
     modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
-    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 1500, note, text);
-    modbus_bus_cancel(opened.bus, text);
-    conformance_pass(opened.clock, 0.05);
+    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 1500, note, text);
+    modbus_bus_cancel(opened->bus, text);
+    conformance_pass(opened->clock, 0.05);
     g_assert_cmpuint(text->len, ==, 10);
-    end(&opened);
 }
 
 static void note_failed(const struct modbus_job *job, const GError *error, gpointer data) {
@@ -225,20 +209,17 @@ static void note_failed(const struct modbus_job *job, const GError *error, gpoin
 
 /* A request that is not answered holds up the line for longer than what waits behind it may take.
  */
-static void waiting_does_not_count(void) {
+static void waiting_does_not_count(struct opened *opened, gconstpointer unused) {
     g_autoptr(GString) text = g_string_new(NULL);
     struct virtual_modbus_faults silent = {.silent = 4};
-    struct opened opened;
-    begin(&opened, 3);
-    virtual_modbus_fail(opened.device, &silent);
+    virtual_modbus_fail(opened->device, &silent);
     struct modbus_job job = {0};
     modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
-    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 1500, note_failed, text);
-    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 300, note, text);
+    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 1500, note_failed, text);
+    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 300, note, text);
     while (text->len < 9)
         g_main_context_iteration(NULL, TRUE);
     g_assert_cmpstr(text->str, ==, "failed 0 ");
-    end(&opened);
 }
 
 /* A program that was killed leaves its settings behind; a pseudo-terminal has no parity to set. */
@@ -256,7 +237,7 @@ static void left_behind(void) {
     close(fd);
     begin_with(&opened, g_steal_pointer(&device), 0);
     expect_plain(&opened, 0, 111);
-    end(&opened);
+    end(&opened, NULL);
 }
 
 /* Two masters on one line would move axes by each other's answers. */
@@ -273,9 +254,7 @@ static void in_use(void) {
     struct modbus_line *line = modbus_line_new(&link, &error);
     g_assert_no_error(error);
     g_assert_false(modbus_line_connect(line, g_get_monotonic_time() + 100000, &error));
-    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
-    g_assert_nonnull(strstr(error->message, "another program uses it"));
-    g_clear_error(&error);
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "another program uses it");
     close(other);
     g_assert_true(modbus_line_connect(line, g_get_monotonic_time() + 3000000, &error));
     g_assert_cmpint(modbus_serial_take(link.bus), ==, -1);
@@ -289,12 +268,16 @@ int main(int argc, char **argv) {
     modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE);
     modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE);
     g_test_add_func("/modbus/rtu/raw-is-fooled", raw_is_fooled);
-    g_test_add_func("/modbus/rtu/late-is-asked-again", late_is_asked_again);
+    g_test_add("/modbus/rtu/late-is-asked-again", struct opened, NULL, begin, late_is_asked_again,
+               end);
     g_test_add_func("/modbus/rtu/late-is-not-the-next", late_is_not_the_next);
-    g_test_add_func("/modbus/rtu/very-late-is-disbelieved", very_late_is_disbelieved);
-    g_test_add_func("/modbus/rtu/damaged-is-repeated", damaged_is_repeated);
-    g_test_add_func("/modbus/rtu/order", order);
-    g_test_add_func("/modbus/rtu/waiting-does-not-count", waiting_does_not_count);
+    g_test_add("/modbus/rtu/very-late-is-disbelieved", struct opened, NULL, begin,
+               very_late_is_disbelieved, end);
+    g_test_add("/modbus/rtu/damaged-is-repeated", struct opened, NULL, begin, damaged_is_repeated,
+               end);
+    g_test_add("/modbus/rtu/order", struct opened, NULL, begin, order, end);
+    g_test_add("/modbus/rtu/waiting-does-not-count", struct opened, NULL, begin,
+               waiting_does_not_count, end);
     g_test_add_func("/modbus/rtu/left-behind", left_behind);
     g_test_add_func("/modbus/rtu/in-use", in_use);
     int result = g_test_run();
