@@ -14,7 +14,7 @@
 
 extern const struct command cli_calibrate;
 
-/* Their names are "calibrate NAME", so that cli_parse() and cli_usage() speak of that. */
+/* Their names are "calibrate NAME", so that usage and help speak of that. */
 extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,
     calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
 

@@ -72,7 +72,7 @@ static gboolean open_rig(Link *link, const char *rig, GError **error) {
 }
 
 static GVariant *start_options(void) {
-    g_autofree char *path = calibration ? cli_absolute(calibration) : NULL;
+    g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     GVariantDict options;
     g_variant_dict_init(&options, NULL);
     if (process)
@@ -143,9 +143,9 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
 static int run_capture(const struct call *call, GError **error) {
     if (!output)
         return cli_usage(call->command, "where to? Give -o DIR");
-    g_autofree char *rig = cli_absolute(call->arguments[0]);
-    g_autofree char *session = cli_absolute(call->arguments[1]);
-    g_autofree char *directory = cli_absolute(output);
+    g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
+    g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
+    g_autofree char *directory = g_canonicalize_filename(output, NULL);
     return cli_capture_run(call, rig, session, directory, error);
 }
 
@@ -154,7 +154,7 @@ static char *rig_of_session(const char *directory, GError **error) {
     if (!session)
         return NULL;
     if (rig_option)
-        return cli_absolute(rig_option);
+        return g_canonicalize_filename(rig_option, NULL);
     g_autofree char *path = session_value(session, "rig_path");
     if (path && g_file_test(path, G_FILE_TEST_EXISTS))
         return g_steal_pointer(&path);
@@ -170,7 +170,7 @@ static char *rig_of_session(const char *directory, GError **error) {
 }
 
 static int run_resume(const struct call *call, GError **error) {
-    g_autofree char *directory = cli_absolute(call->arguments[0]);
+    g_autofree char *directory = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *rig = rig_of_session(directory, error);
     return rig ? cli_capture_run(call, rig, NULL, directory, error) : CLI_FAILED;
 }

@@ -7,7 +7,7 @@
 
 /* NULL: none was given. g_free(). */
 static char *directory_of(const struct call *call) {
-    return call->n_arguments > 0 ? cli_absolute(call->arguments[0]) : NULL;
+    return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }
 
 static void tell_times(Record *to, BusRig1 *rig) {

@@ -340,7 +340,7 @@ static const GOptionEntry entries[] = {
 };
 
 static int cli_info_run(const struct call *call, GError **error) {
-    g_autofree char *path = cli_absolute(call->arguments[0]);
+    g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
         return cli_usage(call->command, "--history draws a session, and %s is none",
