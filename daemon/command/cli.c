@@ -1,7 +1,5 @@
 #include "cli.h"
 
-#include "base/config.h"
-
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -133,19 +131,4 @@ static void cli_check_output(void) {
 
 void cli_check_output_at_exit(void) {
     atexit(cli_check_output);
-}
-
-gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error) {
-    g_autoptr(Config) config = config_load(path, error);
-    gsize n = 0;
-    if (!config)
-        return FALSE;
-    const struct config_section *sections = config_sections(config, &n);
-    *ret = TRUE;
-    for (gsize i = 0; i < n; i++) {
-        const char *driver = config_value(&sections[i], "driver", NULL);
-        if (driver && !g_str_has_prefix(driver, "sim-"))
-            *ret = FALSE;
-    }
-    return TRUE;
 }

@@ -49,6 +49,3 @@ void cli_check_output_at_exit(void);
 
 /* Tells what is wrong with the call, on stderr; returns CLI_USAGE. */
 int cli_usage(const struct command *command, const char *format, ...) G_GNUC_PRINTF(2, 3);
-
-/* Whether every driver of a rig file is a simulated one. */
-gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error);
