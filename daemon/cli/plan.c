@@ -21,10 +21,9 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     if (!bus_rig1_call_validate_sync(link_rig(link), session, directory, &ok, &text, &plan, NULL,
                                      error))
         return NULL;
-    if (ok)
-        return g_steal_pointer(&plan);
-    g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
-    return NULL;
+    if (!ok)
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
+    return ok ? g_steal_pointer(&plan) : NULL;
 }
 
 static GVariant *plan_here(const char *rig, const char *session, const char *directory,
