@@ -34,7 +34,7 @@ static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *f
     g_ptr_array_add(job->base.frames, frame);
 }
 
-static gboolean gather_session(struct job *job, int lay, GError **error) {
+static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, GError **error) {
     g_autoptr(Session) session = calibrate_open(&job->base, lay, error);
     g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
     for (guint i = 0; frames && i < frames->len; i++) {
@@ -127,7 +127,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
     if (images_option && !gather_photographs(job, error))
         return FALSE;
     for (int i = 0; i < base->n_sessions; i++)
-        if (!gather_session(job, i, error))
+        if (!cli_calibrate_cameras_gather_session(job, i, error))
             return FALSE;
     const struct cameras_task task = {
         .board = job->board,

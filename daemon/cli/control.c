@@ -11,7 +11,7 @@ static char *directory_of(const struct call *call) {
 }
 
 /* Of the session: how much of it is done, and the time. */
-static void tell_session(Record *to, BusRig1 *rig) {
+static void tell_progress(Record *to, BusRig1 *rig) {
     const int shots = bus_rig1_get_shots(rig), done = bus_rig1_get_shots_done(rig);
     const guint64 end = bus_rig1_get_predicted_end(rig);
     g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
@@ -48,7 +48,7 @@ static void tell_status(Record *to, BusRig1 *rig) {
         record_say(to, "doing      %s\n", doing);
     record_say(to, "rig        %s\n", bus_rig1_get_rig_path(rig));
     if (bus_rig1_get_shots(rig) > 0)
-        tell_session(to, rig);
+        tell_progress(to, rig);
     if (!devices || g_variant_n_children(devices) == 0)
         return;
     record_say(to, "\n%-10s %-16s %-16s %s\n", "CLASS", "NAME", "DRIVER", "HEALTH");
