@@ -110,10 +110,7 @@ static gboolean cli_compress_work(const struct work *work, gpointer data, GError
 
 static void cli_compress_add_values(Record *to, const struct compress *compress, double seconds) {
     const struct codec_result *result = &compress->result;
-    int levels = 0; /* of a codec that makes no mip levels */
-    for (const struct option *option = compress->asked->method.options; option->name; option++)
-        if (g_str_equal(option->name, "mips"))
-            levels = (int)result->levels->len;
+    const gboolean mips = options_find(compress->asked->method.options, "mips") != NULL;
     record_string(to, "file", compress->written);
     record_string(to, "method", compress->asked->method.name);
     record_int(to, "texels", compress->texels);
@@ -122,7 +119,7 @@ static void cli_compress_add_values(Record *to, const struct compress *compress,
     record_int(to, "clusters", result->clusters);
     record_int(to, "components", result->components);
     record_int(to, "grid", result->grid);
-    record_int(to, "levels", levels);
+    record_int(to, "levels", mips ? result->levels->len : 0);
     record_int(to, "holes", compress->holes);
     record_int(to, "lower_bounds", compress->bounds);
     record_int(to, "btf_bytes", compress->raw_bytes);

@@ -26,11 +26,9 @@ static const struct option memory = {
     .help = "take no more than this; a BTF that is larger stays in a temporary file"};
 
 static const struct option *compress_find(const struct compress_method *method, const char *name) {
-    for (const struct option *option = method->options; option->name; option++)
-        if (g_str_equal(option->name, name))
-            return option;
-    return method->codec && method->codec->bounded && g_str_equal(name, memory.name) ? &memory
-                                                                                     : NULL;
+    if (g_str_equal(name, memory.name))
+        return method->codec && method->codec->bounded ? &memory : NULL;
+    return options_find(method->options, name);
 }
 
 static void compress_list_option(const struct option *option) {
