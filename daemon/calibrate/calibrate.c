@@ -25,7 +25,7 @@ static gboolean calibrate_work(const struct work *work, gpointer data, GError **
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error) {
     if (!calibrate_output)
-        return cli_usage(call->command, "where to? Give -o FILE");
+        return cli_usage(call->command, "no file to write is given: give -o FILE");
     job->method = method;
     job->sessions = call->arguments;
     job->n_sessions = call->n_arguments;

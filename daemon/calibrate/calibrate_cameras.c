@@ -167,7 +167,7 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
     g_autoptr(GError) bad = NULL;
     struct job job = {0};
     if (!board_option)
-        return cli_usage(call->command, "which board? Give --board");
+        return cli_usage(call->command, "no board is given: give --board");
     if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR");
     if (!board_parse(&job.board, board_option, &bad))

@@ -45,7 +45,7 @@ static int cli_calibrate_colour_run(const struct call *call, GError **error) {
                                                    cli_calibrate_colour_tell, .adds = TRUE};
     struct calibrate_job job = {0};
     if (!chart_option)
-        return cli_usage(call->command, "which chart? Give --chart FILE");
+        return cli_usage(call->command, "no chart is given: give --chart FILE");
     return calibrate_run(call, &method, &job, error);
 }
 

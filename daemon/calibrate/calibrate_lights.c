@@ -309,7 +309,7 @@ static int cli_calibrate_lights_run(const struct call *call, GError **error) {
     if (call->n_arguments < 1)
         return cli_usage(command, "give a captured session, or --images DIR");
     if (!target_option)
-        return cli_usage(command, "what stands on the turntable? Give --target");
+        return cli_usage(command, "no target on the turntable is given: give --target FILE");
     if (!lamp_target_load(&job.target, target_option, error))
         return CLI_FAILED;
     job.views = g_array_new(FALSE, FALSE, sizeof(struct view));

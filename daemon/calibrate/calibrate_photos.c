@@ -295,17 +295,18 @@ static void cli_calibrate_photos_tell(Record *to, const struct job *job) {
 int photos_calibrate(const struct call *call, GError **error) {
     struct job job = {0};
     if (!calibrate_output)
-        return cli_usage(call->command, "where to? Give -o FILE");
+        return cli_usage(call->command, "no file to write is given: give -o FILE");
     if (call->n_arguments > 0)
         return cli_usage(call->command, "give a session, or --images DIR, not both");
     if (!photos_balls)
         return cli_usage(call->command,
-                         "where is the ball in the photographs? Give --ball X,Y,R in pixels");
+                         "no ball in the photographs is given: give --ball X,Y,R in pixels");
     for (char **text = photos_balls; *text; text++) {
         double v[3];
         if (job.n_balls == BALL_LIGHT_MOST || !calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
             return cli_usage(call->command,
-                             "--ball needs X,Y,R in pixels, R at least 5; at most 16 of them");
+                             "--ball=%s: give X,Y,R in pixels, R at least 5; at most 16 of them",
+                             *text);
         job.given[job.n_balls++] = (struct ball_outline){v[0], v[1], v[2]};
     }
     job.rejected = g_ptr_array_new_with_free_func(g_free);

@@ -89,12 +89,13 @@ static int cli_calibrate_radiometry_run(const struct call *call, GError **error)
     double size_mm[2];
     if (!reflectance_option || !parse_reflectance(job.options.reflectance))
         return cli_usage(call->command,
-                         "how much does the tile reflect? Give --reflectance, a number "
-                         "such as 0.98, or three separated by ';'");
+                         "no reflectance of the tile is given: give --reflectance, a number from "
+                         "0.05 to 1.2 such as 0.98, or three separated by ';'");
     if (tile_option) {
         if (!calibrate_parse(tile_option, "x", 2, size_mm) ||
             !(MIN(size_mm[0], size_mm[1]) > 5 && MAX(size_mm[0], size_mm[1]) < 1e5))
-            return cli_usage(call->command, "how large is the tile? Give --tile as 50x50, in mm");
+            return cli_usage(call->command, "--tile=%s: give its width and height in mm, as 50x50",
+                             tile_option);
         job.options.width_mm = size_mm[0];
         job.options.height_mm = size_mm[1];
     }

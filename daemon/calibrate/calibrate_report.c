@@ -297,7 +297,7 @@ static char *page(const struct calibration *calibration) {
 
 static int cli_calibrate_report_run(const struct call *call, GError **error) {
     if (!output_option)
-        return cli_usage(call->command, "where to? Give -o FILE.html");
+        return cli_usage(call->command, "no page to write is given: give -o FILE.html");
     g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
     g_autofree char *text = calibration ? page(calibration) : NULL;
     if (!text || !g_file_set_contents(output_option, text, -1, error))

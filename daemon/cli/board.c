@@ -20,9 +20,12 @@ static int cli_board_run(const struct call *call, GError **error) {
     const char *path = call->arguments[0];
     struct board board;
     if (!board_option)
-        return cli_usage(call->command, "which board? Give --board");
+        return cli_usage(call->command, "no board is given: give --board");
     if (!(margin_mm >= 0 && margin_mm <= 1000) || !(pixels_a_mm > 0 && pixels_a_mm <= 1000))
-        return cli_usage(call->command, "--margin is 0 to 1000 mm and --pixels up to 1000 a mm");
+        return cli_usage(call->command,
+                         "--margin=%g or --pixels=%g is out of range: a margin is 0 to "
+                         "1000 mm, with up to 1000 pixels a mm",
+                         margin_mm, pixels_a_mm);
     if (!board_parse(&board, board_option, &bad))
         return cli_usage(call->command, "%s", bad->message);
     const struct board_drawing drawing = {margin_mm, pixels_a_mm};

@@ -144,7 +144,7 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
 
 static int run_capture(const struct call *call, GError **error) {
     if (!output)
-        return cli_usage(call->command, "where to? Give -o DIR");
+        return cli_usage(call->command, "no session to make is given: give -o DIR");
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
     g_autofree char *directory = g_canonicalize_filename(output, NULL);

@@ -176,10 +176,12 @@ static const GOptionEntry entries[] = {
 static int cli_compare_run(const struct call *call, GError **error) {
     const char *a = call->arguments[0], *b = call->arguments[1];
     if (curve_option ? b || plot_option : !b)
-        return cli_usage(call->command, "two materials are compared; --curve is of one session");
+        return cli_usage(call->command,
+                         "give two materials to compare, or one session with --curve FILE");
     if (!curve_option && compare_is_picture(a) && compare_is_picture(b)) {
         if (plot_option)
-            return cli_usage(call->command, "--plot is of materials, not of pictures");
+            return cli_usage(call->command,
+                             "--plot draws the errors of materials; leave it out for pictures");
         return cli_compare_run_pictures(call->record, a, b, error);
     }
     struct compare compare = {a, b, plot_option, curve_option};

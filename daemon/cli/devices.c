@@ -114,10 +114,12 @@ static int run_devices(const struct call *call, GError **error) {
     const struct command *command = call->command;
     struct finder_modbus modbus = {.first = 1, .last = 16};
     if (units_option && !parse_units(units_option, &modbus))
-        return cli_usage(command, "“%s” are no units; say one of 1 to 247, or a range as 1-16",
+        return cli_usage(command, "--units=%s: give a unit from 1 to 247, or a range as 1-16",
                          units_option);
     if (baud_option < 0 || (!modbus_option && (units_option || baud_option || parity_option)))
-        return cli_usage(command, "--units, --baud and --parity are about the line of --modbus");
+        return cli_usage(
+            command,
+            "--units, --baud and --parity describe the line of --modbus LINE; give that, too");
     modbus.bus = modbus_option;
     modbus.baud = baud_option;
     modbus.parity = parity_option;

@@ -140,9 +140,9 @@ static int cli_resample_run(const struct call *call, GError **error) {
     struct job job = {.session = call->arguments[0]};
     double seconds = 0;
     if (!output)
-        return cli_usage(call->command, "where to? Give -o DIR.session");
+        return cli_usage(call->command, "no session to make is given: give -o DIR.session");
     if (threads < 0 || threads > 1024)
-        return cli_usage(call->command, "--threads is 1 to 1024");
+        return cli_usage(call->command, "--threads=%d is out of range: 1 to 1024", threads);
     if (directions && strcmp(directions, "own") != 0) {
         job.to = strcmp(directions, "81") == 0 ? btf_directions_81()
                                                : btf_directions_read(directions, error);

@@ -56,11 +56,11 @@ static gboolean cli_parse(const struct command *command, int *argc, char ***argv
         (*argc)--;
     }
     if (*argc - 1 < command->min)
-        cli_usage(command, "there is something missing");
+        cli_usage(command, "an argument is missing");
     else if (*argc - 1 > command->max)
         cli_usage(command, "too many arguments");
     else if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0)
-        cli_usage(command, "--bus is system or session");
+        cli_usage(command, "there is no --bus=%s; choose from: system, session", cli_bus);
     else if (cli_bus && cli_address)
         cli_usage(command, "give --bus or --address, not both");
     else
