@@ -280,80 +280,80 @@ static void test_info(void) {
 }
 
 /* Every way to compress what was processed; the errors are compared in test_lpca. */
+static const struct step compress_steps[] = {
+    {0, "compress S -k 3 -c 2", "3 clusters of 2 components"},
+    {0, "info S/products/lpca.exr", "clusters × components 3 × 2 in half, of "},
+    {0, "compress --json S/products/btf -k 2 -e 50% -q 8bit -o other.exr", "\"clusters\": 2"},
+    {0, "info other.exr"},
+    {0, "compress S -m eigenmaps -c 1 -o other.exr", "1 eigen-maps"},
+    {0, "compress S -m eigenmaps -o matrix.exr"},
+    /* A view takes 3 kB as floats. */
+    {0, "compress S -m eigenmaps --memory 7kB -c 1 -o other.exr", "1 eigen-maps"},
+    {1, "compress S -m eigenmaps --memory 5kB -c 1 -o other.exr", "allow more"},
+    {0, "compress S -m eigenmaps -e 99% -o other.exr", "1 eigen-maps"},
+    {1, "compress S -m eigenmaps -e 0.0001% -c 1 -o other.exr", "is not reached with 1 eigen-maps"},
+    {2, "compress S -m ptm --memory 7kB"},
+    {1, "compress S -k 1 -c 1 -e 0.0001%", "is not reached"},
+    {1, "compress S -o /no/such/folder/x.exr"},
+    {1, "compress ."},
+    {0, "compress S --model fields -c 1", "fields of 1 lobe, luminance off by"},
+    {0, "info S/products/fields.exr", "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights"},
+    {0, "compress --json S -m ashikhmin", "\"method\": \"ashikhmin\""},
+    {0, "compress S -m ptm --mips -o other.exr", "ptm, 4 mip levels, luminance off by"},
+    {2, "compress S -m eigenmaps --mips -o other.exr"},
+    {1, "compress S -m ptm -e 0.0001%"},
+    {1, "compress S -m fields -c 4"},
+    {2, "compress S -m ward -k 2"},
+    {0, "compress S --grid 5 -k 1 -c 1 -o other.exr", "1 cluster of 1 component on a grid of 5"},
+    {0, "compress --json S --size 20kB -o other.exr"},
+    {1, "compress S --size 10B -o other.exr"},
+    {0, "compress S -q packed -e 40% -o other.exr", "on disk, 1:"},
+    {0, "compare S other.exr"},
+    {0, "compress S -q packed -s 4500B -o packed.exr"},
+    {2, "compress S --memory little"},
+    {2, "compress S --colours xyz"},
+    {2, "compress S --colours log --grid 8"},
+    {2, "compress S --memory 60MB --mips"},
+    {2, "compress S --size large"},
+    {2, "compress S --size 20kB -k 2"},
+    {2, "compress S --grid 1000"},
+    {2, "compress S --grid 8 -m ptm"},
+    {2, "compress S -m wavelets"},
+    {2, "compress S -m eigenmaps"},
+    {2, "compress S -e many"},
+    {2, "compress S -q 4bit"},
+    {2, "compress S -k 0"},
+    {0, "compare S S/products/fields.exr --plot plot.png", "of R, G, B relative to A"},
+    {0, "compare --json S S/products/lpca.exr"},
+    {2, "compress S -q packed -o other.exr"},
+    {2, "compress S -q packed -e 40% --mips -o other.exr"},
+    {0, "compress S --mips -k 2 -c 1 -o other.exr", "2 clusters of 1 component, 4 mip levels"},
+    {0, "compress S --memory 60MB --colours log -k 1 -c 1 -q 8bit-weights -o other.exr",
+     "1 cluster of 1 component"},
+    {1, "compress S --memory 1kB -k 1 -c 1 -o other.exr", "of memory, not"},
+};
+
+/* With packed.exr cut short. */
+static const struct step cut_steps[] = {
+    {1, "info packed.exr", "not a whole EXR file"},
+    {1, "compare S packed.exr"},
+    {0, "compare --json S --curve curve.svg", "\"series\": \"local PCA, packed\", \"label\": \""},
+    {1, "compare S S/products/fields.exr --plot /no/such/folder/x.png"},
+    {1, "compare S S/products/fields.exr --plot plot.jpg"},
+    {1, "compare S/products/fields.exr --curve curve.svg"},
+    {2, "compare S"},
+    {2, "compare S S/products/fields.exr --curve curve.svg"},
+    {0, "compare S --curve curve.svg", "reflectance fields"},
+};
+
 static void test_compress(const char *folder) {
-    static const struct step steps[] = {
-        {0, "compress S -k 3 -c 2", "3 clusters of 2 components"},
-        {0, "info S/products/lpca.exr", "clusters × components 3 × 2 in half, of "},
-        {0, "compress --json S/products/btf -k 2 -e 50% -q 8bit -o other.exr", "\"clusters\": 2"},
-        {0, "info other.exr"},
-        {0, "compress S -m eigenmaps -c 1 -o other.exr", "1 eigen-maps"},
-        {0, "compress S -m eigenmaps -o matrix.exr"},
-        /* A view takes 3 kB as floats. */
-        {0, "compress S -m eigenmaps --memory 7kB -c 1 -o other.exr", "1 eigen-maps"},
-        {1, "compress S -m eigenmaps --memory 5kB -c 1 -o other.exr", "allow more"},
-        {0, "compress S -m eigenmaps -e 99% -o other.exr", "1 eigen-maps"},
-        {1, "compress S -m eigenmaps -e 0.0001% -c 1 -o other.exr",
-         "is not reached with 1 eigen-maps"},
-        {2, "compress S -m ptm --memory 7kB"},
-        {1, "compress S -k 1 -c 1 -e 0.0001%", "is not reached"},
-        {1, "compress S -o /no/such/folder/x.exr"},
-        {1, "compress ."},
-        {0, "compress S --model fields -c 1", "fields of 1 lobe, luminance off by"},
-        {0, "info S/products/fields.exr", "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights"},
-        {0, "compress --json S -m ashikhmin", "\"method\": \"ashikhmin\""},
-        {0, "compress S -m ptm --mips -o other.exr", "ptm, 4 mip levels, luminance off by"},
-        {2, "compress S -m eigenmaps --mips -o other.exr"},
-        {1, "compress S -m ptm -e 0.0001%"},
-        {1, "compress S -m fields -c 4"},
-        {2, "compress S -m ward -k 2"},
-        {0, "compress S --grid 5 -k 1 -c 1 -o other.exr",
-         "1 cluster of 1 component on a grid of 5"},
-        {0, "compress --json S --size 20kB -o other.exr"},
-        {1, "compress S --size 10B -o other.exr"},
-        {0, "compress S -q packed -e 40% -o other.exr", "on disk, 1:"},
-        {0, "compare S other.exr"},
-        {0, "compress S -q packed -s 4500B -o packed.exr"},
-        {2, "compress S --memory little"},
-        {2, "compress S --colours xyz"},
-        {2, "compress S --colours log --grid 8"},
-        {2, "compress S --memory 60MB --mips"},
-        {2, "compress S --size large"},
-        {2, "compress S --size 20kB -k 2"},
-        {2, "compress S --grid 1000"},
-        {2, "compress S --grid 8 -m ptm"},
-        {2, "compress S -m wavelets"},
-        {2, "compress S -m eigenmaps"},
-        {2, "compress S -e many"},
-        {2, "compress S -q 4bit"},
-        {2, "compress S -k 0"},
-        {0, "compare S S/products/fields.exr --plot plot.png", "of R, G, B relative to A"},
-        {0, "compare --json S S/products/lpca.exr"},
-        {2, "compress S -q packed -o other.exr"},
-        {2, "compress S -q packed -e 40% --mips -o other.exr"},
-        {0, "compress S --mips -k 2 -c 1 -o other.exr", "2 clusters of 1 component, 4 mip levels"},
-        {0, "compress S --memory 60MB --colours log -k 1 -c 1 -q 8bit-weights -o other.exr",
-         "1 cluster of 1 component"},
-        {1, "compress S --memory 1kB -k 1 -c 1 -o other.exr", "of memory, not"},
-    };
-    static const struct step cut[] = {
-        {1, "info packed.exr", "not a whole EXR file"},
-        {1, "compare S packed.exr"},
-        {0, "compare --json S --curve curve.svg",
-         "\"series\": \"local PCA, packed\", \"label\": \""},
-        {1, "compare S S/products/fields.exr --plot /no/such/folder/x.png"},
-        {1, "compare S S/products/fields.exr --plot plot.jpg"},
-        {1, "compare S/products/fields.exr --curve curve.svg"},
-        {2, "compare S"},
-        {2, "compare S S/products/fields.exr --curve curve.svg"},
-        {0, "compare S --curve curve.svg", "reflectance fields"},
-    };
     g_autofree char *maps = g_build_filename(folder, "S", "products", "eigenmaps.exr", NULL);
     g_autofree char *matrix = g_build_filename(folder, "matrix.exr", NULL);
     g_autofree char *file = g_build_filename(folder, "packed.exr", NULL);
     g_autofree char *from_views = NULL, *from_matrix = NULL, *packed = NULL;
     gsize n_views = 0, n_matrix = 0, n_packed = 0;
     struct output output = {0};
-    run_steps(folder, &output, steps);
+    run_steps(folder, &output, compress_steps);
     /* What is told is enough. */
     g_autoptr(GRegex) pattern = g_regex_new("take ([0-9.]+)\\s([kM]B)", 0, 0, NULL);
     g_autoptr(GMatchInfo) match = NULL;
@@ -369,7 +369,7 @@ static void test_compress(const char *folder) {
     g_assert_true(g_file_get_contents(file, &packed, &n_packed, NULL));
     g_assert_cmpuint(n_packed, <=, 4500);
     g_assert_true(g_file_set_contents(file, packed, (gssize)n_packed - 10, NULL));
-    run_steps(folder, &output, cut);
+    run_steps(folder, &output, cut_steps);
     assert_has(output.out, "local PCA, 8 bits");
     assert_has(output.out, "local PCA, packed");
     assert_exists(folder, "S/products/lpca.exr");
