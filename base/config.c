@@ -18,16 +18,11 @@ struct entry {
     int line;
 };
 
-struct section_data {
-    GPtrArray *keys;     /* of char *, in file order, NULL-terminated at the end */
-    GHashTable *entries; /* key -> struct entry; keys owned by the array above */
-};
-
 struct Config {
     char *path, *text;
-    GArray *sections;     /* of struct config_section */
-    GHashTable *by_group; /* "class name" -> struct section_data; keys owned */
-    GArray *problems;     /* of struct config_problem; NULL: the first one ends it */
+    GArray *sections;  /* of struct config_section */
+    GHashTable *lines; /* "class name" -> line of that section; keys owned */
+    GArray *problems;  /* of struct config_problem; NULL: the first one ends it */
 };
 
 GQuark config_error_quark(void) {
@@ -40,121 +35,87 @@ static void entry_free(gpointer data) {
     g_free(entry);
 }
 
-static void section_data_free(gpointer data) {
-    struct section_data *section = data;
-    g_hash_table_unref(section->entries);
-    g_ptr_array_unref(section->keys);
-    g_free(section);
-}
-
 static void section_clear(gpointer data) {
     struct config_section *section = data;
     g_free(section->group);
     g_free(section->class_name);
     g_free(section->name);
+    g_hash_table_unref(section->entries);
+    g_ptr_array_unref(section->keys);
 }
 
 static void config_problem_clear(gpointer data) {
     g_free(((struct config_problem *)data)->message);
 }
 
-static void G_GNUC_PRINTF(4, 5)
+static gboolean G_GNUC_PRINTF(4, 5)
     syntax_error(GError **error, const Config *config, int line, const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *message = g_strdup_vprintf(format, args);
     va_end(args);
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX, "%s:%d: %s", config->path, line, message);
-}
-
-/* Identifies a section by class and name, so that extra spaces within the brackets do not count. */
-static char *section_id(const char *class_name, const char *name) {
-    return name ? g_strconcat(class_name, " ", name, NULL) : g_strdup(class_name);
-}
-
-static const struct section_data *data_of(const struct config_section *section) {
-    g_autofree char *id = section_id(section->class_name, section->name);
-    return g_hash_table_lookup(section->config->by_group, id);
-}
-
-static int line_of_section(const Config *config, const char *class_name, const char *name) {
-    const struct config_section *section = config_find(config, class_name, name);
-    return section ? section->line : 0;
+    return FALSE;
 }
 
 /* text is what stands between the brackets, trimmed. */
 static gboolean config_add_section(Config *config, const char *text, int line, GError **error) {
-    if (!*text || strpbrk(text, "[]")) {
-        syntax_error(error, config, line, "a section is written as [class] or [class name]");
-        return FALSE;
-    }
-    gsize class_length = strcspn(text, " \t");
+    if (!*text || strpbrk(text, "[]"))
+        return syntax_error(error, config, line, "a section is written as [class] or [class name]");
+    const gsize class_length = strcspn(text, " \t");
     const char *rest = text + class_length + strspn(text + class_length, " \t");
-    struct config_section section = {.config = config, .line = line};
-    section.group = g_strdup(text);
-    section.class_name = g_strndup(text, class_length);
-    section.name = *rest ? g_strdup(rest) : NULL;
-
-    char *id = section_id(section.class_name, section.name);
-    if (g_hash_table_contains(config->by_group, id)) {
-        int before = line_of_section(config, section.class_name, section.name);
-        syntax_error(error, config, line, "[%s] was given before, in line %d: merge the two", text,
-                     before);
-        g_free(id);
-        section_clear(&section);
-        return FALSE;
-    }
-    struct section_data *data = g_new0(struct section_data, 1);
-    data->keys = g_ptr_array_new_with_free_func(g_free);
-    data->entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, entry_free);
-    g_hash_table_insert(config->by_group, id, data);
+    g_autofree char *class_name = g_strndup(text, class_length);
+    /* Extra spaces within the brackets do not count. */
+    g_autofree char *id = *rest ? g_strconcat(class_name, " ", rest, NULL) : g_strdup(class_name);
+    const int before = GPOINTER_TO_INT(g_hash_table_lookup(config->lines, id));
+    if (before)
+        return syntax_error(error, config, line, "[%s] was given before, in line %d: merge the two",
+                            text, before);
+    const struct config_section section = {
+        .config = config,
+        .group = g_strdup(text),
+        .class_name = g_steal_pointer(&class_name),
+        .name = *rest ? g_strdup(rest) : NULL,
+        .line = line,
+        .keys = g_ptr_array_new_with_free_func(g_free),
+        .entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, entry_free)};
+    g_hash_table_insert(config->lines, g_steal_pointer(&id), GINT_TO_POINTER(line));
     g_array_append_val(config->sections, section);
     return TRUE;
 }
 
-static gboolean is_key(const char *key) {
-    for (const char *c = key; *c; c++) {
-        if (!g_ascii_isalnum(*c) && *c != '_' && *c != '-' && *c != '.')
-            return FALSE;
-    }
-    return *key != '\0';
+/* NULL: there is none yet. */
+static struct config_section *last_section(const Config *config) {
+    const guint n = config->sections->len;
+    return n ? &g_array_index(config->sections, struct config_section, n - 1) : NULL;
 }
 
 static gboolean add_entry(Config *config, char *text, int line, GError **error) {
-    if (config->sections->len == 0) {
-        syntax_error(error, config, line, "text before the first [section]");
-        return FALSE;
-    }
-    const struct config_section *section =
-        &g_array_index(config->sections, struct config_section, config->sections->len - 1);
+    static const char key_characters[] = G_CSET_A_2_Z G_CSET_a_2_z G_CSET_DIGITS "_-.";
+    const struct config_section *section = last_section(config);
+    if (!section)
+        return syntax_error(error, config, line, "text before the first [section]");
     char *equals = strchr(text, '=');
-    if (!equals) {
-        syntax_error(error, config, line, "[%s]: neither \"key = value\" nor a [section]",
-                     section->group);
-        return FALSE;
-    }
+    if (!equals)
+        return syntax_error(error, config, line, "[%s]: neither \"key = value\" nor a [section]",
+                            section->group);
     *equals = '\0';
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
-    if (!is_key(key)) {
-        syntax_error(error, config, line,
-                     "[%s]: what stands before '=' is not a key: letters, digits, '_', '-' and "
-                     "'.' make one",
-                     section->group);
-        return FALSE;
-    }
-    struct section_data *data = (struct section_data *)data_of(section);
-    const struct entry *before = g_hash_table_lookup(data->entries, key);
-    if (before) {
-        syntax_error(error, config, line, "[%s] %s: was given before, in line %d", section->group,
-                     key, before->line);
-        return FALSE;
-    }
+    if (!*key || key[strspn(key, key_characters)])
+        return syntax_error(error, config, line,
+                            "[%s]: what stands before '=' is not a key: letters, digits, '_', '-' "
+                            "and '.' make one",
+                            section->group);
+    const struct entry *before = g_hash_table_lookup(section->entries, key);
+    if (before)
+        return syntax_error(error, config, line, "[%s] %s: was given before, in line %d",
+                            section->group, key, before->line);
     struct entry *entry = g_new0(struct entry, 1);
     entry->value = g_strdup(value);
     entry->line = line;
     char *owned = g_strdup(key);
-    g_ptr_array_add(data->keys, owned);
-    g_hash_table_insert(data->entries, owned, entry);
+    g_ptr_array_add(section->keys, owned);
+    g_hash_table_insert(section->entries, owned, entry);
     return TRUE;
 }
 
@@ -162,57 +123,41 @@ static gboolean config_parse_line(Config *config, char *text, int line, GError *
     g_strstrip(text);
     if (!*text || *text == '#')
         return TRUE;
-    for (const char *c = text; *c; c++) {
-        if (g_ascii_iscntrl(*c) && *c != '\t') {
-            syntax_error(error, config, line, "a control character (%d)", *c);
-            return FALSE;
-        }
-    }
+    for (const char *c = text; *c; c++)
+        if (g_ascii_iscntrl(*c) && *c != '\t')
+            return syntax_error(error, config, line, "a control character (%d)", *c);
     if (*text != '[')
         return add_entry(config, text, line, error);
-    gsize length = strlen(text);
-    if (text[length - 1] != ']') {
-        syntax_error(error, config, line, "the section's ']' is missing, or text follows it");
-        return FALSE;
-    }
+    const gsize length = strlen(text);
+    if (text[length - 1] != ']')
+        return syntax_error(error, config, line,
+                            "the section's ']' is missing, or text follows it");
     text[length - 1] = '\0';
     return config_add_section(config, g_strstrip(text + 1), line, error);
 }
 
-static gboolean is_heading(const char *text) {
-    return *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"));
-}
-
-/* "driver" once more: the heading between the two is missing. */
-static gboolean is_second_driver(const Config *config, const char *text) {
-    gsize length = strcspn(text, " \t=");
-    if (config->sections->len == 0 || length != 6 || strncmp(text, "driver", 6) != 0)
-        return FALSE;
-    const struct config_section *last =
-        &g_array_index(config->sections, struct config_section, config->sections->len - 1);
-    return config_value(last, "driver", NULL) != NULL;
-}
-
-/* Begins a section for the keys after a broken heading, so that they do not join the one before. */
-static void add_repaired_section(Config *config, const char *heading, int line) {
-    g_autofree char *plain = g_strdup(heading);
-    g_strstrip(g_strdelimit(plain, "[]", ' '));
-    g_autofree char *text =
-        g_strdup_printf("%s (line %d)", *plain ? plain : CONFIG_NO_HEADING, line);
-    config_add_section(config, text, line, NULL);
-}
-
 /* Leaves out a line that cannot be understood, and notes the problem. */
 static void parse_line_leniently(Config *config, char *text, int line) {
+    const struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
-    gboolean second = is_second_driver(config, text);
     g_autoptr(GError) error = NULL;
+    /* "driver" once more: the heading between the two is missing. */
+    const gboolean second = last && g_str_has_prefix(text, "driver") &&
+                            strcspn(text, " \t=") == strlen("driver") &&
+                            config_value(last, "driver", NULL);
     if (config_parse_line(config, copy, line, &error))
         return;
-    struct config_problem problem = {g_strdup(error->message), line};
+    const struct config_problem problem = {g_strdup(error->message), line};
     g_array_append_val(config->problems, problem);
-    if (second || is_heading(text))
-        add_repaired_section(config, second ? "" : text, line);
+    /* A section begins for the keys after a broken heading, so that they do not join the one
+     * before. */
+    if (second || *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"))) {
+        g_autofree char *plain = g_strdup(second ? "" : text);
+        g_strstrip(g_strdelimit(plain, "[]", ' '));
+        g_autofree char *heading =
+            g_strdup_printf("%s (line %d)", *plain ? plain : CONFIG_NO_HEADING, line);
+        config_add_section(config, heading, line, NULL);
+    }
     if (second)
         config_parse_line(config, text, line, NULL);
 }
@@ -226,29 +171,18 @@ static int line_at(const char *text, const char *at) {
 
 static gboolean config_do_parse(Config *config, gsize length, GError **error) {
     const char *text = config->text, *bad;
-    if (strlen(text) != length) {
-        syntax_error(error, config, line_at(text, text + strlen(text)), "a NUL byte");
-        return FALSE;
-    }
-    if (!g_utf8_validate(text, -1, &bad)) {
-        syntax_error(error, config, line_at(text, bad), "not UTF-8");
-        return FALSE;
-    }
+    if (strlen(text) != length)
+        return syntax_error(error, config, line_at(text, text + strlen(text)), "a NUL byte");
+    if (!g_utf8_validate(text, -1, &bad))
+        return syntax_error(error, config, line_at(text, bad), "not UTF-8");
     if (g_str_has_prefix(text, "\xef\xbb\xbf"))
         text += 3;
-    g_autofree char *copy = g_strdup(text);
-    char *end = copy + strlen(copy), *next;
-    int line = 1;
-    for (char *start = copy; start < end; start = next + 1, line++) {
-        next = memchr(start, '\n', (gsize)(end - start));
-        if (!next)
-            next = end;
-        *next = '\0';
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    for (int i = 0; lines[i]; i++)
         if (config->problems)
-            parse_line_leniently(config, start, line);
-        else if (!config_parse_line(config, start, line, error))
+            parse_line_leniently(config, lines[i], i + 1);
+        else if (!config_parse_line(config, lines[i], i + 1, error))
             return FALSE;
-    }
     return TRUE;
 }
 
@@ -264,22 +198,14 @@ static Config *config_new(char *text, gsize length, const char *path, gboolean l
     config->text = text;
     config->sections = g_array_new(FALSE, TRUE, sizeof(struct config_section));
     g_array_set_clear_func(config->sections, section_clear);
-    config->by_group = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, section_data_free);
+    config->lines = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     if (!config_do_parse(config, length, error)) {
         config_free(config);
         return NULL;
     }
-    GHashTableIter iter;
-    gpointer data;
-    g_hash_table_iter_init(&iter, config->by_group);
-    while (g_hash_table_iter_next(&iter, NULL, &data))
-        g_ptr_array_add(((struct section_data *)data)->keys, NULL);
+    for (guint i = 0; i < config->sections->len; i++)
+        g_ptr_array_add(g_array_index(config->sections, struct config_section, i).keys, NULL);
     return config;
-}
-
-static void too_long(GError **error, const char *path) {
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
-                "%s: longer than 1 MiB: this is not a configuration file", path);
 }
 
 static char *config_read_file(const char *path, gsize *ret_length, GError **error) {
@@ -320,7 +246,8 @@ Config *config_parse(const char *text, const char *path, GError **error) {
     g_return_val_if_fail(text && path, NULL);
     gsize length = strlen(text);
     if (length > MAX_BYTES) {
-        too_long(error, path);
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
+                    "%s: longer than 1 MiB: this is not a configuration file", path);
         return NULL;
     }
     return config_new(g_strdup(text), length, path, FALSE, error);
@@ -329,7 +256,7 @@ Config *config_parse(const char *text, const char *path, GError **error) {
 void config_free(Config *config) {
     if (!config)
         return;
-    g_hash_table_unref(config->by_group);
+    g_hash_table_unref(config->lines);
     g_array_unref(config->sections);
     g_clear_pointer(&config->problems, g_array_unref);
     g_free(config->path);
@@ -369,14 +296,14 @@ const struct config_section *config_find(const Config *config, const char *class
 }
 
 const char *config_value(const struct config_section *section, const char *key, int *ret_line) {
-    const struct entry *entry = g_hash_table_lookup(data_of(section)->entries, key);
+    const struct entry *entry = g_hash_table_lookup(section->entries, key);
     if (ret_line && entry)
         *ret_line = entry->line;
     return entry ? entry->value : NULL;
 }
 
 const char *const *config_keys(const struct config_section *section) {
-    return (const char *const *)data_of(section)->keys->pdata;
+    return (const char *const *)section->keys->pdata;
 }
 
 char *config_resolve(const Config *config, const char *path) {

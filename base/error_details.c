@@ -60,24 +60,16 @@ GQuark error_details_domain(const char *name) {
 GError *error_details_new_valist(GQuark domain, int code, const char *subject, const char *format,
                                  va_list args) {
     g_autofree char *marked = g_strdup_vprintf(format, args);
-    char **parts = g_strsplit(marked, ERROR_ADVICE, 2);
-    g_autofree char *rest = NULL;
-    if (parts[0] && parts[1]) {
-        char **advices = g_strsplit(parts[1], ERROR_ADVICE, -1);
-        rest = g_strjoinv("; ", advices);
-        g_strfreev(advices);
-    }
-    const char *what = parts[0] ? parts[0] : "";
-    g_autofree char *text = rest ? g_strconcat(what, "; ", rest, NULL) : g_strdup(what);
+    g_auto(GStrv) parts = g_strsplit(marked, ERROR_ADVICE, -1);
+    g_autofree char *text = g_strjoinv("; ", parts);
     GError *error =
         g_error_new(domain, code, "%s%s%s", subject ? subject : "", subject ? ": " : "", text);
     struct details *details = details_of(error);
     g_assert(details); /* the domain is one of error_details_domain() */
     *details = (struct details){.subject = g_strdup(subject),
                                 .text = g_steal_pointer(&text),
-                                .what = g_strdup(what),
-                                .advice = g_steal_pointer(&rest)};
-    g_strfreev(parts);
+                                .what = g_strdup(*parts ? *parts : ""),
+                                .advice = *parts && parts[1] ? g_strjoinv("; ", parts + 1) : NULL};
     return error;
 }
 

@@ -2,8 +2,8 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -23,23 +23,6 @@ static glong read_holder(int fd) {
     return holder;
 }
 
-static void write_holder(int fd, const char *path) {
-    char text[32];
-
-    g_snprintf(text, sizeof text, "%ld\n", (long)getpid());
-    if (ftruncate(fd, 0) != 0 || pwrite(fd, text, strlen(text), 0) < 0)
-        g_debug("%s: %s", path, g_strerror(errno)); /* only a message wants it */
-}
-
-/* FALSE: the previous holder has removed the file after it was opened here. A lock on a removed
- * file excludes nobody. */
-static gboolean file_lock_is_there(int fd, const char *path) {
-    struct stat open, named;
-
-    return fstat(fd, &open) == 0 && lstat(path, &named) == 0 && open.st_dev == named.st_dev &&
-           open.st_ino == named.st_ino;
-}
-
 static int file_lock_fail(const char *path, int fd, int saved, const char *what, GError **error) {
     if (fd >= 0 && (saved == EAGAIN || saved == EACCES))
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
@@ -57,11 +40,16 @@ int file_lock_take(const char *path, const char *what, GError **error) {
     for (;;) {
         struct flock whole = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
         const int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
+        struct stat opened, named;
 
         if (fd < 0 || fcntl(fd, F_OFD_SETLK, &whole) != 0)
             return file_lock_fail(path, fd, errno, what, error);
-        if (file_lock_is_there(fd, path)) {
-            write_holder(fd, path);
+        /* The previous holder may have removed the file after it was opened here: a lock on a
+         * removed file excludes nobody. */
+        if (fstat(fd, &opened) == 0 && lstat(path, &named) == 0 && opened.st_dev == named.st_dev &&
+            opened.st_ino == named.st_ino) {
+            if (ftruncate(fd, 0) != 0 || dprintf(fd, "%ld\n", (long)getpid()) < 0)
+                g_debug("%s: %s", path, g_strerror(errno)); /* only a message wants it */
             return fd;
         }
         close(fd);

@@ -13,16 +13,15 @@
 
 G_DEFINE_QUARK(input_file_error, input_file_error)
 
-static void input_file_fail(const char *path, enum input_file_error code, GError **error,
-                            const char *format, ...) G_GNUC_PRINTF(4, 5);
-
-static void input_file_fail(const char *path, enum input_file_error code, GError **error,
-                            const char *format, ...) {
+/* FALSE. */
+static gboolean G_GNUC_PRINTF(4, 5) input_file_fail(const char *path, enum input_file_error code,
+                                                    GError **error, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     g_autofree char *what = g_strdup_vprintf(format, arguments);
     va_end(arguments);
     g_set_error(error, INPUT_FILE_ERROR, (int)code, "cannot read %s: %s", path, what);
+    return FALSE;
 }
 
 static void input_file_fail_errno(const char *path, int number, GError **error) {
@@ -44,52 +43,29 @@ void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError
 }
 
 const char *input_file_kind(mode_t mode) {
-    switch (mode & S_IFMT) {
-    case S_IFIFO:
-        return "a FIFO";
-    case S_IFCHR:
-        return "a character device";
-    case S_IFBLK:
-        return "a block device";
-    case S_IFDIR:
-        return "a directory";
-    case S_IFSOCK:
-        return "a socket";
-    case S_IFLNK:
-        return "a symbolic link";
-    case S_IFREG:
-        return "a regular file";
-    default:
-        return "something unknown";
-    }
+    static const struct {
+        mode_t kind;
+        const char *name;
+    } kinds[] = {{S_IFIFO, "a FIFO"},         {S_IFCHR, "a character device"},
+                 {S_IFBLK, "a block device"}, {S_IFDIR, "a directory"},
+                 {S_IFSOCK, "a socket"},      {S_IFLNK, "a symbolic link"},
+                 {S_IFREG, "a regular file"}};
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
+        if ((mode & S_IFMT) == kinds[i].kind)
+            return kinds[i].name;
+    return "something unknown";
 }
 
 static gboolean check_status(const char *path, const struct stat *status, guint64 max_bytes,
                              GError **error) {
-    if (!S_ISREG(status->st_mode)) {
-        input_file_fail(path, INPUT_FILE_ERROR_KIND, error, "it is %s, not a regular file",
-                        input_file_kind(status->st_mode));
-        return FALSE;
-    }
-    if ((guint64)status->st_size <= max_bytes)
-        return TRUE;
-    input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                    "it has %" G_GUINT64_FORMAT " bytes, and at most %" G_GUINT64_FORMAT
-                    " are read",
-                    (guint64)status->st_size, max_bytes);
-    return FALSE;
-}
-
-/* Another program may hold a lease on the file, as file servers do: a blocking open() waits until
- * it is given back, at most /proc/sys/fs/lease-break-time, 45 s. One that does not block asks
- * again. */
-static int input_file_open_leased(const char *path) {
-    const gint64 until_us = g_get_monotonic_time() + LEASE_US;
-    int fd;
-    while ((fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) < 0 &&
-           errno == EWOULDBLOCK && g_get_monotonic_time() < until_us)
-        g_usleep(LEASE_POLL_US);
-    return fd;
+    if (!S_ISREG(status->st_mode))
+        return input_file_fail(path, INPUT_FILE_ERROR_KIND, error, "it is %s, not a regular file",
+                               input_file_kind(status->st_mode));
+    return (guint64)status->st_size <= max_bytes ||
+           input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+                           "it has %" G_GUINT64_FORMAT " bytes, and at most %" G_GUINT64_FORMAT
+                           " are read",
+                           (guint64)status->st_size, max_bytes);
 }
 
 /* Looked at before it is opened, since opening some devices has effects, and again afterwards,
@@ -102,7 +78,14 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
     }
     if (!check_status(path, &status, max_bytes, error))
         return -1;
-    const int fd = input_file_open_leased(path);
+    /* Another program may hold a lease on the file, as file servers do: a blocking open() waits
+     * until it is given back, at most /proc/sys/fs/lease-break-time, 45 s. One that does not block
+     * asks again. */
+    const gint64 until_us = g_get_monotonic_time() + LEASE_US;
+    int fd;
+    while ((fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) < 0 &&
+           errno == EWOULDBLOCK && g_get_monotonic_time() < until_us)
+        g_usleep(LEASE_POLL_US);
     if (fd < 0 || fstat(fd, &status) != 0) {
         input_file_fail_errno(path, errno, error);
     } else if (check_status(path, &status, max_bytes, error)) {
@@ -185,13 +168,11 @@ gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guin
             input_file_fail_errno(path, errno, error);
             return FALSE;
         }
-        if (got == 0) {
-            input_file_fail(
+        if (got == 0)
+            return input_file_fail(
                 path, INPUT_FILE_ERROR_CUT, error,
                 "it has become shorter while it was read: it ends before byte %" G_GUINT64_FORMAT,
                 offset + n);
-            return FALSE;
-        }
         done += (gsize)got;
     }
     return TRUE;
@@ -204,13 +185,11 @@ guint64 input_file_memory(guint64 file_bytes) {
 gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height,
                                  guint64 file_bytes, GError **error) {
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * file_bytes);
-    if (width == 0 || height <= most / width)
-        return TRUE;
-    input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                    "it says that it is a picture of %" G_GUINT64_FORMAT " × %" G_GUINT64_FORMAT
-                    " pixels, but a file of %" G_GUINT64_FORMAT
-                    " bytes may have at most %" G_GUINT64_FORMAT
-                    " pixels; save it smaller, or without compression",
-                    width, height, file_bytes, most);
-    return FALSE;
+    return width == 0 || height <= most / width ||
+           input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+                           "it says that it is a picture of %" G_GUINT64_FORMAT
+                           " × %" G_GUINT64_FORMAT " pixels, but a file of %" G_GUINT64_FORMAT
+                           " bytes may have at most %" G_GUINT64_FORMAT
+                           " pixels; save it smaller, or without compression",
+                           width, height, file_bytes, most);
 }

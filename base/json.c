@@ -37,6 +37,8 @@ static void append_double(GString *to, double value) {
     g_string_append(to, text);
 }
 
+static void json_append(GString *to, GVariant *value);
+
 static void append_children(GString *to, GVariant *value) {
     const gboolean object = g_variant_is_of_type(value, G_VARIANT_TYPE("a{s*}"));
     const gsize n = g_variant_n_children(value);
@@ -58,17 +60,7 @@ static void append_children(GString *to, GVariant *value) {
     g_string_append_c(to, object ? '}' : ']');
 }
 
-static void append_boxed(GString *to, GVariant *value) {
-    g_autoptr(GVariant) inner = g_variant_classify(value) == G_VARIANT_CLASS_MAYBE
-                                    ? g_variant_get_maybe(value)
-                                    : g_variant_get_variant(value);
-    if (inner)
-        json_append(to, inner);
-    else
-        g_string_append(to, "null");
-}
-
-void json_append(GString *to, GVariant *value) {
+static void json_append(GString *to, GVariant *value) {
     switch (g_variant_classify(value)) {
     case G_VARIANT_CLASS_BOOLEAN:
         g_string_append(to, g_variant_get_boolean(value) ? "true" : "false");
@@ -82,9 +74,16 @@ void json_append(GString *to, GVariant *value) {
         append_double(to, g_variant_get_double(value));
         break;
     case G_VARIANT_CLASS_VARIANT:
-    case G_VARIANT_CLASS_MAYBE:
-        append_boxed(to, value);
+    case G_VARIANT_CLASS_MAYBE: {
+        g_autoptr(GVariant) inner = g_variant_classify(value) == G_VARIANT_CLASS_MAYBE
+                                        ? g_variant_get_maybe(value)
+                                        : g_variant_get_variant(value);
+        if (inner)
+            json_append(to, inner);
+        else
+            g_string_append(to, "null");
         break;
+    }
     case G_VARIANT_CLASS_ARRAY:
     case G_VARIANT_CLASS_TUPLE:
         append_children(to, value);

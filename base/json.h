@@ -5,10 +5,7 @@
 
 /* Dictionaries with string keys become objects, in their order; arrays and tuples become arrays;
  * "ay" a string of bytes as numbers; maybes their value or null; numbers that are not finite null.
- */
-void json_append(GString *to, GVariant *value);
-
-/* Takes a floating reference. g_free(). */
+ * Takes a floating reference. g_free(). */
 char *json_text(GVariant *value);
 
 /* A string with its quotes; what is not UTF-8 is replaced. */

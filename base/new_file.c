@@ -12,23 +12,19 @@
 #define MOST_NAME 200 /* bytes of the name that are repeated in that of the file beside it */
 #define TRIES     100
 
-/* Closes folder. */
-static int step_into(int folder, const char *name) {
-    const int next = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    const int saved = errno;
-
-    close(folder);
-    errno = saved;
-    return next;
-}
-
 /* The last folder of relative, or of all of it; −1: errno. */
 static int open_folder(const char *directory, const char *relative, gboolean all) {
     g_auto(GStrv) parts = g_strsplit(relative, "/", -1);
     int folder = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 
-    for (char **part = parts; folder >= 0 && *part && (all || part[1]); part++)
-        folder = step_into(folder, *part);
+    for (char **part = parts; folder >= 0 && *part && (all || part[1]); part++) {
+        const int next = openat(folder, *part, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        const int saved = errno;
+
+        close(folder);
+        errno = saved;
+        folder = next;
+    }
     return folder;
 }
 
@@ -88,22 +84,20 @@ void new_file_abandon(struct new_file *file) {
     new_file_clear(file);
 }
 
-static gboolean is_left(const char *name, const char *prefix) {
-    const gsize n = strlen(name), end = DIGITS + strlen(END);
-
-    return g_str_has_prefix(name, prefix) && g_str_has_suffix(name, END) && n > end + 1 &&
-           name[n - end - 1] == '.' && strspn(name + n - end, "0123456789abcdef") == DIGITS;
-}
-
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix) {
     const int fd = open_folder(directory, folder, TRUE);
     DIR *dir = fd >= 0 ? fdopendir(fd) : NULL;
 
     if (fd >= 0 && !dir)
         close(fd);
-    for (const struct dirent *entry; dir && (entry = readdir(dir));)
-        if (is_left(entry->d_name, prefix))
-            unlinkat(dirfd(dir), entry->d_name, 0);
+    for (const struct dirent *entry; dir && (entry = readdir(dir));) {
+        const char *name = entry->d_name;
+        const gsize n = strlen(name), end = DIGITS + strlen(END);
+
+        if (g_str_has_prefix(name, prefix) && g_str_has_suffix(name, END) && n > end + 1 &&
+            name[n - end - 1] == '.' && strspn(name + n - end, "0123456789abcdef") == DIGITS)
+            unlinkat(dirfd(dir), name, 0);
+    }
     if (dir)
         closedir(dir);
 }

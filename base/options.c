@@ -1,5 +1,7 @@
 #include "options.h"
 
+#include "json.h"
+
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -200,49 +202,42 @@ static gsize stem_length(const char *name) {
     return length;
 }
 
-static gboolean same_stem(const char *a, const char *b) {
-    gsize n = stem_length(a);
-    return n == stem_length(b) && strncmp(a, b, n) == 0;
-}
-
-/* Levenshtein's; names longer than 63 are not compared. */
-static int edit_distance(const char *a, const char *b) {
-    int n = (int)strlen(b), row[64];
-    if (n > 63 || strlen(a) > 63)
-        return G_MAXINT;
+/* Takes name if its Levenshtein distance from key is less than *distance. Names longer than 63 are
+ * not compared. */
+static void closer(const char *key, const char *name, const char **nearest, int *distance) {
+    int n = (int)strlen(name), row[64];
+    if (n > 63 || strlen(key) > 63)
+        return;
     for (int j = 0; j <= n; j++)
         row[j] = j;
-    for (int i = 1; a[i - 1]; i++) {
+    for (int i = 1; key[i - 1]; i++) {
         int diagonal = row[0];
         row[0] = i;
         for (int j = 1; j <= n; j++) {
-            int here = MIN(diagonal + (a[i - 1] != b[j - 1]), MIN(row[j], row[j - 1]) + 1);
+            int here = MIN(diagonal + (key[i - 1] != name[j - 1]), MIN(row[j], row[j - 1]) + 1);
             diagonal = row[j];
             row[j] = here;
         }
     }
-    return row[n];
-}
-
-static void closer(const char *key, const char *name, const char **nearest, int *distance) {
-    int d = edit_distance(key, name);
-    if (d < *distance) {
-        *distance = d;
+    if (row[n] < *distance) {
+        *distance = row[n];
         *nearest = name;
     }
 }
 
-static void unknown_key(const struct option *table, const struct config_section *section,
-                        const char *const *also, const char *key, GError **error) {
+/* FALSE. */
+static gboolean unknown_key(const struct option *table, const struct config_section *section,
+                            const char *const *also, const char *key, GError **error) {
     const char *nearest = NULL;
     int distance = (int)MIN(strlen(key) / 3 + 1, 3) + 1;
     for (const struct option *option = table; option && option->name; option++) {
-        if (same_stem(option->name, key)) {
+        const gsize stem = stem_length(key);
+        if (stem == stem_length(option->name) && strncmp(option->name, key, stem) == 0) {
             config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
                              "the unit is part of the name: write %s%s%s%s", option->name,
                              option->unit ? " (in " : "", option->unit ? option->unit : "",
                              option->unit ? ")" : "");
-            return;
+            return FALSE;
         }
         closer(key, option->name, &nearest, &distance);
     }
@@ -253,15 +248,14 @@ static void unknown_key(const struct option *table, const struct config_section 
                          "there is no such key; did you mean %s?", nearest);
     else
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key, "there is no such key here");
+    return FALSE;
 }
 
-static gboolean options_is_known(const struct option *table, const char *const *also,
-                                 const char *key) {
-    for (; table && table->name; table++) {
-        if (strcmp(table->name, key) == 0)
-            return TRUE;
-    }
-    return also && g_strv_contains(also, key);
+const struct option *options_find(const struct option *table, const char *name) {
+    for (; table && table->name; table++)
+        if (strcmp(table->name, name) == 0)
+            return table;
+    return NULL;
 }
 
 static gboolean parse_option(const struct option *option, const struct config_section *section,
@@ -284,30 +278,23 @@ static gboolean parse_option(const struct option *option, const struct config_se
 
 gboolean options_check_key(const struct option *table, const struct config_section *section,
                            const char *const *also, const char *key, GError **error) {
-    if (!options_is_known(table, also, key)) {
-        unknown_key(table, section, also, key, error);
-        return FALSE;
-    }
-    for (const struct option *option = table; option && option->name; option++) {
-        if (strcmp(option->name, key) != 0)
-            continue;
-        const struct option alone[] = {*option, {NULL}};
-        g_autofree char *target = g_malloc0(option->offset + sizeof(struct option_doubles));
-        gboolean good = parse_option(option, section, target, error);
-        options_clear(alone, target);
-        return good;
-    }
-    return TRUE;
+    const struct option *option = options_find(table, key);
+    if (!option && !(also && g_strv_contains(also, key)))
+        return unknown_key(table, section, also, key, error);
+    if (!option)
+        return TRUE;
+    const struct option alone[] = {*option, {NULL}};
+    g_autofree char *target = g_malloc0(option->offset + sizeof(struct option_doubles));
+    const gboolean good = parse_option(option, section, target, error);
+    options_clear(alone, target);
+    return good;
 }
 
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error) {
-    for (const char *const *key = config_keys(section); *key; key++) {
-        if (!options_is_known(table, also, *key)) {
-            unknown_key(table, section, also, *key, error);
-            return FALSE;
-        }
-    }
+    for (const char *const *key = config_keys(section); *key; key++)
+        if (!options_find(table, *key) && !(also && g_strv_contains(also, *key)))
+            return unknown_key(table, section, also, *key, error);
     for (const struct option *option = table; option && option->name; option++) {
         if (!parse_option(option, section, target, error)) {
             options_clear(table, target);
@@ -365,10 +352,9 @@ void options_describe(const struct option *table, GString *to) {
         g_string_append_printf(to, "  %s: %s", table->name, type_name(table->type));
         if (table->type == OPTION_DOUBLES || table->type == OPTION_STRINGS)
             g_string_append(to, " separated by ';'");
-        if (has_range(table)) {
-            g_autofree char *range = range_text(table);
+        g_autofree char *range = options_range(table);
+        if (range)
             g_string_append_printf(to, ", %s", range);
-        }
         if (table->unit)
             g_string_append_printf(to, " %s", table->unit);
         if (table->type == OPTION_CHOICE) {
@@ -383,50 +369,29 @@ void options_describe(const struct option *table, GString *to) {
     }
 }
 
-static void options_append_json_string(GString *to, const char *text) {
-    if (!text) {
+static void append_json(GString *to, const char *before, const char *text) {
+    g_string_append(to, before);
+    if (text)
+        json_append_string(to, text);
+    else
         g_string_append(to, "null");
-        return;
-    }
-    g_string_append_c(to, '"');
-    for (; *text; text++) {
-        if (*text == '"' || *text == '\\')
-            g_string_append_printf(to, "\\%c", *text);
-        else if ((guchar)*text < 0x20)
-            g_string_append_printf(to, "\\u%04x", *text);
-        else
-            g_string_append_c(to, *text);
-    }
-    g_string_append_c(to, '"');
-}
-
-static void append_json_number(GString *to, double value) {
-    char buffer[G_ASCII_DTOSTR_BUF_SIZE];
-    g_string_append(to, g_ascii_formatd(buffer, sizeof buffer, "%.17g", value));
 }
 
 static void append_json_option(GString *to, const struct option *option) {
-    g_string_append(to, "{\"name\":");
-    options_append_json_string(to, option->name);
-    g_string_append(to, ",\"type\":");
-    options_append_json_string(to, type_name(option->type));
-    g_string_append(to, ",\"unit\":");
-    options_append_json_string(to, option->unit);
-    if (has_range(option)) {
-        g_string_append(to, ",\"min\":");
-        append_json_number(to, option->min);
-        g_string_append(to, ",\"max\":");
-        append_json_number(to, option->max);
-    }
+    char min[G_ASCII_DTOSTR_BUF_SIZE], max[G_ASCII_DTOSTR_BUF_SIZE];
+    append_json(to, "{\"name\":", option->name);
+    append_json(to, ",\"type\":", type_name(option->type));
+    append_json(to, ",\"unit\":", option->unit);
+    if (has_range(option))
+        g_string_append_printf(to, ",\"min\":%s,\"max\":%s",
+                               g_ascii_formatd(min, sizeof min, "%.17g", option->min),
+                               g_ascii_formatd(max, sizeof max, "%.17g", option->max));
     for (int i = 0; option->type == OPTION_CHOICE && option->choices[i]; i++) {
-        g_string_append(to, i ? "," : ",\"choices\":[");
-        options_append_json_string(to, option->choices[i]);
+        append_json(to, i ? "," : ",\"choices\":[", option->choices[i]);
         g_string_append(to, option->choices[i + 1] ? "" : "]");
     }
-    g_string_append(to, ",\"default\":");
-    options_append_json_string(to, option->fallback);
-    g_string_append(to, ",\"help\":");
-    options_append_json_string(to, option->help);
+    append_json(to, ",\"default\":", option->fallback);
+    append_json(to, ",\"help\":", option->help);
     g_string_append_c(to, '}');
 }
 

@@ -48,6 +48,9 @@ gboolean options_parse(const struct option *table, const struct config_section *
 gboolean options_set(const struct option *option, const char *text, gpointer target,
                      GError **error);
 
+/* The option of that name; NULL: there is none. */
+const struct option *options_find(const struct option *table, const char *name);
+
 /* The range as text, as in "1 to 32"; NULL where any value will do. g_free() */
 char *options_range(const struct option *option);
 

@@ -48,24 +48,22 @@ static GPtrArray *text_table_split(const char *text) {
     }
 }
 
-static gboolean take_head(TextTable *table, GPtrArray *fields, int line, GError **error) {
-    for (guint i = 0; i < fields->len; i++)
-        for (guint k = 0; k < i; k++)
-            if (strcmp(fields->pdata[i], fields->pdata[k]) == 0)
-                return data_error_fail(table->path, line, error, "there are two columns “%s”",
-                                       (char *)fields->pdata[i]);
-    table->names = g_ptr_array_ref(fields);
-    return TRUE;
-}
-
 static gboolean take_line(TextTable *table, char *text, int line, GError **error) {
+    guint at;
     if (!*g_strstrip(text) || *text == '#')
         return TRUE;
     g_autoptr(GPtrArray) fields = text_table_split(text);
     if (!fields)
         return data_error_fail(table->path, line, error, "a quote is not closed");
-    if (!table->names)
-        return take_head(table, fields, line, error);
+    if (!table->names) {
+        for (guint i = 0; i < fields->len; i++)
+            if (g_ptr_array_find_with_equal_func(fields, fields->pdata[i], g_str_equal, &at) &&
+                at < i)
+                return data_error_fail(table->path, line, error, "there are two columns “%s”",
+                                       (char *)fields->pdata[i]);
+        table->names = g_steal_pointer(&fields);
+        return TRUE;
+    }
     if (fields->len != table->names->len)
         return data_error_fail(table->path, line, error, "it has %u fields, the head %u",
                                fields->len, table->names->len);
@@ -85,19 +83,14 @@ TextTable *text_table_read(const char *path, GError **error) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
         return NULL;
     }
-    if (!g_utf8_validate(text, -1, NULL)) {
-        data_error_set(path, 0, error, "it is no table, which is text in UTF-8");
-        return NULL;
-    }
+    gboolean ok = g_utf8_validate(text, -1, NULL) ||
+                  data_error_fail(path, 0, error, "it is no table, which is text in UTF-8");
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
-    for (int i = 0; lines[i]; i++)
-        if (!take_line(table, lines[i], i + 1, error))
-            return NULL;
-    if (table->rows->len == 0) {
-        data_error_set(path, 0, error, "there are no rows in it");
-        return NULL;
-    }
-    return g_steal_pointer(&table);
+    for (int i = 0; ok && lines[i]; i++)
+        ok = take_line(table, lines[i], i + 1, error);
+    if (ok && table->rows->len == 0)
+        ok = data_error_fail(path, 0, error, "there are no rows in it");
+    return ok ? g_steal_pointer(&table) : NULL;
 }
 
 const char *text_table_path(const TextTable *table) {
@@ -113,10 +106,8 @@ int text_table_line(const TextTable *table, int row) {
 }
 
 int text_table_column(const TextTable *table, const char *name) {
-    for (guint i = 0; i < table->names->len; i++)
-        if (strcmp(table->names->pdata[i], name) == 0)
-            return (int)i;
-    return -1;
+    guint at;
+    return g_ptr_array_find_with_equal_func(table->names, name, g_str_equal, &at) ? (int)at : -1;
 }
 
 const char *text_table_text(const TextTable *table, int row, int column) {
@@ -134,7 +125,6 @@ gboolean text_table_number(const TextTable *table, int row, int column, double o
     *ret = g_ascii_strtod(text, &end);
     return (end != text && !*end && isfinite(*ret)) ||
            data_error_fail(table->path, text_table_line(table, row), error,
-                           "“%s” in column %s is no "
-                           "number",
-                           text, (char *)table->names->pdata[column]);
+                           "“%s” in column %s is no number", text,
+                           (char *)table->names->pdata[column]);
 }

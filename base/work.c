@@ -57,23 +57,6 @@ static gpointer take_blocks(gpointer data) {
     return NULL;
 }
 
-/* Reports until all threads have ended, once at least. */
-static void work_follow(struct loop *loop, const struct work *work, const char *stage) {
-    const gint64 begun_us = g_get_monotonic_time();
-    int reported = -1;
-    g_mutex_lock(&loop->mutex);
-    while (loop->running > 0) {
-        g_cond_wait_until(&loop->changed, &loop->mutex, g_get_monotonic_time() + REPORT_US);
-        const int done = reported = loop->done;
-        g_mutex_unlock(&loop->mutex);
-        work_report(work, stage, done, loop->n, begun_us);
-        g_mutex_lock(&loop->mutex);
-    }
-    g_mutex_unlock(&loop->mutex);
-    if (reported < 0)
-        work_report(work, stage, loop->done, loop->n, begun_us);
-}
-
 gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBlock func,
                        gpointer data, GError **error) {
     work = work ? work : &none;
@@ -87,7 +70,20 @@ gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBl
     g_autofree GThread **threads = g_new(GThread *, n_threads);
     for (int i = 0; i < n_threads; i++)
         threads[i] = g_thread_new("work", take_blocks, &loop);
-    work_follow(&loop, work, stage);
+    /* Reports until all threads have ended, once at least. */
+    const gint64 begun_us = g_get_monotonic_time();
+    int reported = -1;
+    g_mutex_lock(&loop.mutex);
+    while (loop.running > 0) {
+        g_cond_wait_until(&loop.changed, &loop.mutex, g_get_monotonic_time() + REPORT_US);
+        const int done = reported = loop.done;
+        g_mutex_unlock(&loop.mutex);
+        work_report(work, stage, done, n, begun_us);
+        g_mutex_lock(&loop.mutex);
+    }
+    g_mutex_unlock(&loop.mutex);
+    if (reported < 0)
+        work_report(work, stage, loop.done, n, begun_us);
     for (int i = 0; i < n_threads; i++)
         g_thread_join(threads[i]);
     g_mutex_clear(&loop.mutex);

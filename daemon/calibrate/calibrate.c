@@ -4,6 +4,7 @@
 #include "command/work.h"
 #include "exr/exr.h"
 
+#include <math.h>
 #include <string.h>
 
 static const struct command *const commands[] = {
@@ -12,29 +13,25 @@ static const struct command *const commands[] = {
 
 char *calibrate_output, *calibrate_from;
 
-struct running {
-    const struct calibrate_method *method;
-    struct calibrate_job *job;
-};
-
 static gboolean calibrate_work(const struct work *work, gpointer data, GError **error) {
-    const struct running *running = data;
-    struct calibrate_job *job = running->job;
+    struct calibrate_job *job = data;
     job->work = work;
     job->begun_us = g_get_monotonic_time();
-    return running->method->find(job, error) &&
+    return job->method->find(job, error) &&
            !g_cancellable_set_error_if_cancelled(work->cancellable, error) &&
            calibration_write(job->calibration, calibrate_output, error);
 }
 
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error) {
-    struct running running = {method, job};
+    if (!calibrate_output)
+        return cli_usage(call->command, "no file to write is given: give -o FILE");
+    job->method = method;
     job->sessions = call->arguments;
     job->n_sessions = call->n_arguments;
     job->frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
     job->rejected = g_ptr_array_new_with_free_func(g_free);
-    const gboolean ok = cli_work_run(calibrate_work, &running, &job->seconds, error);
+    const gboolean ok = cli_work_run(calibrate_work, job, &job->seconds, error);
     if (ok) {
         record_string(call->record, "file", calibrate_output);
         method->tell(call->record, job);
@@ -45,28 +42,22 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     return ok ? CLI_DONE : CLI_FAILED;
 }
 
-static struct calibration *calibrate_begin(const char *path, Session *session, GError **error) {
-    g_autofree char *where = session_file(session, "session.db (calibration.conf)");
-    g_autofree char *text = session_text(session, "calibration.conf", error);
-    g_autoptr(Calibration) own = text ? calibration_from_text(text, where, error) : NULL;
-
-    if (!own || !path || !g_file_test(path, G_FILE_TEST_EXISTS))
-        return g_steal_pointer(&own);
-    g_autoptr(Calibration) calibration = calibration_read(path, error);
-    return calibration && calibration_check_rig(calibration, path, &own->rig, error)
-               ? g_steal_pointer(&calibration)
-               : NULL;
-}
-
-Session *calibrate_open(struct calibrate_job *job, int i, const char *from, GError **error) {
-    const char *path = job->sessions[i];
+Session *calibrate_open(struct calibrate_job *job, int i, GError **error) {
+    const char *path = job->sessions[i], *from = calibrate_from;
     g_autoptr(Session) session = session_open(path, SESSION_READ, error);
-    g_autoptr(Calibration) own = session ? calibrate_begin(from, session, error) : NULL;
-    if (!own ||
+    g_autofree char *where =
+        session ? session_file(session, "session.db (calibration.conf)") : NULL;
+    g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
+    g_autoptr(Calibration) own = text ? calibration_from_text(text, where, error) : NULL;
+    if (!from && job->method->adds && g_file_test(calibrate_output, G_FILE_TEST_EXISTS))
+        from = calibrate_output;
+    g_autoptr(Calibration) before = own && from ? calibration_read(from, error) : NULL;
+    if (!own || (from && !before) ||
+        (before && !calibration_check_rig(before, from, &own->rig, error)) ||
         (job->calibration && !calibration_check_rig(job->calibration, path, &own->rig, error)))
         return NULL;
     if (!job->calibration)
-        job->calibration = g_steal_pointer(&own);
+        job->calibration = before ? g_steal_pointer(&before) : g_steal_pointer(&own);
     return g_steal_pointer(&session);
 }
 
@@ -94,10 +85,30 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
         record_say(to, "  the cameras are nominal: calibrate them first, and give -c\n");
 }
 
-void calibrate_append(GString *list, double value, const char *format) {
-    char text[G_ASCII_DTOSTR_BUF_SIZE];
-    g_ascii_formatd(text, sizeof text, format, value);
-    g_string_append_printf(list, "%s%s", list->len ? ";" : "", text);
+void calibrate_keep(struct calibrate_job *job, const char *group,
+                    const struct calibrate_column *columns, guint n_columns, const GArray *rows) {
+    for (guint k = 0; k < n_columns; k++) {
+        g_autoptr(GString) list = g_string_new(NULL);
+        for (guint i = k; i < rows->len; i += n_columns) {
+            char text[G_ASCII_DTOSTR_BUF_SIZE];
+            g_ascii_formatd(text, sizeof text, columns[k].format, g_array_index(rows, double, i));
+            g_string_append_printf(list, "%s%s", list->len ? ";" : "", text);
+        }
+        g_key_file_set_value(job->calibration->extra, group, columns[k].key, list->str);
+    }
+}
+
+gboolean calibrate_parse(const char *text, const char *separator, int n, double *ret) {
+    g_auto(GStrv) words = g_strsplit(text, separator, n + 1);
+    if ((int)g_strv_length(words) != n)
+        return FALSE;
+    for (int i = 0; i < n; i++) {
+        char *end;
+        ret[i] = g_ascii_strtod(words[i], &end);
+        if (end == words[i] || *end || !isfinite(ret[i]))
+            return FALSE;
+    }
+    return TRUE;
 }
 
 static int calibrate_by_name(gconstpointer a, gconstpointer b) {
@@ -131,22 +142,6 @@ void calibrate_frame_free(struct calibrate_frame *frame) {
     g_free(frame);
 }
 
-static struct calibrate_frame *cli_calibrate_new_frame(Session *session,
-                                                       const struct session_shot *shot,
-                                                       const struct session_frame *from) {
-    struct calibrate_frame *frame = g_new0(struct calibrate_frame, 1);
-
-    frame->path = session_file(session, from->path);
-    frame->sha256 = g_strdup(from->sha256);
-    frame->kind = shot->kind;
-    frame->camera = from->camera;
-    frame->lamp = shot->kind == SHOT_LAMP ? shot->device : -1;
-    frame->laser = shot->kind == SHOT_SWEEP ? shot->device : -1;
-    frame->turntable_deg = shot->turntable_deg;
-    frame->arc_deg = shot->arc_deg;
-    return frame;
-}
-
 GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GError **error) {
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     g_autoptr(GPtrArray) rows = shots ? session_frames(session, error) : NULL;
@@ -158,8 +153,17 @@ GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GErro
         if (row->shot < 1 || row->shot > (gint64)shots->len)
             continue;
         const struct session_shot *shot = shots->pdata[row->shot - 1];
-        if (shot->kind == kind && shot->state == SHOT_DONE)
-            g_ptr_array_add(frames, cli_calibrate_new_frame(session, shot, row));
+        if (shot->kind != kind || shot->state != SHOT_DONE)
+            continue;
+        struct calibrate_frame *frame = g_new0(struct calibrate_frame, 1);
+        frame->path = session_file(session, row->path);
+        frame->sha256 = g_strdup(row->sha256);
+        frame->camera = row->camera;
+        frame->lamp = kind == SHOT_LAMP ? shot->device : -1;
+        frame->laser = kind == SHOT_SWEEP ? shot->device : -1;
+        frame->turntable_deg = shot->turntable_deg;
+        frame->arc_deg = shot->arc_deg;
+        g_ptr_array_add(frames, frame);
     }
     return frames;
 }
@@ -176,36 +180,34 @@ gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error
     return FALSE;
 }
 
-struct picture *calibrate_read(const struct calibrate_frame *frame, char **ret_cfa,
-                               GError **error) {
+struct picture *calibrate_read(const struct calibrate_frame *frame, GError **error) {
     const char *cfa = NULL;
     struct exr_part *part =
         calibrate_check_sum(frame, error) ? exr_read_part(frame->path, "radiance", error) : NULL;
     const float *plane = part ? exr_part_plane(part, "Y") : NULL;
-    struct picture *picture = NULL;
+    g_autoptr(Picture) picture = NULL;
 
     if (part && !plane)
         g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING, "%s: there is no channel Y", frame->path);
     if (plane && exr_get_string(part, "mesorig.cfa", &cfa, error)) {
         picture = picture_new(frame->path, frame->sha256, part->width, part->height);
         memcpy(picture->values, plane, sizeof(float) * (gsize)part->width * (gsize)part->height);
-        if (ret_cfa)
-            *ret_cfa = g_strdup(cfa);
+        if (!picture_balance(picture, cfa)) {
+            g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                        "%s: its colour filter “%s” is not known", frame->path, cfa);
+            g_clear_pointer(&picture, picture_free);
+        }
     }
     exr_part_free(part);
-    return picture;
-}
-
-static void cli_calibrate_print_help(void) {
-    g_print("Usage: mesorig calibrate WHAT …\n\n");
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
-        g_print("  %-12s %s\n", commands[i]->name + strlen("calibrate "), commands[i]->help);
-    g_print("\n“mesorig calibrate WHAT --help” tells more.\n");
+    return g_steal_pointer(&picture);
 }
 
 static int cli_calibrate_run(const struct command *command, int argc, char **argv) {
     if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
-        cli_calibrate_print_help();
+        g_print("Usage: mesorig calibrate WHAT …\n\n");
+        for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+            g_print("  %-12s %s\n", commands[i]->name + strlen("calibrate "), commands[i]->help);
+        g_print("\n“mesorig calibrate WHAT --help” tells more.\n");
         return argc < 2 ? CLI_USAGE : CLI_DONE;
     }
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)

@@ -14,7 +14,7 @@
 
 extern const struct command cli_calibrate;
 
-/* Their names are "calibrate NAME", so that cli_parse() and cli_usage() speak of that. */
+/* Their names are "calibrate NAME", so that usage and help speak of that. */
 extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,
     calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
 
@@ -24,9 +24,20 @@ extern char *calibrate_output, *calibrate_from; /* -o and -c */
 #define CALIBRATE_FROM(what)                                                                       \
     { "calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibrate_from, what, "FILE" }
 
+struct calibrate_job;
+
+struct calibrate_method {
+    /* Finds calibration, from the sessions. */
+    gboolean (*find)(struct calibrate_job *job, GError **error);
+    /* Tells what was found; the record has "file" already. */
+    void (*tell)(Record *to, const struct calibrate_job *job);
+    gboolean adds; /* without -c, to the file that is written, if it is there */
+};
+
 /* One run of a subcommand, from captured sessions to a calibration file; the first member of the
  * subcommand's own struct job. */
 struct calibrate_job {
+    const struct calibrate_method *method;
     char *const *sessions;
     int n_sessions;
     struct calibration *calibration; /* is improved, and written at the end */
@@ -37,22 +48,15 @@ struct calibrate_job {
     double seconds;  /* which it took */
 };
 
-struct calibrate_method {
-    /* Finds calibration, from the sessions. */
-    gboolean (*find)(struct calibrate_job *job, GError **error);
-    /* Tells what was found; the record has "file" already. */
-    void (*tell)(Record *to, const struct calibrate_job *job);
-};
-
 /* Runs a method with progress, writes the calibration to -o, and tells what was found. Fills job
- * and frees what the members above own. Returns an exit code. */
+ * and frees what the members above own. Returns an exit code; without -o that of bad usage. */
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error);
 
-/* Opens one of the job's sessions. The first gives the calibration to improve on: that of the file
- * `from` if there is one (it may be NULL or not exist yet), else its own. The others, and the file,
- * are refused if they are of another rig. */
-Session *calibrate_open(struct calibrate_job *job, int i, const char *from, GError **error);
+/* Opens one of the job's sessions. The first gives the calibration to improve on: that of -c, or of
+ * the file that the method adds to, else its own. The others, and the file, are refused if they are
+ * of another rig. */
+Session *calibrate_open(struct calibrate_job *job, int i, GError **error);
 
 /* Notes in the calibration how a part of it was found: from all of the job's frames but those
  * rejected, which are the calibration's afterwards. */
@@ -67,14 +71,21 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
 /* Sorted paths of the photographs in a folder, at most so many; none is an error. */
 GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error);
 
-/* Appends a number to a list of the calibration file. format: of one double. */
-void calibrate_append(GString *list, double value, const char *format);
+/* Keeps a table in the calibration file, a list of numbers for each column, for the report. rows:
+ * of double, row by row. */
+struct calibrate_column {
+    const char *key, *format; /* of one double */
+};
+void calibrate_keep(struct calibrate_job *job, const char *group,
+                    const struct calibrate_column *columns, guint n_columns, const GArray *rows);
+
+/* Exactly n finite numbers; separator: what stands between them. */
+gboolean calibrate_parse(const char *text, const char *separator, int n, double *ret);
 
 /* A frame that the session holds; its pixels are read when they are needed. */
 struct calibrate_frame {
     char *path;   /* of the file */
     char *sha256; /* as the session has it; NULL: a photograph of no session */
-    enum session_shot_kind kind;
     int camera, lamp; /* of the calibration; lamp −1: dark, or a sweep */
     int laser;        /* of the calibration; −1: no sweep */
     double turntable_deg, arc_deg;
@@ -87,6 +98,6 @@ GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GErro
 /* Whether its file is the one that was captured. */
 gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error);
 
-/* Lamp frames only: the mosaic in DN a millisecond, above dark, its colours as they are. ret_cfa
- * (may be NULL): "rggb" …; g_free(). The checksum of the file is compared. */
-struct picture *calibrate_read(const struct calibrate_frame *frame, char **ret_cfa, GError **error);
+/* Lamp frames only: the mosaic in DN a millisecond, above dark, its colours balanced. The checksum
+ * of the file is compared. */
+struct picture *calibrate_read(const struct calibrate_frame *frame, GError **error);

@@ -34,22 +34,20 @@ static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *f
     g_ptr_array_add(job->base.frames, frame);
 }
 
-/* One light is enough: the first of each pose. */
-static gboolean is_new(const struct job *job, const struct calibrate_frame *frame, int lay) {
-    for (guint i = 0; i < job->pictures->len; i++) {
-        const struct cameras_picture *p = &g_array_index(job->pictures, struct cameras_picture, i);
-        if (p->lay == lay && p->camera == frame->camera && p->turntable_deg == frame->turntable_deg)
-            return FALSE;
-    }
-    return TRUE;
-}
-
-static gboolean cli_calibrate_cameras_add_session(struct job *job, int lay, GError **error) {
-    g_autoptr(Session) session = calibrate_open(&job->base, lay, calibrate_from, error);
+static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, GError **error) {
+    g_autoptr(Session) session = calibrate_open(&job->base, lay, error);
     g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
     for (guint i = 0; frames && i < frames->len; i++) {
         struct calibrate_frame *frame = frames->pdata[i];
-        if (frame->camera >= job->base.calibration->rig.n_cameras || !is_new(job, frame, lay))
+        /* One light is enough: the first of each pose. */
+        gboolean wanted = frame->camera < job->base.calibration->rig.n_cameras;
+        for (guint k = 0; wanted && k < job->pictures->len; k++) {
+            const struct cameras_picture *p =
+                &g_array_index(job->pictures, struct cameras_picture, k);
+            wanted = p->lay != lay || p->camera != frame->camera ||
+                     p->turntable_deg != frame->turntable_deg;
+        }
+        if (!wanted)
             continue;
         frames->pdata[i] = NULL;
         cli_calibrate_cameras_add(job, frame, lay);
@@ -57,23 +55,18 @@ static gboolean cli_calibrate_cameras_add_session(struct job *job, int lay, GErr
     return frames != NULL;
 }
 
-static gboolean add_photographs(struct job *job, GError **error) {
+static gboolean gather_photographs(struct job *job, GError **error) {
+    struct rig rig = {.id = "photographs", .n_cameras = 1};
     g_autoptr(GPtrArray) paths = calibrate_photographs(images_option, MOST_PICTURES, error);
-    for (guint i = 0; paths && i < paths->len; i++) {
+    /* The first photograph says how large the camera's pictures are. */
+    g_autoptr(Picture) first = paths ? vision_read(paths->pdata[0], error) : NULL;
+    if (!first)
+        return FALSE;
+    for (guint i = 0; i < paths->len; i++) {
         struct calibrate_frame *frame = g_new0(struct calibrate_frame, 1);
         frame->path = g_strdup(paths->pdata[i]);
         cli_calibrate_cameras_add(job, frame, (int)i);
     }
-    return paths != NULL;
-}
-
-/* The first photograph says how large the camera's pictures are. */
-static gboolean begin_lens(struct job *job, GError **error) {
-    struct rig rig = {.id = "photographs", .n_cameras = 1};
-    const struct calibrate_frame *frame = job->base.frames->pdata[0];
-    g_autoptr(Picture) first = vision_read(frame->path, error);
-    if (!first)
-        return FALSE;
     g_strlcpy(rig.cameras[0].name, name_option ? name_option : "camera", RIG_NAME);
     rig.cameras[0].width = first->width;
     rig.cameras[0].height = first->height;
@@ -84,18 +77,8 @@ static gboolean begin_lens(struct job *job, GError **error) {
 }
 
 static struct picture *cli_calibrate_cameras_read_picture(int i, gpointer data, GError **error) {
-    struct job *job = data;
-    const struct calibrate_frame *frame = job->base.frames->pdata[i];
-    g_autofree char *cfa = NULL;
-    if (!frame->sha256)
-        return vision_read(frame->path, error);
-    g_autoptr(Picture) picture = calibrate_read(frame, &cfa, error);
-    if (picture && !picture_balance(picture, cfa)) {
-        g_set_error(error, CAMERAS_ERROR, CAMERAS_ERROR_PICTURES,
-                    "%s: its colour filter “%s” is not known", picture->name, cfa);
-        return NULL;
-    }
-    return g_steal_pointer(&picture);
+    const struct calibrate_frame *frame = ((struct job *)data)->base.frames->pdata[i];
+    return frame->sha256 ? calibrate_read(frame, error) : vision_read(frame->path, error);
 }
 
 static gboolean on_step(int step, int n, gpointer data) {
@@ -103,60 +86,49 @@ static gboolean on_step(int step, int n, gpointer data) {
     return work_tell(job->work, "boards", step, n, job->begun_us, NULL);
 }
 
-static gboolean cli_calibrate_cameras_gather(struct job *job, GError **error) {
-    if (images_option)
-        return add_photographs(job, error) && begin_lens(job, error);
-    for (int i = 0; i < job->base.n_sessions; i++)
-        if (!cli_calibrate_cameras_add_session(job, i, error))
-            return FALSE;
-    return TRUE;
-}
-
 /* Some of the residuals of each camera, for pictures of them. */
 static void keep_residuals(struct job *job, int camera) {
+    static const struct calibrate_column columns[] = {
+        {"x_px", "%.4f"}, {"y_px", "%.4f"}, {"dx_px", "%.4f"}, {"dy_px", "%.4f"}};
     const GArray *all = job->result->residuals;
-    GString *lists[4] = {g_string_new(NULL), g_string_new(NULL), g_string_new(NULL),
-                         g_string_new(NULL)};
-    static const char *const keys[4] = {"x_px", "y_px", "dx_px", "dy_px"};
+    g_autoptr(GArray) rows = g_array_new(FALSE, FALSE, sizeof(double));
     g_autofree char *group = g_strdup_printf("camera residuals %d", camera);
     const int n = job->base.calibration->cameras[camera].points, every = n / KEPT_VECTORS + 1;
     int k = 0;
     for (guint i = 0; i < all->len; i++) {
         const struct cameras_residual *r = &g_array_index(all, struct cameras_residual, i);
-        if (r->camera != camera || k++ % every != 0)
-            continue;
-        const float values[4] = {r->x_px, r->y_px, r->dx_px, r->dy_px};
-        for (int j = 0; j < 4; j++)
-            calibrate_append(lists[j], (double)values[j], "%.4f");
+        const double row[4] = {(double)r->x_px, (double)r->y_px, (double)r->dx_px,
+                               (double)r->dy_px};
+        if (r->camera == camera && k++ % every == 0)
+            g_array_append_vals(rows, row, 4);
     }
-    for (int j = 0; j < 4; j++) {
-        g_key_file_set_value(job->base.calibration->extra, group, keys[j], lists[j]->str);
-        g_string_free(lists[j], TRUE);
-    }
+    calibrate_keep(&job->base, group, columns, 4, rows);
 }
 
 static void keep_turntable(struct job *job) {
-    g_autoptr(GString) commanded = g_string_new(NULL);
-    g_autoptr(GString) errors = g_string_new(NULL);
-    g_autoptr(GString) tilts = g_string_new(NULL);
+    static const struct calibrate_column columns[] = {{"commanded_deg", "%.4f"},
+                                                      {"error_deg", "%.4f"}},
+                                         tilt_column = {"board_tilts_deg", "%.4f"};
+    g_autoptr(GArray) stops = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(GArray) tilts = g_array_new(FALSE, FALSE, sizeof(double));
     for (guint i = 0; i < job->result->stops->len; i++) {
         const struct cameras_stop *s = &g_array_index(job->result->stops, struct cameras_stop, i);
-        calibrate_append(commanded, s->commanded_deg, "%.4f");
-        calibrate_append(errors, s->error_deg, "%.4f");
+        const double row[2] = {s->commanded_deg, s->error_deg};
+        g_array_append_vals(stops, row, 2);
     }
     for (guint i = 0; i < job->result->lays->len; i++)
-        calibrate_append(tilts, g_array_index(job->result->lays, struct cameras_lay, i).tilt_deg,
-                         "%.4f");
-    g_key_file_set_value(job->base.calibration->extra, "turntable", "commanded_deg",
-                         commanded->str);
-    g_key_file_set_value(job->base.calibration->extra, "turntable", "error_deg", errors->str);
-    g_key_file_set_value(job->base.calibration->extra, "turntable", "board_tilts_deg", tilts->str);
+        g_array_append_val(tilts, g_array_index(job->result->lays, struct cameras_lay, i).tilt_deg);
+    calibrate_keep(&job->base, "turntable", columns, 2, stops);
+    calibrate_keep(&job->base, "turntable", &tilt_column, 1, tilts);
 }
 
 static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
-    if (!cli_calibrate_cameras_gather(job, error))
+    if (images_option && !gather_photographs(job, error))
         return FALSE;
+    for (int i = 0; i < base->n_sessions; i++)
+        if (!cli_calibrate_cameras_gather_session(job, i, error))
+            return FALSE;
     const struct cameras_task task = {
         .board = job->board,
         .pictures = (const struct cameras_picture *)(gpointer)job->pictures->data,
@@ -195,9 +167,7 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
     g_autoptr(GError) bad = NULL;
     struct job job = {0};
     if (!board_option)
-        return cli_usage(call->command, "which board? Give --board");
-    if (!calibrate_output)
-        return cli_usage(call->command, "where to? Give -o FILE");
+        return cli_usage(call->command, "no board is given: give --board");
     if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR");
     if (!board_parse(&job.board, board_option, &bad))

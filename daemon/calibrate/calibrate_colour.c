@@ -16,8 +16,7 @@ static const GOptionEntry entries[] = {
 };
 
 static gboolean cli_calibrate_colour_find(struct calibrate_job *job, GError **error) {
-    const char *from = calibrate_from ? calibrate_from : calibrate_output;
-    g_autoptr(Session) session = calibrate_open(job, 0, from, error);
+    g_autoptr(Session) session = calibrate_open(job, 0, error);
     g_autofree char *text =
         session ? input_file_read_text(chart_option, MAX_CHART_BYTES, error) : NULL;
     g_autoptr(GArray) fields = text ? chart_parse(text, chart_option, error) : NULL;
@@ -43,12 +42,10 @@ static void cli_calibrate_colour_tell(Record *to, const struct calibrate_job *jo
 
 static int cli_calibrate_colour_run(const struct call *call, GError **error) {
     static const struct calibrate_method method = {cli_calibrate_colour_find,
-                                                   cli_calibrate_colour_tell};
+                                                   cli_calibrate_colour_tell, .adds = TRUE};
     struct calibrate_job job = {0};
     if (!chart_option)
-        return cli_usage(call->command, "which chart? Give --chart FILE");
-    if (!calibrate_output)
-        return cli_usage(call->command, "where to? Give -o FILE");
+        return cli_usage(call->command, "no chart is given: give --chart FILE");
     return calibrate_run(call, &method, &job, error);
 }
 

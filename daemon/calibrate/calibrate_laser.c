@@ -39,57 +39,44 @@ struct job {
     double worst_mm, worst_rad;
 };
 
-static gboolean parse_planes(const char *text, int n, double *ret) {
-    g_auto(GStrv) words = g_strsplit(text, ";", n + 1);
-    if ((int)g_strv_length(words) != n)
+/* planes: NULL if they are not given. */
+static gboolean cli_calibrate_laser_gather_session(struct job *job, int i, const double *planes,
+                                                   GError **error) {
+    struct session_grid grid;
+    g_autoptr(Session) session = calibrate_open(&job->base, i, error);
+    if (!session || !session_grid(session, &grid, error))
         return FALSE;
-    for (int i = 0; i < n; i++) {
-        char *end;
-        ret[i] = g_ascii_strtod(words[i], &end);
-        if (end == words[i] || *end || !(ret[i] >= 0) || !(ret[i] < 1000))
-            return FALSE;
-    }
-    return TRUE;
-}
-
-static gboolean add_frames(struct job *job, Session *session, const struct plate *plate,
-                           GError **error) {
     const struct rig *rig = &job->base.calibration->rig;
+    const struct plate plate = {planes ? planes[i] : grid.reference_mm,
+                                MIN(grid.width_mm, grid.height_mm) / 2 - EDGE_MM};
     g_autoptr(GPtrArray) frames = calibrate_frames(session, SHOT_SWEEP, error);
-    for (guint i = 0; frames && i < frames->len; i++) {
-        struct calibrate_frame *frame = frames->pdata[i];
+    for (guint k = 0; frames && k < frames->len; k++) {
+        struct calibrate_frame *frame = frames->pdata[k];
         if (frame->camera >= rig->n_cameras || frame->laser < 0 || frame->laser >= rig->n_lasers)
             continue;
-        frames->pdata[i] = NULL;
+        frames->pdata[k] = NULL;
         g_ptr_array_add(job->base.frames, frame);
         g_ptr_array_add(job->names, frame->path);
-        g_array_append_val(job->plates, *plate);
+        g_array_append_val(job->plates, plate);
     }
     return frames != NULL;
 }
 
-static gboolean cli_calibrate_laser_add_session(struct job *job, int i, const double *planes,
-                                                GError **error) {
-    struct session_grid grid;
-    g_autoptr(Session) session = calibrate_open(&job->base, i, calibrate_from, error);
-    if (!session || !session_grid(session, &grid, error))
-        return FALSE;
-    const struct plate plate = {planes ? planes[i] : grid.reference_mm,
-                                MIN(grid.width_mm, grid.height_mm) / 2 - EDGE_MM};
-    return add_frames(job, session, &plate, error);
-}
-
-static gboolean cli_calibrate_laser_gather(struct job *job, GError **error) {
-    g_autofree double *planes = planes_option ? g_new(double, job->base.n_sessions) : NULL;
-    if (planes && !parse_planes(planes_option, job->base.n_sessions, planes)) {
+static gboolean gather(struct job *job, GError **error) {
+    const int n = job->base.n_sessions;
+    g_autofree double *planes = planes_option ? g_new(double, n) : NULL;
+    gboolean ok = !planes || calibrate_parse(planes_option, ";", n, planes);
+    for (int i = 0; planes && i < n; i++)
+        ok = ok && planes[i] >= 0 && planes[i] < 1000;
+    if (!ok) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                     "--planes %s: give one height in mm for each of the %d sessions, with ';' "
                     "between them",
-                    planes_option, job->base.n_sessions);
+                    planes_option, n);
         return FALSE;
     }
-    for (int i = 0; i < job->base.n_sessions; i++)
-        if (!cli_calibrate_laser_add_session(job, i, planes, error))
+    for (int i = 0; i < n; i++)
+        if (!cli_calibrate_laser_gather_session(job, i, planes, error))
             return FALSE;
     if (job->base.frames->len > 0)
         return TRUE;
@@ -129,68 +116,47 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
         .most = CLAMP(ALL_POINTS / job->base.frames->len, LEAST_POINTS, MOST_POINTS),
     };
     if (laser_points(&job->base.calibration->rig, &sweep, job->points) == 0)
-        g_ptr_array_add(job->base.rejected,
-                        g_strdup_printf("%s: laser %s draws no line on the plate that this camera "
-                                        "sees",
-                                        frame->path,
-                                        job->base.calibration->rig.lasers[frame->laser].name));
-    return TRUE;
-}
-
-static gboolean cli_calibrate_laser_measure(struct job *job, GError **error) {
-    const struct work *work = job->base.work;
-    for (guint i = 0; i < job->base.frames->len; i++) {
-        const struct calibrate_frame *frame = job->base.frames->pdata[i];
-        if (g_cancellable_set_error_if_cancelled(work->cancellable, error) ||
-            !calibrate_check_sum(frame, error))
-            return FALSE;
-        struct exr_part *part = exr_read_part(frame->path, "sweep", error);
-        const gboolean ok = part && read_sweep(job, (int)i, part, error);
-        exr_part_free(part);
-        if (!ok)
-            return FALSE;
-        work_tell(work, "laser", (int)i + 1, (int)job->base.frames->len, job->base.begun_us, NULL);
-    }
+        g_ptr_array_add(
+            job->base.rejected,
+            g_strdup_printf("%s: laser %s draws no line on the plate that this camera sees",
+                            frame->path, job->base.calibration->rig.lasers[frame->laser].name));
     return TRUE;
 }
 
 /* Keeps the residuals of single steps for the report, and the largest of them. */
 static void keep_steps(struct job *job) {
-    static const char *const keys[5] = {"laser", "arc_deg", "sweep_deg", "tilt_deg", "offset_mm"};
-    GString *lists[5];
-    for (int k = 0; k < 5; k++)
-        lists[k] = g_string_new(NULL);
+    static const struct calibrate_column columns[] = {{"laser", "%.0f"},
+                                                      {"arc_deg", "%.3f"},
+                                                      {"sweep_deg", "%.3f"},
+                                                      {"tilt_deg", "%.5f"},
+                                                      {"offset_mm", "%.4f"}};
+    g_autoptr(GArray) rows = g_array_new(FALSE, FALSE, sizeof(double));
     for (guint i = 0; i < job->result.steps->len; i++) {
         const struct laser_step *s = &g_array_index(job->result.steps, struct laser_step, i);
-        calibrate_append(lists[0], s->laser, "%.0f");
-        calibrate_append(lists[1], s->arc_rad * 180 / G_PI, "%.3f");
-        calibrate_append(lists[2], s->sweep_rad * 180 / G_PI, "%.3f");
-        calibrate_append(lists[3], s->tilt_rad * 180 / G_PI, "%.5f");
-        calibrate_append(lists[4], s->offset_mm, "%.4f");
+        const double row[5] = {s->laser, s->arc_rad * 180 / G_PI, s->sweep_rad * 180 / G_PI,
+                               s->tilt_rad * 180 / G_PI, s->offset_mm};
+        g_array_append_vals(rows, row, 5);
         job->worst_mm = MAX(job->worst_mm, fabs(s->offset_mm));
         job->worst_rad = MAX(job->worst_rad, fabs(s->tilt_rad));
         job->uneven += fabs(s->offset_mm) > UNEVEN_MM;
     }
-    for (int k = 0; k < 5; k++) {
-        g_key_file_set_value(job->base.calibration->extra, "laser steps", keys[k], lists[k]->str);
-        g_string_free(lists[k], TRUE);
-    }
+    calibrate_keep(&job->base, "laser steps", columns, 5, rows);
 }
 
 /* A sweep most of whose points were left out is not one of this laser on this plate. */
 static void reject_sweeps(struct job *job) {
-    g_autofree int *n = g_new0(int, job->base.frames->len),
-                   *out = g_new0(int, job->base.frames->len);
+    const guint n = job->base.frames->len;
+    g_autofree int *all = g_new0(int, n), *out = g_new0(int, n);
     for (guint i = 0; i < job->points->len; i++) {
         const struct laser_point *p = &g_array_index(job->points, struct laser_point, i);
-        n[p->sweep]++;
+        all[p->sweep]++;
         out[p->sweep] += job->result.rejected[i];
     }
-    for (guint i = 0; i < job->base.frames->len; i++)
-        if (2 * out[i] > n[i])
+    for (guint i = 0; i < n; i++)
+        if (2 * out[i] > all[i])
             g_ptr_array_add(job->base.rejected,
                             g_strdup_printf("%s: %d of %d points do not fit the other sweeps",
-                                            (char *)job->names->pdata[i], out[i], n[i]));
+                                            (char *)job->names->pdata[i], out[i], all[i]));
 }
 
 static void cli_calibrate_laser_keep(struct job *job) {
@@ -232,8 +198,18 @@ static struct laser_arc arc_known(const struct calibration *calibration) {
 
 static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
-    if (!cli_calibrate_laser_gather(job, error) || !cli_calibrate_laser_measure(job, error))
+    if (!gather(job, error))
         return FALSE;
+    for (int i = 0, n = (int)base->frames->len; i < n; i++) {
+        const struct calibrate_frame *frame = base->frames->pdata[i];
+        struct exr_part *part =
+            calibrate_check_sum(frame, error) ? exr_read_part(frame->path, "sweep", error) : NULL;
+        const gboolean ok = part && read_sweep(job, i, part, error) &&
+                            work_tell(base->work, "laser", i + 1, n, base->begun_us, error);
+        exr_part_free(part);
+        if (!ok)
+            return FALSE;
+    }
     const struct laser_arc known = arc_known(base->calibration);
     if (!laser_fit(&base->calibration->rig, (const struct laser_point *)(gpointer)job->points->data,
                    (int)job->points->len, &known, (const char *const *)job->names->pdata,
@@ -294,8 +270,6 @@ static int cli_calibrate_laser_run(const struct call *call, GError **error) {
     static const struct calibrate_method method = {cli_calibrate_laser_find,
                                                    cli_calibrate_laser_tell};
     struct job job = {0};
-    if (!calibrate_output)
-        return cli_usage(call->command, "where to? Give -o FILE");
     job.names = g_ptr_array_new();
     job.plates = g_array_new(FALSE, FALSE, sizeof(struct plate));
     job.points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));

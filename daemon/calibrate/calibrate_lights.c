@@ -52,25 +52,8 @@ static void clear_view(gpointer data) {
     g_ptr_array_unref(((struct view *)data)->frames);
 }
 
-static struct picture *read_grey(const struct calibrate_frame *frame, GError **error) {
-    g_autofree char *cfa = NULL;
-    g_autoptr(Picture) picture = calibrate_read(frame, &cfa, error);
-    if (!picture || picture_balance(picture, cfa))
-        return g_steal_pointer(&picture);
-    g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "%s: its colour filter “%s” is not known",
-                picture->name, cfa);
-    return NULL;
-}
-
 static double cli_calibrate_lights_radians(double deg) {
     return deg * (G_PI / 180);
-}
-
-static int cli_calibrate_lights_index_of(const struct job *job,
-                                         const struct calibrate_frame *frame) {
-    guint index = 0;
-    g_ptr_array_find(job->base.frames, frame, &index);
-    return (int)index;
 }
 
 static gboolean cli_calibrate_lights_step(struct job *job, GError **error) {
@@ -79,11 +62,9 @@ static gboolean cli_calibrate_lights_step(struct job *job, GError **error) {
                      job->base.begun_us, error);
 }
 
-/* Every n-th of each lamp's, so that no lamp has many more than are of use. */
-static void thin(struct job *job) {
+/* Takes every n-th of each lamp's, so that no lamp has many more than are of use. */
+static void thin(struct job *job, GPtrArray *all) {
     int n[RIG_MAX_LAMPS] = {0}, seen[RIG_MAX_LAMPS] = {0};
-    g_autoptr(GPtrArray) all = job->base.frames;
-    job->base.frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
     for (guint i = 0; i < all->len; i++)
         n[((struct calibrate_frame *)all->pdata[i])->lamp]++;
     for (guint i = 0; i < all->len; i++) {
@@ -115,9 +96,14 @@ static void sort_into_views(struct job *job) {
     }
 }
 
-static gboolean cli_calibrate_lights_check_frames(const struct job *job, GError **error) {
-    for (guint i = 0; i < job->base.frames->len; i++) {
-        const struct calibrate_frame *frame = job->base.frames->pdata[i];
+static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
+    g_autoptr(Session) session = calibrate_open(&job->base, 0, error);
+    g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
+    if (!frames)
+        return FALSE;
+    job->rig = job->base.calibration->rig;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct calibrate_frame *frame = frames->pdata[i];
         if (frame->camera < job->rig.n_cameras && frame->lamp >= 0 &&
             frame->lamp < job->rig.n_lamps)
             continue;
@@ -125,23 +111,12 @@ static gboolean cli_calibrate_lights_check_frames(const struct job *job, GError 
                     "%s: its camera or lamp is not in the calibration", frame->path);
         return FALSE;
     }
-    if (job->base.frames->len > 0)
-        return TRUE;
-    g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                "%s: holds no pictures under lamps; is it captured?", job->base.sessions[0]);
-    return FALSE;
-}
-
-static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
-    g_autoptr(Session) session = calibrate_open(&job->base, 0, calibrate_from, error);
-    g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
-    if (!frames)
+    if (frames->len == 0) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: holds no pictures under lamps; is it captured?", job->base.sessions[0]);
         return FALSE;
-    g_ptr_array_extend_and_steal(job->base.frames, g_steal_pointer(&frames));
-    job->rig = job->base.calibration->rig;
-    if (!cli_calibrate_lights_check_frames(job, error))
-        return FALSE;
-    thin(job);
+    }
+    thin(job, frames);
     sort_into_views(job);
     return TRUE;
 }
@@ -157,10 +132,11 @@ static ShadowView *cli_calibrate_lights_load_view(struct job *job, const struct 
     guint every = 1 + view->frames->len / most;
     for (guint i = 0; i < view->frames->len; i += every) {
         const struct calibrate_frame *frame = view->frames->pdata[i];
-        g_autoptr(Picture) picture = read_grey(frame, error);
-        if (!picture ||
-            !shadow_view_add(shadows, picture, cli_calibrate_lights_index_of(job, frame),
-                             frame->lamp, cli_calibrate_lights_radians(frame->arc_deg), error))
+        g_autoptr(Picture) picture = calibrate_read(frame, error);
+        guint index = 0;
+        g_ptr_array_find(job->base.frames, frame, &index);
+        if (!picture || !shadow_view_add(shadows, picture, (int)index, frame->lamp,
+                                         cli_calibrate_lights_radians(frame->arc_deg), error))
             return NULL;
     }
     return g_steal_pointer(&shadows);
@@ -216,7 +192,7 @@ static gboolean measure_balls(struct job *job, GError **error) {
     job->total = (int)job->base.frames->len;
     for (guint i = 0; i < job->base.frames->len; i++) {
         const struct calibrate_frame *frame = job->base.frames->pdata[i];
-        g_autoptr(Picture) picture = read_grey(frame, error);
+        g_autoptr(Picture) picture = calibrate_read(frame, error);
         const struct highlight_picture from = {picture,
                                                (int)i,
                                                frame->lamp,
@@ -231,30 +207,18 @@ static gboolean measure_balls(struct job *job, GError **error) {
     return cli_calibrate_lights_adjust(job, error);
 }
 
-/* Nothing found: then why is more to the point than that. */
-static void add_reason(const struct job *job, GError **error) {
-    if (error && *error && (*error)->domain == LAMPS_ERROR && job->base.rejected->len > 0)
-        g_prefix_error(error, "%s (and %u more like it): ", (char *)job->base.rejected->pdata[0],
-                       job->base.rejected->len - 1);
-}
-
-static void reject_misfits(struct job *job) {
-    const gboolean poles = job->target.kind == LAMP_POLES;
-    for (guint i = 0; i < job->sights->len; i++) {
-        const struct lamp_sight *s = &g_array_index(job->sights, struct lamp_sight, i);
-        const struct calibrate_frame *frame = job->base.frames->pdata[s->picture];
-        if (job->result.rejected[i])
-            g_ptr_array_add(job->base.rejected,
-                            g_strdup_printf("%s: %s %d does not fit what the others show",
-                                            frame->path, poles ? "post" : "ball", s->mark + 1));
-    }
-}
-
 static void cli_calibrate_lights_keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct lamps_result *found = &job->result;
     const gboolean poles = job->target.kind == LAMP_POLES;
-    reject_misfits(job);
+    for (guint i = 0; i < job->sights->len; i++) {
+        const struct lamp_sight *s = &g_array_index(job->sights, struct lamp_sight, i);
+        const struct calibrate_frame *frame = job->base.frames->pdata[s->picture];
+        if (found->rejected[i])
+            g_ptr_array_add(job->base.rejected,
+                            g_strdup_printf("%s: %s %d does not fit what the others show",
+                                            frame->path, poles ? "post" : "ball", s->mark + 1));
+    }
     calibration->rig = found->rig;
     calibration->arc = (struct calibration_arc){.known = TRUE, .zero_rad = found->zero_error_rad};
     for (int k = 0; k < 2; k++) {
@@ -278,7 +242,10 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
     if (!cli_calibrate_lights_gather(job, error))
         return FALSE;
     if (!(job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, error)) {
-        add_reason(job, error);
+        /* Nothing found: then why is more to the point than that. */
+        if (error && *error && (*error)->domain == LAMPS_ERROR && base->rejected->len > 0)
+            g_prefix_error(error, "%s (and %u more like it): ", (char *)base->rejected->pdata[0],
+                           base->rejected->len - 1);
         return FALSE;
     }
     cli_calibrate_lights_keep(job);
@@ -337,16 +304,12 @@ static int cli_calibrate_lights_run(const struct call *call, GError **error) {
                                                    cli_calibrate_lights_tell};
     const struct command *command = call->command;
     struct job job = {0};
-    if (!calibrate_output)
-        return cli_usage(command, "where to? Give -o FILE");
     if (photos_folder)
-        return call->n_arguments > 0
-                   ? cli_usage(command, "give a session, or --images DIR, not both")
-                   : photos_calibrate(calibrate_output, call->record, error);
+        return photos_calibrate(call, error);
     if (call->n_arguments < 1)
         return cli_usage(command, "give a captured session, or --images DIR");
     if (!target_option)
-        return cli_usage(command, "what stands on the turntable? Give --target");
+        return cli_usage(command, "no target on the turntable is given: give --target FILE");
     if (!lamp_target_load(&job.target, target_option, error))
         return CLI_FAILED;
     job.views = g_array_new(FALSE, FALSE, sizeof(struct view));

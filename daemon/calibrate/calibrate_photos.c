@@ -28,7 +28,6 @@ struct light {
 };
 
 struct job {
-    const char *output;
     struct ball_outline given[BALL_LIGHT_MOST], balls[BALL_LIGHT_MOST];
     double sigma_px[BALL_LIGHT_MOST];   /* of balls */
     gboolean outlined[BALL_LIGHT_MOST]; /* balls is from the pictures, not as given */
@@ -40,21 +39,6 @@ struct job {
 
 static void clear_light(gpointer data) {
     g_free(((struct light *)data)->name);
-}
-
-static gboolean parse_ball(const char *text, struct ball_outline *ret) {
-    g_auto(GStrv) words = g_strsplit(text, ",", 4);
-    double values[3];
-    if (g_strv_length(words) != 3)
-        return FALSE;
-    for (int i = 0; i < 3; i++) {
-        char *end;
-        values[i] = g_ascii_strtod(words[i], &end);
-        if (end == words[i] || *end || !isfinite(values[i]))
-            return FALSE;
-    }
-    *ret = (struct ball_outline){values[0], values[1], values[2]};
-    return values[2] >= 5;
 }
 
 static void cli_calibrate_photos_reject(struct job *job, const char *name, int ball,
@@ -224,17 +208,13 @@ static gboolean write_lights(const struct job *job, GError **error) {
     g_string_append_printf(text, "%u\n", job->lights->len);
     for (guint i = 0; i < job->lights->len; i++) {
         const struct light *light = &g_array_index(job->lights, struct light, i);
-        const struct vec3 way = light->found.direction;
-        const double d[3] = {way.x, way.y, way.z};
-        g_string_append(text, light->name);
-        for (int k = 0; k < 3; k++) {
-            char number[G_ASCII_DTOSTR_BUF_SIZE];
-            g_ascii_formatd(number, sizeof number, "%.6f", d[k]);
-            g_string_append_printf(text, " %s", number);
-        }
-        g_string_append_c(text, '\n');
+        const struct vec3 d = light->found.direction;
+        char x[G_ASCII_DTOSTR_BUF_SIZE], y[G_ASCII_DTOSTR_BUF_SIZE], z[G_ASCII_DTOSTR_BUF_SIZE];
+        g_string_append_printf(
+            text, "%s %s %s %s\n", light->name, g_ascii_formatd(x, sizeof x, "%.6f", d.x),
+            g_ascii_formatd(y, sizeof y, "%.6f", d.y), g_ascii_formatd(z, sizeof z, "%.6f", d.z));
     }
-    return g_file_set_contents(job->output, text->str, (gssize)text->len, error);
+    return g_file_set_contents(calibrate_output, text->str, (gssize)text->len, error);
 }
 
 static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
@@ -258,10 +238,6 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
     return FALSE;
 }
 
-static double cli_calibrate_photos_unit(void) {
-    return photos_radius_mm > 0 ? photos_radius_mm : 1;
-}
-
 static void tell_vec3(Record *to, const char *key, struct vec3 v) {
     record_doubles(to, key, (double[]){v.x, v.y, v.z}, 3);
 }
@@ -269,9 +245,9 @@ static void tell_vec3(Record *to, const char *key, struct vec3 v) {
 static void tell_light(Record *to, const struct light *light) {
     const gboolean mm = photos_radius_mm > 0;
     const struct ball_light *found = &light->found;
-    const struct vec3 d = found->direction,
-                      p = vec3_scale(found->place, cli_calibrate_photos_unit());
-    const struct vec3 e = vec3_scale(found->place_error, cli_calibrate_photos_unit());
+    const double unit = mm ? photos_radius_mm : 1;
+    const struct vec3 d = found->direction, p = vec3_scale(found->place, unit),
+                      e = vec3_scale(found->place_error, unit);
     record_begin(to, NULL);
     record_string(to, "file", light->name);
     tell_vec3(to, "direction", d);
@@ -281,7 +257,7 @@ static void tell_light(Record *to, const struct light *light) {
     if (found->placed) {
         tell_vec3(to, mm ? "place_mm" : "place_radii", p);
         tell_vec3(to, mm ? "error_mm" : "error_radii", e);
-        record_double(to, "miss", cli_calibrate_photos_unit() * found->miss);
+        record_double(to, "miss", unit * found->miss);
         record_say(to, "   at %.1f %.1f %.1f %s, ± %.1f %.1f %.1f", p.x, p.y, p.z,
                    mm ? "mm" : "radii", e.x, e.y, e.z);
     }
@@ -289,24 +265,23 @@ static void tell_light(Record *to, const struct light *light) {
     record_say(to, "\n");
 }
 
-static void tell_ball(Record *to, const struct job *job, int i) {
-    const struct ball_outline *ball = &job->balls[i];
-    record_begin(to, NULL);
-    record_doubles(to, "outline_px", (double[]){ball->x_px, ball->y_px, ball->radius_px}, 3);
-    record_double(to, "error_px", job->sigma_px[i]);
-    record_boolean(to, "seen", job->outlined[i]);
-    record_end(to);
-    record_say(to, "  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
-               job->outlined[i] ? "its outline is seen at" : "as given, its outline is not seen:",
-               ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
-}
-
 static void cli_calibrate_photos_tell(Record *to, const struct job *job) {
-    record_string(to, "file", job->output);
-    record_say(to, "%s: %u of %u photographs\n", job->output, job->lights->len, job->names->len);
+    record_string(to, "file", calibrate_output);
+    record_say(to, "%s: %u of %u photographs\n", calibrate_output, job->lights->len,
+               job->names->len);
     record_begin_list(to, "balls");
-    for (int i = 0; i < job->n_balls; i++)
-        tell_ball(to, job, i);
+    for (int i = 0; i < job->n_balls; i++) {
+        const struct ball_outline *ball = &job->balls[i];
+        record_begin(to, NULL);
+        record_doubles(to, "outline_px", (double[]){ball->x_px, ball->y_px, ball->radius_px}, 3);
+        record_double(to, "error_px", job->sigma_px[i]);
+        record_boolean(to, "seen", job->outlined[i]);
+        record_end(to);
+        record_say(to, "  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
+                   job->outlined[i] ? "its outline is seen at"
+                                    : "as given, its outline is not seen:",
+                   ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
+    }
     record_end(to);
     record_begin_list(to, "lights");
     for (guint i = 0; i < job->lights->len; i++)
@@ -317,24 +292,29 @@ static void cli_calibrate_photos_tell(Record *to, const struct job *job) {
         record_say(to, "  left out: %s\n", (char *)job->rejected->pdata[i]);
 }
 
-static int bad_usage(const char *what) {
-    g_printerr("mesorig calibrate lights: %s\n", what);
-    return CLI_USAGE;
-}
-
-int photos_calibrate(const char *output, Record *to, GError **error) {
-    struct job job = {.output = output};
+int photos_calibrate(const struct call *call, GError **error) {
+    struct job job = {0};
+    if (!calibrate_output)
+        return cli_usage(call->command, "no file to write is given: give -o FILE");
+    if (call->n_arguments > 0)
+        return cli_usage(call->command, "give a session, or --images DIR, not both");
     if (!photos_balls)
-        return bad_usage("where is the ball in the photographs? Give --ball X,Y,R in pixels");
-    for (char **text = photos_balls; *text; text++)
-        if (job.n_balls == BALL_LIGHT_MOST || !parse_ball(*text, &job.given[job.n_balls++]))
-            return bad_usage("--ball needs X,Y,R in pixels, R at least 5; at most 16 of them");
+        return cli_usage(call->command,
+                         "no ball in the photographs is given: give --ball X,Y,R in pixels");
+    for (char **text = photos_balls; *text; text++) {
+        double v[3];
+        if (job.n_balls == BALL_LIGHT_MOST || !calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
+            return cli_usage(call->command,
+                             "--ball=%s: give X,Y,R in pixels, R at least 5; at most 16 of them",
+                             *text);
+        job.given[job.n_balls++] = (struct ball_outline){v[0], v[1], v[2]};
+    }
     job.rejected = g_ptr_array_new_with_free_func(g_free);
     job.lights = g_array_new(FALSE, FALSE, sizeof(struct light));
     g_array_set_clear_func(job.lights, clear_light);
     const gboolean ok = cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
     if (ok)
-        cli_calibrate_photos_tell(to, &job);
+        cli_calibrate_photos_tell(call->record, &job);
     g_clear_pointer(&job.names, g_ptr_array_unref);
     g_ptr_array_unref(job.rejected);
     g_array_unref(job.lights);

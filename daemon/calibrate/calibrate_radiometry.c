@@ -22,17 +22,6 @@ struct job {
     struct tile_result result;
 };
 
-/* What the user should know of a sensor that is not as it should be. */
-static void warn_of_sensors(const struct calibration *calibration) {
-    for (int c = 0; c < calibration->rig.n_cameras; c++) {
-        const struct transfer *t = &calibration->noise[c].transfer;
-        if (calibration->noise[c].known && t->linearity > 0.01)
-            g_printerr("camera %s is not linear: an exposure's signal is up to %.1f %% off. Switch "
-                       "off its gamma and whatever else changes its values\n",
-                       calibration->rig.cameras[c].name, 100 * t->linearity);
-    }
-}
-
 static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job *base) {
     const struct calibration *calibration = base->calibration;
     const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
@@ -55,74 +44,61 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
                "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
                100 * r->drift, r->marks, calibration->rig.n_fiducials, r->transfers,
                calibration->rig.n_cameras, calibrate_output);
-    if (!cli_json)
-        warn_of_sensors(calibration);
+    for (int c = 0; c < calibration->rig.n_cameras && !cli_json; c++) {
+        const struct transfer *t = &calibration->noise[c].transfer;
+        if (calibration->noise[c].known && t->linearity > 0.01)
+            g_printerr("camera %s is not linear: an exposure's signal is up to %.1f %% off. Switch "
+                       "off its gamma and whatever else changes its values\n",
+                       calibration->rig.cameras[c].name, 100 * t->linearity);
+    }
 }
 
 static gboolean parse_reflectance(double ret[3]) {
-    g_auto(GStrv) words = g_strsplit(reflectance_option, ";", 4);
-    guint n = g_strv_length(words);
-    for (guint i = 0; i < 3 && (n == 1 || n == 3); i++) {
-        const char *word = words[n == 3 ? i : 0];
-        char *end = NULL;
-        ret[i] = g_ascii_strtod(word, &end);
-        if (end == word || *end != '\0' || !(ret[i] >= 0.05 && ret[i] <= 1.2))
+    if (!calibrate_parse(reflectance_option, ";", 3, ret)) {
+        if (!calibrate_parse(reflectance_option, ";", 1, ret))
             return FALSE;
+        ret[1] = ret[2] = ret[0];
     }
-    return n == 1 || n == 3;
-}
-
-static gboolean parse_tile(struct tile_options *ret) {
-    char *end = NULL;
-    if (!tile_option)
-        return TRUE;
-    ret->width_mm = g_ascii_strtod(tile_option, &end);
-    if (*end != 'x')
-        return FALSE;
-    ret->height_mm = g_ascii_strtod(end + 1, &end);
-    return *end == '\0' && ret->width_mm > 5 && ret->height_mm > 5 && ret->width_mm < 1e5 &&
-           ret->height_mm < 1e5;
-}
-
-/* Marks that the rig file knows of, where the calibration is older than they are. */
-static Session *cli_calibrate_radiometry_begin(struct calibrate_job *job, GError **error) {
-    const char *from = calibrate_from ? calibrate_from : calibrate_output;
-    struct rig own;
-    g_autoptr(Session) session = calibrate_open(job, 0, from, error);
-    g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
-    if (!text || !rig_from_text(&own, text, session_path(session), error))
-        return NULL;
-    struct rig *rig = &job->calibration->rig;
-    if (rig->n_fiducials == 0) {
-        memcpy(rig->fiducials, own.fiducials, sizeof rig->fiducials);
-        rig->n_fiducials = own.n_fiducials;
-    }
-    return g_steal_pointer(&session);
+    for (int i = 0; i < 3; i++)
+        if (!(ret[i] >= 0.05 && ret[i] <= 1.2))
+            return FALSE;
+    return TRUE;
 }
 
 static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
-    if (calibrate_from && !g_file_test(calibrate_from, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: no such file", calibrate_from);
+    g_autoptr(Session) session = calibrate_open(base, 0, error);
+    g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
+    struct rig own;
+    if (!text || !rig_from_text(&own, text, session_path(session), error))
         return FALSE;
+    /* Marks that the rig file knows of, where the calibration is older than they are. */
+    struct rig *rig = &base->calibration->rig;
+    if (rig->n_fiducials == 0) {
+        memcpy(rig->fiducials, own.fiducials, sizeof rig->fiducials);
+        rig->n_fiducials = own.n_fiducials;
     }
-    g_autoptr(Session) session = cli_calibrate_radiometry_begin(base, error);
     job->options.work = base->work;
-    return session && tile_session(session, base->calibration, &job->options, &job->result, error);
+    return tile_session(session, base->calibration, &job->options, &job->result, error);
 }
 
 static int cli_calibrate_radiometry_run(const struct call *call, GError **error) {
     static const struct calibrate_method method = {cli_calibrate_radiometry_find,
-                                                   cli_calibrate_radiometry_tell};
+                                                   cli_calibrate_radiometry_tell, .adds = TRUE};
     struct job job = {0};
+    double size_mm[2];
     if (!reflectance_option || !parse_reflectance(job.options.reflectance))
         return cli_usage(call->command,
-                         "how much does the tile reflect? Give --reflectance, a number "
-                         "such as 0.98, or three separated by ';'");
-    if (!parse_tile(&job.options))
-        return cli_usage(call->command, "how large is the tile? Give --tile as 50x50, in mm");
-    if (!calibrate_output)
-        return cli_usage(call->command, "where to? Give -o FILE");
+                         "no reflectance of the tile is given: give --reflectance, a number from "
+                         "0.05 to 1.2 such as 0.98, or three separated by ';'");
+    if (tile_option) {
+        if (!calibrate_parse(tile_option, "x", 2, size_mm) ||
+            !(MIN(size_mm[0], size_mm[1]) > 5 && MAX(size_mm[0], size_mm[1]) < 1e5))
+            return cli_usage(call->command, "--tile=%s: give its width and height in mm, as 50x50",
+                             tile_option);
+        job.options.width_mm = size_mm[0];
+        job.options.height_mm = size_mm[1];
+    }
     return calibrate_run(call, &method, &job.base, error);
 }
 

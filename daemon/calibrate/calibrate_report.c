@@ -29,33 +29,29 @@ static char *escaped(const char *text) {
     return g_markup_escape_text(text, -1);
 }
 
-static void cli_calibrate_report_add_part(GString *to, const struct calibration *calibration,
-                                          enum calibration_kind kind) {
-    const struct calibration_part *part = &calibration->parts[kind];
-    if (!part->done) {
-        g_string_append_printf(
-            to,
-            "<tr class=\"none\"><td>%s</td><td colspan=\"6\">not calibrated: nominal</td></tr>\n",
-            calibration_part_name(kind));
-        return;
-    }
-    g_autofree char *method = escaped(part->method);
-    g_autofree char *unit = escaped(part->residual_unit);
-    g_string_append_printf(
-        to,
-        "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u</td><td>%.3g "
-        "%s</td><td>%d</td>"
-        "</tr>\n",
-        calibration_part_name(kind), part->date, method, part->pictures, part->rejected->len,
-        part->residual_rms, unit, part->degrees_of_freedom);
-}
-
 static void add_parts(GString *to, const struct calibration *calibration) {
     g_string_append_printf(
         to, "<table><tr><th>part</th><th>date</th><th>method</th><th>pictures</th><th>rejected</th>"
             "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
-    for (int i = 0; i < CALIBRATION_PARTS; i++)
-        cli_calibrate_report_add_part(to, calibration, (enum calibration_kind)i);
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const struct calibration_part *part = &calibration->parts[i];
+        const char *name = calibration_part_name((enum calibration_kind)i);
+        if (!part->done) {
+            g_string_append_printf(to,
+                                   "<tr class=\"none\"><td>%s</td><td colspan=\"6\">not "
+                                   "calibrated: nominal</td></tr>\n",
+                                   name);
+            continue;
+        }
+        g_autofree char *method = escaped(part->method);
+        g_autofree char *unit = escaped(part->residual_unit);
+        g_string_append_printf(
+            to,
+            "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u</td><td>%.3g "
+            "%s</td><td>%d</td></tr>\n",
+            name, part->date, method, part->pictures, part->rejected->len, part->residual_rms, unit,
+            part->degrees_of_freedom);
+    }
     g_string_append_printf(to, "</table>\n");
 }
 
@@ -156,19 +152,12 @@ static void add_plan(GString *to, const struct rig *rig, gboolean above) {
                            PLOT / plan.scale);
 }
 
-static void add_positions(GString *to, const struct rig *rig) {
-    g_string_append_printf(
-        to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and lasers with "
-            "the arc at 0°.</p>\n");
-    add_plan(to, rig, FALSE);
-    add_plan(to, rig, TRUE);
-}
-
-static double *cli_calibrate_report_list(GKeyFile *file, const char *group, const char *key,
-                                         gsize *ret_n) {
-    double *values = g_key_file_get_double_list(file, group, key, ret_n, NULL);
-    if (!values)
-        *ret_n = 0;
+/* A column of a table that calibrate_keep() has kept. *n: MIN of it and the column's length. */
+static double *report_column(const struct calibration *calibration, const char *group,
+                             const char *key, gsize *n) {
+    gsize length = 0;
+    double *values = g_key_file_get_double_list(calibration->extra, group, key, &length, NULL);
+    *n = values ? MIN(*n, length) : 0;
     return values;
 }
 
@@ -178,21 +167,19 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
     const struct calibration_camera *e = &calibration->cameras[camera];
     g_autofree char *group = g_strdup_printf("camera residuals %d", camera);
     g_autofree char *name = escaped(c->name);
-    gsize n[4];
-    GKeyFile *file = calibration->extra;
-    g_autofree double *x = cli_calibrate_report_list(file, group, "x_px", &n[0]),
-                      *y = cli_calibrate_report_list(file, group, "y_px", &n[1]);
-    g_autofree double *dx = cli_calibrate_report_list(file, group, "dx_px", &n[2]),
-                      *dy = cli_calibrate_report_list(file, group, "dy_px", &n[3]);
-    const gsize all = MIN(MIN(n[0], n[1]), MIN(n[2], n[3]));
+    gsize n = G_MAXSIZE;
+    g_autofree double *x = report_column(calibration, group, "x_px", &n),
+                      *y = report_column(calibration, group, "y_px", &n),
+                      *dx = report_column(calibration, group, "dx_px", &n),
+                      *dy = report_column(calibration, group, "dy_px", &n);
     const double scale = (double)PLOT / c->width;
     const double arrow = e->residual_rms_px > 0 ? 8 / e->residual_rms_px : 1;
-    if (all == 0)
+    if (n == 0)
         return;
     g_string_append_printf(
         to, "<figure><svg width=\"%d\" height=\"%.0f\"><path stroke=\"#1764ab\" fill=\"none\" d=\"",
         PLOT, c->height * scale);
-    for (gsize i = 0; i < all; i++)
+    for (gsize i = 0; i < n; i++)
         g_string_append_printf(to, "M%.1f %.1fl%.1f %.1f", x[i] * scale, y[i] * scale,
                                dx[i] * arrow, dy[i] * arrow);
     g_string_append_printf(
@@ -201,39 +188,32 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
         name, e->residual_rms_px, arrow / scale);
 }
 
-static void add_residuals(GString *to, const struct calibration *calibration) {
-    if (!calibration->parts[CALIBRATION_CAMERAS].done)
-        return;
-    g_string_append_printf(
-        to,
-        "<h2>Residuals</h2>\n<p>From where corners were seen to where they should have been. A "
-        "pattern that all share is what the model of the lens leaves over; noise has none.</p>\n");
-    for (int i = 0; i < calibration->rig.n_cameras; i++)
-        add_vectors(to, calibration, i);
+/* Deviations over a turn, or over time, about a line in the middle. */
+static void begin_diagram(GString *to, const char *title) {
+    g_string_append_printf(to,
+                           "<h2>%s</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 "
+                           "80h%d\" stroke=\"#999\"/>\n",
+                           title, 2 * PLOT, 2 * PLOT);
 }
 
-static void cli_calibrate_report_add_turntable(GString *to, const struct calibration *calibration) {
-    gsize n, m;
-    g_autofree double *at =
-        cli_calibrate_report_list(calibration->extra, "turntable", "commanded_deg", &n);
-    g_autofree double *error =
-        cli_calibrate_report_list(calibration->extra, "turntable", "error_deg", &m);
+/* across: 0 … 1; up: −1 … 1. */
+static void add_dot(GString *to, double across, double up, double radius, const char *colour) {
+    g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%g\" fill=\"%s\"/>\n",
+                           8 + across * (2 * PLOT - 16), 80 - 72 * up, radius, colour);
+}
+
+static void add_turntable(GString *to, const struct calibration *calibration) {
+    gsize n = G_MAXSIZE;
+    g_autofree double *at = report_column(calibration, "turntable", "commanded_deg", &n),
+                      *error = report_column(calibration, "turntable", "error_deg", &n);
     double most = 1e-4;
-    n = MIN(n, m);
     for (gsize i = 0; i < n; i++)
         most = MAX(most, fabs(error[i]));
     if (n == 0)
         return;
-    g_string_append_printf(
-        to,
-        "<h2>Turntable</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 80h%d\" "
-        "stroke=\"#999\"/>\n",
-        2 * PLOT, 2 * PLOT);
-    for (gsize i = 0; i < n; i++) {
-        const double turn = at[i] - 360 * floor(at[i] / 360);
-        g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"#1764ab\"/>\n",
-                               8 + turn / 360 * (2 * PLOT - 16), 80 - 72 * error[i] / most);
-    }
+    begin_diagram(to, "Turntable");
+    for (gsize i = 0; i < n; i++)
+        add_dot(to, (at[i] - 360 * floor(at[i] / 360)) / 360, error[i] / most, 3, "#1764ab");
     g_string_append_printf(
         to,
         "</svg><figcaption>how much further it was than commanded, over a turn; the full height "
@@ -241,71 +221,35 @@ static void cli_calibrate_report_add_turntable(GString *to, const struct calibra
         most);
 }
 
-struct drift {
-    gsize n;
-    double *taken_s, *lamp, *output;
-    double last_s, most;
-};
-
-static gboolean drift_read(const struct calibration *calibration, struct drift *ret) {
-    gsize n[3];
-    ret->taken_s = cli_calibrate_report_list(calibration->extra, "lamp drift", "taken_s", &n[0]);
-    ret->lamp = cli_calibrate_report_list(calibration->extra, "lamp drift", "lamp", &n[1]);
-    ret->output = cli_calibrate_report_list(calibration->extra, "lamp drift", "output", &n[2]);
-    ret->n = MIN(MIN(n[0], n[1]), n[2]);
-    ret->last_s = 1;
-    ret->most = 1e-4;
-    for (gsize i = 0; i < ret->n; i++) {
-        ret->last_s = MAX(ret->last_s, ret->taken_s[i]);
-        ret->most = MAX(ret->most, fabs(ret->output[i] - 1));
-    }
-    return ret->n > 0;
-}
-
-static void drift_clear(struct drift *drift) {
-    g_free(drift->taken_s);
-    g_free(drift->lamp);
-    g_free(drift->output);
-}
-
-/* Lamps' colours go around the wheel. */
-static void add_drift_of(GString *to, const struct drift *drift, int lamp, int n_lamps) {
-    for (gsize i = 0; i < drift->n; i++) {
-        if (drift->lamp[i] != lamp)
-            continue;
-        g_string_append_printf(
-            to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\" fill=\"hsl(%d,65%%,45%%)\"/>\n",
-            8 + drift->taken_s[i] / drift->last_s * (2 * PLOT - 16),
-            80 - 72 * (drift->output[i] - 1) / drift->most, 360 * lamp / MAX(n_lamps, 1));
-    }
-}
-
 static void add_drift(GString *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
-    struct drift drift;
-    if (!drift_read(calibration, &drift)) {
-        drift_clear(&drift);
-        return;
+    gsize n = G_MAXSIZE;
+    g_autofree double *taken_s = report_column(calibration, "lamp drift", "taken_s", &n),
+                      *lamp = report_column(calibration, "lamp drift", "lamp", &n),
+                      *output = report_column(calibration, "lamp drift", "output", &n);
+    g_autoptr(GString) names = g_string_new(NULL);
+    double last_s = 1, most = 1e-4;
+    for (gsize i = 0; i < n; i++) {
+        last_s = MAX(last_s, taken_s[i]);
+        most = MAX(most, fabs(output[i] - 1));
     }
-    g_string_append_printf(
-        to,
-        "<h2>Drift of the lamps</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 "
-        "80h%d\" stroke=\"#999\"/>\n",
-        2 * PLOT, 2 * PLOT);
-    for (int l = 0; l < rig->n_lamps; l++)
-        add_drift_of(to, &drift, l, rig->n_lamps);
+    if (n == 0)
+        return;
+    begin_diagram(to, "Drift of the lamps");
+    for (int l = 0; l < rig->n_lamps; l++) {
+        /* Lamps' colours go around the wheel. */
+        g_autofree char *colour = g_strdup_printf("hsl(%d,65%%,45%%)", 360 * l / rig->n_lamps);
+        g_autofree char *name = escaped(rig->lamps[l].name);
+        g_string_append_printf(names, " <span style=\"color:%s\">%s</span>", colour, name);
+        for (gsize i = 0; i < n; i++)
+            if (lamp[i] == l)
+                add_dot(to, taken_s[i] / last_s, (output[i] - 1) / most, 2.5, colour);
+    }
     g_string_append_printf(
         to,
         "</svg><figcaption>what each lamp gave of its mean while the tile was taken, over %.1f "
-        "minutes; the full height is ± %.2f %%:",
-        drift.last_s / 60, 100 * drift.most);
-    for (int l = 0; l < rig->n_lamps; l++) {
-        g_autofree char *name = escaped(rig->lamps[l].name);
-        g_string_append_printf(to, " <span style=\"color:hsl(%d,65%%,45%%)\">%s</span>",
-                               360 * l / rig->n_lamps, name);
-    }
-    g_string_append_printf(to, "</figcaption></figure>\n");
-    drift_clear(&drift);
+        "minutes; the full height is ± %.2f %%:%s</figcaption></figure>\n",
+        last_s / 60, 100 * most, names->str);
 }
 
 static void add_rejected(GString *to, const struct calibration *calibration) {
@@ -333,9 +277,18 @@ static char *page(const struct calibration *calibration) {
     calibrate_table_lamps(to, calibration);
     calibrate_table_lasers(to, calibration);
     calibrate_table_light(to, calibration);
-    add_positions(to, &calibration->rig);
-    add_residuals(to, calibration);
-    cli_calibrate_report_add_turntable(to, calibration);
+    g_string_append(to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and "
+                        "lasers with the arc at 0°.</p>\n");
+    add_plan(to, &calibration->rig, FALSE);
+    add_plan(to, &calibration->rig, TRUE);
+    if (calibration->parts[CALIBRATION_CAMERAS].done)
+        g_string_append(to, "<h2>Residuals</h2>\n<p>From where corners were seen to where they "
+                            "should have been. A pattern that all share is what the model of the "
+                            "lens leaves over; noise has none.</p>\n");
+    for (int i = 0; calibration->parts[CALIBRATION_CAMERAS].done && i < calibration->rig.n_cameras;
+         i++)
+        add_vectors(to, calibration, i);
+    add_turntable(to, calibration);
     add_drift(to, calibration);
     add_rejected(to, calibration);
     g_string_append_printf(to, "</body></html>\n");
@@ -344,7 +297,7 @@ static char *page(const struct calibration *calibration) {
 
 static int cli_calibrate_report_run(const struct call *call, GError **error) {
     if (!output_option)
-        return cli_usage(call->command, "where to? Give -o FILE.html");
+        return cli_usage(call->command, "no page to write is given: give -o FILE.html");
     g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
     g_autofree char *text = calibration ? page(calibration) : NULL;
     if (!text || !g_file_set_contents(output_option, text, -1, error))

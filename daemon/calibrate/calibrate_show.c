@@ -12,6 +12,16 @@ static void show_part(Record *to, const struct calibration *calibration,
         record_say(to, "%s: not calibrated, nominal\n", titles[kind]);
         return;
     }
+    record_begin(to, calibration_part_name(kind));
+    record_string(to, "date", part->date);
+    record_string(to, "method", part->method);
+    record_double(to, "residual_rms", part->residual_rms);
+    record_string(to, "residual_unit", part->residual_unit);
+    record_int(to, "degrees_of_freedom", part->degrees_of_freedom);
+    record_int(to, "pictures", part->pictures);
+    record_string(to, "checksum", part->checksum);
+    record_strings(to, "rejected", part->rejected);
+    record_end(to);
     record_say(
         to, "%s: %s, %s\n  %d pictures, %u rejected, residual RMS %.3g %s, %d degrees of freedom\n",
         titles[kind], part->date, part->method, part->pictures, part->rejected->len,
@@ -79,21 +89,6 @@ static void show_laser(Record *to, const struct rig_laser *laser,
     record_say(to, "\n");
 }
 
-static void show_lights(Record *to, const struct calibration *calibration) {
-    for (int i = 0; i < calibration->rig.n_lamps; i++)
-        show_lamp(to, &calibration->rig, i, &calibration->lamps[i]);
-    show_arc(to, &calibration->rig.arc, &calibration->arc);
-}
-
-static void show_sensor(Record *to, const char *name, const struct transfer *t) {
-    record_say(
-        to,
-        "  %s: black %.2f ± %.2f DN, dark current %.2f ± %.2f DN/s, %.4f ± %.4f DN an electron, "
-        "read noise %.2f ± %.2f electrons, %.2f %% off linear\n",
-        name, t->black_dn, t->black_error_dn, t->dark_dn_s, t->dark_error_dn_s, t->gain_dn_e,
-        t->gain_error_dn_e, t->read_noise_e, t->read_noise_error_e, 100 * t->linearity);
-}
-
 static void show_radiometry(Record *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
 
@@ -106,8 +101,14 @@ static void show_radiometry(Record *to, const struct calibration *calibration) {
                 "  %s: response %.1f ± %.3f %%, colours %.4f %.4f %.4f, corners %.1f %% darker\n",
                 camera->name, camera->response, 100 * r->response_error, r->colour[0], r->colour[1],
                 r->colour[2], 100 * (1 - radiometry_flat(camera, r, 0, 0)));
+        const struct transfer *t = &calibration->noise[c].transfer;
         if (calibration->noise[c].known)
-            show_sensor(to, camera->name, &calibration->noise[c].transfer);
+            record_say(to,
+                       "  %s: black %.2f ± %.2f DN, dark current %.2f ± %.2f DN/s, %.4f ± %.4f DN "
+                       "an electron, read noise %.2f ± %.2f electrons, %.2f %% off linear\n",
+                       camera->name, t->black_dn, t->black_error_dn, t->dark_dn_s,
+                       t->dark_error_dn_s, t->gain_dn_e, t->gain_error_dn_e, t->read_noise_e,
+                       t->read_noise_error_e, 100 * t->linearity);
     }
     for (int l = 0; l < rig->n_lamps; l++) {
         const struct radiometry_lamp *r = &calibration->lamp_radiometry[l];
@@ -124,27 +125,12 @@ static void show_radiometry(Record *to, const struct calibration *calibration) {
                        rig->fiducials[m].name, rig->fiducials[m].centre_mm.x,
                        rig->fiducials[m].centre_mm.y, rig->fiducials[m].centre_mm.z,
                        rig->fiducials[m].reflectance[1], calibration->fiducials[m].reflectance[1]);
-}
-
-static void show_colour(Record *to, const struct colour_matrix *colour) {
+    const struct colour_matrix *colour = &calibration->colour;
     for (int i = 0; colour->known && i < 9; i += 3)
         record_say(to, "  colour: %c = %+.4f R %+.4f G %+.4f B\n", "XYZ"[i / 3],
                    colour -> matrix[i], colour -> matrix[i + 1], colour -> matrix[i + 2]);
     if (colour->known)
         record_say(to, "  colour: %d patches, %.2f ΔE*ab RMS\n", colour->patches, colour->residual);
-}
-
-static void tell_part(Record *to, const struct calibration_part *part, const char *name) {
-    record_begin(to, name);
-    record_string(to, "date", part->date);
-    record_string(to, "method", part->method);
-    record_double(to, "residual_rms", part->residual_rms);
-    record_string(to, "residual_unit", part->residual_unit);
-    record_int(to, "degrees_of_freedom", part->degrees_of_freedom);
-    record_int(to, "pictures", part->pictures);
-    record_string(to, "checksum", part->checksum);
-    record_strings(to, "rejected", part->rejected);
-    record_end(to);
 }
 
 static int cli_calibrate_show_run(const struct call *call, GError **error) {
@@ -154,22 +140,19 @@ static int cli_calibrate_show_run(const struct call *call, GError **error) {
         return CLI_FAILED;
     record_string(to, "rig", calibration->rig.id);
     record_say(to, "%s: rig %s\n", call->arguments[0], calibration->rig.id);
-    for (int i = 0; i < CALIBRATION_PARTS; i++) {
-        const enum calibration_kind kind = (enum calibration_kind)i;
-        if (calibration->parts[i].done)
-            tell_part(to, &calibration->parts[i], calibration_part_name(kind));
-        show_part(to, calibration, kind);
-        for (int c = 0; i == CALIBRATION_CAMERAS && c < calibration->rig.n_cameras; c++)
-            show_camera(to, &calibration->rig.cameras[c], &calibration->cameras[c]);
-        if (i == CALIBRATION_LIGHTS)
-            show_lights(to, calibration);
-        if (i == CALIBRATION_RADIOMETRY) {
-            show_radiometry(to, calibration);
-            show_colour(to, &calibration->colour);
-        }
-        for (int k = 0; i == CALIBRATION_LASER && k < calibration->rig.n_lasers; k++)
-            show_laser(to, &calibration->rig.lasers[k], &calibration->lasers[k]);
-    }
+    const struct rig *rig = &calibration->rig;
+    show_part(to, calibration, CALIBRATION_CAMERAS);
+    for (int i = 0; i < rig->n_cameras; i++)
+        show_camera(to, &rig->cameras[i], &calibration->cameras[i]);
+    show_part(to, calibration, CALIBRATION_LIGHTS);
+    for (int i = 0; i < rig->n_lamps; i++)
+        show_lamp(to, rig, i, &calibration->lamps[i]);
+    show_arc(to, &rig->arc, &calibration->arc);
+    show_part(to, calibration, CALIBRATION_LASER);
+    for (int i = 0; i < rig->n_lasers; i++)
+        show_laser(to, &rig->lasers[i], &calibration->lasers[i]);
+    show_part(to, calibration, CALIBRATION_RADIOMETRY);
+    show_radiometry(to, calibration);
     return CLI_DONE;
 }
 

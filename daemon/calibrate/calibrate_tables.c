@@ -19,18 +19,6 @@ static double cli_calibrate_tables_along(const double covariance[3][3], struct v
     return sqrt(MAX(sum, 0));
 }
 
-static void cli_calibrate_tables_add_lamp(GString *to, const struct rig_lamp *lamp,
-                                          const struct calibration_lamp *e) {
-    const struct vec3 at = lamp->position_mm, out = vec3_unit(at);
-    double theta, phi;
-    rig_angles(at, &theta, &phi);
-    phi = phi > G_PI ? phi - 2 * G_PI : phi;
-    add_name(to, lamp->name);
-    g_string_append_printf(to, "<td>%.2f ± %.2f</td><td>%.3f, %.3f</td></tr>\n", vec3_length(at),
-                           cli_calibrate_tables_along(e->position_covariance_mm2, out), DEG(theta),
-                           DEG(phi));
-}
-
 void calibrate_table_lamps(GString *to, const struct calibration *calibration) {
     const struct rig_arc *arc = &calibration->rig.arc;
     const struct calibration_arc *e = &calibration->arc;
@@ -39,9 +27,21 @@ void calibrate_table_lamps(GString *to, const struct calibration *calibration) {
     g_string_append_printf(
         to, "<h2>Lamps and arc</h2>\n<table><tr><th>lamp</th><th>distance (mm)</th><th>angle from "
             "the zenith, azimuth on the arc (°)</th></tr>\n");
-    for (int i = 0; i < calibration->rig.n_lamps; i++)
-        if (calibration->lamps[i].known)
-            cli_calibrate_tables_add_lamp(to, &calibration->rig.lamps[i], &calibration->lamps[i]);
+    for (int i = 0; i < calibration->rig.n_lamps; i++) {
+        const struct rig_lamp *lamp = &calibration->rig.lamps[i];
+        const struct calibration_lamp *l = &calibration->lamps[i];
+        const struct vec3 at = lamp->position_mm;
+        double theta, phi;
+        if (!l->known)
+            continue;
+        rig_angles(at, &theta, &phi);
+        phi = phi > G_PI ? phi - 2 * G_PI : phi;
+        add_name(to, lamp->name);
+        g_string_append_printf(
+            to, "<td>%.2f ± %.2f</td><td>%.3f, %.3f</td></tr>\n", vec3_length(at),
+            cli_calibrate_tables_along(l->position_covariance_mm2, vec3_unit(at)), DEG(theta),
+            DEG(phi));
+    }
     g_string_append_printf(
         to,
         "</table>\n<p>The arc's zero is at %+.4f° ± %.4f°; its axis leans by %.4f° towards x and "
@@ -73,26 +73,22 @@ void calibrate_table_lasers(GString *to, const struct calibration *calibration) 
     g_string_append_printf(to, "</table>\n");
 }
 
-static void add_sensor(GString *to, const struct calibration_noise *noise) {
-    const struct transfer *t = &noise->transfer;
-    if (noise->known)
-        g_string_append_printf(to, "<td>%.2f</td><td>%.2f ± %.2f</td><td>%.2f</td>", t->black_dn,
-                               t->read_noise_e, t->read_noise_error_e, 100 * t->linearity);
-    else
-        g_string_append_printf(to, "<td></td><td></td><td></td>");
-}
-
 static void add_camera_light(GString *to, const struct calibration *calibration, int i) {
     const struct rig_camera *camera = &calibration->rig.cameras[i];
     const struct radiometry_camera *r = &calibration->camera_radiometry[i];
+    const struct transfer *t = &calibration->noise[i].transfer;
     if (!r->known)
         return;
     add_name(to, camera->name);
     g_string_append_printf(to, "<td>%.1f ± %.3f %%</td><td>%.4f %.4f %.4f</td><td>%.1f</td>",
                            camera->response, 100 * r->response_error, r->colour[0], r->colour[1],
                            r->colour[2], 100 * (1 - radiometry_flat(camera, r, 0, 0)));
-    add_sensor(to, &calibration->noise[i]);
-    g_string_append_printf(to, "</tr>\n");
+    if (calibration->noise[i].known)
+        g_string_append_printf(to, "<td>%.2f</td><td>%.2f ± %.2f</td><td>%.2f</td></tr>\n",
+                               t->black_dn, t->read_noise_e, t->read_noise_error_e,
+                               100 * t->linearity);
+    else
+        g_string_append(to, "<td></td><td></td><td></td></tr>\n");
 }
 
 void calibrate_table_light(GString *to, const struct calibration *calibration) {

@@ -15,33 +15,31 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static void cli_board_tell(Record *to, const struct board *board, const char *path) {
-    g_autofree char *spec = board_spec(board);
-    const int corners = board_n_corners(board);
-    record_string(to, "file", path);
-    record_string(to, "board", spec);
-    record_int(to, "corners", corners);
-    record_say(to,
-               "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
-               "measure some squares, and give what you measured:\n  --board %s\n",
-               path, board->columns * board->square_mm, board->rows * board->square_mm, corners,
-               spec);
-}
-
 static int cli_board_run(const struct call *call, GError **error) {
     g_autoptr(GError) bad = NULL;
     const char *path = call->arguments[0];
     struct board board;
     if (!board_option)
-        return cli_usage(call->command, "which board? Give --board");
+        return cli_usage(call->command, "no board is given: give --board");
     if (!(margin_mm >= 0 && margin_mm <= 1000) || !(pixels_a_mm > 0 && pixels_a_mm <= 1000))
-        return cli_usage(call->command, "--margin is 0 to 1000 mm and --pixels up to 1000 a mm");
+        return cli_usage(call->command,
+                         "--margin=%g or --pixels=%g is out of range: a margin is 0 to "
+                         "1000 mm, with up to 1000 pixels a mm",
+                         margin_mm, pixels_a_mm);
     if (!board_parse(&board, board_option, &bad))
         return cli_usage(call->command, "%s", bad->message);
     const struct board_drawing drawing = {margin_mm, pixels_a_mm};
     if (!board_draw(&board, path, &drawing, error))
         return CLI_FAILED;
-    cli_board_tell(call->record, &board, path);
+    const int corners = board_n_corners(&board);
+    g_autofree char *spec = board_spec(&board);
+    record_string(call->record, "file", path);
+    record_string(call->record, "board", spec);
+    record_int(call->record, "corners", corners);
+    record_say(call->record,
+               "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
+               "measure some squares, and give what you measured:\n  --board %s\n",
+               path, board.columns * board.square_mm, board.rows * board.square_mm, corners, spec);
     return CLI_DONE;
 }
 

@@ -14,7 +14,7 @@ static gboolean process, yes;
 #define YES_ENTRY                                                                                  \
     {                                                                                              \
         "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
-            "Say at once that what is to be done by hand is done; on a simulated rig", NULL        \
+            "Answer every question about manual steps with yes; on a simulated rig", NULL          \
     }
 
 static const GOptionEntry capture_entries[] = {
@@ -37,23 +37,28 @@ static const GOptionEntry resume_entries[] = {
 /* A daemon that has the rig, or may have it; a simulated rig gets one of its own. */
 static Link *find_daemon(const char *rig, GError **error) {
     GError *why = NULL;
-    gboolean simulated = FALSE;
+    gboolean simulated = TRUE; /* every driver is */
     struct rig geometry;
+    gsize n = 0;
     /* A mistake in the file is told before anything is said about a daemon. */
-    if (!devices_read_geometry(rig, &geometry, error) ||
-        !cli_rig_is_simulated(rig, &simulated, error))
+    g_autoptr(Config) config =
+        devices_read_geometry(rig, &geometry, error) ? config_load(rig, error) : NULL;
+    if (!config)
         return NULL;
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++) {
+        const char *driver = config_value(&sections[i], "driver", NULL);
+        simulated &= !driver || g_str_has_prefix(driver, "sim-");
+    }
     if (yes && !simulated) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
                     "--yes is for simulated rigs: at %s somebody has to do what is asked for", rig);
         return NULL;
     }
     Link *link = link_find_rig(rig, &why);
-    if (why) {
+    if (why)
         g_propagate_error(error, why);
-        return NULL;
-    }
-    if (!link)
+    else if (!link)
         link = simulated ? link_start(error) : link_find(NULL, error);
     return link;
 }
@@ -62,17 +67,16 @@ static gboolean open_rig(Link *link, const char *rig, GError **error) {
     const char *open = bus_rig1_get_rig_path(link_rig(link));
     if (g_strcmp0(open, rig) == 0)
         return TRUE;
-    if (open && *open) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                    "the daemon has another rig open, %s; busctl call %s %s %s CloseRig closes it",
-                    open, BUS_NAME, BUS_PATH, BUS_NAME);
-        return FALSE;
-    }
-    return bus_rig1_call_open_rig_sync(link_rig(link), rig, NULL, error);
+    if (!open || !*open)
+        return bus_rig1_call_open_rig_sync(link_rig(link), rig, NULL, error);
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
+                "the daemon has another rig open, %s; busctl call %s %s %s CloseRig closes it",
+                open, BUS_NAME, BUS_PATH, BUS_NAME);
+    return FALSE;
 }
 
 static GVariant *start_options(void) {
-    g_autofree char *path = calibration ? cli_absolute(calibration) : NULL;
+    g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     GVariantDict options;
     g_variant_dict_init(&options, NULL);
     if (process)
@@ -82,22 +86,21 @@ static GVariant *start_options(void) {
     return g_variant_dict_end(&options);
 }
 
-/* Errors that say how it came to them, since nobody else will. */
-static int lost(Link *link, const char *directory, GError **error) {
-    g_autofree char *log = link_log(link);
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
-                "mesorigd has ended unexpectedly; what was committed stays: mesorig resume %s%s%s",
-                directory, *log ? "\nIts last words:\n" : "", log);
-    return CLI_FAILED;
-}
-
-/* JSON has told all of it already, state by state. */
+/* JSON has told all but an error already, state by state. */
 static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
-                                const char *directory) {
+                                const char *directory, GError **error) {
     g_autofree char *summary = monitor_summary(monitor);
     const char *go_on = link_is_private(link) ? "resume" : "continue";
     const char *reason = monitor_reason(monitor);
     const gboolean done = end == MONITOR_DONE || end == MONITOR_DETACHED;
+    if (end == MONITOR_LOST) {
+        g_autofree char *log = link_log(link);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
+                    "mesorigd has ended unexpectedly; what was committed stays: mesorig resume "
+                    "%s%s%s",
+                    directory, *log ? "\nIts last words:\n" : "", log);
+        return CLI_FAILED;
+    }
     if (cli_json)
         return done ? CLI_DONE : CLI_FAILED;
     if (end == MONITOR_DONE)
@@ -130,22 +133,21 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     monitor_set_answer(monitor, yes ? ANSWER_AT_ONCE : ANSWER_ENTER);
     const enum monitor_end end = monitor_run(monitor, FALSE);
     const gboolean private = link_is_private(link);
-    const int code = end == MONITOR_LOST ? lost(link, directory, error)
-                                         : cli_capture_tell_end(link, monitor, end, directory);
+    const int code = cli_capture_tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
     /* A private daemon has taken its child along; what is up to date is not made again. */
     return code == CLI_DONE && process && private
-               ? process_run(directory, FALSE, call->record, error)
+               ? process_run(directory, NULL, FALSE, call->record, error)
                : code;
 }
 
 static int run_capture(const struct call *call, GError **error) {
     if (!output)
-        return cli_usage(call->command, "where to? Give -o DIR");
-    g_autofree char *rig = cli_absolute(call->arguments[0]);
-    g_autofree char *session = cli_absolute(call->arguments[1]);
-    g_autofree char *directory = cli_absolute(output);
+        return cli_usage(call->command, "no session to make is given: give -o DIR");
+    g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
+    g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
+    g_autofree char *directory = g_canonicalize_filename(output, NULL);
     return cli_capture_run(call, rig, session, directory, error);
 }
 
@@ -154,7 +156,7 @@ static char *rig_of_session(const char *directory, GError **error) {
     if (!session)
         return NULL;
     if (rig_option)
-        return cli_absolute(rig_option);
+        return g_canonicalize_filename(rig_option, NULL);
     g_autofree char *path = session_value(session, "rig_path");
     if (path && g_file_test(path, G_FILE_TEST_EXISTS))
         return g_steal_pointer(&path);
@@ -170,7 +172,7 @@ static char *rig_of_session(const char *directory, GError **error) {
 }
 
 static int run_resume(const struct call *call, GError **error) {
-    g_autofree char *directory = cli_absolute(call->arguments[0]);
+    g_autofree char *directory = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *rig = rig_of_session(directory, error);
     return rig ? cli_capture_run(call, rig, NULL, directory, error) : CLI_FAILED;
 }

@@ -16,20 +16,11 @@ struct check {
     struct mdf_views_sums mdf;
 };
 
-static gboolean check_btf(struct check *check, const struct work *work, GError **error) {
-    check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
-    if (!check->btf)
-        return FALSE;
-    check->energy = energy_compute(check->btf, check->texel, error);
-    return check->energy &&
-           (!check->plot || plot_energy(check->plot, check->btf, check->energy, error));
-}
-
 static gboolean cli_check_work(const struct work *work, gpointer data, GError **error) {
     struct check *check = data;
     g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
     g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
-    gboolean has_btf = g_file_test(btf, G_FILE_TEST_IS_DIR);
+    const gboolean has_btf = g_file_test(btf, G_FILE_TEST_IS_DIR);
     check->has_mdf = g_file_test(mdf, G_FILE_TEST_IS_REGULAR);
     if (!has_btf && !check->has_mdf) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
@@ -38,8 +29,13 @@ static gboolean cli_check_work(const struct work *work, gpointer data, GError **
                     check->path, check->path);
         return FALSE;
     }
-    if (has_btf && !check_btf(check, work, error))
-        return FALSE;
+    if (has_btf) {
+        check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
+        check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
+        if (!check->energy ||
+            (check->plot && !plot_energy(check->plot, check->btf, check->energy, error)))
+            return FALSE;
+    }
     return !check->has_mdf ||
            (session_check_product(mdf, error) && mdf_views_check(mdf, &check->mdf, error));
 }
@@ -48,8 +44,7 @@ static double percent(gint64 n, gint64 of) {
     return of > 0 ? 100 * (double)n / (double)of : 0;
 }
 
-static void tell_energy(Record *to, const struct check *check) {
-    const struct energy *e = check->energy;
+static void tell_energy(Record *to, const struct energy *e) {
     double least = G_MAXDOUBLE;
     for (int l = 0; l < e->n_lights; l++)
         least = MIN(least, e->albedo[l]);
@@ -73,16 +68,6 @@ static void tell_energy(Record *to, const struct check *check) {
                    "reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the "
                    "mean over texels, %d pairs; %.2f %% texel by texel\n",
                    100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
-}
-
-/* Of the values of all texels, views and lights. */
-static void tell_marks(Record *to, const struct btf_matrix *btf) {
-    const gint64 all = btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
-    record_say(to,
-               "marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
-               "%.3g %% from shorter exposures alone, %.3g %% not taken, made of other lights'\n",
-               percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
-               percent(btf->predicted, all));
 }
 
 static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
@@ -109,13 +94,22 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
 }
 
 static void cli_check_tell(Record *to, const struct check *check) {
+    const struct btf_matrix *btf = check->btf;
     if (check->energy) {
-        record_int(to, "holes", check->btf->holes);
-        record_int(to, "lower_bounds", check->btf->bounds);
-        record_int(to, "shorter_exposures", check->btf->shorter);
-        record_int(to, "predicted", check->btf->predicted);
-        tell_energy(to, check);
-        tell_marks(to, check->btf);
+        const gint64 all =
+            btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
+        record_int(to, "holes", btf->holes);
+        record_int(to, "lower_bounds", btf->bounds);
+        record_int(to, "shorter_exposures", btf->shorter);
+        record_int(to, "predicted", btf->predicted);
+        tell_energy(to, check->energy);
+        record_say(
+            to,
+            "marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
+            "%.3g %% from shorter exposures alone, %.3g %% not taken, made of other "
+            "lights'\n",
+            percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
+            percent(btf->predicted, all));
     }
     if (check->has_mdf)
         tell_surface(to, &check->mdf);

@@ -20,31 +20,19 @@ static void cli_print_help(void) {
             "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
 }
 
-static const struct command *cli_find(const char *name) {
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
-        if (strcmp(commands[i]->name, name) == 0)
-            return commands[i];
-    return NULL;
-}
-
 int cli_main(int argc, char **argv) {
-    if (argc < 2) {
+    static const char *const help[] = {"--help", "-h", "help", NULL};
+    if (argc < 2 || g_strv_contains(help, argv[1])) {
         cli_print_help();
-        return CLI_USAGE;
+        return argc < 2 ? CLI_USAGE : CLI_DONE;
     }
     if (strcmp(argv[1], "--version") == 0) {
         g_print("mesorig %s\n", MESORIG_VERSION);
         return CLI_DONE;
     }
-    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
-        strcmp(argv[1], "help") == 0) {
-        cli_print_help();
-        return CLI_DONE;
-    }
-    const struct command *command = cli_find(argv[1]);
-    if (!command) {
-        g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
-        return CLI_USAGE;
-    }
-    return cli_run(command, argc - 1, argv + 1);
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        if (strcmp(commands[i]->name, argv[1]) == 0)
+            return cli_run(commands[i], argc - 1, argv + 1);
+    g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
+    return CLI_USAGE;
 }

@@ -22,9 +22,11 @@ struct compress_asked {
     char *made_by; /* the command with its options, for the session's list of products */
 };
 
-/* What argv asks for. FALSE: usage was told. compress_clear() frees it in either case. */
-gboolean compress_parse(const struct command *command, int *argc, char ***argv,
-                        struct compress_asked *ret);
+/* The options of all methods, one for each name. */
+const GOptionEntry *compress_entries(void);
+
+/* What the call asks for. FALSE: usage was told. compress_clear() frees it in either case. */
+gboolean compress_ask(const struct call *call, struct compress_asked *ret);
 void compress_clear(struct compress_asked *asked);
 
 /* All that the result depends on besides the BTF; the same however it was written. g_free() */
@@ -34,4 +36,4 @@ char *compress_inputs(const struct compress_asked *asked);
  * left of it: file_lock_give(lock, *ret_lock). −1: error; ret_lock is the caller's all the same. */
 int compress_lock(const char *path, char **ret_lock, GError **error);
 
-int compress_mdf(const struct compress_asked *asked);
+int compress_mdf(const struct compress_asked *asked, Record *to, GError **error);

@@ -1,6 +1,5 @@
 /* compress --method=mdf: the distances of a session in fewer bytes. */
 #include "base/file_lock.h"
-#include "command/cli.h"
 #include "command/work.h"
 #include "compress.h"
 #include "plan/report.h"
@@ -47,70 +46,48 @@ static gboolean cli_compress_mdf_work(const struct work *work, gpointer data, GE
     return ok;
 }
 
-static gint64 bytes_as_published(const struct job *job) {
-    return (gint64)job->n_measured * job->width * job->height;
-}
-
-static void cli_compress_mdf_tell_json(const struct job *job, double seconds) {
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    const struct {
-        const char *name;
-        gint64 value;
-    } numbers[] = {
-        {"width", job->width},         {"height", job->height},
-        {"views", job->n_measured},    {"traced_views", job->result.n_traced},
-        {"maps", job->result.n_terms}, {"mdf_bytes", bytes_as_published(job)},
-        {"bytes", job->result.bytes},  {"file_bytes", job->file_bytes},
-    };
-    const struct {
-        const char *name;
-        double value;
-    } sizes[] = {{"error_mm", job->result.error_mm},
-                 {"error_99_mm", job->result.most_mm},
-                 {"texel_mm", job->texel_mm},
-                 {"real_s", seconds}};
-    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(job->asked->output));
-    g_variant_builder_add(&builder, "{sv}", "method",
-                          g_variant_new_string(job->asked->method.name));
-    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
-        g_variant_builder_add(&builder, "{sv}", numbers[i].name,
-                              g_variant_new_int64(numbers[i].value));
-    for (gsize i = 0; i < G_N_ELEMENTS(sizes); i++)
-        g_variant_builder_add(&builder, "{sv}", sizes[i].name,
-                              g_variant_new_double(sizes[i].value));
-    cli_print_json(g_variant_builder_end(&builder));
-}
-
-static void cli_compress_mdf_tell(const struct job *job, double seconds) {
-    if (cli_json) {
-        cli_compress_mdf_tell_json(job, seconds);
-        return;
-    }
+static void cli_compress_mdf_tell(Record *to, const struct job *job, double seconds) {
+    const struct mdf_codec_result *result = &job->result;
+    /* One byte a texel and view, as published. */
+    const gint64 raw_bytes = (gint64)job->n_measured * job->width * job->height;
     g_autofree char *time = report_duration(seconds);
-    g_autofree char *size = g_format_size((guint64)job->result.bytes);
+    g_autofree char *size = g_format_size((guint64)result->bytes);
     g_autofree char *file = g_format_size((guint64)job->file_bytes);
-    g_print("%s: done in %s: %s; off by %.3f mm RMS (%.3f texels), 99 %% by less than %.3f mm; "
-            "%s, 1:%.1f of the views in 8 bit; %s on disk\n",
-            job->asked->output, time, job->what, job->result.error_mm,
-            job->result.error_mm / job->texel_mm, job->result.most_mm, size,
-            (double)bytes_as_published(job) / (double)job->result.bytes, file);
+    record_string(to, "file", job->asked->output);
+    record_string(to, "method", job->asked->method.name);
+    record_int(to, "width", job->width);
+    record_int(to, "height", job->height);
+    record_int(to, "views", job->n_measured);
+    record_int(to, "traced_views", result->n_traced);
+    record_int(to, "maps", result->n_terms);
+    record_int(to, "mdf_bytes", raw_bytes);
+    record_int(to, "bytes", result->bytes);
+    record_int(to, "file_bytes", job->file_bytes);
+    record_double(to, "error_mm", result->error_mm);
+    record_double(to, "error_99_mm", result->most_mm);
+    record_double(to, "texel_mm", job->texel_mm);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: done in %s: %s; off by %.3f mm RMS (%.3f texels), 99 %% by less than %.3f mm; "
+               "%s, 1:%.1f of the views in 8 bit; %s on disk\n",
+               job->asked->output, time, job->what, result->error_mm,
+               result->error_mm / job->texel_mm, result->most_mm, size,
+               (double)raw_bytes / (double)result->bytes, file);
 }
 
-int compress_mdf(const struct compress_asked *asked) {
-    g_autoptr(GError) error = NULL;
+int compress_mdf(const struct compress_asked *asked, Record *to, GError **error) {
     struct job job = {.asked = asked};
     double seconds = 0;
     job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
     g_autofree char *lock_path = NULL;
-    const int lock = compress_lock(asked->output, &lock_path, &error);
-    const gboolean ok = lock >= 0 && cli_work_run(cli_compress_mdf_work, &job, &seconds, &error);
+    const int lock = compress_lock(asked->output, &lock_path, error);
+    const gboolean ok = lock >= 0 && cli_work_run(cli_compress_mdf_work, &job, &seconds, error);
     file_lock_give(lock, lock_path);
     if (ok)
-        cli_compress_mdf_tell(&job, seconds);
+        cli_compress_mdf_tell(to, &job, seconds);
     g_free(job.from);
     g_free(job.what);
-    return ok ? CLI_DONE : cli_fail(error);
+    return ok ? CLI_DONE : CLI_FAILED;
 }

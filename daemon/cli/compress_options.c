@@ -17,57 +17,40 @@ struct given {
 static struct compress_method methods[MOST_METHODS];
 static struct given options[MOST_OPTIONS];
 static int n_methods, n_options;
-static char *method_option, *memory_option, *output_option;
+static char *method_option, *output_option;
 
-static void compress_list_options(const struct option *option) {
-    for (; option->name; option++) {
-        int i = 0;
-        while (i < n_options && !g_str_equal(options[i].name, option->name))
-            i++;
-        g_assert_cmpint(i, <, MOST_OPTIONS);
-        if (i == n_options)
-            options[n_options++] = (struct given){.name = option->name, .type = option->type};
-    }
+/* An option of all codecs that keep to it. */
+static const struct option memory = {
+    .name = "memory",
+    .type = OPTION_BYTES,
+    .help = "take no more than this; a BTF that is larger stays in a temporary file"};
+
+static const struct option *compress_find(const struct compress_method *method, const char *name) {
+    if (g_str_equal(name, memory.name))
+        return method->codec && method->codec->bounded ? &memory : NULL;
+    return options_find(method->options, name);
+}
+
+static void compress_list_option(const struct option *option) {
+    for (int i = 0; i < n_options; i++)
+        if (g_str_equal(options[i].name, option->name))
+            return;
+    g_assert_cmpint(n_options, <, MOST_OPTIONS);
+    options[n_options++] = (struct given){.name = option->name, .type = option->type};
 }
 
 static void compress_list_method(struct compress_method method) {
     g_assert_cmpint(n_methods, <, MOST_METHODS);
     methods[n_methods++] = method;
-    compress_list_options(method.options);
-}
-
-static void compress_list_methods(void) {
-    n_methods = n_options = 0;
-    for (gsize i = 0; codecs[i]; i++) {
-        const struct codec *codec = codecs[i];
-        compress_list_method((struct compress_method){codec->name, codec->help, codec->options,
-                                                      codec->options_size, codec, NULL});
-    }
-    for (gsize i = 0; mdf_codecs[i]; i++) {
-        const struct mdf_codec *mdf = mdf_codecs[i];
-        compress_list_method((struct compress_method){mdf->name, mdf->help, mdf->options,
-                                                      mdf->options_size, NULL, mdf});
-    }
-}
-
-static const struct option *compress_find(const struct compress_method *method, const char *name) {
-    for (const struct option *option = method->options; option->name; option++)
-        if (g_str_equal(option->name, name))
-            return option;
-    return NULL;
-}
-
-static gboolean compress_takes(const struct compress_method *method, const char *option) {
-    if (g_str_equal(option, "memory"))
-        return method->codec && method->codec->bounded;
-    return compress_find(method, option) != NULL;
+    for (const struct option *option = method.options; option->name; option++)
+        compress_list_option(option);
 }
 
 /* Names of all methods that take an option, NULL: of all methods. g_free() */
 static char *compress_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)
-        if (!option || compress_takes(&methods[i], option))
+        if (!option || compress_find(&methods[i], option))
             g_string_append_printf(names, "%s%s", names->len ? separator : "", methods[i].name);
     return g_string_free(names, FALSE);
 }
@@ -131,56 +114,65 @@ static GOptionEntry compress_entry(struct given *given) {
     } else if (given->type == OPTION_CHOICE) {
         entry.arg_description = compress_choices(given->name);
     } else if (given->type != OPTION_INT) {
-        entry.arg_description = given->type == OPTION_SHARE   ? "2%"
+        entry.arg_description = given->name == memory.name    ? "512MB"
+                                : given->type == OPTION_SHARE ? "2%"
                                 : given->type == OPTION_BYTES ? "20MB"
                                                               : "VALUE";
     }
     return entry;
 }
 
-static const char *compress_method_help(void) {
-    g_autoptr(GString) text = g_string_new("What to compress with");
+const GOptionEntry *compress_entries(void) {
+    static GOptionEntry entries[MOST_OPTIONS + 4];
+    int n = 0;
+    n_methods = n_options = 0;
+    for (gsize i = 0; codecs[i]; i++)
+        compress_list_method((struct compress_method){codecs[i]->name, codecs[i]->help,
+                                                      codecs[i]->options, codecs[i]->options_size,
+                                                      .codec = codecs[i]});
+    for (gsize i = 0; mdf_codecs[i]; i++)
+        compress_list_method((struct compress_method){
+            mdf_codecs[i]->name, mdf_codecs[i]->help, mdf_codecs[i]->options,
+            mdf_codecs[i]->options_size, .mdf = mdf_codecs[i]});
+    compress_list_option(&memory);
+    g_autofree char *names = compress_names(NULL, "|");
+    g_autoptr(GString) help = g_string_new("What to compress with");
     for (int i = 0; i < n_methods; i++)
-        g_string_append_printf(text, "%s %s%s: %s", i ? ";" : ":", methods[i].name,
+        g_string_append_printf(help, "%s %s%s: %s", i ? ";" : ":", methods[i].name,
                                i ? "" : " (the default)", methods[i].help);
-    return g_intern_string(text->str);
-}
-
-static GArray *compress_entries(void) {
-    g_autofree char *names = compress_names(NULL, "|"), *bounded = compress_names("memory", ", ");
-    g_autofree char *memory = g_strdup_printf(
-        "%s: take no more than this; a BTF that is larger stays in a temporary file", bounded);
-    const GOptionEntry first[] = {
-        {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option, compress_method_help(),
-         g_intern_string(names)},
-        {"model", 0, 0, G_OPTION_ARG_STRING, &method_option, "The same as --method", "METHOD"},
-    };
-    const GOptionEntry last[] = {
-        {"memory", 0, 0, G_OPTION_ARG_STRING, &memory_option, g_intern_string(memory), "512MB"},
-        {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option,
-         "Write this file, not products/METHOD.exr of the session", "FILE"},
-    };
-    GArray *entries = g_array_new(TRUE, FALSE, sizeof(GOptionEntry));
-    g_array_append_vals(entries, first, G_N_ELEMENTS(first));
-    for (int i = 0; i < n_options; i++) {
-        const GOptionEntry entry = compress_entry(&options[i]);
-        g_array_append_val(entries, entry);
-    }
-    g_array_append_vals(entries, last, G_N_ELEMENTS(last));
+    entries[n++] = (GOptionEntry){"method",
+                                  'm',
+                                  0,
+                                  G_OPTION_ARG_STRING,
+                                  &method_option,
+                                  g_intern_string(help->str),
+                                  g_intern_string(names)};
+    entries[n++] = (GOptionEntry){
+        "model", 0, 0, G_OPTION_ARG_STRING, &method_option, "The same as --method", "METHOD"};
+    for (int i = 0; i < n_options; i++)
+        entries[n++] = compress_entry(&options[i]);
+    entries[n++] = (GOptionEntry){"output",
+                                  'o',
+                                  0,
+                                  G_OPTION_ARG_FILENAME,
+                                  &output_option,
+                                  "Write this file, not products/METHOD.exr of the session",
+                                  "FILE"};
+    entries[n] = (GOptionEntry){NULL};
     return entries;
 }
 
 /* With the options that were given, in words that the same command understands. */
 static char *compress_made_by(void) {
-    g_autofree char *output = output_option ? cli_absolute(output_option) : NULL;
+    g_autofree char *output = output_option ? g_canonicalize_filename(output_option, NULL) : NULL;
     const struct {
         const char *name, *text;
-    } texts[] = {{"method", method_option}, {"memory", memory_option}, {"output", output}};
-    GString *text = g_string_new("compress ");
+    } texts[] = {{"method", method_option}, {"output", output}};
+    GString *text = g_string_new("compress");
     for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
         g_autofree char *quoted = texts[i].text ? g_shell_quote(texts[i].text) : NULL;
         if (quoted)
-            g_string_append_printf(text, "--%s=%s ", texts[i].name, quoted);
+            g_string_append_printf(text, " --%s=%s", texts[i].name, quoted);
     }
     for (int i = 0; i < n_options; i++) {
         const struct given *given = &options[i];
@@ -188,92 +180,60 @@ static char *compress_made_by(void) {
                                   : given->type == OPTION_INT ? g_strdup(given->text)
                                                               : g_shell_quote(given->text);
         if (quoted)
-            g_string_append_printf(text, "--%s=%s ", given->name, quoted);
+            g_string_append_printf(text, " --%s=%s", given->name, quoted);
         else if (given->flag)
-            g_string_append_printf(text, "--%s ", given->name);
+            g_string_append_printf(text, " --%s", given->name);
     }
-    return g_strchomp(g_string_free(text, FALSE));
+    return g_string_free(text, FALSE);
 }
 
-static const struct compress_method *compress_find_method(const struct command *command) {
-    for (int i = 0; i < n_methods; i++)
-        if (!method_option || g_str_equal(methods[i].name, method_option))
-            return &methods[i];
-    g_autofree char *names = compress_names(NULL, ", ");
-    cli_usage(command, "there is no --method=%s; choose from: %s", method_option, names);
-    return NULL;
-}
-
-static gboolean compress_refuse(const struct command *command, const struct compress_method *method,
-                                const char *option) {
-    g_autofree char *names = compress_names(option, ", ");
-    cli_usage(command, "--method=%s has no --%s; leave it out, or choose from: %s", method->name,
-              option, names);
-    return FALSE;
-}
-
-static gboolean compress_set(const struct command *command, const struct compress_method *method,
-                             const struct given *given, gpointer target) {
+static gboolean compress_set(const struct command *command, const struct given *given,
+                             struct compress_asked *asked) {
     g_autoptr(GError) error = NULL;
     if (!given->text && !given->flag)
         return TRUE;
-    const struct option *option = compress_find(method, given->name);
-    if (!option)
-        return compress_refuse(command, method, given->name);
-    if (options_set(option, given->flag ? "yes" : given->text, target, &error))
+    const struct option *option = compress_find(&asked->method, given->name);
+    if (!option) {
+        g_autofree char *names = compress_names(given->name, ", ");
+        cli_usage(command, "--method=%s has no --%s; leave it out, or choose from: %s",
+                  asked->method.name, given->name, names);
+        return FALSE;
+    }
+    if (options_set(option, given->flag ? "yes" : given->text,
+                    option == &memory ? &asked->memory : asked->options, &error))
         return TRUE;
     cli_usage(command, "--%s: %s", given->name, error->message);
     return FALSE;
 }
 
-static gboolean compress_set_memory(const struct command *command,
-                                    const struct compress_method *method, gint64 *ret) {
-    const struct option memory = {.name = "memory", .type = OPTION_BYTES};
-    g_autoptr(GError) error = NULL;
-    if (!memory_option)
-        return TRUE;
-    if (!compress_takes(method, "memory"))
-        return compress_refuse(command, method, "memory");
-    if (options_set(&memory, memory_option, ret, &error))
-        return TRUE;
-    cli_usage(command, "--memory: %s", error->message);
-    return FALSE;
-}
-
-static gboolean compress_check(const struct command *command, const struct compress_asked *asked) {
-    const struct codec *codec = asked->method.codec;
-    const char *what = codec && codec->check ? codec->check(asked->options, asked->memory) : NULL;
+gboolean compress_ask(const struct call *call, struct compress_asked *ret) {
+    int m = 0;
+    *ret = (struct compress_asked){.path = call->arguments[0], .output = output_option};
+    while (method_option && m < n_methods && !g_str_equal(methods[m].name, method_option))
+        m++;
+    if (m == n_methods) {
+        g_autofree char *names = compress_names(NULL, ", ");
+        cli_usage(call->command, "there is no --method=%s; choose from: %s", method_option, names);
+        return FALSE;
+    }
+    const struct codec *codec = methods[m].codec;
+    ret->method = methods[m];
+    ret->made_by = compress_made_by();
+    ret->options = g_malloc0(MAX(methods[m].options_size, 1));
+    options_defaults(methods[m].options, ret->options);
+    for (int i = 0; i < n_options; i++)
+        if (!compress_set(call->command, &options[i], ret))
+            return FALSE;
+    const char *what = codec && codec->check ? codec->check(ret->options, ret->memory) : NULL;
     if (what)
-        cli_usage(command, "%s", what);
-    else if (!asked->output && (!codec || codec->from_process))
-        cli_usage(command,
+        cli_usage(call->command, "%s", what);
+    else if (!ret->output && (!codec || codec->from_process))
+        cli_usage(call->command,
                   "--method=%s needs -o FILE: “mesorig process” writes what is in the session",
-                  asked->method.name);
+                  methods[m].name);
     else
         return TRUE;
     return FALSE;
-}
-
-gboolean compress_parse(const struct command *command, int *argc, char ***argv,
-                        struct compress_asked *ret) {
-    *ret = (struct compress_asked){0};
-    compress_list_methods();
-    g_autoptr(GArray) entries = compress_entries();
-    if (!cli_parse(command, (const GOptionEntry *)(gpointer)entries->data, FALSE, argc, argv, 1, 1))
-        return FALSE;
-    const struct compress_method *method = compress_find_method(command);
-    if (!method)
-        return FALSE;
-    ret->method = *method;
-    ret->path = (*argv)[1];
-    ret->output = output_option;
-    ret->made_by = compress_made_by();
-    ret->options = g_malloc0(MAX(method->options_size, 1));
-    options_defaults(method->options, ret->options);
-    for (int i = 0; i < n_options; i++)
-        if (!compress_set(command, method, &options[i], ret->options))
-            return FALSE;
-    return compress_set_memory(command, method, &ret->memory) && compress_check(command, ret);
 }
 
 void compress_clear(struct compress_asked *asked) {

@@ -29,26 +29,44 @@ static const struct {
     {"modbus", "Modbus"},
 };
 
-static void tell_section(Record *to, const char *section) {
-    g_auto(GStrv) lines = g_strsplit(section, "\n", -1);
-    for (int i = 0; lines[i]; i++)
-        if (*lines[i])
-            record_say(to, "      %s\n", lines[i]);
-    record_say(to, "\n");
-}
-
-static void tell_one(Record *to, const struct found *found) {
+static void say_one(Record *to, const struct found *found) {
     record_say(to, "  %s  %s%s%s%s\n", found->address, found->what,
                *found->serial ? " (serial " : "", found->serial, *found->serial ? ")" : "");
     if (found->note)
         record_say(to, "    %s\n", found->note);
+    g_auto(GStrv) lines = g_strsplit(found->section ? found->section : "", "\n", -1);
+    for (int i = 0; lines[i]; i++)
+        if (*lines[i])
+            record_say(to, "      %s\n", lines[i]);
     if (found->section)
-        tell_section(to, found->section);
+        record_say(to, "\n");
 }
 
-/* What no driver is for is told at the end, in a line. */
-static void tell_others(Record *to, const GPtrArray *all) {
+/* Bus by bus; what no driver is for is told at the end, in a line. */
+static void say_all(Record *to, const GPtrArray *all) {
     g_autoptr(GString) others = g_string_new(NULL);
+    int n = 0;
+    for (gsize b = 0; b < G_N_ELEMENTS(buses); b++) {
+        const char *title = buses[b].title;
+        for (guint i = 0; i < all->len; i++) {
+            const struct found *found = all->pdata[i];
+            if (strcmp(found->bus, buses[b].bus) != 0 || (!found->section && !found->note))
+                continue;
+            if (title)
+                record_say(to, "%s\n", title);
+            title = NULL;
+            say_one(to, found);
+            n++;
+        }
+    }
+    if (n == 0)
+        record_say(
+            to,
+            "Nothing that a driver is for was found on USB, video, network and serial ports.\n");
+    else
+        record_say(
+            to, "Give each a NAME. “mesorig drivers camera”, or laser, tells what a section says "
+                "beside, of where it stands.\n");
     for (guint i = 0; i < all->len; i++) {
         const struct found *found = all->pdata[i];
         if (!found->section && !found->note)
@@ -59,49 +77,22 @@ static void tell_others(Record *to, const GPtrArray *all) {
         record_say(to, "No driver is for: %s\n", others->str);
 }
 
-static void add_found(Record *to, const struct found *found) {
-    const struct {
-        const char *key, *text;
-    } texts[] = {{"bus", found->bus},       {"address", found->address}, {"what", found->what},
-                 {"serial", found->serial}, {"section", found->section}, {"note", found->note}};
-    record_begin(to, NULL);
-    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
-        if (texts[i].text && *texts[i].text)
-            record_string(to, texts[i].key, texts[i].text);
-    record_end(to);
-}
-
-static int tell_bus(Record *to, const GPtrArray *all, const char *bus, const char *title) {
-    int n = 0;
+static void tell_all(Record *to, const GPtrArray *all, const GPtrArray *problems) {
+    record_begin_list(to, "devices");
     for (guint i = 0; i < all->len; i++) {
         const struct found *found = all->pdata[i];
-        if (strcmp(found->bus, bus) != 0 || (!found->section && !found->note))
-            continue;
-        if (n++ == 0)
-            record_say(to, "%s\n", title);
-        tell_one(to, found);
+        const char *const texts[][2] = {{"bus", found->bus},         {"address", found->address},
+                                        {"what", found->what},       {"serial", found->serial},
+                                        {"section", found->section}, {"note", found->note}};
+        record_begin(to, NULL);
+        for (gsize k = 0; k < G_N_ELEMENTS(texts); k++)
+            if (texts[k][1] && *texts[k][1])
+                record_string(to, texts[k][0], texts[k][1]);
+        record_end(to);
     }
-    return n;
-}
-
-static void tell_all(Record *to, const GPtrArray *all, const GPtrArray *problems) {
-    int n = 0;
-    record_begin_list(to, "devices");
-    for (guint i = 0; i < all->len; i++)
-        add_found(to, all->pdata[i]);
     record_end(to);
     record_strings(to, "problems", problems);
-    for (gsize i = 0; i < G_N_ELEMENTS(buses); i++)
-        n += tell_bus(to, all, buses[i].bus, buses[i].title);
-    if (n == 0)
-        record_say(
-            to,
-            "Nothing that a driver is for was found on USB, video, network and serial ports.\n");
-    else
-        record_say(
-            to, "Give each a NAME. “mesorig drivers camera”, or laser, tells what a section says "
-                "beside, of where it stands.\n");
-    tell_others(to, all);
+    say_all(to, all);
     for (guint i = 0; i < problems->len && !cli_json; i++)
         g_printerr("mesorig: %s\n", (char *)problems->pdata[i]);
 }
@@ -123,10 +114,12 @@ static int run_devices(const struct call *call, GError **error) {
     const struct command *command = call->command;
     struct finder_modbus modbus = {.first = 1, .last = 16};
     if (units_option && !parse_units(units_option, &modbus))
-        return cli_usage(command, "“%s” are no units; say one of 1 to 247, or a range as 1-16",
+        return cli_usage(command, "--units=%s: give a unit from 1 to 247, or a range as 1-16",
                          units_option);
     if (baud_option < 0 || (!modbus_option && (units_option || baud_option || parity_option)))
-        return cli_usage(command, "--units, --baud and --parity are about the line of --modbus");
+        return cli_usage(
+            command,
+            "--units, --baud and --parity describe the line of --modbus LINE; give that, too");
     modbus.bus = modbus_option;
     modbus.baud = baud_option;
     modbus.parity = parity_option;

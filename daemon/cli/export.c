@@ -44,9 +44,11 @@ static int export_btf(const struct call *call, struct job *job, GError **error) 
     Record *to = call->record;
     double seconds = 0;
     if (format && (!bonn_kind_parse(format, &job->kind) || job->kind == BONN_BDI_SPARSE))
-        return cli_usage(call->command, "--format is bdi, fmf or dfmf");
+        return cli_usage(call->command, "there is no --format=%s; choose from: bdi, fmf, dfmf",
+                         format);
     if (components < 0 || components > LPCA_MAX_COMPONENTS)
-        return cli_usage(call->command, "--components is 1 to %d", LPCA_MAX_COMPONENTS);
+        return cli_usage(call->command, "--components=%d is out of range: 1 to %d", components,
+                         LPCA_MAX_COMPONENTS);
     if (!cli_work_run(work_btf, job, &seconds, error))
         return CLI_FAILED;
     g_autofree char *time = report_duration(seconds);
@@ -76,7 +78,7 @@ static int export_shape(const struct call *call, struct job *job, enum export_su
     Record *to = call->record;
     double seconds = 0;
     if (least_views < 0 || least_views > 255)
-        return cli_usage(call->command, "--views is 1 to 255");
+        return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
     job->options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
     if (!cli_work_run(work_surface, job, &seconds, error))
@@ -105,7 +107,7 @@ static int cli_export_run(const struct call *call, GError **error) {
     const char *kind = call->arguments[0];
     struct job job = {.session = call->arguments[1], .kind = BONN_BDI};
     if (!output)
-        return cli_usage(call->command, "where to? Give -o FILE");
+        return cli_usage(call->command, "no file to write is given: give -o FILE");
     if (strcmp(kind, "btf") == 0)
         return export_btf(call, &job, error);
     if (strcmp(kind, "points") == 0)
@@ -114,7 +116,8 @@ static int cli_export_run(const struct call *call, GError **error) {
         return export_shape(call, &job, EXPORT_HEIGHT, error);
     if (strcmp(kind, "normals") == 0)
         return export_shape(call, &job, EXPORT_NORMALS, error);
-    return cli_usage(call->command, "“%s” is none of btf, points, height, normals", kind);
+    return cli_usage(call->command,
+                     "there is no KIND “%s”; choose from: btf, points, height, normals", kind);
 }
 
 const struct command cli_export = {

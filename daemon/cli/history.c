@@ -1,13 +1,12 @@
 #include "history.h"
 
-#include <cairo.h>
+#include "plan/report.h"
+#include "plot.h"
+
 #include <math.h>
 
-#define WIDTH    1280
-#define HEIGHT   800
 #define LEFT     90.0
-#define RIGHT    (WIDTH - 40.0)
-#define TEXT     17.0
+#define RIGHT    (PLOT_WIDTH - 40.0)
 #define MAX_TICK 12
 
 struct colour {
@@ -73,27 +72,10 @@ static double cli_history_x_of(const struct history *h, double time_s) {
     return LEFT + (RIGHT - LEFT) * time_s / MAX(h->end_s, h->bound_s);
 }
 
-/* align: 0 left, 0.5 centred, 1 right of (x, y). */
-static void draw_text(const struct history *h, double x, double y, double align, const char *text) {
-    cairo_text_extents_t size;
-    cairo_text_extents(h->cr, text, &size);
-    cairo_move_to(h->cr, x - align * size.x_advance, y);
-    cairo_show_text(h->cr, text);
-}
-
 static void draw_line(const struct history *h, double x0, double y0, double x1, double y1) {
     cairo_move_to(h->cr, x0, y0);
     cairo_line_to(h->cr, x1, y1);
     cairo_stroke(h->cr);
-}
-
-static char *duration(double s) {
-    const int whole = (int)lround(s);
-    if (whole < 120)
-        return g_strdup_printf("%d s", whole);
-    if (whole < 7200)
-        return g_strdup_printf("%d min %02d s", whole / 60, whole % 60);
-    return g_strdup_printf("%d h %02d min", whole / 3600, whole / 60 % 60);
 }
 
 /* The time axis below a panel, with a step that gives at most MAX_TICK marks. */
@@ -114,7 +96,7 @@ static void draw_time(const struct history *h, double top, double bottom, gboole
                                 : end < 7200  ? g_strdup_printf("%d min", t / 60)
                                               : g_strdup_printf("%d:%02d h", t / 3600, t / 60 % 60);
         if (labels)
-            draw_text(h, cli_history_x_of(h, t), bottom + 24, 0.5, text);
+            plot_text(h->cr, cli_history_x_of(h, t), bottom + 24, 0.5, text);
     }
 }
 
@@ -126,7 +108,7 @@ static void draw_scale(const struct history *h, double top, double bottom, int t
         cli_history_set_colour(h, faint, 1);
         draw_line(h, LEFT, y, RIGHT, y);
         cli_history_set_colour(h, ink, 1);
-        draw_text(h, LEFT - 10, y + 6, 1, text);
+        plot_text(h->cr, LEFT - 10, y + 6, 1, text);
     }
 }
 
@@ -140,7 +122,8 @@ static void draw_progress(const struct history *h, double top, double bottom) {
         cairo_set_dash(h->cr, dash, 2, 0);
         draw_line(h, cli_history_x_of(h, h->bound_s), top, cli_history_x_of(h, h->bound_s), bottom);
         cairo_set_dash(h->cr, NULL, 0, 0);
-        draw_text(h, cli_history_x_of(h, h->bound_s) - 8, bottom - 10, 1, "no order ends before");
+        plot_text(h->cr, cli_history_x_of(h, h->bound_s) - 8, bottom - 10, 1,
+                  "no order ends before");
     }
     cli_history_set_colour(h, turntable, 1);
     cairo_set_line_width(h->cr, 3);
@@ -170,25 +153,20 @@ static void draw_events(const struct history *h, double top, double bottom) {
     }
 }
 
-static double turn_of(double deg) {
-    const double turn = fmod(deg, 360);
-    return turn < 0 ? turn + 360 : turn;
-}
-
 static void draw_angles(const struct history *h, double top, double bottom) {
     draw_time(h, top, bottom, FALSE);
     draw_scale(h, top, bottom, 360, 90, "°");
     for (guint i = 0; i < h->takes->len; i++) {
         const struct take *take = &g_array_index(h->takes, struct take, i);
-        const double x = cli_history_x_of(h, take->end_s);
-        cli_history_set_colour(h, arc, 0.8);
-        cairo_arc(h->cr, x, bottom - (bottom - top) * turn_of(take->shot->arc_deg) / 360, 1.7, 0,
-                  2 * G_PI);
-        cairo_fill(h->cr);
-        cli_history_set_colour(h, turntable, 0.9);
-        cairo_arc(h->cr, x, bottom - (bottom - top) * turn_of(take->shot->turntable_deg) / 360, 1.7,
-                  0, 2 * G_PI);
-        cairo_fill(h->cr);
+        const double degrees[2] = {take->shot->arc_deg, take->shot->turntable_deg};
+        for (int k = 0; k < 2; k++) {
+            const double turn = fmod(degrees[k], 360);
+            cli_history_set_colour(h, k ? turntable : arc, k ? 0.9 : 0.8);
+            cairo_arc(h->cr, cli_history_x_of(h, take->end_s),
+                      bottom - (bottom - top) * (turn < 0 ? turn + 360 : turn) / 360, 1.7, 0,
+                      2 * G_PI);
+            cairo_fill(h->cr);
+        }
     }
 }
 
@@ -206,61 +184,28 @@ static void draw_kinds(const struct history *h, double top, double bottom) {
     draw_time(h, bottom, bottom + 6, TRUE);
 }
 
-static double draw_key(const struct history *h, double x, double y, struct colour c,
-                       const char *text) {
-    cairo_text_extents_t size;
-    cli_history_set_colour(h, c, 1);
-    cairo_rectangle(h->cr, x, y - 11, 12, 12);
-    cairo_fill(h->cr);
-    cli_history_set_colour(h, ink, 1);
-    draw_text(h, x + 18, y, 0, text);
-    cairo_text_extents(h->cr, text, &size);
-    return x + 42 + size.x_advance;
-}
-
 static void draw_keys(const struct history *h, double y) {
-    double x = draw_key(h, LEFT, y, turntable, "turntable");
-    x = draw_key(h, x, y, arc, "light arc");
-    x = draw_key(h, x, y, kinds[SHOT_LAMP], "lamps");
-    x = draw_key(h, x, y, kinds[SHOT_SWEEP], "laser sweeps");
-    x = draw_key(h, x, y, kinds[SHOT_DARK], "dark frames");
-    x = draw_key(h, x, y, warning, "warning");
-    draw_key(h, x, y, fault, "error");
-}
-
-static void draw_title(const struct history *h, const char *name) {
-    g_autofree char *time = duration(h->end_s);
-    g_autofree char *retakes =
-        h->retakes ? g_strdup_printf("%d retakes", h->retakes) : g_strdup("no retakes");
-    g_autofree char *title =
-        g_strdup_printf("%s: %u of %u shots in %s, %u frames kept, %s", name, h->takes->len,
-                        h->shots->len, time, h->frames->len, retakes);
-    cli_history_set_colour(h, ink, 1);
-    cairo_set_font_size(h->cr, 24);
-    draw_text(h, LEFT, 48, 0, title);
-    cairo_set_font_size(h->cr, TEXT);
-}
-
-static void cli_history_draw(struct history *h, const char *name) {
-    cairo_set_source_rgb(h->cr, 1, 1, 1);
-    cairo_paint(h->cr);
-    cairo_select_font_face(h->cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    cairo_set_line_width(h->cr, 1);
-    draw_title(h, name);
-    draw_progress(h, 80, 380);
-    draw_angles(h, 420, 620);
-    draw_events(h, 80, 620);
-    draw_kinds(h, 650, 690);
-    draw_keys(h, 760);
-}
-
-static gboolean save(cairo_surface_t *surface, const char *path, GError **error) {
-    const cairo_status_t status = cairo_surface_write_to_png(surface, path);
-    if (status == CAIRO_STATUS_SUCCESS)
-        return TRUE;
-    g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_FAILED, "%s: cannot be written: %s", path,
-                cairo_status_to_string(status));
-    return FALSE;
+    const struct {
+        struct colour colour;
+        const char *name;
+    } keys[] = {{turntable, "turntable"},
+                {arc, "light arc"},
+                {kinds[SHOT_LAMP], "lamps"},
+                {kinds[SHOT_SWEEP], "laser sweeps"},
+                {kinds[SHOT_DARK], "dark frames"},
+                {warning, "warning"},
+                {fault, "error"}};
+    double x = LEFT;
+    for (gsize i = 0; i < G_N_ELEMENTS(keys); i++) {
+        cairo_text_extents_t size;
+        cli_history_set_colour(h, keys[i].colour, 1);
+        cairo_rectangle(h->cr, x, y - 11, 12, 12);
+        cairo_fill(h->cr);
+        cli_history_set_colour(h, ink, 1);
+        plot_text(h->cr, x + 18, y, 0, keys[i].name);
+        cairo_text_extents(h->cr, keys[i].name, &size);
+        x += 42 + size.x_advance;
+    }
 }
 
 static gboolean cli_history_read_session(struct history *h, Session *session, GError **error) {
@@ -282,24 +227,28 @@ static gboolean cli_history_read_session(struct history *h, Session *session, GE
     return FALSE;
 }
 
-static void free_history(struct history *h) {
-    g_clear_pointer(&h->shots, g_ptr_array_unref);
-    g_clear_pointer(&h->frames, g_ptr_array_unref);
-    g_clear_pointer(&h->events, g_ptr_array_unref);
-    g_clear_pointer(&h->takes, g_array_unref);
-}
-
-gboolean history_write_png(Session *session, const char *path, GError **error) {
+gboolean history_draw(Session *session, const char *path, GError **error) {
     struct history h = {0};
-    gboolean ok = cli_history_read_session(&h, session, error);
+    gboolean ok = cli_history_read_session(&h, session, error) && (h.cr = plot_new(path, error));
     if (ok) {
-        cairo_surface_t *surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, WIDTH, HEIGHT);
-        h.cr = cairo_create(surface);
-        cli_history_draw(&h, session_name(session));
-        cairo_destroy(h.cr);
-        ok = save(surface, path, error);
-        cairo_surface_destroy(surface);
+        g_autofree char *time = report_duration(h.end_s);
+        g_autofree char *retakes =
+            h.retakes ? g_strdup_printf("%d retakes", h.retakes) : g_strdup("no retakes");
+        g_autofree char *title =
+            g_strdup_printf("%s: %u of %u shots in %s, %u frames kept, %s", session_name(session),
+                            h.takes->len, h.shots->len, time, h.frames->len, retakes);
+        cairo_set_line_width(h.cr, 1);
+        plot_title(h.cr, LEFT, 48, title, NULL);
+        draw_progress(&h, 80, 380);
+        draw_angles(&h, 420, 620);
+        draw_events(&h, 80, 620);
+        draw_kinds(&h, 650, 690);
+        draw_keys(&h, 760);
+        ok = plot_finish(h.cr, path, error);
     }
-    free_history(&h);
+    g_clear_pointer(&h.shots, g_ptr_array_unref);
+    g_clear_pointer(&h.frames, g_ptr_array_unref);
+    g_clear_pointer(&h.events, g_ptr_array_unref);
+    g_clear_pointer(&h.takes, g_array_unref);
     return ok;
 }

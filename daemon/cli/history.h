@@ -6,5 +6,5 @@
 
 #include "session/session.h"
 
-/* Writes a PNG of 1280 × 800. A session of which nothing was captured yet is an error. */
-gboolean history_write_png(Session *session, const char *path, GError **error);
+/* Writes a PNG or SVG. A session of which nothing was captured yet is an error. */
+gboolean history_draw(Session *session, const char *path, GError **error);

@@ -79,12 +79,6 @@ static void cli_import_tell(Record *to, const struct import_result *result, doub
                    result->holes);
 }
 
-static gboolean parse_region(const char *text, struct import_region *ret) {
-    char more;
-    return sscanf(text, "%d,%d,%d,%d%c", &ret->x, &ret->y, &ret->width, &ret->height, &more) == 4 &&
-           ret->x >= 0 && ret->y >= 0 && ret->width > 0 && ret->height > 0;
-}
-
 struct poses_job {
     struct import_poses poses;
     struct import_poses_result result;
@@ -117,16 +111,6 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
         record_say(to, "%" G_GINT64_FORMAT " pixels are no numbers\n", result->not_numbers);
 }
 
-static gboolean parse_edge(const char *text, enum import_edge *ret) {
-    static const char *const names[] = {"line", "darkens", "lightens"};
-    for (guint i = 0; i < G_N_ELEMENTS(names); i++)
-        if (strcmp(text, names[i]) == 0) {
-            *ret = (enum import_edge)i;
-            return TRUE;
-        }
-    return FALSE;
-}
-
 static gboolean parse_grid(struct session_grid *ret) {
     char more;
     *ret =
@@ -142,6 +126,7 @@ static gboolean parse_grid(struct session_grid *ret) {
 
 static int run_poses(const struct call *call, GError **error) {
     static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
+    static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
     const struct command *command = call->command;
     struct poses_job job = {.poses = {.table = call->arguments[1],
                                       .calibration = calibration,
@@ -149,14 +134,19 @@ static int run_poses(const struct call *call, GError **error) {
                                       .threshold_dn = threshold_dn}};
     double seconds = 0;
     if (!calibration)
-        return cli_usage(command, "where are cameras and lamps? Give --calibration FILE");
+        return cli_usage(command,
+                         "no calibration of cameras and lamps is given: give --calibration FILE");
     if (!parse_grid(&job.poses.grid))
         return cli_usage(command, "--sample needs WIDTHxHEIGHT in mm, --texels 1 to 8192, --depth "
                                   "millimetres");
     if (!g_strv_contains(filters, job.poses.cfa))
-        return cli_usage(command, "--cfa is mono, rggb, bggr, grbg or gbrg");
-    if (edge && !parse_edge(edge, &job.poses.edge))
-        return cli_usage(command, "--edge is line, darkens or lightens");
+        return cli_usage(command, "there is no --cfa=%s; choose from: mono, rggb, bggr, grbg, gbrg",
+                         cfa);
+    while (edge && edges[job.poses.edge] && strcmp(edge, edges[job.poses.edge]) != 0)
+        job.poses.edge++;
+    if (!edges[job.poses.edge])
+        return cli_usage(command, "there is no --edge=%s; choose from: line, darkens, lightens",
+                         edge);
     if (!cli_work_run(work_poses, &job, &seconds, error))
         return CLI_FAILED;
     tell_poses(call->record, &job.result, seconds);
@@ -167,20 +157,25 @@ static int cli_import_run(const struct call *call, GError **error) {
     const struct command *command = call->command;
     const char *kind = call->arguments[0];
     struct job job = {.source = call->arguments[1], .wish.texel_mm = texel_mm};
+    struct import_region *wish = &job.wish.region;
     double seconds = 0;
+    char more;
     if (!output)
-        return cli_usage(command, "where to? Give -o DIR.session");
+        return cli_usage(command, "no session to make is given: give -o DIR.session");
     if (strcmp(kind, "poses") == 0)
         return run_poses(call, error);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (strcmp(kind, kinds[i].name) == 0)
             job.kind = &kinds[i];
     if (!job.kind)
-        return cli_usage(command, "“%s” is none of btf, pictures, rti, poses", kind);
+        return cli_usage(command, "there is no KIND “%s”; choose from: btf, pictures, rti, poses",
+                         kind);
     if (texel_mm < 0 || texel_mm > 1000)
-        return cli_usage(command, "--texel needs millimetres");
-    if (region && !parse_region(region, &job.wish.region))
-        return cli_usage(command, "--region needs X,Y,WIDTH,HEIGHT in texels");
+        return cli_usage(command, "--texel=%g is out of range: 0 to 1000 mm", texel_mm);
+    if (region && (sscanf(region, "%d,%d,%d,%d%c", &wish->x, &wish->y, &wish->width, &wish->height,
+                          &more) != 4 ||
+                   wish->x < 0 || wish->y < 0 || wish->width <= 0 || wish->height <= 0))
+        return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
     if (!cli_work_run(cli_import_work, &job, &seconds, error))
         return CLI_FAILED;
     cli_import_tell(call->record, &job.result, seconds);

@@ -21,14 +21,10 @@ struct counts {
     gint64 bytes;
 };
 
-static void cli_info_free_array(gpointer array) {
-    if (array)
-        g_ptr_array_unref(array);
-}
-
+/* Takes the array. */
 static int cli_info_length_of(GPtrArray *array) {
     const int n = array ? (int)array->len : 0;
-    cli_info_free_array(array);
+    g_clear_pointer(&array, g_ptr_array_unref);
     return n;
 }
 
@@ -69,19 +65,6 @@ static void list_products(const char *directory, const char *folder, GPtrArray *
     g_ptr_array_sort(to, cli_info_by_name);
 }
 
-static GPtrArray *products(const char *directory) {
-    GPtrArray *list = g_ptr_array_new_with_free_func(g_free);
-    list_products(directory, "products", list);
-    list_products(directory, "products/btf", list);
-    return list;
-}
-
-static gint64 cli_info_size_of(const char *directory, const char *relative) {
-    g_autofree char *path = g_build_filename(directory, relative, NULL);
-    GStatBuf info;
-    return g_stat(path, &info) == 0 ? info.st_size : 0;
-}
-
 /* Of all views that can be read. */
 static struct btf_flag_counts count_marks(const char *directory, const GPtrArray *list) {
     struct btf_flag_counts marks = {0};
@@ -97,13 +80,10 @@ static struct btf_flag_counts count_marks(const char *directory, const GPtrArray
     return marks;
 }
 
-/* Why it rests, in the words it was told with. */
-static char *reason_of(Session *session, const char *state) {
-    return strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
-}
-
 static void tell_products(Record *to, const char *directory) {
-    g_autoptr(GPtrArray) list = products(directory);
+    g_autoptr(GPtrArray) list = g_ptr_array_new_with_free_func(g_free);
+    list_products(directory, "products", list);
+    list_products(directory, "products/btf", list);
     const struct btf_flag_counts marks = count_marks(directory, list);
     int n_views = 0;
     gint64 view_bytes = 0;
@@ -114,7 +94,9 @@ static void tell_products(Record *to, const char *directory) {
     record_int(to, "btf_predicted", marks.predicted);
     record_begin_list(to, "products");
     for (guint i = 0; i < list->len; i++) {
-        const gint64 bytes = cli_info_size_of(directory, list->pdata[i]);
+        g_autofree char *path = g_build_filename(directory, list->pdata[i], NULL);
+        GStatBuf status;
+        const gint64 bytes = g_stat(path, &status) == 0 ? status.st_size : 0;
         record_begin(to, NULL);
         record_string(to, "path", list->pdata[i]);
         record_int(to, "bytes", bytes);
@@ -168,7 +150,9 @@ static void tell_session(Record *to, Session *session, const char *state,
     const int shots = counts->planned + counts->done + counts->skipped;
     const char *directory = session_path(session);
     g_autofree char *size = g_format_size((guint64)counts->bytes);
-    g_autofree char *reason = reason_of(session, state);
+    /* Why it rests, in the words it was told with. */
+    g_autofree char *reason =
+        strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
     g_autofree char *imported = session_value(session, "imported");
     record_string(to, "kind", "session");
     record_string(to, "name", session_name(session));
@@ -207,15 +191,6 @@ static void tell_session(Record *to, Session *session, const char *state,
     tell_events(to, events);
 }
 
-/* What the database says while nobody captures: a session that says it is running was cut off. */
-static const char *state_text(const char *state, const struct counts *counts) {
-    if (counts->planned == 0)
-        return "done";
-    if (!state || strcmp(state, "running") == 0)
-        return "unfinished";
-    return state;
-}
-
 gboolean info_session(const char *directory, Record *to, GError **error) {
     struct counts counts = {0};
     struct session_grid grid;
@@ -226,8 +201,12 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)
         return FALSE;
+    /* Nobody captures: a session that says it is running was cut off. */
     g_autofree char *stored = session_value(session, "state");
-    tell_session(to, session, state_text(stored, &counts), &grid, &counts, events);
+    const char *state = counts.planned == 0                         ? "done"
+                        : !stored || g_str_equal(stored, "running") ? "unfinished"
+                                                                    : stored;
+    tell_session(to, session, state, &grid, &counts, events);
     return TRUE;
 }
 
@@ -244,109 +223,88 @@ static GVariant *attribute_variant(const struct exr_attribute *attribute) {
     }
 }
 
-static void add_part_values(Record *to, const struct exr_part *part) {
+/* shown: to people, too. */
+static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
+    const char *type = part->type == EXR_HALF ? "half" : "float";
+    g_autoptr(GString) channels = g_string_new(NULL);
+    for (int c = 0; c < part->n_channels; c++)
+        g_string_append_printf(channels, "%s%s", c ? " " : "", part->channels[c]);
     record_begin(to, NULL);
     record_string(to, "name", part->name);
     record_int(to, "width", part->width);
     record_int(to, "height", part->height);
-    record_string(to, "type", part->type == EXR_HALF ? "half" : "float");
+    record_string(to, "type", type);
     record_variant(to, "channels",
                    g_variant_new_strv((const char *const *)part->channels, part->n_channels));
+    if (shown)
+        record_say(to, "%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)",
+                   part->width, part->height, type, channels->str);
     record_begin(to, "attributes");
-    for (guint i = 0; i < part->attributes->len; i++) {
-        const struct exr_attribute *attribute = part->attributes->pdata[i];
-        record_variant(to, attribute->name, attribute_variant(attribute));
-    }
-    record_end(to);
-    record_end(to);
-}
-
-static const char *cli_info_kind_of(const struct exr_file *file) {
-    const char *kind = "exr";
-    for (guint i = 0; i < file->parts->len; i++)
-        if (exr_get_string(file->parts->pdata[i], "mesorig.kind", &kind, NULL))
-            break;
-    return kind;
-}
-
-static void describe_part(Record *to, const struct exr_part *part) {
-    g_autoptr(GString) channels = g_string_new(NULL);
-    for (int c = 0; c < part->n_channels; c++)
-        g_string_append_printf(channels, "%s%s", c ? " " : "", part->channels[c]);
-    record_say(to, "%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)", part->width,
-               part->height, part->type == EXR_HALF ? "half" : "float", channels->str);
     for (guint i = 0; i < part->attributes->len; i++) {
         const struct exr_attribute *attribute = part->attributes->pdata[i];
         g_autoptr(GVariant) value = g_variant_ref_sink(attribute_variant(attribute));
         g_autofree char *text = g_variant_print(value, FALSE);
-        record_say(to, "    %-24s %s\n", attribute->name, text);
-    }
-}
-
-/* What a codec says of a file of its own. */
-static void describe_encoded(Record *to, const struct exr_file *file) {
-    const char *kind = cli_info_kind_of(file);
-    const struct codec *codec = codecs_find(kind);
-    g_autofree char *text = codec ? codec->describe_file(file) : NULL;
-    for (gsize i = 0; !codec && !text && mdf_codecs[i]; i++)
-        if (g_str_equal(mdf_codecs[i]->kind, kind))
-            text = mdf_codecs[i]->describe_file(file);
-    if (text)
-        record_say(to, "%s\n\n", text);
-}
-
-/* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
-static gboolean has_its_end(const char *path, const struct exr_file *file, GError **error) {
-    const struct exr_part *last = file->parts->pdata[file->parts->len - 1];
-    struct exr_part *part = exr_read_part(path, last->name, error);
-    exr_part_free(part);
-    return part != NULL;
-}
-
-static void tell_exr(Record *to, const char *path, const struct exr_file *file) {
-    record_string(to, "kind", cli_info_kind_of(file));
-    record_string(to, "path", path);
-    describe_encoded(to, file);
-    record_begin_list(to, "parts");
-    for (guint i = 0; i < file->parts->len; i++) {
-        add_part_values(to, file->parts->pdata[i]);
-        if (i < SHOWN_PARTS)
-            describe_part(to, file->parts->pdata[i]);
+        record_variant(to, attribute->name, value);
+        if (shown)
+            record_say(to, "    %-24s %s\n", attribute->name, text);
     }
     record_end(to);
-    if (file->parts->len > SHOWN_PARTS)
-        record_say(to, "… and %u parts more (--json shows all)\n", file->parts->len - SHOWN_PARTS);
+    record_end(to);
 }
 
 static gboolean info_exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
-    const gboolean ok = file && has_its_end(path, file, error);
-    if (ok)
-        tell_exr(to, path, file);
+    if (!file)
+        return FALSE;
+    /* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
+    const guint n = file->parts->len;
+    const struct exr_part *last = file->parts->pdata[n - 1];
+    struct exr_part *part = exr_read_part(path, last->name, error);
+    const gboolean whole = part != NULL;
+    exr_part_free(part);
+    const char *kind = "exr";
+    for (guint i = 0; i < n; i++)
+        if (exr_get_string(file->parts->pdata[i], "mesorig.kind", &kind, NULL))
+            break;
+    const struct codec *codec = codecs_find(kind);
+    g_autofree char *text = whole && codec ? codec->describe_file(file) : NULL;
+    for (gsize i = 0; whole && !codec && !text && mdf_codecs[i]; i++)
+        if (g_str_equal(mdf_codecs[i]->kind, kind))
+            text = mdf_codecs[i]->describe_file(file);
+    if (whole) {
+        record_string(to, "kind", kind);
+        record_string(to, "path", path);
+        if (text)
+            record_say(to, "%s\n\n", text);
+        record_begin_list(to, "parts");
+        for (guint i = 0; i < n; i++)
+            tell_part(to, file->parts->pdata[i], i < SHOWN_PARTS);
+        record_end(to);
+        if (n > SHOWN_PARTS)
+            record_say(to, "… and %u parts more (--json shows all)\n", n - SHOWN_PARTS);
+    }
     exr_file_free(file);
-    return ok;
-}
-
-static gboolean draw_history(const char *directory, const char *to, GError **error) {
-    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
-    return session && history_write_png(session, to, error);
+    return whole;
 }
 
 static char *history_option;
 static const GOptionEntry entries[] = {
     {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
-     "Also draw how the capture of DIR went, over time", "FILE.png"},
+     "Also draw how the capture of DIR went, over time", "FILE.svg|FILE.png"},
     {NULL},
 };
 
 static int cli_info_run(const struct call *call, GError **error) {
-    g_autofree char *path = cli_absolute(call->arguments[0]);
+    g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
         return cli_usage(call->command, "--history draws a session, and %s is none",
                          call->arguments[0]);
-    if (history_option && !draw_history(path, history_option, error))
-        return CLI_FAILED;
+    if (history_option) {
+        g_autoptr(Session) opened = session_open(path, SESSION_READ, error);
+        if (!opened || !history_draw(opened, history_option, error))
+            return CLI_FAILED;
+    }
     return (session ? info_session : info_exr)(path, call->record, error) ? CLI_DONE : CLI_FAILED;
 }
 

@@ -21,10 +21,9 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     if (!bus_rig1_call_validate_sync(link_rig(link), session, directory, &ok, &text, &plan, NULL,
                                      error))
         return NULL;
-    if (ok)
-        return g_steal_pointer(&plan);
-    g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
-    return NULL;
+    if (!ok)
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
+    return ok ? g_steal_pointer(&plan) : NULL;
 }
 
 static GVariant *plan_here(const char *rig, const char *session, const char *directory,
@@ -46,9 +45,9 @@ static GVariant *plan_here(const char *rig, const char *session, const char *dir
 
 static int run_plan(const struct call *call, GError **error) {
     GError *failed = NULL;
-    g_autofree char *rig = cli_absolute(call->arguments[0]);
-    g_autofree char *session = cli_absolute(call->arguments[1]);
-    g_autofree char *directory = output ? cli_absolute(output) : g_strdup("");
+    g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
+    g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
+    g_autofree char *directory = output ? g_canonicalize_filename(output, NULL) : g_strdup("");
     g_autoptr(Link) link = link_find_rig(rig, &failed);
     g_autoptr(GVariant) report = NULL;
     if (!failed)

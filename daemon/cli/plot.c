@@ -3,8 +3,6 @@
 #include <cairo-svg.h>
 #include <math.h>
 
-#define TEXT 17.0
-
 static gboolean is_svg(const char *path) {
     return g_str_has_suffix(path, ".svg");
 }
@@ -23,7 +21,7 @@ cairo_t *plot_new(const char *path, GError **error) {
     cairo_set_source_rgb(cr, 1, 1, 1);
     cairo_paint(cr);
     cairo_select_font_face(cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    cairo_set_font_size(cr, TEXT);
+    cairo_set_font_size(cr, PLOT_TEXT);
     plot_ink(cr);
     return cr;
 }
@@ -49,11 +47,11 @@ void plot_ink(cairo_t *cr) {
 
 /* Okabe and Ito's, without yellow, which is lost on white, and with darker ones. */
 void plot_colour(cairo_t *cr, int i) {
-    static const double colours[PLOT_COLOURS][3] = {
-        {0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45}, {0.80, 0.47, 0.65},
-        {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00}, {0.35, 0.35, 0.38}, {0.55, 0.20, 0.10},
-        {0.00, 0.00, 0.00}, {0.55, 0.55, 0.10}, {0.45, 0.20, 0.60}, {0.95, 0.45, 0.55}};
-    const double *c = colours[i % PLOT_COLOURS];
+    static const double colours[][3] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
+                                        {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
+                                        {0.35, 0.35, 0.38}, {0.55, 0.20, 0.10}, {0.00, 0.00, 0.00},
+                                        {0.55, 0.55, 0.10}, {0.45, 0.20, 0.60}, {0.95, 0.45, 0.55}};
+    const double *c = colours[i % (int)G_N_ELEMENTS(colours)];
     cairo_set_source_rgb(cr, c[0], c[1], c[2]);
 }
 
@@ -65,9 +63,19 @@ void plot_text(cairo_t *cr, double x, double y, double align, const char *text) 
     cairo_new_path(cr); /* a line to what comes next is not wanted */
 }
 
+void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text) {
+    cairo_set_font_size(cr, 24);
+    plot_text(cr, x, y, 0, title);
+    cairo_set_font_size(cr, PLOT_TEXT);
+    if (text)
+        plot_text(cr, x, y + 32, 0, text);
+}
+
 #define DISC_Y      430.0
 #define DISC_RADIUS 270.0
+#define BAR_X       390.0
 #define BAR_Y       760.0
+#define BAR_WIDTH   500.0
 
 /* From dark blue to yellow, even in lightness. */
 static void set_heat(cairo_t *cr, double t) {
@@ -81,7 +89,10 @@ static void set_heat(cairo_t *cr, double t) {
     cairo_set_source_rgb(cr, c[0], c[1], c[2]);
 }
 
-static void draw_rings(cairo_t *cr, double centre, const char *title) {
+/* The hemisphere seen from above, with a dot a direction, as large as there is room. */
+static void draw_disc(cairo_t *cr, double centre, const char *title, const float *theta_deg,
+                      const float *phi_deg, const struct compare_sums *sums, int n, double most) {
+    const double radius = CLAMP(DISC_RADIUS / sqrt(6.0 * n), 3, 18);
     plot_text(cr, centre, DISC_Y - DISC_RADIUS - 22, 0.5, title);
     cairo_set_line_width(cr, 1);
     for (int theta = 30; theta <= 90; theta += 30) {
@@ -92,14 +103,6 @@ static void draw_rings(cairo_t *cr, double centre, const char *title) {
         cairo_set_source_rgb(cr, 0.5, 0.5, 0.52);
         plot_text(cr, centre + 4, DISC_Y + DISC_RADIUS * theta / 90 - 5, 0, text);
     }
-    plot_ink(cr);
-}
-
-/* A dot a direction, as large as there is room. */
-static void draw_directions(cairo_t *cr, double centre, const float *theta_deg,
-                            const float *phi_deg, const struct compare_sums *sums, int n,
-                            double most) {
-    const double radius = CLAMP(DISC_RADIUS / sqrt(6.0 * n), 3, 18);
     for (int i = 0; i < n; i++) {
         const double r = DISC_RADIUS * theta_deg[i] / 90, phi = phi_deg[i] * G_PI / 180;
         set_heat(cr, most > 0 ? sums[i].error / most : 0);
@@ -117,19 +120,6 @@ static double largest_error(const struct compare_sums *sums, int n, double most)
     return most;
 }
 
-static void draw_bar(cairo_t *cr, double most) {
-    const double left = 390, width = 500;
-    g_autofree char *text = g_strdup_printf("%.3g %% relative error", 100 * most);
-    for (int i = 0; i < 250; i++) {
-        set_heat(cr, i / 249.0);
-        cairo_rectangle(cr, left + i * width / 250, BAR_Y - 14, width / 250 + 0.5, 18);
-        cairo_fill(cr);
-    }
-    plot_ink(cr);
-    plot_text(cr, left - 10, BAR_Y, 1, "0");
-    plot_text(cr, left + width + 10, BAR_Y, 0, text);
-}
-
 gboolean plot_comparison(const char *path, const struct material_info *a,
                          const struct material_info *b, const struct comparison *c,
                          GError **error) {
@@ -143,16 +133,19 @@ gboolean plot_comparison(const char *path, const struct material_info *a,
         "relative error %.2f %%, luminance off by %.4f on average, ΔE %.2f; 1:%.0f in size",
         100 * c->all.error, c->all.luminance_error, c->all.delta_e,
         (double)a->bytes / (double)b->bytes);
-    cairo_set_font_size(cr, 24);
-    plot_text(cr, 40, 50, 0, title);
-    cairo_set_font_size(cr, TEXT);
-    plot_text(cr, 40, 82, 0, text);
-    draw_rings(cr, 330, "views");
-    draw_rings(cr, 950, "lights");
-    draw_directions(cr, 330, a->layout->views.theta_deg, a->layout->views.phi_deg, c->views,
-                    c->n_views, most);
-    draw_directions(cr, 950, a->layout->lights.theta_deg, a->layout->lights.phi_deg, c->lights,
-                    c->n_lights, most);
-    draw_bar(cr, most);
+    g_autofree char *scale = g_strdup_printf("%.3g %% relative error", 100 * most);
+    plot_title(cr, 40, 50, title, text);
+    draw_disc(cr, 330, "views", a->layout->views.theta_deg, a->layout->views.phi_deg, c->views,
+              c->n_views, most);
+    draw_disc(cr, 950, "lights", a->layout->lights.theta_deg, a->layout->lights.phi_deg, c->lights,
+              c->n_lights, most);
+    for (int i = 0; i < 250; i++) {
+        set_heat(cr, i / 249.0);
+        cairo_rectangle(cr, BAR_X + i * BAR_WIDTH / 250, BAR_Y - 14, BAR_WIDTH / 250 + 0.5, 18);
+        cairo_fill(cr);
+    }
+    plot_ink(cr);
+    plot_text(cr, BAR_X - 10, BAR_Y, 1, "0");
+    plot_text(cr, BAR_X + BAR_WIDTH + 10, BAR_Y, 0, scale);
     return plot_finish(cr, path, error);
 }

@@ -8,13 +8,16 @@
 #define PLOT_WIDTH  1280
 #define PLOT_HEIGHT 800
 
-/* White, dark ink, text of 17 points. NULL with an error unless path ends in .png or .svg. */
+#define PLOT_TEXT 17.0 /* points */
+
+/* White, dark ink, text of PLOT_TEXT. NULL with an error unless path ends in .png or .svg. */
 cairo_t *plot_new(const char *path, GError **error);
+/* A larger line, from (x, y) on, and one below it (may be NULL). */
+void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text);
 /* Writes the file and frees cr. */
 gboolean plot_finish(cairo_t *cr, const char *path, GError **error);
 
 void plot_ink(cairo_t *cr);
-#define PLOT_COLOURS 12
 void plot_colour(cairo_t *cr, int i); /* told apart by the colour-blind too; i from 0, cyclic */
 /* align: 0 left, 0.5 centred, 1 right of (x, y). */
 void plot_text(cairo_t *cr, double x, double y, double align, const char *text);

@@ -2,12 +2,11 @@
 
 #include <math.h>
 
-#define TEXT   17.0
 #define LEFT   110.0
 #define RIGHT  (PLOT_WIDTH - 230.0)
 #define TOP    110.0
 #define BOTTOM (PLOT_HEIGHT - 90.0)
-#define LINE   (TEXT + 2)
+#define LINE   (PLOT_TEXT + 2)
 #define LEAST  1e-4 /* errors below are those of rounding, and stand there */
 
 /* Both axes are logarithmic. */
@@ -69,31 +68,6 @@ static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, doubl
         plot_text(cr, LEFT - 10, y + 6, 1, text);
 }
 
-static void cli_plot_curve_draw_axes(cairo_t *cr, const struct axes *axes) {
-    static const double steps[] = {1, 2, 5};
-    for (int power = -6; power <= 6; power++)
-        for (int i = 0; i < 3; i++) {
-            draw_tick(cr, axes, TRUE, steps[i] * pow(10, power));
-            draw_tick(cr, axes, FALSE, steps[i] * pow(10, power));
-        }
-    plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5,
-              "size against the BTF in half floats: in a renderer, of what is packed on disk");
-}
-
-/* Round, square or pointed, so that more than colours tell series apart. */
-static void draw_mark(cairo_t *cr, double x, double y, int shape) {
-    if (shape == 0) {
-        cairo_arc(cr, x, y, 4.5, 0, 2 * G_PI);
-    } else if (shape == 1) {
-        cairo_rectangle(cr, x - 4, y - 4, 8, 8);
-    } else {
-        cairo_move_to(cr, x, y - 6);
-        cairo_line_to(cr, x + 5.5, y + 4);
-        cairo_line_to(cr, x - 5.5, y + 4);
-    }
-    cairo_fill(cr);
-}
-
 /* One model. */
 struct series {
     const struct plot_point *points; /* in order of size */
@@ -110,21 +84,21 @@ static void cli_plot_curve_draw_series(cairo_t *cr, const struct axes *axes, dou
         cairo_line_to(cr, cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes),
                       y_of(axes, series->points[i].error));
     cairo_stroke(cr);
-    for (int i = 0; i < series->n; i++)
-        draw_mark(cr, cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes),
-                  y_of(axes, series->points[i].error), series->colour % 3);
-}
-
-static void draw_name(cairo_t *cr, const struct series *series) {
-    const double dashes[] = {2, 4};
-    plot_colour(cr, series->colour);
-    plot_text(cr, RIGHT + 14, series->name, 0, series->points[0].series);
-    cairo_set_line_width(cr, 0.8);
-    cairo_move_to(cr, RIGHT + 10, series->name - 6);
-    cairo_line_to(cr, series->x + 7, series->y);
-    cairo_set_dash(cr, dashes, 2, 0);
-    cairo_stroke(cr);
-    cairo_set_dash(cr, NULL, 0, 0);
+    for (int i = 0; i < series->n; i++) {
+        const double x = cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes);
+        const double y = y_of(axes, series->points[i].error);
+        /* Round, square or pointed, so that more than colours tell series apart. */
+        if (series->colour % 3 == 0) {
+            cairo_arc(cr, x, y, 4.5, 0, 2 * G_PI);
+        } else if (series->colour % 3 == 1) {
+            cairo_rectangle(cr, x - 4, y - 4, 8, 8);
+        } else {
+            cairo_move_to(cr, x, y - 6);
+            cairo_line_to(cr, x + 5.5, y + 4);
+            cairo_line_to(cr, x - 5.5, y + 4);
+        }
+        cairo_fill(cr);
+    }
 }
 
 static int cli_plot_curve_by_height(gconstpointer a, gconstpointer b) {
@@ -172,14 +146,27 @@ gboolean plot_curve(const char *path, const char *name, double raw_bytes,
     const struct axes axes = fit_axes(raw_bytes, points, n);
     g_autoptr(GArray) list = part_series(&axes, raw_bytes, points, n);
     g_autofree char *title = g_strdup_printf("%s: error against size", name);
-    cairo_set_font_size(cr, 24);
-    plot_text(cr, 40, 50, 0, title);
-    cairo_set_font_size(cr, TEXT);
-    plot_text(cr, 40, 82, 0, "relative RMS error of all values");
-    cli_plot_curve_draw_axes(cr, &axes);
+    const double dashes[] = {2, 4}, steps[] = {1, 2, 5};
+    plot_title(cr, 40, 50, title, "relative RMS error of all values");
+    for (int power = -6; power <= 6; power++)
+        for (int i = 0; i < 3; i++) {
+            draw_tick(cr, &axes, TRUE, steps[i] * pow(10, power));
+            draw_tick(cr, &axes, FALSE, steps[i] * pow(10, power));
+        }
+    plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5,
+              "size against the BTF in half floats: in a renderer, of what is packed on disk");
     place_names(list);
-    for (guint i = 0; i < list->len; i++)
-        draw_name(cr, &g_array_index(list, struct series, i));
+    for (guint i = 0; i < list->len; i++) {
+        const struct series *series = &g_array_index(list, struct series, i);
+        plot_colour(cr, series->colour);
+        plot_text(cr, RIGHT + 14, series->name, 0, series->points[0].series);
+        cairo_set_line_width(cr, 0.8);
+        cairo_move_to(cr, RIGHT + 10, series->name - 6);
+        cairo_line_to(cr, series->x + 7, series->y);
+        cairo_set_dash(cr, dashes, 2, 0);
+        cairo_stroke(cr);
+        cairo_set_dash(cr, NULL, 0, 0);
+    }
     for (guint i = 0; i < list->len; i++)
         cli_plot_curve_draw_series(cr, &axes, raw_bytes, &g_array_index(list, struct series, i));
     return plot_finish(cr, path, error);

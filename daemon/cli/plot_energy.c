@@ -6,11 +6,6 @@
 #define RIGHT  (PLOT_WIDTH - 60.0)
 #define HEIGHT 250.0
 
-/* A diagram: its lower edge, and the value at its upper one. */
-struct diagram {
-    double bottom, most;
-};
-
 static double most_of(double most, const double *values, int n) {
     for (int i = 0; i < n; i++)
         most = MAX(most, values[i]);
@@ -27,25 +22,21 @@ static double round_up(double most) {
     return 4 * steps[i] * decade;
 }
 
-static double cli_plot_energy_x_of(int i, int n) {
-    return LEFT + (RIGHT - LEFT) * (n > 1 ? (double)i / (n - 1) : 0.5);
-}
-
-static void cli_plot_energy_draw_series(cairo_t *cr, const struct diagram *to, const double *values,
-                                        int n, int colour) {
-    plot_colour(cr, colour);
-    cairo_set_line_width(cr, 1.8);
-    for (int i = 0; i < n; i++)
-        cairo_line_to(cr, cli_plot_energy_x_of(i, n), to->bottom - HEIGHT * values[i] / to->most);
-    cairo_stroke(cr);
-    plot_ink(cr);
-}
-
-static void cli_plot_energy_draw_frame(cairo_t *cr, const struct diagram *to, const char *title) {
+/* bottom: its lower edge. */
+static void draw_diagram(cairo_t *cr, double bottom, const char *title, const double *e_r,
+                         int n_views, const double *e_i, int n_lights) {
+    const struct {
+        const double *values;
+        int n;
+        double name_x;
+        const char *name;
+    } series[2] = {{e_i, n_lights, RIGHT - 190, "E_i of each light"},
+                   {e_r, n_views, RIGHT - 400, "E_r of each view"}};
+    const double most = round_up(most_of(most_of(1e-6, e_r, n_views), e_i, n_lights));
     cairo_set_line_width(cr, 1);
     for (int k = 0; k <= 4; k++) {
-        double y = to->bottom - HEIGHT * k / 4;
-        g_autofree char *text = g_strdup_printf("%.3g", to->most * k / 4);
+        const double y = bottom - HEIGHT * k / 4;
+        g_autofree char *text = g_strdup_printf("%.3g", most * k / 4);
         cairo_set_source_rgb(cr, 0.86, 0.87, 0.88);
         cairo_move_to(cr, LEFT, y);
         cairo_line_to(cr, RIGHT, y);
@@ -53,26 +44,20 @@ static void cli_plot_energy_draw_frame(cairo_t *cr, const struct diagram *to, co
         plot_ink(cr);
         plot_text(cr, LEFT - 10, y + 6, 1, text);
     }
-    plot_text(cr, LEFT, to->bottom - HEIGHT - 14, 0, title);
-}
-
-static void name_series(cairo_t *cr, double y, double x, const char *name, int colour) {
-    plot_colour(cr, colour);
-    cairo_rectangle(cr, x, y - 9, 26, 5);
-    cairo_fill(cr);
-    plot_ink(cr);
-    plot_text(cr, x + 34, y, 0, name);
-}
-
-static void draw_diagram(cairo_t *cr, double bottom, const char *title, const double *e_r,
-                         int n_views, const double *e_i, int n_lights) {
-    double most = most_of(most_of(1e-6, e_r, n_views), e_i, n_lights);
-    struct diagram diagram = {bottom, round_up(most)};
-    cli_plot_energy_draw_frame(cr, &diagram, title);
-    cli_plot_energy_draw_series(cr, &diagram, e_r, n_views, 1);
-    cli_plot_energy_draw_series(cr, &diagram, e_i, n_lights, 0);
-    name_series(cr, bottom - HEIGHT - 14, RIGHT - 400, "E_r of each view", 1);
-    name_series(cr, bottom - HEIGHT - 14, RIGHT - 190, "E_i of each light", 0);
+    plot_text(cr, LEFT, bottom - HEIGHT - 14, 0, title);
+    cairo_set_line_width(cr, 1.8);
+    for (int s = 1; s >= 0; s--) {
+        const int n = series[s].n;
+        plot_colour(cr, s);
+        for (int i = 0; i < n; i++)
+            cairo_line_to(cr, LEFT + (RIGHT - LEFT) * (n > 1 ? (double)i / (n - 1) : 0.5),
+                          bottom - HEIGHT * series[s].values[i] / most);
+        cairo_stroke(cr);
+        cairo_rectangle(cr, series[s].name_x, bottom - HEIGHT - 14 - 9, 26, 5);
+        cairo_fill(cr);
+        plot_ink(cr);
+        plot_text(cr, series[s].name_x + 34, bottom - HEIGHT - 14, 0, series[s].name);
+    }
 }
 
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *e,
@@ -87,10 +72,7 @@ gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struc
         100 * e->asymmetry, 100 * e->texel_asymmetry, e->pairs);
     g_autofree char *text = g_strdup_printf("at most %.3f of a light's energy comes back%s",
                                             e->largest_albedo, e->pairs > 0 ? symmetry : "");
-    cairo_set_font_size(cr, 24);
-    plot_text(cr, LEFT, 40, 0, title);
-    cairo_set_font_size(cr, 17);
-    plot_text(cr, LEFT, 68, 0, text);
+    plot_title(cr, LEFT, 38, title, text);
     draw_diagram(cr, 380, one, e->texel_e_r, e->n_views, e->texel_e_i, e->n_lights);
     draw_diagram(cr, 715, "mean over all texels", e->e_r, e->n_views, e->e_i, e->n_lights);
     plot_text(cr, 0.5 * (LEFT + RIGHT), 765, 0.5, "views and lights in the session's order");

@@ -67,7 +67,7 @@ static void tell_result(Record *to, const struct pipeline_result *result, double
 
 struct process {
     const char *directory;
-    char *calibration; /* text; NULL: the session's own */
+    const char *calibration; /* text; NULL: the session's own */
     gboolean follow;
     struct pipeline_result result;
 };
@@ -92,31 +92,28 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
     return pipeline_run(process->directory, &options, &process->result, error);
 }
 
-static int run_process(struct process *process, Record *to, GError **error) {
+int process_run(const char *directory, const char *calibration, gboolean follow, Record *to,
+                GError **error) {
+    struct process process = {directory, calibration, follow};
     double seconds = 0;
-    if (!cli_work_run(run_pipeline, process, &seconds, error))
+    if (!cli_work_run(run_pipeline, &process, &seconds, error))
         return CLI_FAILED;
-    tell_result(to, &process->result, seconds);
+    tell_result(to, &process.result, seconds);
     return CLI_DONE;
 }
 
-int process_run(const char *directory, gboolean follow, Record *to, GError **error) {
-    struct process process = {.directory = directory, .follow = follow};
-    return run_process(&process, to, error);
-}
-
-/* The geometry and light of the rig file that the session was captured with. */
-static char *nominal_text(const char *directory, GError **error) {
+/* The text of a calibration file, or “nominal”: the geometry and light of the rig file that the
+ * session was captured with. */
+static char *read_calibration(const char *directory, const char *path, GError **error) {
+    if (!g_str_equal(path, "nominal")) {
+        g_autoptr(Calibration) calibration = calibration_read(path, error);
+        return calibration ? calibration_to_text(calibration) : NULL;
+    }
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     g_autofree char *conf = session ? session_text(session, "rig.conf", error) : NULL;
-    g_autofree char *path = session ? session_file(session, "session.db (rig.conf)") : NULL;
+    g_autofree char *name = session ? session_file(session, "session.db (rig.conf)") : NULL;
     struct rig rig;
-    return conf && devices_parse_geometry(conf, path, &rig, error) ? rig_to_text(&rig) : NULL;
-}
-
-static char *read_text(const char *path, GError **error) {
-    g_autoptr(Calibration) calibration = calibration_read(path, error);
-    return calibration ? calibration_to_text(calibration) : NULL;
+    return conf && devices_parse_geometry(conf, name, &rig, error) ? rig_to_text(&rig) : NULL;
 }
 
 static gboolean follow_option;
@@ -132,17 +129,11 @@ static const GOptionEntry entries[] = {
 
 static int cli_process_run(const struct call *call, GError **error) {
     const char *directory = call->arguments[0];
-    struct process process = {.directory = directory, .follow = follow_option};
-    if (calibration_option) {
-        process.calibration = g_str_equal(calibration_option, "nominal")
-                                  ? nominal_text(directory, error)
-                                  : read_text(calibration_option, error);
-        if (!process.calibration)
-            return CLI_FAILED;
-    }
-    const int code = run_process(&process, call->record, error);
-    g_free(process.calibration);
-    return code;
+    g_autofree char *calibration =
+        calibration_option ? read_calibration(directory, calibration_option, error) : NULL;
+    if (calibration_option && !calibration)
+        return CLI_FAILED;
+    return process_run(directory, calibration, follow_option, call->record, error);
 }
 
 const struct command cli_process = {.name = "process",

@@ -4,7 +4,6 @@
 #include "pipeline/near_field_correction.h"
 #include "plan/report.h"
 
-#include <math.h>
 #include <string.h>
 
 static char *output, *directions;
@@ -45,23 +44,7 @@ static void add_moved(Record *to, const struct near_field_correction_band *band)
         record_double(to, "nominal", band->nominal);
 }
 
-static void add_bands(Record *to, const char *key, const GArray *bands,
-                      void (*add)(Record *, const struct near_field_correction_band *)) {
-    record_begin_list(to, key);
-    for (guint i = 0; i < bands->len; i++) {
-        const struct near_field_correction_band *band =
-            &g_array_index(bands, struct near_field_correction_band, i);
-        record_begin(to, NULL);
-        record_double(to, "theta_deg", band->theta_deg);
-        record_int(to, "views", band->n_views);
-        add(to, band);
-        record_end(to);
-    }
-    record_end(to);
-}
-
-static void add_values(Record *to, const struct near_field_correction_result *result,
-                       double seconds) {
+static void add_values(Record *to, const struct near_field_correction_result *result) {
     record_string(to, "session", output);
     record_boolean(to, "exact", result->exact);
     record_boolean(to, "mdf", result->mdf);
@@ -79,10 +62,6 @@ static void add_values(Record *to, const struct near_field_correction_result *re
     record_double(to, "light_most_moved_deg", result->light_most_moved_deg);
     add_left_out(to, &result->all);
     add_moved(to, &result->all);
-    add_bands(to, "by_view", result->from, add_left_out);
-    add_bands(to, "by_view_made", result->to, add_moved);
-    record_double(to, "eigenmaps_error", result->made.eigenmaps_error);
-    record_double(to, "real_s", seconds);
 }
 
 /* For names with a sign of two bytes. */
@@ -90,12 +69,12 @@ static int padded(const char *name, int width) {
     return width + (int)strlen(name) - (int)g_utf8_strlen(name, -1);
 }
 
-static void tell_from(Record *to, const char *name, const struct near_field_correction_band *band) {
+static void say_from(Record *to, const char *name, const struct near_field_correction_band *band) {
     record_say(to, "%-*s %11.2f %% %16.2f %% %14.2f %%\n", padded(name, 13), name,
                100 * band->left_out_view, 100 * band->left_out_light, 100 * band->back);
 }
 
-static void tell_to(Record *to, const char *name, const struct near_field_correction_band *band) {
+static void say_to(Record *to, const char *name, const struct near_field_correction_band *band) {
     record_say(to, "%-*s %6.2f° %10.2f° %12.1f %%", padded(name, 13), name, band->moved_deg,
                band->most_moved_deg, 100 * band->held);
     if (band->nominal >= 0)
@@ -103,33 +82,32 @@ static void tell_to(Record *to, const char *name, const struct near_field_correc
     record_say(to, "\n");
 }
 
-static void
-tell_table(Record *to, const GArray *bands, const struct near_field_correction_band *all,
-           void (*tell)(Record *, const char *, const struct near_field_correction_band *)) {
+/* A table of all bands, and of all of them together. */
+static void tell_bands(Record *to, const char *key, const GArray *bands,
+                       const struct near_field_correction_band *all,
+                       void (*add)(Record *, const struct near_field_correction_band *),
+                       void (*say)(Record *, const char *,
+                                   const struct near_field_correction_band *)) {
+    record_begin_list(to, key);
     for (guint i = 0; i < bands->len; i++) {
         const struct near_field_correction_band *band =
             &g_array_index(bands, struct near_field_correction_band, i);
         g_autofree char *name = g_strdup_printf("%.3g°", band->theta_deg);
-        tell(to, name, band);
+        record_begin(to, NULL);
+        record_double(to, "theta_deg", band->theta_deg);
+        record_int(to, "views", band->n_views);
+        add(to, band);
+        record_end(to);
+        say(to, name, band);
     }
-    tell(to, "all", all);
-}
-
-static void cli_resample_tell_marks(Record *to, const struct near_field_correction_result *result) {
-    if (result->holes > 0)
-        record_say(to, "%" G_GINT64_FORMAT " holes were filled from the texels around them\n",
-                   result->holes);
-    if (result->bounds > 0)
-        record_say(to, "%" G_GINT64_FORMAT " values were lower bounds\n", result->bounds);
-    if (result->predicted > 0)
-        record_say(to, "%" G_GINT64_FORMAT " values were made of the pictures of other lights\n",
-                   result->predicted);
+    record_end(to);
+    say(to, "all", all);
 }
 
 static void cli_resample_tell(Record *to, const struct near_field_correction_result *result,
                               double seconds) {
     g_autofree char *time = report_duration(seconds);
-    add_values(to, result, seconds);
+    add_values(to, result);
     record_say(to, "%s: %d × %d texels, %d views × %d lights from %d × %d in %s\n", output,
                result->made.width, result->made.height, result->made.n_views, result->made.n_lights,
                result->n_views, result->n_lights, time);
@@ -140,32 +118,37 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
         record_say(to,
                    "its MDF is the measured one as it was, with the views it was measured from\n");
     record_say(to, "\nmeasured from  left out: view            light   there and back\n");
-    tell_table(to, result->from, &result->all, tell_from);
+    tell_bands(to, "by_view", result->from, &result->all, add_left_out, say_from);
     record_say(to, "\nmade for         moved     at most   too far out%s\n",
                result->all.nominal >= 0 ? "   read as planned" : "");
-    tell_table(to, result->to, &result->all, tell_to);
+    tell_bands(to, "by_view_made", result->to, &result->all, add_moved, say_to);
+    record_double(to, "eigenmaps_error", result->made.eigenmaps_error);
+    record_double(to, "real_s", seconds);
     record_say(to, "lights        %6.2f° %10.2f°\n", result->light_moved_deg,
                result->light_most_moved_deg);
-    cli_resample_tell_marks(to, result);
-}
-
-static gboolean cli_resample_read_directions(struct job *job, GError **error) {
-    if (!directions || strcmp(directions, "own") == 0)
-        return TRUE;
-    job->to = strcmp(directions, "81") == 0 ? btf_directions_81()
-                                            : btf_directions_read(directions, error);
-    return job->to != NULL;
+    if (result->holes > 0)
+        record_say(to, "%" G_GINT64_FORMAT " holes were filled from the texels around them\n",
+                   result->holes);
+    if (result->bounds > 0)
+        record_say(to, "%" G_GINT64_FORMAT " values were lower bounds\n", result->bounds);
+    if (result->predicted > 0)
+        record_say(to, "%" G_GINT64_FORMAT " values were made of the pictures of other lights\n",
+                   result->predicted);
 }
 
 static int cli_resample_run(const struct call *call, GError **error) {
     struct job job = {.session = call->arguments[0]};
     double seconds = 0;
     if (!output)
-        return cli_usage(call->command, "where to? Give -o DIR.session");
+        return cli_usage(call->command, "no session to make is given: give -o DIR.session");
     if (threads < 0 || threads > 1024)
-        return cli_usage(call->command, "--threads is 1 to 1024");
-    if (!cli_resample_read_directions(&job, error))
-        return CLI_FAILED;
+        return cli_usage(call->command, "--threads=%d is out of range: 1 to 1024", threads);
+    if (directions && strcmp(directions, "own") != 0) {
+        job.to = strcmp(directions, "81") == 0 ? btf_directions_81()
+                                               : btf_directions_read(directions, error);
+        if (!job.to)
+            return CLI_FAILED;
+    }
     const gboolean ok = cli_work_run(cli_resample_work, &job, &seconds, error);
     btf_directions_free(job.to);
     if (!ok)
@@ -178,8 +161,7 @@ static int cli_resample_run(const struct call *call, GError **error) {
 const struct command cli_resample = {.name = "resample",
                                      .arguments = "DIR -o DIR",
                                      .help = "Make a session whose BTF has the same directions for "
-                                             "all texels, and say how far to believe "
-                                             "it.",
+                                             "all texels, and say how far to believe it.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

@@ -13,7 +13,7 @@ struct verify {
     int n_frames, n_products;
     GPtrArray *frames, *products; /* of struct session_damage */
     GPtrArray *unknown;           /* relative paths */
-    char *not_noted;              /* why resume will not hear of damaged frames; or NULL */
+    GError *not_noted;            /* why resume will not hear of damaged frames; or NULL */
 };
 
 static int cli_verify_by_name(gconstpointer a, gconstpointer b) {
@@ -53,29 +53,6 @@ static void find_unknown(struct verify *verify, const char *folder, GHashTable *
     }
 }
 
-static gboolean list_unknown(struct verify *verify, Session *session, GError **error) {
-    g_autoptr(GHashTable) known = session_products(session, error);
-    g_autoptr(GPtrArray) frames = known ? session_frames(session, error) : NULL;
-
-    for (guint i = 0; frames && i < frames->len; i++)
-        g_hash_table_add(known, g_strdup(((struct session_frame *)frames->pdata[i])->path));
-    if (frames)
-        find_unknown(verify, "", known);
-    g_ptr_array_sort(verify->unknown, cli_verify_by_name);
-    return frames != NULL;
-}
-
-/* Resume hashes frames only where it is told to. */
-static void note_frames(struct verify *verify, Session *session) {
-    g_autoptr(GError) error = NULL;
-
-    for (guint i = 0; i < verify->frames->len && !error; i++) {
-        const struct session_damage *damage = verify->frames->pdata[i];
-        session_note_damage(session, damage->path, damage->what, &error);
-    }
-    verify->not_noted = error ? g_strdup(error->message) : NULL;
-}
-
 static gboolean cli_verify_work(const struct work *work, gpointer data, GError **error) {
     struct verify *verify = data;
     g_autoptr(Session) session = session_open(verify->path, SESSION_PRODUCTS, NULL);
@@ -87,11 +64,23 @@ static gboolean cli_verify_work(const struct work *work, gpointer data, GError *
         session_find_damage(session, SESSION_FRAMES, "", work, &verify->n_frames, error);
     if (!verify->frames)
         return FALSE;
-    note_frames(verify, session);
+    /* Resume hashes frames only where it is told to. */
+    for (guint i = 0; i < verify->frames->len && !verify->not_noted; i++) {
+        const struct session_damage *damage = verify->frames->pdata[i];
+        session_note_damage(session, damage->path, damage->what, &verify->not_noted);
+    }
     verify->products =
         session_find_damage(session, SESSION_PRODUCTS_MADE, "", work, &verify->n_products, error);
+    g_autoptr(GHashTable) known = verify->products ? session_products(session, error) : NULL;
+    g_autoptr(GPtrArray) frames = known ? session_frames(session, error) : NULL;
+    if (!frames)
+        return FALSE;
+    for (guint i = 0; i < frames->len; i++)
+        g_hash_table_add(known, g_strdup(((struct session_frame *)frames->pdata[i])->path));
     verify->unknown = g_ptr_array_new_with_free_func(g_free);
-    return verify->products && list_unknown(verify, session, error);
+    find_unknown(verify, "", known);
+    g_ptr_array_sort(verify->unknown, cli_verify_by_name);
+    return TRUE;
 }
 
 static void add_damages(Record *to, const GPtrArray *damages, gboolean missing) {
@@ -144,8 +133,8 @@ static void cli_verify_tell(Record *to, const struct verify *verify) {
         record_say(to, "to repair %s\n", (const char *)remedies->pdata[i]);
     if (verify->not_noted && !cli_json)
         g_printerr("resume will not hear of the damaged frames, which could not be noted: %s; "
-                   "run verify as who may write the session\n",
-                   verify->not_noted);
+                   "run verify as somebody who may write the session\n",
+                   verify->not_noted->message);
 }
 
 static int cli_verify_run(const struct call *call, GError **error) {
@@ -159,7 +148,7 @@ static int cli_verify_run(const struct call *call, GError **error) {
     g_clear_pointer(&verify.products, g_ptr_array_unref);
     g_clear_pointer(&verify.unknown, g_ptr_array_unref);
     g_free(verify.directory);
-    g_free(verify.not_noted);
+    g_clear_error(&verify.not_noted);
     return whole ? CLI_DONE : CLI_FAILED;
 }
 

@@ -1,8 +1,5 @@
 #include "cli.h"
 
-#include "base/config.h"
-#include "base/json.h"
-
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,7 +14,7 @@ static const GOptionEntry json_entries[] = {
     {NULL},
 };
 
-const GOptionEntry cli_link_entries[] = {
+static const GOptionEntry link_entries[] = {
     {"address", 0, 0, G_OPTION_ARG_STRING, &cli_address, "Talk to the daemon at this address",
      "unix:path=…"},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &cli_bus, "Talk to the daemon on this bus",
@@ -35,29 +32,20 @@ int cli_usage(const struct command *command, const char *format, ...) {
     return CLI_USAGE;
 }
 
-static gboolean cli_check_link(const struct command *command) {
-    if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0) {
-        cli_usage(command, "--bus is system or session");
-        return FALSE;
-    }
-    if (cli_bus && cli_address) {
-        cli_usage(command, "give --bus or --address, not both");
-        return FALSE;
-    }
-    return TRUE;
-}
-
-gboolean cli_parse(const struct command *command, const GOptionEntry *entries, gboolean link,
-                   int *argc, char ***argv, int min, int max) {
+/* Parses the command's own options, those of the daemon if it talks to one, and --json. What stays
+ * in argv are arguments. FALSE: usage was told. */
+static gboolean cli_parse(const struct command *command, int *argc, char ***argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
     g_autoptr(GError) error = NULL;
     g_autofree char *program = g_strconcat("mesorig ", command->name, NULL);
+    const GOptionEntry *entries =
+        command->list_options ? command->list_options() : command->options;
     g_set_prgname(program);
     g_option_context_set_summary(context, command->help);
     if (entries)
         g_option_context_add_main_entries(context, entries, NULL);
-    if (link)
-        g_option_context_add_main_entries(context, cli_link_entries, NULL);
+    if (command->daemon)
+        g_option_context_add_main_entries(context, link_entries, NULL);
     g_option_context_add_main_entries(context, json_entries, NULL);
     if (!g_option_context_parse(context, argc, argv, &error)) {
         cli_usage(command, "%s", error->message);
@@ -67,11 +55,17 @@ gboolean cli_parse(const struct command *command, const GOptionEntry *entries, g
         memmove(*argv + 1, *argv + 2, sizeof(char *) * (gsize)(*argc - 1));
         (*argc)--;
     }
-    if (*argc - 1 < min || *argc - 1 > max) {
-        cli_usage(command, *argc - 1 < min ? "there is something missing" : "too many arguments");
-        return FALSE;
-    }
-    return cli_check_link(command);
+    if (*argc - 1 < command->min)
+        cli_usage(command, "an argument is missing");
+    else if (*argc - 1 > command->max)
+        cli_usage(command, "too many arguments");
+    else if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0)
+        cli_usage(command, "there is no --bus=%s; choose from: system, session", cli_bus);
+    else if (cli_bus && cli_address)
+        cli_usage(command, "give --bus or --address, not both");
+    else
+        return TRUE;
+    return FALSE;
 }
 
 int cli_run(const struct command *command, int argc, char **argv) {
@@ -79,50 +73,36 @@ int cli_run(const struct command *command, int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     if (command->run_arguments)
         return command->run_arguments(command, argc, argv);
-    if (!cli_parse(command, command->options, command->daemon, &argc, &argv, command->min,
-                   command->max))
+    if (!cli_parse(command, &argc, &argv))
         return CLI_USAGE;
     const struct call call = {command, argv + 1, argc - 1, record};
     const int code = command->run(&call, &error);
-    if (error)
-        return cli_fail(error);
-    if (code != CLI_USAGE)
+    if (!error && code != CLI_USAGE)
         record_print(record, cli_json);
-    return code;
-}
-
-int cli_fail(const GError *error) {
-    g_autoptr(GError) told = g_error_copy(error);
-    g_autoptr(Record) record = record_new();
-    g_dbus_error_strip_remote_error(told);
-    record_string(record, "error", told->message);
+    if (!error)
+        return code;
+    g_autoptr(Record) failure = record_new();
+    g_dbus_error_strip_remote_error(error);
+    record_string(failure, "error", error->message);
     if (cli_json)
-        record_print(record, TRUE);
+        record_print(failure, TRUE);
     else
-        g_printerr("mesorig: %s\n", told->message);
+        g_printerr("mesorig: %s\n", error->message);
     return CLI_FAILED;
 }
 
-/* Whether a terminal would act on it rather than show it. */
-static gboolean is_control(gunichar c) {
-    return (g_unichar_iscntrl(c) && c != '\n' && c != '\t') || (c >= 0x202a && c <= 0x202e) ||
-           (c >= 0x2066 && c <= 0x2069);
-}
-
-static char *without_controls(const char *text) {
+static void cli_put(FILE *to, const char *text) {
     g_autofree char *valid = g_utf8_make_valid(text, -1);
-    GString *clean = g_string_new(NULL);
+    g_autoptr(GString) clean = g_string_new(NULL);
     for (const char *at = valid; *at; at = g_utf8_next_char(at)) {
         const gunichar c = g_utf8_get_char(at);
-        g_string_append_unichar(clean, is_control(c) ? 0xfffd : c);
+        /* A terminal would act on these rather than show them. */
+        const gboolean control = (g_unichar_iscntrl(c) && c != '\n' && c != '\t') ||
+                                 (c >= 0x202a && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069);
+        g_string_append_unichar(clean, control ? 0xfffd : c);
     }
-    return g_string_free(clean, FALSE);
-}
-
-static void cli_put(FILE *to, const char *text) {
-    g_autofree char *clean = without_controls(text);
-    g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(clean, "C");
-    fputs(ascii ? ascii : clean, to);
+    g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(clean->str, "C");
+    fputs(ascii ? ascii : clean->str, to);
     fflush(to);
 }
 
@@ -142,8 +122,7 @@ void cli_print_readably(void) {
 /* stdout keeps that a write has failed, but not why. */
 static void cli_check_output(void) {
     errno = 0;
-    const gboolean failed = fflush(stdout) != 0 || ferror(stdout);
-    if (!failed)
+    if (fflush(stdout) == 0 && !ferror(stdout))
         return;
     g_printerr("mesorig: standard output could not be written%s%s; its end is missing\n",
                errno ? ": " : "", errno ? g_strerror(errno) : "");
@@ -152,30 +131,4 @@ static void cli_check_output(void) {
 
 void cli_check_output_at_exit(void) {
     atexit(cli_check_output);
-}
-
-void cli_print_json(GVariant *value) {
-    g_autofree char *text = json_text(value);
-    fputs(text, stdout);
-    fputc('\n', stdout);
-    fflush(stdout);
-}
-
-char *cli_absolute(const char *path) {
-    return g_canonicalize_filename(path, NULL);
-}
-
-gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error) {
-    g_autoptr(Config) config = config_load(path, error);
-    gsize n = 0;
-    if (!config)
-        return FALSE;
-    const struct config_section *sections = config_sections(config, &n);
-    *ret = TRUE;
-    for (gsize i = 0; i < n; i++) {
-        const char *driver = config_value(&sections[i], "driver", NULL);
-        if (driver && !g_str_has_prefix(driver, "sim-"))
-            *ret = FALSE;
-    }
-    return TRUE;
 }

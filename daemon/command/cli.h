@@ -17,6 +17,8 @@ struct call {
 struct command {
     const char *name, *arguments, *help;
     const GOptionEntry *options; /* its own, or NULL */
+    const GOptionEntry *(*list_options)(
+        void);                   /* in place of options: made when they are asked for */
     gboolean daemon;             /* --address and --bus, too */
     int min, max;                /* number of positional arguments */
 
@@ -35,7 +37,6 @@ extern gboolean cli_json; /* --json was given */
 
 /* --address and --bus, for commands that talk to a daemon. */
 extern char *cli_address, *cli_bus;
-extern const GOptionEntry cli_link_entries[];
 
 /* Sees to it that g_print() and g_printerr() write "×" as "x", not as "?", where the locale has no
  * such letters, as in a container or over a bare serial line, and that control characters and
@@ -46,20 +47,5 @@ void cli_print_readably(void);
  * ends and exits with CLI_FAILED. */
 void cli_check_output_at_exit(void);
 
-/* Parses options: the command's own (may be NULL), those of the daemon if link, and --json. What
- * stays in argv are arguments, of which there must be min … max. FALSE: usage was told. */
-gboolean cli_parse(const struct command *command, const GOptionEntry *entries, gboolean link,
-                   int *argc, char ***argv, int min, int max);
-
-/* Tells an error, on stderr or as {"error": …}; returns CLI_FAILED. */
-int cli_fail(const GError *error);
+/* Tells what is wrong with the call, on stderr; returns CLI_USAGE. */
 int cli_usage(const struct command *command, const char *format, ...) G_GNUC_PRINTF(2, 3);
-
-/* One line of JSON on stdout; takes a floating reference. */
-void cli_print_json(GVariant *value);
-
-/* A path as it is seen from everywhere; g_free(). */
-char *cli_absolute(const char *path);
-
-/* Whether every driver of a rig file is a simulated one. */
-gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error);

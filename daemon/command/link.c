@@ -85,15 +85,10 @@ static Link *link_on_bus(const char *bus, GError **error) {
     return NULL;
 }
 
-static Link *link_given(GError **error) {
-    return cli_address ? link_to(cli_address, error) : link_on_bus(cli_bus, error);
-}
-
-static char *runtime_folder(void) {
+static const char *runtime_folder(void) {
     const char *folder = g_get_user_runtime_dir();
-    if (strlen(folder) > LONGEST_FOLDER || g_access(folder, W_OK) != 0)
-        folder = g_get_tmp_dir();
-    return g_strdup(folder);
+    return strlen(folder) > LONGEST_FOLDER || g_access(folder, W_OK) != 0 ? g_get_tmp_dir()
+                                                                          : folder;
 }
 
 static void remove_folder(const char *folder) {
@@ -104,20 +99,14 @@ static void remove_folder(const char *folder) {
     g_rmdir(folder);
 }
 
-static gboolean is_old(const char *path) {
-    GStatBuf info;
-    return g_lstat(path, &info) == 0 &&
-           info.st_mtime + STALE_AFTER_S < g_get_real_time() / G_USEC_PER_SEC;
-}
-
-/* The private daemons of this user that answer; folders of killed ones are removed on the way. */
-static GPtrArray *private_links(void) {
-    GPtrArray *links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
-    g_autofree char *runtime = runtime_folder();
-    g_autoptr(GDir) dir = g_dir_open(runtime, 0, NULL);
+/* The private daemon of this user that answers; folders of killed ones are removed on the way. NULL
+ * without an error: there is none. Which of several is meant is not to be guessed. */
+static Link *link_to_private(GError **error) {
+    g_autoptr(GPtrArray) links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
+    g_autoptr(GDir) dir = g_dir_open(runtime_folder(), 0, NULL);
     const char *name;
     while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *folder = g_build_filename(runtime, name, NULL);
+        g_autofree char *folder = g_build_filename(runtime_folder(), name, NULL);
         g_autofree char *address = g_strdup_printf("unix:path=%s/bus", folder);
         GStatBuf info;
         if (!g_str_has_prefix(name, "mesorig-") || g_lstat(folder, &info) != 0 ||
@@ -126,15 +115,9 @@ static GPtrArray *private_links(void) {
         Link *link = link_to(address, NULL);
         if (link)
             g_ptr_array_add(links, link);
-        else if (is_old(folder))
+        else if (info.st_mtime + STALE_AFTER_S < g_get_real_time() / G_USEC_PER_SEC)
             remove_folder(folder);
     }
-    return links;
-}
-
-/* NULL without an error: there is none. Which of several is meant is not to be guessed. */
-static Link *link_to_private(GError **error) {
-    g_autoptr(GPtrArray) links = private_links();
     if (links->len == 1)
         return g_ptr_array_steal_index(links, 0);
     if (links->len == 0)
@@ -200,22 +183,24 @@ static Link *link_on_any_bus(GError **error) {
 }
 
 Link *link_find(const char *directory, GError **error) {
-    if (cli_address || cli_bus)
-        return link_given(error);
+    g_autoptr(GError) several = NULL;
+    if (cli_address)
+        return link_to(cli_address, error);
+    if (cli_bus)
+        return link_on_bus(cli_bus, error);
     if (directory)
         return link_by_directory(directory, error);
-    GError *several = NULL;
     Link *link = link_to_private(&several);
-    if (several) {
-        g_propagate_error(error, several);
-        return NULL;
-    }
-    return link ? link : link_on_any_bus(error);
+    if (several)
+        g_propagate_error(error, g_steal_pointer(&several));
+    else if (!link)
+        link = link_on_any_bus(error);
+    return link;
 }
 
 Link *link_find_rig(const char *rig_path, GError **error) {
     if (cli_address || cli_bus)
-        return link_given(error);
+        return link_find(NULL, error);
     const char *const buses[] = {"system", "session"};
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
         Link *link = link_on_bus(buses[i], NULL);
@@ -234,23 +219,6 @@ static void prepare_daemon(gpointer parent) {
         _exit(1);
 }
 
-static gboolean spawn(Link *link, const char *address, GError **error) {
-    g_autofree char *program = follower_find_program("mesorigd", error);
-    g_autofree char *log = g_build_filename(link->folder, "log", NULL);
-    if (!program)
-        return FALSE;
-    g_autoptr(GSubprocessLauncher) launcher =
-        g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE);
-    g_subprocess_launcher_set_stderr_file_path(launcher, log);
-    g_subprocess_launcher_set_child_setup(launcher, prepare_daemon, GINT_TO_POINTER(getpid()),
-                                          NULL);
-    g_subprocess_launcher_unsetenv(launcher, "NOTIFY_SOCKET");
-    g_subprocess_launcher_unsetenv(launcher, "WATCHDOG_USEC");
-    link->daemon = g_subprocess_launcher_spawn(launcher, error, program, "--listen", address,
-                                               "--exit-with-client", NULL);
-    return link->daemon != NULL;
-}
-
 static gboolean wait_for_daemon(Link *link, const char *address, GError **error) {
     for (int ms = 0; ms < START_WAIT_MS; ms += 10) {
         if (connect_to(link, address, NULL))
@@ -267,19 +235,29 @@ static gboolean wait_for_daemon(Link *link, const char *address, GError **error)
 }
 
 Link *link_start(GError **error) {
+    g_autofree char *program = follower_find_program("mesorigd", error);
     g_autoptr(Link) link = g_new0(Link, 1);
-    g_autofree char *runtime = runtime_folder();
-    link->folder = g_build_filename(runtime, "mesorig-XXXXXX", NULL);
+    if (!program)
+        return NULL;
+    link->folder = g_build_filename(runtime_folder(), "mesorig-XXXXXX", NULL);
     if (!g_mkdtemp_full(link->folder, 0700)) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "cannot make a folder in %s: %s", runtime,
-                    g_strerror(errno));
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "cannot make a folder in %s: %s",
+                    runtime_folder(), g_strerror(errno));
         g_clear_pointer(&link->folder, g_free);
         return NULL;
     }
     g_autofree char *address = g_strdup_printf("unix:path=%s/bus", link->folder);
-    if (!spawn(link, address, error) || !wait_for_daemon(link, address, error))
-        return NULL;
-    return g_steal_pointer(&link);
+    g_autofree char *log = g_build_filename(link->folder, "log", NULL);
+    g_autoptr(GSubprocessLauncher) launcher =
+        g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE);
+    g_subprocess_launcher_set_stderr_file_path(launcher, log);
+    g_subprocess_launcher_set_child_setup(launcher, prepare_daemon, GINT_TO_POINTER(getpid()),
+                                          NULL);
+    g_subprocess_launcher_unsetenv(launcher, "NOTIFY_SOCKET");
+    g_subprocess_launcher_unsetenv(launcher, "WATCHDOG_USEC");
+    link->daemon = g_subprocess_launcher_spawn(launcher, error, program, "--listen", address,
+                                               "--exit-with-client", NULL);
+    return link->daemon && wait_for_daemon(link, address, error) ? g_steal_pointer(&link) : NULL;
 }
 
 void link_free(Link *link) {

@@ -40,11 +40,6 @@ static double frames_per_s(const Monitor *monitor) {
     return seconds > 0.05 && frames > 0 ? (double)frames / seconds : 0;
 }
 
-static double cli_monitor_real_left_s(BusRig1 *rig) {
-    const guint64 end = bus_rig1_get_predicted_end(rig);
-    return end ? MAX(0.0, (double)end - (double)g_get_real_time() / G_USEC_PER_SEC) : -1;
-}
-
 static double fraction(BusRig1 *rig) {
     const int shots = bus_rig1_get_shots(rig);
     return shots > 0 ? (double)bus_rig1_get_shots_done(rig) / shots : 0;
@@ -68,14 +63,6 @@ void monitor_status(Record *to, BusRig1 *rig) {
     record_int(to, "predicted_end", (gint64)bus_rig1_get_predicted_end(rig));
 }
 
-static void cli_monitor_print_json_progress(Monitor *monitor) {
-    g_autoptr(Record) record = record_new();
-    monitor_status(record, link_rig(monitor->link));
-    record_double(record, "real_s", real_s(monitor));
-    record_double(record, "frames_per_s", frames_per_s(monitor));
-    record_print(record, TRUE);
-}
-
 static char *retakes_text(BusRig1 *rig) {
     const gint64 retakes = bus_rig1_get_retakes(rig);
     return retakes == 0   ? g_strdup("no retakes")
@@ -87,15 +74,14 @@ static char *time_text(const Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
     g_autofree char *real = report_duration(real_s(monitor));
-    if (bus_rig1_get_simulated(rig))
-        return g_strdup_printf("%s simulated in %s", elapsed, real);
-    return g_steal_pointer(&elapsed);
+    return bus_rig1_get_simulated(rig) ? g_strdup_printf("%s simulated in %s", elapsed, real)
+                                       : g_steal_pointer(&elapsed);
 }
 
 static char *progress_text(const Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *state = bus_rig1_get_state(rig), *reason = bus_rig1_get_reason(rig);
-    const double left_s = cli_monitor_real_left_s(rig);
+    const guint64 end = bus_rig1_get_predicted_end(rig);
     g_autofree char *retakes = retakes_text(rig);
     g_autofree char *times = time_text(monitor);
     GString *text = g_string_new(NULL);
@@ -107,8 +93,9 @@ static char *progress_text(const Monitor *monitor) {
         /* What matters most comes first: a narrow terminal cuts the end. */
         if (strcmp(state, "running") != 0)
             g_string_append_printf(text, ", %s", state);
-        if (left_s >= 0) {
-            g_autofree char *left = report_duration(left_s);
+        if (end) {
+            const double left_s = (double)end - (double)g_get_real_time() / G_USEC_PER_SEC;
+            g_autofree char *left = report_duration(MAX(0.0, left_s));
             g_string_append_printf(text, ", %s left", left);
         }
         g_string_append_printf(text, ", %.0f frames/s, %s, %s", frames_per_s(monitor), retakes,
@@ -126,7 +113,11 @@ static void cli_monitor_show(Monitor *monitor) {
     monitor->shown_state = g_strdup(state);
     if (cli_json && (news || now_us >= monitor->json_us + JSON_INTERVAL_US)) {
         monitor->json_us = now_us;
-        cli_monitor_print_json_progress(monitor);
+        g_autoptr(Record) record = record_new();
+        monitor_status(record, rig);
+        record_double(record, "real_s", real_s(monitor));
+        record_double(record, "frames_per_s", frames_per_s(monitor));
+        record_print(record, TRUE);
     } else if (bus_rig1_get_shots(rig) > 0) {
         g_autofree char *text = progress_text(monitor);
         progress_show(monitor->progress, fraction(rig), text, news);
@@ -160,43 +151,30 @@ static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-static void forget_enter(Monitor *monitor) {
-    if (monitor->enter_id)
-        g_source_remove(monitor->enter_id);
-    monitor->enter_id = 0;
-}
-
-/* Keys that were struck before it was asked answer nothing. */
-static void wait_for_enter(Monitor *monitor) {
-    tcflush(STDIN_FILENO, TCIFLUSH);
-    monitor->enter_id =
-        g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, on_enter, monitor);
-    progress_line(monitor->progress, "press Enter when it is done");
-}
-
-/* A job in the background would be stopped when it touches its terminal. */
-static gboolean has_enter_key(void) {
-    return isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
-}
-
 /* The event has told what is to be done; this says how to answer it, once. */
 static void check_prompt(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *prompt = bus_rig1_get_prompt(rig);
     if (g_strcmp0(prompt, monitor->prompt) == 0)
         return;
-    forget_enter(monitor);
+    g_clear_handle_id(&monitor->enter_id, g_source_remove);
     g_free(monitor->prompt);
     monitor->prompt = g_strdup(prompt);
     if (!prompt || !*prompt)
         return;
-    if (monitor->answer == ANSWER_AT_ONCE)
+    /* A job in the background would be stopped when it touches its terminal. */
+    const gboolean has_enter = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
+    if (monitor->answer == ANSWER_AT_ONCE) {
         cli_monitor_answer(monitor);
-    else if (monitor->answer == ANSWER_ENTER && has_enter_key())
-        wait_for_enter(monitor);
-    else
+    } else if (monitor->answer == ANSWER_ENTER && has_enter) {
+        tcflush(STDIN_FILENO, TCIFLUSH); /* keys that were struck earlier answer nothing */
+        monitor->enter_id =
+            g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, on_enter, monitor);
+        progress_line(monitor->progress, "press Enter when it is done");
+    } else {
         progress_line(monitor->progress, "to answer: mesorig continue %s",
                       bus_rig1_get_session(rig));
+    }
 }
 
 static void cli_monitor_check(Monitor *monitor) {
@@ -316,7 +294,7 @@ void monitor_free(Monitor *monitor) {
     g_signal_handlers_disconnect_by_data(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), monitor);
     for (gsize i = 0; i < G_N_ELEMENTS(monitor->signal_ids); i++)
         g_source_remove(monitor->signal_ids[i]);
-    forget_enter(monitor);
+    g_clear_handle_id(&monitor->enter_id, g_source_remove);
     g_clear_handle_id(&monitor->check_id, g_source_remove);
     progress_free(monitor->progress);
     g_main_loop_unref(monitor->loop);

@@ -42,11 +42,6 @@ void progress_free(Progress *progress) {
     g_free(progress);
 }
 
-static int cli_progress_columns(void) {
-    struct winsize size;
-    return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-}
-
 static void append_bar(GString *line, int width, double fraction, gboolean utf8) {
     static const char *const eighths[] = {" ", "▏", "▎", "▍", "▌", "▋", "▊", "▉"};
     const int full = (int)(fraction * width * 8);
@@ -61,30 +56,25 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* Past g_print(), which replaces control characters. */
-static void begin_line(void) {
-    fputs("\r", stdout);
-}
-
-static void clear_rest(void) {
-    fputs("\033[K", stdout);
-    fflush(stdout);
-}
-
 /* The bar takes what room the text leaves; a text that is too long is cut at its end, so that the
  * line never wraps and can be drawn over. */
 static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
+    struct winsize size;
+    const int columns =
+        ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
     g_autoptr(GString) line = g_string_new(NULL);
     g_string_append_printf(line, "%s %3d %% ", progress->what, (int)floor(fraction * 100));
     const int used = (int)g_utf8_strlen(line->str, -1) + (int)g_utf8_strlen(text, -1);
-    const int room = cli_progress_columns() - 1 - used - 3;
+    const int room = columns - 1 - used - 3;
     append_bar(line, CLAMP(room, SHORTEST_BAR, LONGEST_BAR), fraction, progress->utf8);
     g_string_append(line, text);
-    g_autofree char *cut = g_utf8_substring(
-        line->str, 0, MIN(cli_progress_columns() - 1, (int)g_utf8_strlen(line->str, -1)));
-    begin_line();
+    g_autofree char *cut =
+        g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
+    /* Past g_print(), which replaces control characters. */
+    fputs("\r", stdout);
     g_print("%s", cut);
-    clear_rest();
+    fputs("\033[K", stdout);
+    fflush(stdout);
     progress->drawn = TRUE;
 }
 
@@ -112,10 +102,9 @@ void progress_line(Progress *progress, const char *format, ...) {
     va_start(arguments, format);
     g_autofree char *text = g_strdup_vprintf(format, arguments);
     va_end(arguments);
-    if (progress->drawn) {
-        begin_line();
-        clear_rest();
-    }
+    if (progress->drawn)
+        fputs("\r\033[K", stdout);
+    fflush(stdout);
     g_print("%s\n", text);
     progress->drawn = FALSE;
     fflush(stdout);

@@ -1,6 +1,8 @@
 #include "record.h"
 
-#include "cli.h"
+#include "base/json.h"
+
+#include <stdio.h>
 
 #define DEEPEST 8
 
@@ -41,16 +43,15 @@ void record_variants(Record *to, GVariant *values) {
 }
 
 void record_string(Record *to, const char *key, const char *value) {
-    g_autofree char *valid = g_utf8_make_valid(value ? value : "", -1);
-    record_variant(to, key, g_variant_new_string(valid));
+    record_variant(to, key, g_variant_new_take_string(g_utf8_make_valid(value ? value : "", -1)));
 }
 
 void record_strings(Record *to, const char *key, const GPtrArray *values) {
     GVariantBuilder list;
     g_variant_builder_init(&list, G_VARIANT_TYPE_STRING_ARRAY);
     for (guint i = 0; i < values->len; i++) {
-        g_autofree char *valid = g_utf8_make_valid(values->pdata[i], -1);
-        g_variant_builder_add(&list, "s", valid);
+        char *valid = g_utf8_make_valid(values->pdata[i], -1);
+        g_variant_builder_add_value(&list, g_variant_new_take_string(valid));
     }
     record_variant(to, key, g_variant_builder_end(&list));
 }
@@ -107,8 +108,10 @@ void record_say(Record *to, const char *format, ...) {
 }
 
 void record_print(Record *record, gboolean json) {
-    if (json && record->filled)
-        cli_print_json(g_variant_builder_end(&record->values));
-    else if (!json && record->text->len)
+    if (json && record->filled) {
+        g_autofree char *text = json_text(g_variant_builder_end(&record->values));
+        puts(text);
+        fflush(stdout);
+    } else if (!json && record->text->len)
         g_print("%s", record->text->str);
 }

@@ -13,23 +13,19 @@ struct bar {
     gint64 json_us;
 };
 
-static void cli_work_print_json_progress(struct bar *bar, const struct work_progress *progress) {
-    const gint64 now_us = g_get_monotonic_time();
-    g_autoptr(Record) record = record_new();
-    if (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC)
-        return;
-    bar->json_us = now_us;
-    record_string(record, "stage", progress->stage);
-    record_int(record, "done", progress->done);
-    record_int(record, "total", progress->total);
-    record_double(record, "left_s", progress->left_s);
-    record_print(record, TRUE);
-}
-
 static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
     if (cli_json) {
-        cli_work_print_json_progress(bar, progress);
+        const gint64 now_us = g_get_monotonic_time();
+        if (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC)
+            return;
+        bar->json_us = now_us;
+        g_autoptr(Record) record = record_new();
+        record_string(record, "stage", progress->stage);
+        record_int(record, "done", progress->done);
+        record_int(record, "total", progress->total);
+        record_double(record, "left_s", progress->left_s);
+        record_print(record, TRUE);
         return;
     }
     if (g_strcmp0(progress->stage, bar->stage) != 0) {
@@ -39,14 +35,12 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
         g_free(bar->stage);
         bar->stage = g_strdup(progress->stage);
     }
-    g_autoptr(GString) text = g_string_new(NULL);
-    g_string_append_printf(text, "%d/%d", progress->done, progress->total);
-    if (progress->left_s >= 0) {
-        g_autofree char *left = report_duration(progress->left_s);
-        g_string_append_printf(text, ", %s left", left);
-    }
+    g_autofree char *left = progress->left_s >= 0 ? report_duration(progress->left_s) : NULL;
+    g_autofree char *text =
+        g_strdup_printf("%d/%d%s%s%s", progress->done, progress->total, left ? ", " : "",
+                        left ? left : "", left ? " left" : "");
     const double fraction = progress->total > 0 ? (double)progress->done / progress->total : 0;
-    progress_show(bar->progress, fraction, text->str, progress->done == progress->total);
+    progress_show(bar->progress, fraction, text, progress->done == progress->total);
 }
 
 /* The work has no main loop: the signals get a thread with one. */

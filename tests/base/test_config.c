@@ -232,13 +232,18 @@ static void test_describe(void) {
     g_assert_nonnull(strstr(json->str, "\"min\":0,\"max\":1000"));
 }
 
-/* Bytes as they are, NULs too. */
-static Config *load_bytes(const char *bytes, gssize length, GError **error) {
-    g_autofree char *path = NULL;
-    int fd = g_file_open_tmp("mesorig-config-XXXXXX", &path, NULL);
+/* Bytes as they are, NULs too; length −1: up to the first. */
+static char *write_bytes(const char *bytes, gssize length) {
+    char *path = NULL;
+    const int fd = g_file_open_tmp("mesorig-config-XXXXXX", &path, NULL);
     g_assert_cmpint(fd, >=, 0);
     g_close(fd, NULL);
     g_assert_true(g_file_set_contents(path, bytes, length, NULL));
+    return path;
+}
+
+static Config *load_bytes(const char *bytes, gssize length, GError **error) {
+    g_autofree char *path = write_bytes(bytes, length);
     Config *config = config_load(path, error);
     g_unlink(path);
     return config;
@@ -352,31 +357,22 @@ static void test_frame(void) {
     }
 }
 
-static char *write_lenient(const char *text) {
-    g_autoptr(GError) error = NULL;
-    char *path = NULL;
-    const int fd = g_file_open_tmp("mesorig-lenient-XXXXXX", &path, &error);
-    g_assert_no_error(error);
-    g_close(fd, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-    return path;
-}
-
 /* What is wrong is left out, and takes nothing else with it. */
 static void test_lenient(void) {
-    g_autofree char *path = write_lenient("id = early\n"     /* 1: before any section */
-                                          "[rig]\n"          /* 2 */
-                                          "id = \xff demo\n" /* 3: not UTF-8, kept otherwise */
-                                          "nonsense\n"       /* 4 */
-                                          "[laser top\n"     /* 5 */
-                                          "driver = a\n"     /* 6 */
-                                          "coil = 3\n"       /* 7 */
-                                          "coil = 4\n"       /* 8: the first one counts */
-                                          "driver = b\n"     /* 9: a heading is missing */
-                                          "coil = 5\n"       /* 10 */
-                                          "[rig]\n"          /* 11: once more */
-                                          "id = other\n"     /* 12 */
-                                          "key = \x01\n");   /* 13: a control character */
+    g_autofree char *path = write_bytes("id = early\n"     /* 1: before any section */
+                                        "[rig]\n"          /* 2 */
+                                        "id = \xff demo\n" /* 3: not UTF-8, kept otherwise */
+                                        "nonsense\n"       /* 4 */
+                                        "[laser top\n"     /* 5 */
+                                        "driver = a\n"     /* 6 */
+                                        "coil = 3\n"       /* 7 */
+                                        "coil = 4\n"       /* 8: the first one counts */
+                                        "driver = b\n"     /* 9: a heading is missing */
+                                        "coil = 5\n"       /* 10 */
+                                        "[rig]\n"          /* 11: once more */
+                                        "id = other\n"     /* 12 */
+                                        "key = \x01\n",    /* 13: a control character */
+                                        -1);
     static const int lines[] = {1, 4, 5, 8, 9, 11, 13};
     g_autoptr(GError) error = NULL;
     g_assert_null(config_load(path, &error));

@@ -1,6 +1,7 @@
 /* mesorig board and mesorig calibrate as a shell sees them, and captures that use a calibration. */
 #include "calibration/calibration.h"
 #include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
@@ -18,12 +19,7 @@ static char *in_folder(const char *name) {
 }
 
 /* What was printed, on stdout or else stderr; g_free(). */
-static char *run(int code, const char *const *arguments) {
-    g_autofree const char **argv = process_argv(MESORIG, arguments);
-    return process_text(code, argv);
-}
-
-#define RUN(code, ...) run(code, (const char *const[]){__VA_ARGS__, NULL})
+#define RUN(code, ...) process_text(code, (const char *const[]){MESORIG, __VA_ARGS__, NULL})
 
 /* A calibration of the small rig whose first camera stands a millimetre off. */
 static struct calibration *example(void) {
@@ -146,8 +142,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibrate/cameras usage", test_cameras_usage);
     g_test_add_func("/calibrate/board", test_board);
     const int code = g_test_run();
-    g_autofree char *remove = g_strdup_printf("rm -rf '%s'", folder);
-    g_assert_cmpint(system(remove), ==, 0);
+    remove_tree(folder);
     g_free(folder);
     return code;
 }

@@ -3,6 +3,7 @@
 #include "calibration/calibration.h"
 #include "lamps/ball_light.h"
 #include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
 
@@ -15,15 +16,20 @@
 
 static const int camera_deg[] = {20, 55}, lamp_deg[] = {20, 40, 65};
 
-static int run(char **ret_out, const char *const *arguments) {
-    g_autofree const char **argv = process_argv(MESORIG, arguments);
+/* Runs mesorig in the folder of the worlds; what it has told, which has these words (if not NULL).
+ */
+static char *run(int code, const char *words, const char *const *argv) {
     g_autofree char *errors = NULL, *out = NULL;
-    const int code = process_run_in(world_fixture_folder(), argv, &out, &errors);
-    *ret_out = code == 0 ? g_steal_pointer(&out) : g_strconcat(out, errors, NULL);
-    return code;
+    const int is = process_run_in(world_fixture_folder(), argv, &out, &errors);
+    char *told = g_strconcat(out, is ? errors : NULL, NULL);
+    g_test_message("%s", told);
+    g_assert_cmpint(is, ==, code);
+    if (words)
+        assert_has(told, words);
+    return told;
 }
 
-#define RUN(out, ...) run(out, (const char *const[]){__VA_ARGS__, NULL})
+#define RUN(code, words, ...) run(code, words, (const char *const[]){MESORIG, __VA_ARGS__, NULL})
 
 static void write_text(const char *name, const char *format, ...) G_GNUC_PRINTF(2, 3);
 static void write_text(const char *name, const char *format, ...) {
@@ -90,16 +96,14 @@ static void write_session(const char *name, double reference_mm, const char *lig
 
 static void capture(const char *what, const char *sample, double reference_mm, const char *lights,
                     const char *lasers) {
-    g_autofree char *world = g_strconcat(what, "_world.conf", NULL), *out = NULL;
+    g_autofree char *world = g_strconcat(what, "_world.conf", NULL);
     g_autofree char *rig = g_strconcat(what, "_rig.conf", NULL);
     g_autofree char *conf = g_strconcat(what, ".conf", NULL);
     g_autofree char *session = g_strconcat(what, ".session", NULL);
     write_world(world, sample);
     write_rig(rig, world);
     write_session(conf, reference_mm, lights, lasers);
-    int code = RUN(&out, "capture", rig, conf, "-o", session);
-    g_test_message("%s", out);
-    g_assert_cmpint(code, ==, 0);
+    g_free(RUN(0, NULL, "capture", rig, conf, "-o", session));
 }
 
 static char *in_folder(const char *name) {
@@ -132,7 +136,7 @@ static void compare_lasers(const struct rig *rig, World *world) {
 }
 
 static void lamps_then_laser(void) {
-    g_autofree char *out = NULL, *world_path = in_folder("poles_world.conf");
+    g_autofree char *world_path = in_folder("poles_world.conf");
     g_autofree char *path = in_folder("two.conf");
     g_autoptr(GError) error = NULL;
     capture("poles",
@@ -146,16 +150,11 @@ static void lamps_then_laser(void) {
             "20:1", "[lasers]\nrings=40:2\noffset_deg=25\n");
     write_text("target.conf", "[target]\nkind=poles\nplane_mm=2\nplate_mm=80;80\nradius_mm=1\n"
                               "places_mm=" PLACES "\n");
-    g_assert_cmpint(RUN(&out, "calibrate", "lights", "poles.session", "--target", "target.conf",
-                        "-o", "one.conf"),
-                    ==, 0);
-    g_assert_nonnull(strstr(out, "arc: zero "));
-    g_assert_nonnull(strstr(out, "the cameras are nominal"));
-    g_free(out);
-    g_assert_cmpint(RUN(&out, "calibrate", "laser", "low.session", "high.session", "-c", "one.conf",
-                        "-o", "two.conf", "--json"),
-                    ==, 0);
-    g_assert_nonnull(strstr(out, "\"worst_step_mm\""));
+    g_autofree char *lamps = RUN(0, "arc: zero ", "calibrate", "lights", "poles.session",
+                                 "--target", "target.conf", "-o", "one.conf");
+    assert_has(lamps, "the cameras are nominal");
+    g_free(RUN(0, "\"worst_step_mm\"", "calibrate", "laser", "low.session", "high.session", "-c",
+               "one.conf", "-o", "two.conf", "--json"));
     g_autoptr(Calibration) calibration = calibration_read(path, &error);
     g_assert_no_error(error);
     g_assert_true(calibration->parts[CALIBRATION_LIGHTS].done);
@@ -165,36 +164,27 @@ static void lamps_then_laser(void) {
     g_assert_no_error(error);
     compare_lamps(&calibration->rig, world);
     compare_lasers(&calibration->rig, world);
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(RUN(&out, "calibrate", "show", "two.conf"), ==, 0);
-    g_assert_nonnull(strstr(out, "l40: "));
-    g_assert_nonnull(strstr(out, "s40: "));
+    g_autofree char *shown = RUN(0, "l40: ", "calibrate", "show", "two.conf");
+    assert_has(shown, "s40: ");
 }
 
 /* After lamps_then_laser(), whose sessions it uses. */
 static void refused(void) {
-    g_autofree char *out = NULL, *here = NULL;
-    g_assert_cmpint(RUN(&out, "calibrate", "laser", "low.session", "-o", "no.conf"), ==, 1);
-    g_assert_nonnull(strstr(out, "planes of one height only, 1.000 mm"));
-    g_assert_nonnull(strstr(out, "low.session/laser/"));
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(
-        RUN(&out, "calibrate", "lights", "low.session", "-t", "target.conf", "-o", "no.conf"), ==,
-        1);
-    g_assert_nonnull(strstr(out, "the posts' shadows are not where"));
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(RUN(&out, "calibrate", "laser", "poles.session", "-o", "no.conf"), ==, 1);
-    g_assert_nonnull(strstr(out, "there are no laser sweeps in it"));
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(RUN(&out, "calibrate", "laser", "low.session", "high.session", "-p", "1;x",
-                        "-o", "no.conf"),
-                    ==, 1);
-    g_assert_nonnull(strstr(out, "give one height in mm for each of the 2 sessions"));
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(RUN(&out, "calibrate", "lights", "poles.session", "-o", "no.conf"), ==, 2);
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(RUN(&out, "calibrate", "lights", "-i", ".", "-b", "1,2", "-o", "no.lp"), ==, 2);
-    here = in_folder("no.conf");
+    g_autofree char *here = in_folder("no.conf");
+    g_autofree char *one = RUN(1, "planes of one height only, 1.000 mm", "calibrate", "laser",
+                               "low.session", "-o", "no.conf");
+    assert_has(one, "low.session/laser/");
+    g_free(RUN(1, "the posts' shadows are not where", "calibrate", "lights", "low.session", "-t",
+               "target.conf", "-o", "no.conf"));
+    g_free(RUN(1, "there are no laser sweeps in it", "calibrate", "laser", "poles.session", "-o",
+               "no.conf"));
+    g_free(RUN(1, "give one height in mm for each of the 2 sessions", "calibrate", "laser",
+               "low.session", "high.session", "-p", "1;x", "-o", "no.conf"));
+    g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
+               "two.calibration", "-o", "no.conf")); /* is not there */
+    g_free(RUN(2, "--target", "calibrate", "lights", "poles.session", "-o", "no.conf"));
+    g_free(RUN(2, "-o", "calibrate", "laser", "low.session", "high.session"));
+    g_free(RUN(2, "--ball", "calibrate", "lights", "-i", ".", "-b", "1,2", "-o", "no.lp"));
     g_assert_false(g_file_test(here, G_FILE_TEST_EXISTS));
 }
 
@@ -241,7 +231,7 @@ static void photographs(void) {
     static const struct ball_outline balls[] = {{150, 160, 60}, {450, 180, 60}, {300, 430, 60}};
     const int size = 600;
     g_autofree guint8 *pixels = g_new0(guint8, size * size);
-    g_autofree char *folder = in_folder("photos"), *b = in_folder("photos/b.png"), *out = NULL;
+    g_autofree char *folder = in_folder("photos"), *b = in_folder("photos/b.png");
     struct vec3 d = rig_direction(RAD(35), RAD(110));
     g_mkdir(folder, 0700);
     paint(pixels, size, &balls[0], d, FALSE, 0.8);
@@ -249,10 +239,8 @@ static void photographs(void) {
     memset(pixels, 0, (gsize)size * (gsize)size);
     paint(pixels, size, &balls[0], d, FALSE, 40);
     save("photos/b.png", pixels, size);
-    g_assert_cmpint(RUN(&out, "calibrate", "lights", "--images", "photos", "--ball", "150,160,60",
-                        "-o", "lights.lp"),
-                    ==, 0);
-    g_assert_nonnull(strstr(out, "2 of 2 photographs"));
+    g_free(RUN(0, "2 of 2 photographs", "calibrate", "lights", "--images", "photos", "--ball",
+               "150,160,60", "-o", "lights.lp"));
     struct vec3 found = light_in("lights.lp", "a.png");
     g_assert_cmpfloat(vec3_length(vec3_cross(found, d)), <, RAD(0.3));
     found = light_in("lights.lp", "b.png"); /* saturated */
@@ -264,34 +252,17 @@ static void photographs(void) {
     for (int i = 0; i < 3; i++)
         paint(pixels, size, &balls[i], lamp, TRUE, 0.8);
     save("photos/a.png", pixels, size);
-    g_clear_pointer(&out, g_free);
-    g_assert_cmpint(RUN(&out, "calibrate", "lights", "-i", "photos", "-b", "150,160,60", "-b",
-                        "450,180,60", "-b", "300,430,60", "-r", "30", "-o", "lights.lp"),
-                    ==, 0);
+    g_autofree char *out =
+        RUN(0, "   at ", "calibrate", "lights", "-i", "photos", "-b", "150,160,60", "-b",
+            "450,180,60", "-b", "300,430,60", "-r", "30", "-o", "lights.lp");
     double x, y, z;
-    const char *at = strstr(out, "   at ");
-    g_assert_nonnull(at);
-    g_assert_cmpint(sscanf(at, "   at %lf %lf %lf mm", &x, &y, &z), ==, 3);
+    g_assert_cmpint(sscanf(strstr(out, "   at "), "   at %lf %lf %lf mm", &x, &y, &z), ==, 3);
     double distance = sqrt(x * x + y * y + z * z);
-    g_test_message("%s", out);
     struct vec3 way = vec3_unit(vec3_sub(lamp, vec3(150, -160, 0)));
     g_assert_cmpfloat(vec3_length(vec3_cross(vec3_scale(vec3(x, y, z), 1 / distance), way)), <,
                       RAD(1));
     g_assert_cmpfloat_with_epsilon(distance, vec3_length(vec3_sub(lamp, vec3(150, -160, 0))) / 2,
                                    75);
-}
-
-static void clean(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *file = g_build_filename(path, name, NULL);
-        if (g_file_test(file, G_FILE_TEST_IS_DIR))
-            clean(file);
-        else
-            g_unlink(file);
-    }
-    g_rmdir(path);
 }
 
 int main(int argc, char **argv) {
@@ -300,6 +271,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibrate-lights/refused", refused);
     g_test_add_func("/calibrate-lights/photographs", photographs);
     int result = g_test_run();
-    clean(world_fixture_folder());
+    remove_tree(world_fixture_folder());
     return result;
 }

@@ -1,6 +1,8 @@
 /* mesorig as a shell sees it: what it prints, and its exit codes. */
 #include "base/json.h"
+#include "codecs/codecs.h"
 #include "exr/exr.h"
+#include "mdf_codecs/mdf_codec.h"
 #include "session/session.h"
 
 #include <gio/gio.h>
@@ -20,98 +22,22 @@
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
 #define MESORIG BUILD_DIR "/bin/mesorig"
 
-/* A checker of RFC 8259, apart from the code that writes JSON. NULL where it is wrong. */
-static const char *json_value(const char *at);
-
-static const char *json_space(const char *at) {
-    return at + strspn(at, " \t\r\n");
-}
-
-static const char *json_string(const char *at) {
-    if (*at++ != '"')
-        return NULL;
-    for (; *at != '"'; at++) {
-        if ((unsigned char)*at < 0x20)
-            return NULL;
-        if (*at != '\\')
-            continue;
-        at++;
-        if (*at == 'u') {
-            for (int i = 0; i < 4; i++)
-                if (!g_ascii_isxdigit(*++at))
-                    return NULL;
-        } else if (!*at || !strchr("\"\\/bfnrt", *at)) {
-            return NULL;
-        }
-    }
-    return at + 1;
-}
-
-static const char *json_number(const char *at) {
-    at += *at == '-';
-    if (!g_ascii_isdigit(*at) || (*at == '0' && g_ascii_isdigit(at[1])))
-        return NULL;
-    at += strspn(at, "0123456789");
-    if (*at == '.') {
-        if (!g_ascii_isdigit(*++at))
-            return NULL;
-        at += strspn(at, "0123456789");
-    }
-    if (*at == 'e' || *at == 'E') {
-        at++;
-        at += *at == '-' || *at == '+';
-        if (!g_ascii_isdigit(*at))
-            return NULL;
-        at += strspn(at, "0123456789");
-    }
-    return at;
-}
-
-static const char *json_members(const char *at, char end) {
-    at = json_space(at + 1);
-    if (*at == end)
-        return at + 1;
-    for (;;) {
-        if (end == '}') {
-            at = json_string(json_space(at));
-            if (!at || *(at = json_space(at)) != ':')
-                return NULL;
-            at++;
-        }
-        if (!(at = json_value(at)))
-            return NULL;
-        at = json_space(at);
-        if (*at == end)
-            return at + 1;
-        if (*at++ != ',')
-            return NULL;
-    }
-}
-
-static const char *json_value(const char *at) {
-    static const char *const words[] = {"true", "false", "null"};
-    at = json_space(at);
-    if (*at == '{' || *at == '[')
-        return json_members(at, *at == '{' ? '}' : ']');
-    if (*at == '"')
-        return json_string(at);
-    for (gsize i = 0; i < G_N_ELEMENTS(words); i++)
-        if (g_str_has_prefix(at, words[i]))
-            return at + strlen(words[i]);
-    return json_number(at);
-}
-
+/* Whether each line is JSON (RFC 8259), as Python reads it. */
 static gboolean is_json(const char *text) {
-    const char *end = json_value(text);
-    return end && *json_space(end) == 0 && g_utf8_validate(text, -1, NULL);
+    static const char script[] =
+        "import json, os, sys\n"
+        "def refuse(word): raise ValueError(word)\n"
+        "for line in os.fsencode(sys.argv[1]).decode('utf-8').split('\\n'):\n"
+        "    if line: json.loads(line, parse_constant=refuse)\n";
+    g_autofree char *problem = NULL;
+    const char *const argv[] = {"python3", "-c", script, text, NULL};
+    return process_run(argv, NULL, &problem) == 0;
 }
 
 static void assert_json_lines(const char *text) {
-    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
-    g_assert_cmpuint(g_strv_length(lines), >, 1);
-    for (int i = 0; lines[i]; i++)
-        if (*lines[i] && !is_json(lines[i]))
-            g_error("not JSON: %s", lines[i]);
+    g_assert_nonnull(strchr(text, '\n'));
+    if (!is_json(text))
+        g_error("not JSON: %s", text);
 }
 
 struct output {
@@ -123,19 +49,47 @@ static void clear(struct output *output) {
     g_clear_pointer(&output->err, g_free);
 }
 
-static void runs(int code, struct output *output, ...) G_GNUC_NULL_TERMINATED;
-
-/* Runs mesorig with arguments up to NULL. */
-static void runs(int code, struct output *output, ...) {
-    va_list arguments;
-    va_start(arguments, output);
-    g_autofree const char **argv = process_argv_valist(MESORIG, arguments);
-    va_end(arguments);
+/* Runs mesorig in a folder with arguments up to NULL. */
+static void runs_in(const char *folder, int code, struct output *output,
+                    const char *const *arguments) {
+    g_autofree const char **argv = process_argv(MESORIG, arguments);
     clear(output);
-    const int is = process_run(argv, &output->out, &output->err);
+    const int is = process_run_in(folder, argv, &output->out, &output->err);
     if (is != code)
         g_error("mesorig %s %s: exit code %d, not %d\n%s%s", argv[1],
                 argv[1] && argv[2] ? argv[2] : "", is, code, output->out, output->err);
+}
+
+#define runs(code, output, ...)                                                                    \
+    runs_in(NULL, code, output, (const char *const[]){__VA_ARGS__, NULL})
+
+/* A call that exits with this code and tells this on stdout, or on stderr if it fails. */
+struct step {
+    int code;
+    const char *line; /* arguments with spaces between them */
+    const char *has;  /* NULL: whatever it tells */
+};
+
+/* What is printed with --json is JSON. output: of the last step. */
+static void run_n_steps(const char *folder, struct output *output, const struct step *steps,
+                        gsize n) {
+    for (gsize i = 0; i < n; i++) {
+        const struct step *step = &steps[i];
+        g_auto(GStrv) words = g_strsplit(step->line, " ", -1);
+        g_test_message("%s", step->line);
+        runs_in(folder, step->code, output, (const char *const *)words);
+        if (step->has)
+            assert_has(step->code == 0 ? output->out : output->err, step->has);
+        if (*output->out && g_strv_contains((const char *const *)words, "--json"))
+            assert_json_lines(output->out);
+    }
+}
+
+#define run_steps(folder, output, steps) run_n_steps(folder, output, steps, G_N_ELEMENTS(steps))
+
+static void assert_exists(const char *folder, const char *name) {
+    g_autofree char *path = g_build_filename(folder, name, NULL);
+    g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
 static char *write_file(const char *folder, const char *name, const char *text) {
@@ -180,289 +134,294 @@ static void test_usage(void) {
     static const char *const commands[] = {"plan",  "capture", "resume",   "status",   "watch",
                                            "pause", "abort",   "safe",     "continue", "process",
                                            "info",  "drivers", "compress", "verify"};
+    static const struct step steps[] = {
+        {0, "--version", "mesorig " MESORIG_VERSION},
+        {2, "develop", "develop"},
+        {2, "plan " RIG},
+        {2, "capture " RIG " " SESSION, "-o"},
+        {2, "status --bus=coach"},
+        {2, "status --bus=system --address=unix:path=/x"},
+    };
     struct output output = {0};
     runs(2, &output, NULL);
     assert_has(output.out, "Commands:");
-    runs(0, &output, "--help", NULL);
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
-        assert_has(output.out, commands[i]);
-    runs(0, &output, "--version", NULL);
-    assert_has(output.out, "mesorig " MESORIG_VERSION);
-    runs(2, &output, "develop", NULL);
-    assert_has(output.err, "develop");
+    run_steps(NULL, &output, steps);
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
-        runs(0, &output, commands[i], "--help", NULL);
+        runs(0, &output, "--help");
+        assert_has(output.out, commands[i]);
+        runs(0, &output, commands[i], "--help");
         assert_has(output.out, "--json");
-        runs(2, &output, commands[i], "--nonsense", NULL);
+        runs(2, &output, commands[i], "--nonsense");
         assert_has(output.err, "--nonsense");
-        runs(2, &output, commands[i], "a", "b", "c", "d", NULL);
+        runs(2, &output, commands[i], "a", "b", "c", "d");
     }
-    runs(2, &output, "plan", RIG, NULL);
-    runs(2, &output, "capture", RIG, SESSION, NULL);
-    assert_has(output.err, "-o");
-    runs(2, &output, "status", "--bus=coach", NULL);
-    runs(2, &output, "status", "--bus=system", "--address=unix:path=/x", NULL);
+    clear(&output);
+}
+
+static void assert_method(const char *page, const char *name, const struct option *options,
+                          gboolean bounded) {
+    g_autoptr(GString) row = g_string_new(NULL);
+    g_string_printf(row, "\n.It Cm %s\n.Fl", name);
+    for (int i = 0; options[i].name; i++)
+        g_string_append_printf(row, "%s -%s", i ? " ," : "", options[i].name);
+    g_string_append(row, bounded ? " , -memory\n" : "\n");
+    assert_has(page, row->str);
+}
+
+/* The manual page has a row for each method of compress, with the options of its table, and names
+ * every option of every command. */
+static void test_man_page(void) {
+    static const char *const commands[] = {
+        "plan",  "capture", "resume",  "status",   "watch",   "pause",    "continue",
+        "abort", "safe",    "process", "compress", "compare", "check",    "board",
+        "info",  "drivers", "devices", "import",   "export",  "resample", "verify"};
+    static const char *const targets[] = {"cameras", "lights", "laser", "radiometry",
+                                          "colour",  "show",   "report"};
+    g_autofree char *page = NULL;
+    g_assert_true(g_file_get_contents(SOURCE_DIR "/etc/man/mesorig.1", &page, NULL, NULL));
+    for (gsize i = 0; codecs[i]; i++)
+        assert_method(page, codecs[i]->name, codecs[i]->options, codecs[i]->bounded);
+    for (gsize i = 0; mdf_codecs[i]; i++)
+        assert_method(page, mdf_codecs[i]->name, mdf_codecs[i]->options, FALSE);
+    struct output output = {0};
+    for (gsize i = 0; i < G_N_ELEMENTS(commands) + G_N_ELEMENTS(targets); i++) {
+        const gboolean own = i < G_N_ELEMENTS(commands);
+        if (own)
+            runs(0, &output, commands[i], "--help");
+        else
+            runs(0, &output, "calibrate", targets[i - G_N_ELEMENTS(commands)], "--help");
+        g_autoptr(GRegex) option =
+            g_regex_new("^  (?:-(\\w), |)--([\\w-]+)", G_REGEX_MULTILINE, 0, NULL);
+        g_autoptr(GMatchInfo) match = NULL;
+        g_regex_match(option, output.out, 0, &match);
+        for (; g_match_info_matches(match); g_match_info_next(match, NULL)) {
+            g_autofree char *letter = g_match_info_fetch(match, 1);
+            g_autofree char *name = g_match_info_fetch(match, 2);
+            g_autofree char *pattern =
+                g_strdup_printf("\\.?(Fl|,) (-%s%s%s)\\b", name, *letter ? "|" : "", letter);
+            if (!g_regex_match_simple(pattern, page, 0, 0))
+                g_error("etc/man/mesorig.1 does not name --%s", name);
+        }
+    }
     clear(&output);
 }
 
 static void test_drivers(void) {
+    static const struct step steps[] = {
+        {0, "drivers", "sim-axis"},
+        {0, "drivers", "sim-camera"},
+        {0, "drivers sim-axis", "speed_deg_s"},
+        {0, "drivers --json"},
+        {1, "drivers steam", "steam"},
+        {1, "drivers steam --json"},
+    };
     struct output output = {0};
-    runs(0, &output, "drivers", NULL);
-    assert_has(output.out, "sim-axis");
-    assert_has(output.out, "sim-camera");
-    runs(0, &output, "drivers", "sim-axis", NULL);
-    assert_has(output.out, "speed_deg_s");
-    runs(0, &output, "drivers", "--json", NULL);
-    g_assert_true(is_json(output.out));
-    runs(1, &output, "drivers", "steam", NULL);
-    assert_has(output.err, "steam");
-    runs(1, &output, "drivers", "steam", "--json", NULL);
-    g_assert_true(is_json(output.out));
+    run_steps(NULL, &output, steps);
     assert_has(output.out, "\"error\"");
     clear(&output);
 }
 
 static void test_plan(void) {
+    static const struct step steps[] = {
+        {0, "plan " RIG " " SESSION, "4 views, 4 lights, 2 laser positions"},
+        {0, "plan " RIG " " SESSION, "lower bound"},
+        {0, "plan --json " RIG " " SESSION, "\"predicted_s\""},
+        {1, "plan bad_rig.conf " SESSION, "/bad_rig.conf:3"},
+        {1, "plan " RIG " bad_session.conf", "/bad_session.conf:"},
+        {1, "plan binary.conf " SESSION, "/binary.conf"},
+        {1, "plan " RIG " binary.conf --json"},
+        {1, "plan /no/such/rig.conf " SESSION, "/no/such/rig.conf"},
+        {1, "plan " RIG " ."},
+        {1, "capture bad_rig.conf " SESSION " -o x", "/bad_rig.conf:3"},
+    };
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
-    g_autofree char *bad_rig = write_file(
-        folder, "bad_rig.conf", "[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n");
-    g_autofree char *bad_session =
-        write_file(folder, "bad_session.conf", "[session]\nname = x\n\n[views]\nrings = 99:x\n");
-    g_autofree char *binary = write_file(folder, "binary.conf", "\x01\x02\xff\xfe[[[");
-    g_autofree char *rig_line = g_strconcat(bad_rig, ":3", NULL);
-    g_autofree char *session_line = g_strconcat(bad_session, ":", NULL);
     struct output output = {0};
-    runs(0, &output, "plan", RIG, SESSION, NULL);
-    assert_has(output.out, "4 views, 4 lights, 2 laser positions");
-    assert_has(output.out, "lower bound");
-    runs(0, &output, "plan", "--json", RIG, SESSION, NULL);
-    g_assert_true(is_json(output.out));
-    assert_has(output.out, "\"predicted_s\"");
-    runs(1, &output, "plan", bad_rig, SESSION, NULL);
-    assert_has(output.err, rig_line);
-    runs(1, &output, "plan", RIG, bad_session, NULL);
-    assert_has(output.err, session_line);
-    runs(1, &output, "plan", binary, SESSION, NULL);
-    assert_has(output.err, binary);
-    runs(1, &output, "plan", RIG, binary, "--json", NULL);
-    g_assert_true(is_json(output.out));
-    runs(1, &output, "plan", "/no/such/rig.conf", SESSION, NULL);
-    assert_has(output.err, "/no/such/rig.conf");
-    runs(1, &output, "plan", RIG, folder, NULL);
-    runs(1, &output, "capture", bad_rig, SESSION, "-o", "x", NULL);
-    assert_has(output.err, rig_line);
+    g_free(write_file(folder, "bad_rig.conf",
+                      "[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n"));
+    g_free(
+        write_file(folder, "bad_session.conf", "[session]\nname = x\n\n[views]\nrings = 99:x\n"));
+    g_free(write_file(folder, "binary.conf", "\x01\x02\xff\xfe[[["));
+    run_steps(folder, &output, steps);
     clear(&output);
     remove_tree(folder);
 }
 
 static void test_info(void) {
+    static const struct step steps[] = {
+        {0, "info two.exr", "first"},
+        {0, "info two.exr", "5 × 3, half, B G R"},
+        {0, "info two.exr", "12.5"},
+        {0, "info --json two.exr", "\"view.theta_deg\": 12.5"},
+        {1, "info broken.exr", "/broken.exr"},
+        {1, "info ."},
+        {1, "info /no/such"},
+        {1, "process ."},
+        {1, "resume ."},
+        {1, "status --address=unix:path=/no/such"},
+        {1, "pause ."},
+    };
+    static const char *const channels[] = {"B", "G", "R", NULL};
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "two.exr", NULL);
-    g_autofree char *broken = write_file(folder, "broken.exr", "v/1\1\2");
-    static const char *const channels[] = {"B", "G", "R", NULL};
     g_autoptr(GError) error = NULL;
+    struct output output = {0};
     struct exr_file *file = exr_file_new();
     struct exr_part *part = exr_part_new("first", 5, 3, channels, EXR_HALF);
+    g_free(write_file(folder, "broken.exr", "v/1\1\2"));
     exr_set_double(part, "view.theta_deg", 12.5);
     exr_set_string(part, "note", "a \"quote\"");
     exr_file_add(file, part);
     exr_file_add(file, exr_part_new("second", 2, 2, channels, EXR_FLOAT));
     g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
     exr_file_free(file);
-
-    struct output output = {0};
-    runs(0, &output, "info", path, NULL);
-    assert_has(output.out, "first");
-    assert_has(output.out, "5 × 3, half, B G R");
-    assert_has(output.out, "12.5");
-    runs(0, &output, "info", "--json", path, NULL);
-    g_assert_true(is_json(output.out));
-    assert_has(output.out, "\"view.theta_deg\": 12.5");
-    runs(1, &output, "info", broken, NULL);
-    assert_has(output.err, broken);
-    runs(1, &output, "info", folder, NULL);
-    runs(1, &output, "info", "/no/such", NULL);
-    runs(1, &output, "process", folder, NULL);
-    runs(1, &output, "resume", folder, NULL);
-    runs(1, &output, "status", "--address=unix:path=/no/such", NULL);
-    runs(1, &output, "pause", folder, NULL);
+    run_steps(folder, &output, steps);
     clear(&output);
     remove_tree(folder);
 }
 
 /* Every way to compress what was processed; the errors are compared in test_lpca. */
-static void test_compress(const char *folder, const char *session) {
-    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
-    g_autofree char *made = g_build_filename(session, "products", "lpca.exr", NULL);
-    g_autofree char *other = g_build_filename(folder, "other.exr", NULL);
-    struct output output = {0};
-    runs(0, &output, "compress", session, "-k", "3", "-c", "2", NULL);
-    assert_has(output.out, "3 clusters of 2 components");
-    g_assert_true(g_file_test(made, G_FILE_TEST_EXISTS));
-    runs(0, &output, "info", made, NULL);
-    assert_has(output.out, "clusters × components 3 × 2 in half, of ");
-    runs(0, &output, "compress", "--json", btf, "-k", "2", "-e", "50%", "-q", "8bit", "-o", other,
-         NULL);
-    assert_json_lines(output.out);
-    assert_has(output.out, "\"clusters\": 2");
-    runs(0, &output, "info", other, NULL);
-    runs(0, &output, "compress", session, "-m", "eigenmaps", "-c", "1", "-o", other, NULL);
-    assert_has(output.out, "1 eigen-maps");
-    /* The same from the matrix as from the views one by one. */
-    g_autofree char *maps = g_build_filename(session, "products", "eigenmaps.exr", NULL);
+static const struct step compress_steps[] = {
+    {0, "compress S -k 3 -c 2", "3 clusters of 2 components"},
+    {0, "info S/products/lpca.exr", "clusters × components 3 × 2 in half, of "},
+    {0, "compress --json S/products/btf -k 2 -e 50% -q 8bit -o other.exr", "\"clusters\": 2"},
+    {0, "info other.exr"},
+    {0, "compress S -m eigenmaps -c 1 -o other.exr", "1 eigen-maps"},
+    {0, "compress S -m eigenmaps -o matrix.exr"},
+    /* A view takes 3 kB as floats. */
+    {0, "compress S -m eigenmaps --memory 7kB -c 1 -o other.exr", "1 eigen-maps"},
+    {1, "compress S -m eigenmaps --memory 5kB -c 1 -o other.exr", "allow more"},
+    {0, "compress S -m eigenmaps -e 99% -o other.exr", "1 eigen-maps"},
+    {1, "compress S -m eigenmaps -e 0.0001% -c 1 -o other.exr", "is not reached with 1 eigen-maps"},
+    {2, "compress S -m ptm --memory 7kB"},
+    {1, "compress S -k 1 -c 1 -e 0.0001%", "is not reached"},
+    {1, "compress S -o /no/such/folder/x.exr"},
+    {1, "compress ."},
+    {0, "compress S --model fields -c 1", "fields of 1 lobe, luminance off by"},
+    {0, "info S/products/fields.exr", "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights"},
+    {0, "compress --json S -m ashikhmin", "\"method\": \"ashikhmin\""},
+    {0, "compress S -m ptm --mips -o other.exr", "ptm, 4 mip levels, luminance off by"},
+    {2, "compress S -m eigenmaps --mips -o other.exr"},
+    {1, "compress S -m ptm -e 0.0001%"},
+    {1, "compress S -m fields -c 4"},
+    {2, "compress S -m ward -k 2"},
+    {0, "compress S --grid 5 -k 1 -c 1 -o other.exr", "1 cluster of 1 component on a grid of 5"},
+    {0, "compress --json S --size 20kB -o other.exr"},
+    {1, "compress S --size 10B -o other.exr"},
+    {0, "compress S -q packed -e 40% -o other.exr", "on disk, 1:"},
+    {0, "compare S other.exr"},
+    {0, "compress S -q packed -s 4500B -o packed.exr"},
+    {2, "compress S --memory little"},
+    {2, "compress S --colours xyz"},
+    {2, "compress S --colours log --grid 8"},
+    {2, "compress S --memory 60MB --mips"},
+    {2, "compress S --size large"},
+    {2, "compress S --size 20kB -k 2"},
+    {2, "compress S --grid 1000"},
+    {2, "compress S --grid 8 -m ptm"},
+    {2, "compress S -m wavelets"},
+    {2, "compress S -m eigenmaps"},
+    {2, "compress S -e many"},
+    {2, "compress S -q 4bit"},
+    {2, "compress S -k 0"},
+    {0, "compare S S/products/fields.exr --plot plot.png", "of R, G, B relative to A"},
+    {0, "compare --json S S/products/lpca.exr"},
+    {2, "compress S -q packed -o other.exr"},
+    {2, "compress S -q packed -e 40% --mips -o other.exr"},
+    {0, "compress S --mips -k 2 -c 1 -o other.exr", "2 clusters of 1 component, 4 mip levels"},
+    {0, "compress S --memory 60MB --colours log -k 1 -c 1 -q 8bit-weights -o other.exr",
+     "1 cluster of 1 component"},
+    {1, "compress S --memory 1kB -k 1 -c 1 -o other.exr", "of memory, not"},
+};
+
+/* With packed.exr cut short. */
+static const struct step cut_steps[] = {
+    {1, "info packed.exr", "not a whole EXR file"},
+    {1, "compare S packed.exr"},
+    {0, "compare --json S --curve curve.svg", "\"series\": \"local PCA, packed\", \"label\": \""},
+    {1, "compare S S/products/fields.exr --plot /no/such/folder/x.png"},
+    {1, "compare S S/products/fields.exr --plot plot.jpg"},
+    {1, "compare S/products/fields.exr --curve curve.svg"},
+    {2, "compare S"},
+    {2, "compare S S/products/fields.exr --curve curve.svg"},
+    {0, "compare S --curve curve.svg", "reflectance fields"},
+};
+
+static void test_compress(const char *folder) {
+    g_autofree char *maps = g_build_filename(folder, "S", "products", "eigenmaps.exr", NULL);
+    g_autofree char *matrix = g_build_filename(folder, "matrix.exr", NULL);
+    g_autofree char *file = g_build_filename(folder, "packed.exr", NULL);
     g_autofree char *from_views = NULL, *from_matrix = NULL, *packed = NULL;
     gsize n_views = 0, n_matrix = 0, n_packed = 0;
-    runs(0, &output, "compress", session, "-m", "eigenmaps", "-o", other, NULL);
-    g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
-    g_assert_true(g_file_get_contents(other, &from_matrix, &n_matrix, NULL));
-    g_assert_cmpmem(from_matrix, n_matrix, from_views, n_views);
-    /* A view takes 3 kB as floats. */
-    runs(0, &output, "compress", session, "-m", "eigenmaps", "--memory", "7kB", "-c", "1", "-o",
-         other, NULL);
-    assert_has(output.out, "1 eigen-maps");
-    runs(1, &output, "compress", session, "-m", "eigenmaps", "--memory", "5kB", "-c", "1", "-o",
-         other, NULL);
-    assert_has(output.err, "allow more");
-    runs(0, &output, "compress", session, "-m", "eigenmaps", "-e", "99%", "-o", other, NULL);
-    assert_has(output.out, "1 eigen-maps");
-    runs(1, &output, "compress", session, "-m", "eigenmaps", "-e", "0.0001%", "-c", "1", "-o",
-         other, NULL);
-    assert_has(output.err, "is not reached with 1 eigen-maps");
-    runs(2, &output, "compress", session, "-m", "ptm", "--memory", "7kB", NULL);
-    runs(1, &output, "compress", session, "-k", "1", "-c", "1", "-e", "0.0001%", NULL);
-    assert_has(output.err, "is not reached");
-    runs(1, &output, "compress", session, "-o", "/no/such/folder/x.exr", NULL);
-    runs(1, &output, "compress", folder, NULL);
-    runs(0, &output, "compress", session, "--model", "fields", "-c", "1", NULL);
-    assert_has(output.out, "fields of 1 lobe, luminance off by");
-    g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
-    runs(0, &output, "info", fields, NULL);
-    assert_has(output.out, "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights");
-    runs(0, &output, "compress", "--json", session, "-m", "ashikhmin", NULL);
-    assert_has(output.out, "\"method\": \"ashikhmin\"");
-    runs(0, &output, "compress", session, "-m", "ptm", "--mips", "-o", other, NULL);
-    assert_has(output.out, "ptm, 4 mip levels, luminance off by");
-    runs(2, &output, "compress", session, "-m", "eigenmaps", "--mips", "-o", other, NULL);
-    runs(1, &output, "compress", session, "-m", "ptm", "-e", "0.0001%", NULL);
-    runs(1, &output, "compress", session, "-m", "fields", "-c", "4", NULL);
-    runs(2, &output, "compress", session, "-m", "ward", "-k", "2", NULL);
-    runs(0, &output, "compress", session, "--grid", "5", "-k", "1", "-c", "1", "-o", other, NULL);
-    assert_has(output.out, "1 cluster of 1 component on a grid of 5");
-    runs(0, &output, "compress", "--json", session, "--size", "20kB", "-o", other, NULL);
-    assert_json_lines(output.out);
-    runs(1, &output, "compress", session, "--size", "10B", "-o", other, NULL);
-    runs(0, &output, "compress", session, "-q", "packed", "-e", "40%", "-o", other, NULL);
-    assert_has(output.out, "on disk, 1:");
-    runs(0, &output, "compare", session, other, NULL);
-    runs(0, &output, "compress", session, "-q", "packed", "-s", "4500B", "-o", other, NULL);
-    g_assert_true(g_file_get_contents(other, &packed, &n_packed, NULL));
-    g_assert_cmpuint(n_packed, <=, 4500);
-    g_assert_true(g_file_set_contents(other, packed, (gssize)n_packed - 10, NULL));
-    runs(1, &output, "info", other, NULL);
-    assert_has(output.err, "not a whole EXR file");
-    runs(1, &output, "compare", session, other, NULL);
-    runs(2, &output, "compress", session, "-q", "packed", "-o", other, NULL);
-    runs(2, &output, "compress", session, "-q", "packed", "-e", "40%", "--mips", "-o", other, NULL);
-    runs(0, &output, "compress", session, "--mips", "-k", "2", "-c", "1", "-o", other, NULL);
-    assert_has(output.out, "2 clusters of 1 component, 4 mip levels");
-    runs(0, &output, "compress", session, "--memory", "60MB", "--colours", "log", "-k", "1", "-c",
-         "1", "-q", "8bit-weights", "-o", other, NULL);
-    assert_has(output.out, "1 cluster of 1 component");
-    runs(1, &output, "compress", session, "--memory", "1kB", "-k", "1", "-c", "1", "-o", other,
-         NULL);
-    assert_has(output.err, "of memory, not");
+    struct output output = {0};
+    run_steps(folder, &output, compress_steps);
     /* What is told is enough. */
     g_autoptr(GRegex) pattern = g_regex_new("take ([0-9.]+)\\s([kM]B)", 0, 0, NULL);
     g_autoptr(GMatchInfo) match = NULL;
     g_assert_true(g_regex_match(pattern, output.err, 0, &match));
-    g_autofree char *enough = g_match_info_expand_references(match, "\\1\\2", NULL);
+    g_autofree char *enough = g_match_info_expand_references(
+        match, "compress S --memory \\1\\2 -k 1 -c 1 -o other.exr", NULL);
     g_match_info_free(g_steal_pointer(&match));
-    runs(0, &output, "compress", session, "--memory", enough, "-k", "1", "-c", "1", "-o", other,
-         NULL);
-    runs(2, &output, "compress", session, "--memory", "little", NULL);
-    runs(2, &output, "compress", session, "--colours", "xyz", NULL);
-    runs(2, &output, "compress", session, "--colours", "log", "--grid", "8", NULL);
-    runs(2, &output, "compress", session, "--memory", "60MB", "--mips", NULL);
-    runs(2, &output, "compress", session, "--size", "large", NULL);
-    runs(2, &output, "compress", session, "--size", "20kB", "-k", "2", NULL);
-    runs(2, &output, "compress", session, "--grid", "1000", NULL);
-    runs(2, &output, "compress", session, "--grid", "8", "-m", "ptm", NULL);
-    g_autofree char *plot = g_build_filename(folder, "plot.png", NULL);
-    g_autofree char *curve = g_build_filename(folder, "curve.svg", NULL);
-    runs(0, &output, "compare", session, fields, "--plot", plot, NULL);
-    assert_has(output.out, "of R, G, B relative to A");
-    g_assert_true(g_file_test(plot, G_FILE_TEST_EXISTS));
-    runs(0, &output, "compare", "--json", session, made, NULL);
-    assert_json_lines(output.out);
-    runs(0, &output, "compare", session, "--curve", curve, NULL);
-    assert_has(output.out, "reflectance fields");
+    run_n_steps(folder, &output, &(const struct step){0, enough}, 1);
+    /* The same from the matrix as from the views one by one. */
+    g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
+    g_assert_true(g_file_get_contents(matrix, &from_matrix, &n_matrix, NULL));
+    g_assert_cmpmem(from_matrix, n_matrix, from_views, n_views);
+    g_assert_true(g_file_get_contents(file, &packed, &n_packed, NULL));
+    g_assert_cmpuint(n_packed, <=, 4500);
+    g_assert_true(g_file_set_contents(file, packed, (gssize)n_packed - 10, NULL));
+    run_steps(folder, &output, cut_steps);
     assert_has(output.out, "local PCA, 8 bits");
     assert_has(output.out, "local PCA, packed");
-    g_assert_true(g_file_test(curve, G_FILE_TEST_EXISTS));
-    runs(0, &output, "compare", "--json", session, "--curve", curve, NULL);
-    assert_json_lines(output.out);
-    assert_has(output.out, "\"series\": \"local PCA, packed\", \"label\": \"");
-    runs(1, &output, "compare", session, fields, "--plot", "/no/such/folder/x.png", NULL);
-    runs(1, &output, "compare", session, fields, "--plot", "plot.jpg", NULL);
-    runs(1, &output, "compare", fields, "--curve", curve, NULL);
-    runs(2, &output, "compare", session, NULL);
-    runs(2, &output, "compare", session, fields, "--curve", curve, NULL);
-    runs(2, &output, "compress", session, "-m", "wavelets", NULL);
-    runs(2, &output, "compress", session, "-m", "eigenmaps", NULL);
-    runs(2, &output, "compress", session, "-e", "many", NULL);
-    runs(2, &output, "compress", session, "-q", "4bit", NULL);
-    runs(2, &output, "compress", session, "-k", "0", NULL);
+    assert_exists(folder, "S/products/lpca.exr");
+    assert_exists(folder, "plot.png");
+    assert_exists(folder, "curve.svg");
     clear(&output);
 }
 
 /* What a BTF and an MDF say of themselves; the figures are compared in test_energy. */
-static void test_check(const char *folder, const char *session) {
-    g_autofree char *plot = g_build_filename(folder, "energy.svg", NULL);
+static void test_check(const char *folder) {
+    static const struct step steps[] = {
+        {0, "check S --plot energy.svg", "of a light's energy come back"},
+        {0, "check S --plot energy.svg", "is confirmed by others"},
+        {0, "check --json S", "\"largest_albedo\""},
+        {0, "check --json S", "\"mdf_confirmed\""},
+        {1, "check S --texel 1000000", "there is no texel"},
+        {1, "check S --plot plot.jpg"},
+        {1, "check .", "mesorig process"},
+        {2, "check"},
+    };
     struct output output = {0};
-    runs(0, &output, "check", session, "--plot", plot, NULL);
-    assert_has(output.out, "of a light's energy come back");
-    assert_has(output.out, "is confirmed by others");
-    g_assert_true(g_file_test(plot, G_FILE_TEST_EXISTS));
-    runs(0, &output, "check", "--json", session, NULL);
-    assert_json_lines(output.out);
-    assert_has(output.out, "\"largest_albedo\"");
-    assert_has(output.out, "\"mdf_confirmed\"");
-    runs(1, &output, "check", session, "--texel", "1000000", NULL);
-    assert_has(output.err, "there is no texel");
-    runs(1, &output, "check", session, "--plot", "plot.jpg", NULL);
-    runs(1, &output, "check", folder, NULL);
-    assert_has(output.err, "mesorig process");
-    runs(2, &output, "check", NULL);
+    run_steps(folder, &output, steps);
+    assert_exists(folder, "energy.svg");
     clear(&output);
 }
 
 static void test_capture(void) {
+    static const struct step steps[] = {
+        {0, "capture " RIG " " SESSION " -o S", "100 %"},
+        {0, "info S", "state      done"},
+        {0, "info --json S"},
+        {0, "process S", "done in"},
+        {0, "process --json S"},
+    };
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
-    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *session = g_build_filename(folder, "S", NULL);
     g_autofree char *control = g_build_filename(session, "control", NULL);
     struct output output = {0};
-    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
-    assert_has(output.out, "100 %");
+    run_n_steps(folder, &output, steps, 1);
     assert_has(output.out, "done: ");
     g_assert_false(g_file_test(control, G_FILE_TEST_EXISTS));
-    runs(1, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    runs(1, &output, "capture", RIG, SESSION, "-o", session);
     assert_has(output.err, session);
-    runs(0, &output, "info", session, NULL);
-    assert_has(output.out, "state      done");
-    runs(0, &output, "info", "--json", session, NULL);
-    g_assert_true(is_json(output.out));
-    runs(0, &output, "process", session, NULL);
-    assert_has(output.out, "done in");
-    runs(0, &output, "process", "--json", session, NULL);
-    assert_json_lines(output.out);
-    test_compress(folder, session);
-    test_check(folder, session);
+    run_n_steps(folder, &output, steps + 1, G_N_ELEMENTS(steps) - 1);
+    test_compress(folder);
+    test_check(folder);
 
     /* A stale control file, as a killed daemon leaves it. */
     g_autofree char *stale = write_file(session, "control", "unix:path=/no/such/socket\n");
-    runs(0, &output, "status", session, NULL);
+    runs(0, &output, "status", session);
     assert_has(output.out, "state      done");
-    runs(1, &output, "pause", session, NULL);
+    runs(1, &output, "pause", session);
     assert_has(output.err, "resume");
     clear(&output);
     remove_tree(folder);
@@ -479,13 +438,13 @@ static void test_history(void) {
     static const guint8 head[24] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x05\0\0\0\x03\x20";
     gsize length;
     struct output output = {0};
-    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
-    runs(0, &output, "info", "--history", png, session, NULL);
+    runs(0, &output, "capture", RIG, SESSION, "-o", session);
+    runs(0, &output, "info", "--history", png, session);
     g_assert_true(g_file_get_contents(png, (char **)&bytes, &length, NULL));
     g_assert_cmpmem(bytes, MIN(length, sizeof head), head, sizeof head);
-    runs(1, &output, "info", "--history", nowhere, session, NULL);
+    runs(1, &output, "info", "--history", nowhere, session);
     assert_has(output.err, nowhere);
-    runs(2, &output, "info", "--history", png, png, NULL);
+    runs(2, &output, "info", "--history", png, png);
     clear(&output);
     remove_tree(folder);
 }
@@ -500,7 +459,7 @@ static void test_controls(void) {
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *exr = g_build_filename(folder, "a.exr", NULL);
     struct output output = {0};
-    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    runs(0, &output, "capture", RIG, SESSION, "-o", session);
     Session *open = session_open(session, SESSION_PRODUCTS, NULL);
     g_assert_true(session_set_value(open, "imported", hostile, NULL));
     session_close(open);
@@ -510,13 +469,13 @@ static void test_controls(void) {
     exr_file_free(file);
     const char *const paths[] = {session, exr};
     for (int i = 0; i < 2; i++) {
-        runs(0, &output, "info", paths[i], NULL);
+        runs(0, &output, "info", paths[i]);
         assert_has(output.out, "a\uFFFD[2Jb\uFFFDc\uFFFDd\uFFFD31me\uFFFDf");
-        runs(0, &output, "info", "--json", paths[i], NULL);
+        runs(0, &output, "info", "--json", paths[i]);
         assert_has(output.out, "a\\u001b[2Jb\\u000dc\\u0007d\\u009b31m");
         g_assert_true(is_json(output.out));
     }
-    runs(1, &output, "info", hostile, NULL);
+    runs(1, &output, "info", hostile);
     assert_has(output.err, "a\uFFFD[2Jb\uFFFDc");
     clear(&output);
     remove_tree(folder);
@@ -606,10 +565,10 @@ static void test_output_full(void) {
 static void test_plain_letters(void) {
     struct output output = {0};
     g_setenv("LC_ALL", "C", TRUE);
-    runs(0, &output, "plan", RIG, SESSION, NULL);
+    runs(0, &output, "plan", RIG, SESSION);
     g_assert_null(strchr(output.out, '?'));
     assert_has(output.out, "lower bound");
-    runs(2, &output, "no-such", NULL);
+    runs(2, &output, "no-such");
     assert_has(output.err, "\"no-such\"");
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
     clear(&output);
@@ -648,12 +607,12 @@ static void interrupt(gboolean (*begun)(const char *session)) {
     if (g_subprocess_get_exit_status(process) == 1) { /* else it was quicker */
         assert_has(told, "mesorig: paused");
         assert_has(told, "mesorig resume");
-        runs(0, &output, "info", session, NULL);
+        runs(0, &output, "info", session);
         assert_has(output.out, "state      paused");
     }
-    runs(0, &output, "resume", "--json", session, NULL);
+    runs(0, &output, "resume", "--json", session);
     assert_json_lines(output.out);
-    runs(0, &output, "info", session, NULL);
+    runs(0, &output, "info", session);
     assert_has(output.out, "state      done");
     clear(&output);
     remove_tree(folder);
@@ -674,6 +633,7 @@ int main(int argc, char **argv) {
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_test_add_func("/cli/json", test_json);
     g_test_add_func("/cli/usage", test_usage);
+    g_test_add_func("/cli/man-page", test_man_page);
     g_test_add_func("/cli/drivers", test_drivers);
     g_test_add_func("/cli/plan", test_plan);
     g_test_add_func("/cli/info", test_info);

@@ -71,122 +71,68 @@ static void check_told(struct operation *run, const char *device, const char *ha
 }
 
 struct fault {
-    const char *name;                        /* of the test */
-    struct change changes[MOST_CHANGES + 1]; /* the last is empty */
+    const char *name;    /* of the test */
+    const char *changes; /* of the rig file, as in "[lamps bank] fault_dead = lamp60; …" */
     const char *device, *happened, *to_do;
     gboolean lasts; /* as long as it is not mended, a resumed session is paused too */
 };
 
 static const struct fault faults[] = {
-    {"stale-old",
-     {{"[camera cam60]", "fault_stale = 1"}},
-     "cam60",
+    {"stale-old", "[camera cam60] fault_stale = 1", "cam60",
      "no good picture in 4 attempts; the last time: picture refused: it is an old one",
-     "Switch it off and on again",
-     TRUE},
+     "Switch it off and on again", TRUE},
     {"stale-relabelled",
-     {{"[camera cam30]", "fault_stale = 1"}, {"[camera cam30]", "fault_stale_kind = relabelled"}},
-     "cam30",
-     "it repeats the picture of shot",
-     "Switch it off and on again",
+     "[camera cam30] fault_stale = 1; [camera cam30] fault_stale_kind = relabelled", "cam30",
+     "it repeats the picture of shot", "Switch it off and on again", TRUE},
+    {"lost", "[camera cam60] fault_lost = 1", "cam60", "no picture 2.1 s after its trigger",
+     "check its cable", TRUE},
+    {"slow", "[camera cam30] fault_slow_ms = 60000", "cam30", "4 attempts", "check its cable",
      TRUE},
-    {"lost",
-     {{"[camera cam60]", "fault_lost = 1"}},
-     "cam60",
-     "no picture 2.1 s after its trigger",
-     "check its cable",
-     TRUE},
-    {"slow",
-     {{"[camera cam30]", "fault_slow_ms = 60000"}},
-     "cam30",
-     "4 attempts",
-     "check its cable",
-     TRUE},
-    {"gone",
-     {{"[camera cam60]", "fault_disconnect_after = 30"},
-      {"[camera cam60]", "fault_reconnect_s = 3000"}},
-     "cam60",
-     "it is gone",
-     "check its cable",
-     FALSE},
-    {"turntable-stalls",
-     {{"[axis turntable]", "fault_stall_at = 2"}},
-     "turntable",
-     "stalled at",
-     "see what blocks it",
-     FALSE},
+    {"gone", "[camera cam60] fault_disconnect_after = 30; [camera cam60] fault_reconnect_s = 3000",
+     "cam60", "it is gone", "check its cable", FALSE},
+    {"turntable-stalls", "[axis turntable] fault_stall_at = 2", "turntable", "stalled at",
+     "see what blocks it", FALSE},
     {"turntable-is-silent",
-     {{"[axis turntable]", "fault_stall_at = 1"},
-      {"[axis turntable]", "fault_stall_kind = silent"}},
-     "turntable",
-     "still moving at its deadline",
-     "check drive and cable",
-     FALSE},
-    {"arc-stalls",
-     {{"[axis arc]", "fault_stall_at = 1"}},
-     "arc",
-     "stalled at",
-     "see what blocks it",
+     "[axis turntable] fault_stall_at = 1; [axis turntable] fault_stall_kind = silent", "turntable",
+     "still moving at its deadline", "check drive and cable", FALSE},
+    {"arc-stalls", "[axis arc] fault_stall_at = 1", "arc", "stalled at", "see what blocks it",
      TRUE},
-    {"arc-is-silent",
-     {{"[axis arc]", "fault_stall_at = 2"}, {"[axis arc]", "fault_stall_kind = silent"}},
-     "arc",
-     "still moving at its deadline",
-     "check drive and cable",
-     FALSE},
-    {"sweep-stalls",
-     {{"[axis sweep60]", "fault_stall_at = 7"}},
-     "sweep60",
-     "stalled at",
-     "see what blocks it",
-     FALSE},
+    {"arc-is-silent", "[axis arc] fault_stall_at = 2; [axis arc] fault_stall_kind = silent", "arc",
+     "still moving at its deadline", "check drive and cable", FALSE},
+    {"sweep-stalls", "[axis sweep60] fault_stall_at = 7", "sweep60", "stalled at",
+     "see what blocks it", FALSE},
     {"sweep-is-silent",
-     {{"[axis sweep30]", "fault_stall_at = 9"}, {"[axis sweep30]", "fault_stall_kind = silent"}},
-     "sweep30",
-     "still moving at its deadline",
-     "check drive and cable",
-     FALSE},
-    {"lamp-is-dead",
-     {{"[lamps bank]", "fault_dead = lamp60"}},
-     "lamp60",
-     "gives no light",
-     "Check the lamp, its fuse and its relay",
-     TRUE},
-    {"lamp-dies",
-     {{"[lamps bank]", "fault_dead = lamp30"}, {"[lamps bank]", "fault_dead_after = 2"}},
-     "lamp30",
-     "gives no light",
-     "Check the lamp, its fuse and its relay",
-     FALSE},
-    {"laser-stays-on",
-     {{"[laser laser30]", "fault_stays_on = yes"}},
-     "laser30",
-     "stays on",
-     "Cut its power, check its relay",
-     TRUE},
-    {"laser-is-deaf",
-     {{"[laser laser60]", "fault_deaf = 1000"}},
-     "laser60",
+     "[axis sweep30] fault_stall_at = 9; [axis sweep30] fault_stall_kind = silent", "sweep30",
+     "still moving at its deadline", "check drive and cable", FALSE},
+    {"lamp-is-dead", "[lamps bank] fault_dead = lamp60", "lamp60", "gives no light",
+     "Check the lamp, its fuse and its relay", TRUE},
+    {"lamp-dies", "[lamps bank] fault_dead = lamp30; [lamps bank] fault_dead_after = 2", "lamp30",
+     "gives no light", "Check the lamp, its fuse and its relay", FALSE},
+    {"laser-stays-on", "[laser laser30] fault_stays_on = yes", "laser30", "stays on",
+     "Cut its power, check its relay", TRUE},
+    {"laser-is-deaf", "[laser laser60] fault_deaf = 1000", "laser60",
      "THE RIG COULD NOT BE MADE SAFE: laser laser60: did not answer to \"off\"",
-     "it may still shine: cut its power by hand",
-     TRUE},
-    {"door-opens-while-homing",
-     {{"[interlock door]", "open_after_s = 1"}},
-     "door",
-     "is open: laser and motion are forbidden",
-     "Close it",
-     TRUE},
-    {"door-opens",
-     {{"[interlock door]", "open_after_s = 9"}},
-     "door",
-     "is open: laser and motion are forbidden",
-     "Close it",
-     FALSE},
+     "it may still shine: cut its power by hand", TRUE},
+    {"door-opens-while-homing", "[interlock door] open_after_s = 1", "door",
+     "is open: laser and motion are forbidden", "Close it", TRUE},
+    {"door-opens", "[interlock door] open_after_s = 9", "door",
+     "is open: laser and motion are forbidden", "Close it", FALSE},
 };
+
+static struct operation *new_with(const char *text) {
+    g_auto(GStrv) items = g_strsplit(text, "; ", MOST_CHANGES);
+    struct change changes[MOST_CHANGES + 1] = {0};
+    for (int i = 0; items[i]; i++) {
+        char *line = strstr(items[i], "] ") + 1;
+        *line = '\0';
+        changes[i] = (struct change){items[i], line + 1};
+    }
+    return operator_new(changes);
+}
 
 static void test_fault(gconstpointer data) {
     const struct fault *fault = data;
-    struct operation *run = operator_new(fault->changes);
+    struct operation *run = new_with(fault->changes);
     operator_captures(run, 1);
     check_told(run, fault->device, fault->happened, fault->to_do);
     g_autofree char *before = operator_frames(run->session);
@@ -216,41 +162,24 @@ static void test_fault(gconstpointer data) {
 /* Faults that pass: the session ends by itself. */
 static const struct fault passing[] = {
     {"some-stale-old",
-     {{"[camera cam30]", "fault_stale = 0.05"},
-      {"[camera cam60]", "fault_stale = 0.05"},
-      {"[camera cam60]", "fault_seed = 7"}},
-     "cam60",
-     "it is an old one",
-     NULL,
-     FALSE},
+     "[camera cam30] fault_stale = 0.05; [camera cam60] fault_stale = 0.05; [camera cam60] "
+     "fault_seed = 7",
+     "cam60", "it is an old one", NULL, FALSE},
     {"some-stale-relabelled",
-     {{"[camera cam30]", "fault_stale = 0.05"},
-      {"[camera cam30]", "fault_stale_kind = relabelled"},
-      {"[camera cam60]", "fault_stale = 0.05"},
-      {"[camera cam60]", "fault_stale_kind = relabelled"},
-      {"[camera cam60]", "fault_seed = 7"}},
-     "cam60",
-     "it repeats the picture",
-     NULL,
-     FALSE},
-    {"some-lost",
-     {{"[camera cam60]", "fault_lost = 0.05"}},
-     "cam60",
-     "no picture 2.1 s after its trigger",
-     NULL,
-     FALSE},
-    {"gone-for-a-moment",
-     {{"[camera cam60]", "fault_disconnect_after = 30"}},
-     "cam60",
-     "it is gone; check its cable",
-     NULL,
-     FALSE},
-    {"rather-slow", {{"[camera cam30]", "fault_slow_ms = 300"}}, NULL, NULL, NULL, FALSE},
+     "[camera cam30] fault_stale = 0.05; [camera cam30] fault_stale_kind = relabelled; [camera "
+     "cam60] fault_stale = 0.05; [camera cam60] fault_stale_kind = relabelled; [camera cam60] "
+     "fault_seed = 7",
+     "cam60", "it repeats the picture", NULL, FALSE},
+    {"some-lost", "[camera cam60] fault_lost = 0.05", "cam60", "no picture 2.1 s after its trigger",
+     NULL, FALSE},
+    {"gone-for-a-moment", "[camera cam60] fault_disconnect_after = 30", "cam60",
+     "it is gone; check its cable", NULL, FALSE},
+    {"rather-slow", "[camera cam30] fault_slow_ms = 300", NULL, NULL, NULL, FALSE},
 };
 
 static void test_passing(gconstpointer data) {
     const struct fault *fault = data;
-    struct operation *run = operator_new(fault->changes);
+    struct operation *run = new_with(fault->changes);
     operator_captures(run, 0);
     assert_has(run->out, "done: 13 of 13 shots");
     if (fault->device) {

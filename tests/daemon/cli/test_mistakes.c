@@ -9,77 +9,48 @@
 
 struct mistake {
     const char *file;
-    struct change change;
+    const char *head, *line; /* of the change */
     const char *place; /* what the message has after the file's path */
     const char *says;
 };
 
 static const struct mistake mistakes[] = {
-    {"rig.conf",
-     {"[axis turntable]", "setle_ms = 150"},
-     ":10: [axis turntable] setle_ms",
+    {"rig.conf", "[axis turntable]", "setle_ms = 150", ":10: [axis turntable] setle_ms",
      "settle_ms?"},
-    {"rig.conf",
-     {"[axis turntable]", "settle_s = 0.15"},
-     ":10: [axis turntable] settle_s",
+    {"rig.conf", "[axis turntable]", "settle_s = 0.15", ":10: [axis turntable] settle_s",
      "write settle_ms"},
-    {"rig.conf",
-     {"[axis turntable]", "speed_deg_s = -1"},
-     ":10: [axis turntable] speed_deg_s",
+    {"rig.conf", "[axis turntable]", "speed_deg_s = -1", ":10: [axis turntable] speed_deg_s",
      "0.001 to 100000 deg/s"},
-    {"rig.conf",
-     {"[axis turntable]", "speed_deg_s = NaN"},
-     ":10: [axis turntable] speed_deg_s",
+    {"rig.conf", "[axis turntable]", "speed_deg_s = NaN", ":10: [axis turntable] speed_deg_s",
      "not a number"},
-    {"rig.conf",
-     {"[camera cam30]", "distance_mm = 650 mm"},
-     " [camera cam30] distance_mm",
+    {"rig.conf", "[camera cam30]", "distance_mm = 650 mm", " [camera cam30] distance_mm",
      "write the number alone"},
-    {"rig.conf",
-     {"[axis turntable]", NULL},
-     ": there is no section [axis turntable]",
-     "a rig needs"},
-    {"rig.conf", {"[lamps bank]", NULL}, " [lamp lamp30] bank", "there is no section [lamps"},
-    {"rig.conf", {"[lamp lamp30]", "bank = benk"}, " [lamp lamp30] bank", "[lamps benk]"},
-    {"rig.conf", {"[camera cam30]", "width = 33"}, " [camera cam30] width", "write width = 32"},
-    {"rig.conf",
-     {"[interlock door]", "driver = steam"},
-     " [interlock door] driver",
+    {"rig.conf", "[axis turntable]", NULL, ": there is no section [axis turntable]", "a rig needs"},
+    {"rig.conf", "[lamps bank]", NULL, " [lamp lamp30] bank", "there is no section [lamps"},
+    {"rig.conf", "[lamp lamp30]", "bank = benk", " [lamp lamp30] bank", "[lamps benk]"},
+    {"rig.conf", "[camera cam30]", "width = 33", " [camera cam30] width", "write width = 32"},
+    {"rig.conf", "[interlock door]", "driver = steam", " [interlock door] driver",
      "choose from: sim-interlock"},
-    {"rig.conf", {"[axis arc]", "world = welt.conf"}, " [axis arc]: cannot read ", "welt.conf"},
-    {"rig.conf",
-     {"[axis arc]", "part = leg"},
-     " [axis arc]: ",
-     "choose turntable, arc or one of its lasers"},
-    {"rig.conf",
-     {"[lamps bank]", "fault_dead = lamp61"},
-     " [lamps bank]: ",
-     "has no lamp \"lamp61\""},
-    {"session.conf",
-     {"[views]", "rings = 30:2; 45:2"},
-     ":13: [views]: no camera stands at elevation 45°",
-     "there are: 30° (cam30), 60° (cam60)"},
-    {"session.conf",
-     {"[lights]", "rings = 10:2"},
-     " [lights]: no lamp stands at elevation 10°",
+    {"rig.conf", "[axis arc]", "world = welt.conf", " [axis arc]: cannot read ", "welt.conf"},
+    {"rig.conf", "[axis arc]", "part = leg",
+     " [axis arc]: ", "choose turntable, arc or one of its lasers"},
+    {"rig.conf", "[lamps bank]", "fault_dead = lamp61",
+     " [lamps bank]: ", "has no lamp \"lamp61\""},
+    {"session.conf", "[views]", "rings = 30:2; 45:2",
+     ":13: [views]: no camera stands at elevation 45°", "there are: 30° (cam30), 60° (cam60)"},
+    {"session.conf", "[lights]", "rings = 10:2", " [lights]: no lamp stands at elevation 10°",
      "lamp30"},
-    {"session.conf",
-     {"[lasers]", "rings = 45:1"},
-     " [lasers]: no laser stands at elevation 45°",
+    {"session.conf", "[lasers]", "rings = 45:1", " [lasers]: no laser stands at elevation 45°",
      "laser60"},
-    {"session.conf", {"[views]", NULL}, ": there is no section [views]", "[views]"},
-    {"session.conf", {"[sample]", "texels = 100000"}, " [sample] texels", "0 to 8192"},
-    {"session.conf",
-     {"[capture]", "exposures_us = 4000; nan"},
-     " [capture] exposures_us",
+    {"session.conf", "[views]", NULL, ": there is no section [views]", "[views]"},
+    {"session.conf", "[sample]", "texels = 100000", " [sample] texels", "0 to 8192"},
+    {"session.conf", "[capture]", "exposures_us = 4000; nan", " [capture] exposures_us",
      "not a number"},
-    {"session.conf",
-     {"[capture]", "exposures_ms = 4; 16"},
-     " [capture] exposures_ms",
+    {"session.conf", "[capture]", "exposures_ms = 4; 16", " [capture] exposures_ms",
      "write exposures_us"},
-    {"session.conf", {"[capture]", "sweep_steps = 60000"}, " [capture] sweep_steps", "8 to 32767"},
-    {"session.conf", {"[capture]", "dark_frames = 2.5"}, " [capture] dark_frames", "whole number"},
-    {"world.conf", {"[world]", "gather_rays = nan"}, " [world] gather_rays", "whole number"},
+    {"session.conf", "[capture]", "sweep_steps = 60000", " [capture] sweep_steps", "8 to 32767"},
+    {"session.conf", "[capture]", "dark_frames = 2.5", " [capture] dark_frames", "whole number"},
+    {"world.conf", "[world]", "gather_rays = nan", " [world] gather_rays", "whole number"},
 };
 
 /* A mistake in a file is told with its place and what would be right, before anything moves. */
@@ -89,7 +60,7 @@ static void test_mistakes(void) {
         struct operation *run = operator_new(NULL);
         g_autofree char *path = g_build_filename(run->directory, mistake->file, NULL);
         small_rig_write(run->directory, mistake->file,
-                        (const struct change[]){mistake->change, {0}});
+                        (const struct change[]){{mistake->head, mistake->line}, {0}});
         operator_does(run, 1, "plan", run->rig, run->conf, NULL);
         g_autofree char *planned = g_strdup(run->err);
         operator_captures(run, 1);
