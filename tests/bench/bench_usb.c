@@ -241,9 +241,9 @@ static void time_raw(struct latency *ret) {
     GError *error = NULL;
     video_node_open(&node, "bench", "/dev/video0", NULL, &error);
     check(error);
-    video_setup_apply(&node, "bench", &wish, &setup, &error);
+    video_setup_apply(&node, &wish, &setup, &error);
     check(error);
-    video_stream_start(&stream, &node, "bench", &setup, &error);
+    video_stream_start(&stream, &node, &setup, &error);
     check(error);
     for (int i = 0; i < N_PICTURES; i++) {
         g_usleep((gulong)(i * 7 % 33) * 1000);
