@@ -7,7 +7,7 @@ struct listener {
 };
 
 struct interlock_state {
-    gboolean closed;
+    gboolean closed, lost;
     guint last_id;
     GArray *listeners; /* of struct listener */
 };
@@ -62,6 +62,21 @@ gboolean interlock_is_closed(const Interlock *interlock) {
     return interlock->state->closed;
 }
 
+gboolean interlock_is_lost(const Interlock *interlock) {
+    return interlock->state->lost;
+}
+
+char *interlock_advice(const Interlock *interlock) {
+    const char *name = interlock->device.name;
+    return interlock->state->lost
+               ? g_strdup_printf("interlock %s does not answer, so it counts as open: laser and "
+                                 "motion are forbidden. Check its board and cables, then go on.",
+                                 name)
+               : g_strdup_printf("interlock %s is open: laser and motion are forbidden. Close it, "
+                                 "then go on.",
+                                 name);
+}
+
 static const struct listener *next_listener(const Interlock *interlock, guint after) {
     GArray *listeners = interlock->state->listeners;
     for (guint i = 0; i < listeners->len; i++) {
@@ -71,8 +86,8 @@ static const struct listener *next_listener(const Interlock *interlock, guint af
     return NULL;
 }
 
-void interlock_report(Interlock *interlock, gboolean closed) {
-    closed = closed != FALSE;
+static void interlock_set(Interlock *interlock, gboolean closed, gboolean lost) {
+    interlock->state->lost = lost;
     if (interlock->state->closed == closed)
         return;
     interlock->state->closed = closed;
@@ -82,4 +97,12 @@ void interlock_report(Interlock *interlock, gboolean closed) {
         id = listener->id;
         listener->func(interlock, closed, listener->data);
     }
+}
+
+void interlock_report(Interlock *interlock, gboolean closed) {
+    interlock_set(interlock, closed != FALSE, FALSE);
+}
+
+void interlock_report_lost(Interlock *interlock) {
+    interlock_set(interlock, FALSE, TRUE);
 }

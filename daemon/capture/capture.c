@@ -308,16 +308,18 @@ void capture_pause(Capture *capture) {
 }
 
 gboolean capture_continue(Capture *capture, GError **error) {
-    const char *open = sequencer_open_interlock(capture->sequencer);
+    const Interlock *open = sequencer_open_interlock(capture->sequencer);
     if (capture->state != CAPTURE_PAUSED) {
         device_error_set(error, DEVICE_ERROR_BUSY, NULL, "the session is not paused%s",
                          capture->state == CAPTURE_ABORTED ? " but aborted: resume it" : "");
         return FALSE;
     }
     if (open) {
-        device_error_set(error, DEVICE_ERROR_INTERLOCK, NULL,
-                         "interlock %s is open" ERROR_ADVICE "close it first", open);
-        return FALSE;
+        const gboolean lost = interlock_is_lost(open);
+        return device_error_set(error, DEVICE_ERROR_INTERLOCK, NULL,
+                                "interlock %s %s" ERROR_ADVICE "%s", open->device.name,
+                                lost ? "does not answer, so it counts as open" : "is open",
+                                lost ? "check its board and cables first" : "close it first");
     }
     if (!capture_mount_answer(capture, error))
         return FALSE;

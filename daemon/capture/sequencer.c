@@ -386,11 +386,10 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
         seq->states[c].rest_until_us = 0;
     seq->state = HOMING;
-    const char *open = stage_open_interlock(seq->stage);
+    const Interlock *open = stage_open_interlock(seq->stage);
     if (open) {
-        g_autofree char *reason = g_strdup_printf(
-            "interlock %s is open: laser and motion are forbidden. Close it, then go on.", open);
-        sequencer_fail(seq, open, reason);
+        g_autofree char *reason = interlock_advice(open);
+        sequencer_fail(seq, open->device.name, reason);
         return;
     }
     stage_home(seq->stage);
@@ -408,7 +407,7 @@ void sequencer_poke(Sequencer *seq) {
     advance(seq);
 }
 
-const char *sequencer_open_interlock(const Sequencer *seq) {
+const Interlock *sequencer_open_interlock(const Sequencer *seq) {
     return stage_open_interlock(seq->stage);
 }
 

@@ -42,7 +42,7 @@ void sequencer_poke(Sequencer *sequencer);
 /* Now: the rig is made safe, frames on their way are forgotten, no hook is called. */
 gboolean sequencer_stop(Sequencer *sequencer, GError **error);
 
-const char *sequencer_open_interlock(const Sequencer *sequencer);
+const Interlock *sequencer_open_interlock(const Sequencer *sequencer);
 
 /* The shot under way, or NULL; and which of its pictures. */
 const struct session_shot *sequencer_shot(const Sequencer *sequencer, int *ret_sub, int *ret_n);

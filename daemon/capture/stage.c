@@ -160,9 +160,7 @@ static void stage_on_interlock(Interlock *interlock, gboolean closed, gpointer d
     Stage *stage = data;
     if (closed || !stage->active)
         return;
-    g_autofree char *reason = g_strdup_printf(
-        "interlock %s is open: laser and motion are forbidden. Close it, then go on.",
-        interlock->device.name);
+    g_autofree char *reason = interlock_advice(interlock);
     stage->hooks.fault(interlock->device.name, reason, stage->hooks.data);
 }
 
@@ -218,10 +216,10 @@ void stage_free(Stage *stage) {
     g_free(stage);
 }
 
-const char *stage_open_interlock(const Stage *stage) {
+const Interlock *stage_open_interlock(const Stage *stage) {
     for (int i = 0; i < stage->devices->n_interlocks; i++) {
         if (!interlock_is_closed(stage->devices->interlocks[i]))
-            return stage->devices->interlocks[i]->device.name;
+            return stage->devices->interlocks[i];
     }
     return NULL;
 }

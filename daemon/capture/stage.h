@@ -29,8 +29,8 @@ typedef struct Stage Stage;
 Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks);
 void stage_free(Stage *stage); /* NULL is ignored; switches and moves nothing */
 
-/* NULL if every interlock is closed, else the name of one that is open. */
-const char *stage_open_interlock(const Stage *stage);
+/* NULL if every interlock is closed, else one that is open. */
+const Interlock *stage_open_interlock(const Stage *stage);
 
 /* Homes all axes at once, each as soon as it stands. Switches off again all lights that may be on;
  * the stage is homed only when all are off. */

@@ -46,7 +46,7 @@ static void modbus_inputs_on_timer(gpointer data) {
 static void modbus_inputs_on_lost(gpointer data) {
     Interlock *interlock = data;
     ((struct modbus_inputs *)interlock->device.priv)->lost = 0;
-    interlock_report(interlock, FALSE);
+    interlock_report_lost(interlock);
 }
 
 static void await(Interlock *interlock, gboolean answered) {
@@ -64,7 +64,10 @@ static void await(Interlock *interlock, gboolean answered) {
 static void on_read(const struct modbus_job *job, const GError *error, gpointer data) {
     Interlock *interlock = data;
     await(interlock, !error);
-    interlock_report(interlock, !error && is_closed(interlock->device.priv, job));
+    if (error)
+        interlock_report_lost(interlock);
+    else
+        interlock_report(interlock, is_closed(interlock->device.priv, job));
 }
 
 static gboolean open_inputs(Interlock *interlock, GError **error) {

@@ -1,4 +1,5 @@
 #include "lib/modbus_bench.h"
+#include "lib/process.h"
 
 #include <math.h>
 
@@ -211,14 +212,19 @@ static void door(struct bench *bench, gconstpointer unused) {
     bench_expect(bench, TRUE);
     virtual_modbus_set_input(bench->device, 3, FALSE);
     bench_expect(bench, FALSE);
+    g_assert_false(interlock_is_lost(bench->door));
     virtual_modbus_set_input(bench->device, 3, TRUE);
     bench_expect(bench, TRUE);
     gint64 lost = g_get_monotonic_time();
     bench_fail(bench, .silent = -1);
     bench_expect(bench, FALSE);
     g_assert_cmpint(bench->at_us - lost, <, 600000);
+    g_assert_true(interlock_is_lost(bench->door)); /* nobody opened a door */
+    g_autofree char *advice = interlock_advice(bench->door);
+    assert_has(advice, "interlock door does not answer");
     bench_fail(bench, 0);
     bench_expect(bench, TRUE);
+    g_assert_false(interlock_is_lost(bench->door));
 }
 
 static void refuse(const struct axis_driver *driver, const char *text, GQuark domain, int code,
