@@ -245,14 +245,17 @@ gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result 
     if (fit->n_observations < 1 || m + n_known <= n)
         return FALSE;
     const int n_depends = fit->depends ? fit->n_depends : n;
-    g_autofree int *all = fit->depends ? NULL : g_new(int, (gsize)fit->n_observations *(gsize)n);
-    for (int i = 0; all && i < fit->n_observations * n; i++)
-        all[i] = i % n;
+    const int *depends = fit->depends;
+    g_autofree int *all = NULL;
+    if (!depends) {
+        depends = all = g_new0(int, (gsize)fit->n_observations *(gsize)n);
+        for (int i = 0; i < fit->n_observations * n; i++)
+            all[i] = i % n;
+    }
     g_autofree double *weights = g_new(double, fit->n_observations), *f = g_new(double, m);
     g_autofree double *moved = g_new(double, m), *at = g_new0(double, n);
     g_autofree double *rows = g_new(double, (gsize)m *(gsize)n_depends);
-    struct work work = {fit, weights, 1,  m,   n, n_depends, all ? all : fit->depends,
-                        f,   moved,   at, rows};
+    struct work work = {fit, weights, 1, m, n, n_depends, depends, f, moved, at, rows};
     fit->residuals(parameters, f, fit->data);
     for (int i = 0; i < m; i++)
         if (!isfinite(f[i]))

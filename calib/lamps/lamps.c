@@ -443,7 +443,9 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
     struct drive *const drives[] = {&problem.turntable, &problem.arc};
     struct fit_result fitted;
     g_autofree double *shift = problem.shift = g_new0(double, 4 * (gsize)n);
-    g_autofree int *turn = problem.turn = g_new(int, n), *swing = problem.swing = g_new(int, n);
+    g_autofree int *turn = g_new(int, n), *swing = g_new(int, n);
+    problem.turn = turn;
+    problem.swing = swing;
     memset(ret, 0, sizeof *ret);
     lamps_find_angles(&problem);
     gboolean ok = lamps_lay_out(&problem, error);

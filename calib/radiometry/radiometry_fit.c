@@ -432,7 +432,9 @@ gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
         .rig = &found, .shots = shots, .cells = cells, .n_shots = n_shots, .n_cells = n_cells};
     p.n = radiometry_fit_shot_at(&p, n_shots);
     g_autofree gboolean *bad = p.bad = g_new0(gboolean, n_cells);
-    g_autofree double *x = p.x = g_new0(double, p.n), *right = p.right = g_new0(double, p.n);
+    g_autofree double *x = g_new0(double, p.n), *right = g_new0(double, p.n);
+    p.x = x;
+    p.right = right;
     g_autofree double *matrix = p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
     memset(ret, 0, sizeof *ret);
     gboolean ok = radiometry_fit_run(&p, ret, error);

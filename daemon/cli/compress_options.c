@@ -86,7 +86,7 @@ static const char *compress_choices(const char *name) {
     g_autoptr(GHashTable) seen = g_hash_table_new(g_str_hash, g_str_equal);
     for (int i = 0; i < n_methods; i++) {
         const struct option *option = compress_find(&methods[i], name);
-        for (int k = 0; option && option->choices[k]; k++)
+        for (int k = 0; option && option->choices && option->choices[k]; k++)
             if (g_hash_table_add(seen, (gpointer)option->choices[k]))
                 g_string_append_printf(text, "%s%s", text->len ? "|" : "", option->choices[k]);
     }

@@ -111,7 +111,10 @@ static int run_request(const struct call *call, GError **error) {
 }
 
 #define CONTROL(name_, run_, help_)                                                                \
-    { .name = name_, .arguments = "[DIR]", .help = help_, .daemon = TRUE, .max = 1, .run = run_ }
+    {                                                                                              \
+        .name = (name_), .arguments = "[DIR]", .help = (help_), .daemon = TRUE, .max = 1,          \
+        .run = (run_)                                                                              \
+    }
 
 const struct command cli_status = CONTROL("status", run_status, "Show what the rig does.");
 const struct command cli_watch = CONTROL("watch", run_watch, "Follow a capture until it ends.");
