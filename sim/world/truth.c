@@ -194,13 +194,11 @@ static void count_laser(const struct raster *raster, const struct optics_laser *
                         guint8 *seen) {
     for (int first = 0; first < raster->n; first += SCENE_BATCH) {
         int n = MIN(SCENE_BATCH, raster->n - first);
-        const struct surface *points[SCENE_BATCH] = {NULL};
+        const struct surface *points = &raster->surfaces[first];
         guint8 blocked[SCENE_BATCH];
-        for (int i = 0; i < n; i++)
-            points[i] = &raster->surfaces[first + i];
         scene_shadow(&raster->world->scene, laser->position_mm, points, n, blocked);
         for (int i = 0; i < n; i++) {
-            struct v3 p = v3(points[i]->p[0], points[i]->p[1], points[i]->p[2]);
+            struct v3 p = v3(points[i].p[0], points[i].p[1], points[i].p[2]);
             seen[first + i] +=
                 raster->hit[first + i] && !blocked[i] && optics_laser_peak(laser, p) > 0;
         }
@@ -237,7 +235,7 @@ static void add_reflectance(const struct raster *raster, const struct lamp_light
         guint8 blocked;
         if (!raster->hit[i])
             continue;
-        scene_shadow(&raster->world->scene, light->lamp.position_mm, &s, 1, &blocked);
+        scene_shadow(&raster->world->scene, light->lamp.position_mm, s, 1, &blocked);
         double direct =
             blocked ? 0 : optics_lamp_irradiance(&light->lamp, v3(s->p[0], s->p[1], s->p[2]));
         for (int c = 0; c < 3; c++) {
