@@ -46,10 +46,7 @@ static void shell_vertex(const struct peanut *peanut, int i, int k, struct verte
     to_world(peanut, axis, to->t, 0);
     for (int c = 0; c < 3; c++)
         to->albedo[c] = (float)CLAMP(peanut->albedo[c] * (0.72 + 0.3 * net + 0.15 * rough), 0, 1);
-    const struct sample_options *o = peanut->options;
-    to->gloss = (float)(o->gloss >= 0 ? o->gloss : 0.03);
-    to->along = (float)(o->along > 0 ? o->along : 0.35);
-    to->across = (float)(o->across > 0 ? o->across : 0.35);
+    sample_set_gloss(to, peanut->options, 0.03, 0.35, 0.35);
 }
 
 static void add_peanut(struct mesh *mesh, const struct peanut *peanut) {
@@ -65,14 +62,9 @@ static void add_peanut(struct mesh *mesh, const struct peanut *peanut) {
     for (guint32 i = 0; i < ALONG; i++)
         for (guint32 k = 0; k < AROUND; k++) {
             guint32 a = first + i * AROUND + k, b = first + i * AROUND + (k + 1) % AROUND;
-            sample_add_quad(mesh, a, b, b + AROUND, a + AROUND);
+            sample_add_triangle(mesh, a, b + AROUND, b);
+            sample_add_triangle(mesh, a, a + AROUND, b + AROUND);
         }
-    for (guint i = first_triangle; i < mesh->triangles->len; i++) {
-        guint32 *corner = (guint32 *)(gpointer)mesh->triangles->data + 3 * i;
-        guint32 swap = corner[1];
-        corner[1] = corner[2];
-        corner[2] = swap;
-    }
     sample_smooth_normals(mesh, first, first_triangle);
 }
 

@@ -182,8 +182,6 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
 #define PROFILE_STEPS 64
 static float profile_table[REACH * REACH * PROFILE_STEPS + 2];
 
-
-
 static void world_laser_add_cells(const struct laser_list *list, double at, float *rate) {
     double low = MAX(0, floor(at - REACH)), high = MIN(list->n_cells, floor(at + REACH) + 1);
     if (!(low < high))
@@ -213,8 +211,7 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
                             world_light_pose(world, state->arc_deg, state->turntable_deg)};
     double turntable_rad = world_relative_rad(state->turntable_deg, 0);
     struct cache_key key = {{CACHED_LASER_LIST | (guint64)camera << 8 | (guint64)laser << 16,
-                             world_bits(turntable_rad),
-                             world_bits(job.pose.relative_rad), 0}};
+                             world_bits(turntable_rad), world_bits(job.pose.relative_rad), 0}};
     struct cache_entry *entry = cache_get(world->cache, &key, make_list, &job);
     const struct laser_list *list = entry->value;
     double sigma = world->lasers[laser].sigma;

@@ -16,8 +16,6 @@ static double whole_turn(double deg) { /* 0 … 360, in steps of 1e-9 */
     return steps >= 360e9 ? 0 : steps * 1e-9;
 }
 
-
-
 double world_relative_rad(double arc_deg, double turntable_deg) {
     return RAD(whole_turn(arc_deg - turntable_deg));
 }
@@ -113,11 +111,10 @@ static void trace_row(const struct view_job *job, int y) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int aa = job->world->supersample, k = 0;
     const float *low = job->world->scene.low, *high = job->world->scene.high;
-    guint64 sample =
-        sample_hash(world_bits((double)low[0] + (double)high[1])) ^
-        sample_hash(world_bits((double)low[1] - (double)high[0] + (double)high[2]));
-    struct sample_random random = {sample_hash(world_bits(whole_turn(job->turntable_deg)) +
-                                               sample + (guint64)job->camera * 8191 +
+    guint64 sample = sample_hash(world_bits((double)low[0] + (double)high[1])) ^
+                     sample_hash(world_bits((double)low[1] - (double)high[0] + (double)high[2]));
+    struct sample_random random = {sample_hash(world_bits(whole_turn(job->turntable_deg)) + sample +
+                                               (guint64)job->camera * 8191 +
                                                (guint64)y * 0x9e3779b97f4a7c15u)};
     double at[2 * MOST_SAMPLES];
     for (int i = 0; i < aa * aa; i++) {

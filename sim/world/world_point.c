@@ -64,8 +64,8 @@ void world_unpack(const struct point *from, struct surface *ret) {
     ret->triangle = from->triangle;
 }
 
-int world_light_points(const World *world, const struct view *view, guint first,
-                       struct v3 light_mm, struct surface *ret, guint8 *ret_blocked) {
+int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
+                       struct surface *ret, guint8 *ret_blocked) {
     int n = (int)MIN(SCENE_BATCH, view->n - first);
     for (int i = 0; i < n; i++)
         world_unpack(&view->points[first + (guint)i], &ret[i]);

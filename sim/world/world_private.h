@@ -148,8 +148,8 @@ void world_unpack(const struct point *from, struct surface *ret);
 
 /* Up to SCENE_BATCH points of a view from first on, and whether they see a light. Returns how many.
  */
-int world_light_points(const World *world, const struct view *view, guint first,
-                       struct v3 light_mm, struct surface *ret, guint8 *ret_blocked);
+int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
+                       struct surface *ret, guint8 *ret_blocked);
 
 /* Of the filter in front of a pixel, counted row by row. */
 static inline enum cfa_colour world_pixel_colour(const struct optics_camera *camera,

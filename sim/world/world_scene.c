@@ -116,8 +116,6 @@ void scene_clear(struct scene *scene) {
     scene->device = NULL;
 }
 
-
-
 static void surface_at(const struct scene *scene, const struct RTCRayHit *ray, struct surface *to) {
     const struct RTCHit *hit = &ray->hit;
     const float w[3] = {1 - hit->u - hit->v, hit->u, hit->v};
@@ -167,8 +165,6 @@ static gboolean table_at(const struct scene *scene, struct v3 start, struct v3 d
     to->triangle = NO_TRIANGLE;
     return TRUE;
 }
-
-
 
 static void trace_block(const struct scene *scene, struct RTCIntersectContext *context,
                         struct v3 eye, const struct v3 *starts, const struct v3 *directions, int n,
