@@ -241,7 +241,7 @@ static gboolean load_camera(World *world, const struct world_options *all,
 }
 
 /* Directions at a polar angle of the arc at 0: outwards, and upwards along the arc. */
-static struct v3 load_on_arc(double theta_deg, struct v3 *ret_up) {
+static struct v3 world_load_on_arc(double theta_deg, struct v3 *ret_up) {
     double theta = RAD(theta_deg);
     *ret_up = v3(-cos(theta), 0, sin(theta));
     return v3(sin(theta), 0, cos(theta));
@@ -258,7 +258,7 @@ static gboolean load_lamp(World *world, const struct world_options *all,
         struct sample_random random = device_random(all, 'l', world->n_lamps);
         struct optics_lamp *lamp = &world->lamps[world->n_lamps];
         *lamp = from.optics;
-        struct v3 up, out = load_on_arc(from.theta_deg, &up);
+        struct v3 up, out = world_load_on_arc(from.theta_deg, &up);
         lamp->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
         lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
         double along = from.aim_deg.values[0] + all->lamp_deg * deviate(&random);
@@ -285,7 +285,7 @@ static gboolean load_laser(World *world, const struct world_options *all,
         struct sample_random random = device_random(all, 's', world->n_lasers);
         struct optics_laser *laser = &world->lasers[world->n_lasers];
         *laser = from.optics;
-        struct v3 up, out = load_on_arc(from.theta_deg, &up);
+        struct v3 up, out = world_load_on_arc(from.theta_deg, &up);
         laser->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
         laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
         double tilt = RAD(from.tilt_deg + all->laser_deg * deviate(&random));
