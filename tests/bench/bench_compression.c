@@ -1,6 +1,7 @@
 /* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
+#include "bench.h"
 #include "compression_disk.h"
 #include "compression_eigenmaps.h"
 #include "compression_fields.h"
@@ -13,7 +14,6 @@
 #include "lpca/lpca.h"
 
 #include <cblas.h>
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -196,14 +196,8 @@ static int measure(const struct btf_matrix *btf, GError **error) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        fprintf(stderr, "%s\n", error->message);
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
     if (fields)
         return bench_fields(argv + 1, fits, json);
 #ifdef COMPRESS_MPI

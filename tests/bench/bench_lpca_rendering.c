@@ -1,6 +1,7 @@
 /* Local PCA drawn by the pairs of measured directions (Schneider 2004 §5, the baseline), from a 3D
  * texture (§6) and on a grid of directions with simplices: time a frame, and how far the pictures
  * differ. On a torus of a material made up of glossy lobes on 81 × 81 directions, or of a file. */
+#include "bench.h"
 #include "frame_time.h"
 #include "gl/gpu.h"
 #include "lpca/lpca.h"
@@ -10,7 +11,6 @@
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 
-#include <locale.h>
 #include <math.h>
 
 #define TEXELS   64
@@ -217,20 +217,16 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
     int frames = 5;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 5", "N"},
         {NULL}};
-    g_autoptr(GOptionContext) context = g_option_context_new("[lpca.exr]");
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 2) {
-        g_printerr("bench_lpca_rendering: %s\n", error ? error->message : "bad arguments");
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, "[lpca.exr]");
+    if (frames < 1 || argc > 2)
+        bench_fail(2, "bad arguments");
     if (bench(argc > 1 ? argv[1] : NULL, frames, json, &error))
         return 0;
     g_printerr("bench_lpca_rendering: %s\n", error->message);

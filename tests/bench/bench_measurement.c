@@ -7,13 +7,13 @@
  * texel is at least --pixels pixels across, in the direction in which a view shortens it too. At an
  * edge means with a step of half a texel within one texel.
  */
+#include "bench.h"
 #include "mdf/mdf_views.h"
 #include "measurement_btf.h"
 #include "measurement_mdf.h"
 #include "measurement_peaks.h"
 #include "measurement_speed.h"
 
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -104,13 +104,6 @@ static const struct {
                {"mono", TRUE, FALSE},
                {"mono_quiet", TRUE, TRUE}};
 
-static void print_camera(const char *name, const struct bench_cell *cells) {
-    struct errors flat = group_errors(cells, FALSE), steep = group_errors(cells, TRUE);
-    printf(json ? ", \"%s\": [%.5f, %.5f, %.5f, %.5f]" : "  %-14s %6.2f /%6.2f   %6.2f /%6.2f\n",
-           name, flat.median * (json ? 1 : 100), flat.p95 * (json ? 1 : 100),
-           steep.median * (json ? 1 : 100), steep.p95 * (json ? 1 : 100));
-}
-
 static void print_cameras(struct bench_setup setup) {
     if (!json)
         printf("  %g pixels a texel, median / p95 in %%: to 60° (limits 1 / 4), 75° (2 / 8)\n",
@@ -121,7 +114,11 @@ static void print_cameras(struct bench_setup setup) {
         setup.mono = cameras[k].mono;
         setup.noise = !cameras[k].quiet;
         bench_btf(&setup, samples, cells, NULL);
-        print_camera(cameras[k].name, cells);
+        struct errors flat = group_errors(cells, FALSE), steep = group_errors(cells, TRUE);
+        printf(json ? ", \"%s\": [%.5f, %.5f, %.5f, %.5f]"
+                    : "  %-14s %6.2f /%6.2f   %6.2f /%6.2f\n",
+               cameras[k].name, flat.median * (json ? 1 : 100), flat.p95 * (json ? 1 : 100),
+               steep.median * (json ? 1 : 100), steep.p95 * (json ? 1 : 100));
         clear_cells(cells);
     }
 }
@@ -135,20 +132,6 @@ static void print_curve(struct bench_setup setup) {
             printf("%s{\"pixels\": %g", i ? ", " : "", all[i]);
         print_cameras(setup);
         printf(json ? "}" : "");
-    }
-    printf(json ? "]" : "");
-}
-
-static void print_table(struct bench_cell *cells) {
-    printf(json ? "\"view_light_median_p95\": ["
-                : "  rows: view 15 … 75°, columns: light 15 … 75°\n");
-    for (int i = 0; i < PAIRS; i++) {
-        double median = bench_quantile(cells[i].errors, 0.5);
-        double p95 = bench_quantile(cells[i].errors, 0.95);
-        if (json)
-            printf("%s[%.5f, %.5f]", i ? ", " : "", median, p95);
-        else
-            printf("%8.2f /%6.2f%s", 100 * median, 100 * p95, i % RIG_VIEWS < 4 ? "" : "\n");
     }
     printf(json ? "]" : "");
 }
@@ -310,13 +293,6 @@ static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *vi
         fprintf(stderr, "bench_measurement: %s\n", error->message);
 }
 
-static void draw_mdf_alone(const struct bench_setup *setup) {
-    struct bench_mdf view = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
-    bench_mdf(setup, SHOWN_VIEW, steps, &view);
-    draw_mdf(setup, &view);
-    clear_mdf(&view);
-}
-
 static void print_mdf(const struct bench_setup *setup) {
     struct bench_mdf all[RIG_VIEWS] = {0};
     struct agreement a = {0};
@@ -402,9 +378,12 @@ static void measure(const char *material) {
     printf(json ? "%s\"%s\": {" : "%s%s\n", json ? ", " : "", material);
     if (curve)
         print_curve(setup);
-    else if (pictures && only_mdf_pictures)
-        draw_mdf_alone(&setup);
-    else if (!no_mdf)
+    else if (pictures && only_mdf_pictures) {
+        struct bench_mdf view = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
+        bench_mdf(&setup, SHOWN_VIEW, steps, &view);
+        draw_mdf(&setup, &view);
+        clear_mdf(&view);
+    } else if (!no_mdf)
         print_mdf(&setup);
     if (!no_btf && !curve && !only_mdf_pictures) {
         struct session_grid grid = bench_grid(&setup);
@@ -415,7 +394,17 @@ static void measure(const char *material) {
         demo_btf_free(picture);
         print_group("btf_to_60deg", cells, FALSE);
         print_group("btf_75deg", cells, TRUE);
-        print_table(cells);
+        printf(json ? "\"view_light_median_p95\": ["
+                    : "  rows: view 15 … 75°, columns: light 15 … 75°\n");
+        for (int i = 0; i < PAIRS; i++) {
+            double median = bench_quantile(cells[i].errors, 0.5);
+            double p95 = bench_quantile(cells[i].errors, 0.95);
+            if (json)
+                printf("%s[%.5f, %.5f]", i ? ", " : "", median, p95);
+            else
+                printf("%8.2f /%6.2f%s", 100 * median, 100 * p95, i % RIG_VIEWS < 4 ? "" : "\n");
+        }
+        printf(json ? "]" : "");
     }
     printf(json ? "}" : "");
     fflush(stdout);
@@ -423,15 +412,9 @@ static void measure(const char *material) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     static const char *const materials[] = {"weave", "brick", "peanuts", "brushed"};
     g_autoptr(GError) error = NULL;
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        fprintf(stderr, "bench_measurement: %s\n", error->message);
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
     printf(json ? "{\"pixels_a_texel\": %g, " : "at least %g pixels a texel\n", pixels);
     print_peaks();
     print_speed();

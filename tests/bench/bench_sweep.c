@@ -1,7 +1,7 @@
 /* How fast laser frames are absorbed, against copying them. */
+#include "bench.h"
 #include "frames/sweep.h"
 
-#include <locale.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,14 +11,6 @@
 #define PICTURES 96 /* all different, as those of a sweep are */
 #define FRAMES   192
 #define REPEATS  5
-
-static void fill(guint16 *pixels, int picture, GRand *random) {
-    for (int i = 0; i < WIDTH * HEIGHT; i++) {
-        int x = i % WIDTH, line = WIDTH * picture / PICTURES;
-        pixels[i] =
-            (guint16)(64 + g_rand_int_range(random, 0, 16) + (abs(x - line) < 8 ? 3000 : 0));
-    }
-}
 
 static double time_copy(guint16 *const *pictures, guint16 *to) {
     gint64 start = g_get_monotonic_time();
@@ -38,12 +30,15 @@ static double time_sweep(guint16 *const *pictures) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     guint16 *pictures[PICTURES], *to = g_new0(guint16, WIDTH * HEIGHT);
     GRand *random = g_rand_new_with_seed(1);
     for (int i = 0; i < PICTURES; i++) {
         pictures[i] = g_new(guint16, WIDTH * HEIGHT);
-        fill(pictures[i], i, random);
+        for (int k = 0; k < WIDTH * HEIGHT; k++) {
+            int x = k % WIDTH, line = WIDTH * i / PICTURES;
+            pictures[i][k] =
+                (guint16)(64 + g_rand_int_range(random, 0, 16) + (abs(x - line) < 8 ? 3000 : 0));
+        }
     }
     double copy = G_MAXDOUBLE, sweep = G_MAXDOUBLE;
     for (int i = 0; i < REPEATS; i++) {

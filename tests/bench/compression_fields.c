@@ -53,13 +53,6 @@ static void take_problems(struct problems *p, struct btf_matrix *btf, int n) {
     lobes_start_free(start);
 }
 
-static void problems_clear(struct problems *p) {
-    btf_matrix_free(p->btf);
-    g_free(p->lights);
-    g_free(p->rows);
-    g_free(p->starts);
-}
-
 static struct solver solve_batch(const struct problems *p) {
     g_autofree float *x = g_memdup2(p->starts, sizeof(float) * (gsize)p->n * PARAMETERS);
     g_autofree float *costs = g_new(float, p->n);
@@ -251,7 +244,10 @@ int bench_fields(char *const *sessions, int fits, gboolean json) {
         print_solvers(&problems, json);
         print_models(btf, json);
         printf(json ? "}" : "");
-        problems_clear(&problems);
+        btf_matrix_free(problems.btf);
+        g_free(problems.lights);
+        g_free(problems.rows);
+        g_free(problems.starts);
     }
     if (json)
         printf("]}\n");

@@ -60,10 +60,6 @@ static struct darks take_darks(World *world, int camera) {
     return darks;
 }
 
-static guint64 frame_key(int camera, int lamp, double arc) {
-    return ((guint64)camera * 16 + (guint64)lamp) * 4096 + (guint64)arc * 8;
-}
-
 /* What intake stores: merged, in half floats. */
 static float *take_mosaic(World *world, int camera, int lamp, double arc, const struct darks *darks,
                           int *ret_saturated) {
@@ -71,8 +67,9 @@ static float *take_mosaic(World *world, int camera, int lamp, double arc, const 
     state.lamp_output[lamp] = 1;
     Frame *frames[N_EXPOSURES];
     for (int e = 0; e < N_EXPOSURES; e++)
-        frames[e] = expose(world, camera, &state, exposures_us[e],
-                           frame_key(camera, lamp, arc) + (guint64)e);
+        frames[e] =
+            expose(world, camera, &state, exposures_us[e],
+                   (((guint64)camera * 16 + (guint64)lamp) * 4096 + (guint64)arc * 8) + (guint64)e);
     gsize n = (gsize)frames[0]->width * (gsize)frames[0]->height;
     float *mosaic = g_new(float, n);
     struct radiance_stats stats;
@@ -135,17 +132,6 @@ static gboolean is_shown(int view, int lamp) {
     return FALSE;
 }
 
-static void show(struct demo_btf *picture, const struct session_grid *grid, const float *rgb,
-                 const float *irradiance, const float *truth) {
-    static const char *const channels[] = {"B", "G", "R", NULL};
-    struct exr_part *part = exr_part_new("shown", grid->width, grid->height, channels, EXR_FLOAT);
-    for (int i = 0; i < grid->width * grid->height; i++)
-        for (int c = 0; c < 3; c++)
-            part->planes[2 - c][i] = rgb[3 * i + c] * (float)G_PI / irradiance[i];
-    demo_btf_add(picture, part, truth);
-    exr_part_free(part);
-}
-
 void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret,
                struct demo_btf *picture) {
     g_autoptr(GError) error = NULL;
@@ -175,8 +161,16 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
                                irradiance);
             truth_btf(world, view, lamp, turntable_deg(view), arc, &truth_grid, truth_samples,
                       truth);
-            if (picture && is_shown(view, lamp))
-                show(picture, &grid, rgb, irradiance, truth);
+            if (picture && is_shown(view, lamp)) {
+                static const char *const channels[] = {"B", "G", "R", NULL};
+                struct exr_part *part =
+                    exr_part_new("shown", grid.width, grid.height, channels, EXR_FLOAT);
+                for (int k = 0; k < grid.width * grid.height; k++)
+                    for (int c = 0; c < 3; c++)
+                        part->planes[2 - c][k] = rgb[3 * k + c] * (float)G_PI / irradiance[k];
+                demo_btf_add(picture, part, truth);
+                exr_part_free(part);
+            }
             compare(rgb, irradiance, truth, n, setup->mono, cell->errors, cell->bias);
         }
         for (int e = 0; e < N_EXPOSURES; e++)

@@ -37,18 +37,6 @@ static struct picture picture_of(const struct bench_setup *setup, int camera) {
                             (int)(tall * a_mm) / 2 * 2 + 16};
 }
 
-static void write_cameras(const struct bench_setup *setup, GString *text) {
-    for (int i = 0; i < RIG_VIEWS; i++) {
-        struct picture picture = picture_of(setup, i);
-        g_string_append_printf(
-            text,
-            "[camera cam%d]\ntheta_deg = %g\ndistance_mm = %g\nwidth = %d\nheight = %d\n"
-            "focal_px = %.17g\nresponse = %g\nvignetting = %g\nk1 = %g\ncfa = %s\n",
-            i, bench_elevation_deg(i), CAMERA_MM, picture.width, picture.height, picture.focal_px,
-            RESPONSE, VIGNETTING, K1, setup->mono ? "mono" : "rggb");
-    }
-}
-
 static char *world_text(const struct bench_setup *setup) {
     GString *text = g_string_new(NULL);
     g_string_append_printf(text,
@@ -63,7 +51,15 @@ static char *world_text(const struct bench_setup *setup) {
                            : g_str_equal(setup->material, "brick")   ? 2.0
                                                                      : 1.2,
                            REFERENCE_MM);
-    write_cameras(setup, text);
+    for (int i = 0; i < RIG_VIEWS; i++) {
+        struct picture picture = picture_of(setup, i);
+        g_string_append_printf(
+            text,
+            "[camera cam%d]\ntheta_deg = %g\ndistance_mm = %g\nwidth = %d\nheight = %d\n"
+            "focal_px = %.17g\nresponse = %g\nvignetting = %g\nk1 = %g\ncfa = %s\n",
+            i, bench_elevation_deg(i), CAMERA_MM, picture.width, picture.height, picture.focal_px,
+            RESPONSE, VIGNETTING, K1, setup->mono ? "mono" : "rggb");
+    }
     for (int i = 0; i < RIG_VIEWS; i++)
         g_string_append_printf(text,
                                "[lamp lamp%d]\ntheta_deg = %g\ndistance_mm = %g\nexponent = 2\n"

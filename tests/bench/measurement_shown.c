@@ -58,18 +58,6 @@ static int pixel_dn(struct shown *shown, int position, double angle_deg, gsize p
     return shown->pixels[pixel];
 }
 
-static gboolean shows(struct shown *shown, int position, const double point_mm[3]) {
-    double xy[2];
-    truth_project(shown->world, shown->view, point_mm, xy);
-    const int x = (int)lround(xy[0]), y = (int)lround(xy[1]);
-    g_assert(x >= 0 && y >= 0 && x < shown->sensor.width && y < shown->sensor.height);
-    const gsize pixel = (gsize)y * (gsize)shown->sensor.width + (gsize)x;
-    const double on = sweep_deg(shown->world, shown->positions->laser[position],
-                                shown->positions->arc_deg[position], point_mm);
-    return pixel_dn(shown, position, on, pixel) - pixel_dn(shown, position, on + FAR_DEG, pixel) >=
-           shown->positions->threshold_dn;
-}
-
 void bench_shown(const struct bench_setup *setup, int view, double turntable_deg,
                  const struct bench_positions *positions, const float *distance_mm,
                  const guint8 *asked, guint8 *ret_shown) {
@@ -96,7 +84,16 @@ void bench_shown(const struct bench_setup *setup, int view, double turntable_deg
             if (!asked[i] || !lit[i] || ret_shown[i])
                 continue;
             surface_point(&shown, &grid, (int)i, distance_mm[i], point_mm);
-            ret_shown[i] = shows(&shown, k, point_mm);
+            double xy[2];
+            truth_project(shown.world, shown.view, point_mm, xy);
+            const int x = (int)lround(xy[0]), y = (int)lround(xy[1]);
+            g_assert(x >= 0 && y >= 0 && x < shown.sensor.width && y < shown.sensor.height);
+            const gsize pixel = (gsize)y * (gsize)shown.sensor.width + (gsize)x;
+            const double on = sweep_deg(shown.world, shown.positions->laser[k],
+                                        shown.positions->arc_deg[k], point_mm);
+            ret_shown[i] =
+                pixel_dn(&shown, k, on, pixel) - pixel_dn(&shown, k, on + FAR_DEG, pixel) >=
+                shown.positions->threshold_dn;
         }
     }
 }

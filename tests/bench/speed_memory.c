@@ -79,8 +79,12 @@ static void commit_all(Session *session, const struct session_plan *plan, const 
     g_assert_true(session_set_value(session, "state", "done", NULL));
 }
 
-/* A calibration file wants names. */
-static void name_all(struct rig *rig) {
+static void make_session(const char *path, const char *frame, int views) {
+    const struct bench_setup setup = {
+        .material = "weave", .texels = TEXELS, .texel_mm = 50.0 / TEXELS, .pixels_a_texel = 2};
+    struct rig *rig = g_new0(struct rig, 1);
+    bench_rig(&setup, rig);
+    /* A calibration file wants names. */
     g_strlcpy(rig->id, "bench", sizeof rig->id);
     for (int i = 0; i < rig->n_cameras; i++)
         g_snprintf(rig->cameras[i].name, RIG_NAME, "cam%d", i);
@@ -88,14 +92,6 @@ static void name_all(struct rig *rig) {
         g_snprintf(rig->lamps[i].name, RIG_NAME, "lamp%d", i);
     for (int i = 0; i < rig->n_lasers; i++)
         g_snprintf(rig->lasers[i].name, RIG_NAME, "laser%d", i);
-}
-
-static void make_session(const char *path, const char *frame, int views) {
-    const struct bench_setup setup = {
-        .material = "weave", .texels = TEXELS, .texel_mm = 50.0 / TEXELS, .pixels_a_texel = 2};
-    struct rig *rig = g_new0(struct rig, 1);
-    bench_rig(&setup, rig);
-    name_all(rig);
     g_autofree char *calibration = rig_to_text(rig);
     g_autofree struct session_direction *view = g_new0(struct session_direction, views);
     g_autofree struct session_direction *light = g_new0(struct session_direction, LIGHTS);

@@ -109,12 +109,6 @@ static struct scene *scene_new(void) {
     return scene;
 }
 
-static void scene_free(struct scene *scene) {
-    g_free(scene->mosaics);
-    g_free(scene->truth);
-    g_free(scene);
-}
-
 static double since_ms(gint64 begun_us) {
     return (double)(speed_now_us() - begun_us) / 1e3;
 }
@@ -238,6 +232,8 @@ struct speed_rectify speed_rectify(void) {
     ret.decode_ms = decode_ms(scene);
     rectify_all(scene, &ret);
     run_opencv(scene, &ret);
-    scene_free(scene);
+    g_free(scene->mosaics);
+    g_free(scene->truth);
+    g_free(scene);
     return ret;
 }

@@ -54,17 +54,6 @@ double speed_number(const char *json, const char *name) {
     return at ? g_ascii_strtod(at + strlen(key), NULL) : 0;
 }
 
-/* A line that goes across the picture once, of another brightness in every pixel, with noise. */
-static void fill(guint16 *pixels, int time, GRand *rand) {
-    for (gsize i = 0; i < PIXELS; i++) {
-        const double at = (double)(i % WIDTH) / WIDTH * FRAMES - time;
-        const double dn =
-            fabs(at) < 6 ? (500 + (double)(i * 7919 % 3000)) * exp(-at * at / (2 * SIGMA * SIGMA))
-                         : 0;
-        pixels[i] = (guint16)(64 + g_rand_int_range(rand, 0, 16) + lround(dn));
-    }
-}
-
 static double time_copy(const guint16 *frames, guint16 *to) {
     const gint64 begun_us = speed_now_us();
     for (gsize t = 0; t < FRAMES; t++) {
@@ -132,8 +121,18 @@ struct speed_sweep speed_sweep(void) {
     g_autofree float *peak = g_new(float, PIXELS), *width = g_new(float, PIXELS);
     g_autofree float *intensity = g_new(float, PIXELS);
     GRand *rand = g_rand_new_with_seed(1);
-    for (int t = 0; t < FRAMES; t++)
-        fill(frames + (gsize)t * PIXELS, t, rand);
+    for (int t = 0; t < FRAMES; t++) {
+        /* A line that goes across the picture once, of another brightness in every pixel, with
+         * noise. */
+        guint16 *pixels = frames + (gsize)t * PIXELS;
+        for (gsize k = 0; k < PIXELS; k++) {
+            const double at = (double)(k % WIDTH) / WIDTH * FRAMES - t;
+            const double dn = fabs(at) < 6 ? (500 + (double)(k * 7919 % 3000)) *
+                                                 exp(-at * at / (2 * SIGMA * SIGMA))
+                                           : 0;
+            pixels[k] = (guint16)(64 + g_rand_int_range(rand, 0, 16) + lround(dn));
+        }
+    }
     g_rand_free(rand);
     double copy = G_MAXDOUBLE, some = G_MAXDOUBLE, single = G_MAXDOUBLE, finish = G_MAXDOUBLE;
     for (int i = 0; i < REPEATS; i++) {

@@ -55,17 +55,6 @@ static void write_register(libusb_device_handle *handle, guint64 address, guint3
         fail("a register was not written");
 }
 
-static double shoot_bare(libusb_device_handle *handle, guint8 *picture) {
-    guint8 head[64];
-    gint64 begun = g_get_monotonic_time();
-    write_register(handle, TRIGGER, 1);
-    bulk(handle, 0x82, head, sizeof head);
-    if (bulk(handle, 0x82, picture, WIDTH * HEIGHT) != WIDTH * HEIGHT)
-        fail("half a picture came");
-    bulk(handle, 0x82, head, sizeof head);
-    return (double)(g_get_monotonic_time() - begun);
-}
-
 static void time_bare(int n, double *ret_us) {
     libusb_context *context;
     g_autofree guint8 *picture = g_malloc(WIDTH * HEIGHT);
@@ -76,8 +65,16 @@ static void time_bare(int n, double *ret_us) {
         fail("it cannot be opened by hand");
     write_register(handle, STREAM_CONTROL, 1);
     write_register(handle, ACQUISITION, 1);
-    for (int i = 0; i < n; i++)
-        ret_us[i] = shoot_bare(handle, picture);
+    for (int i = 0; i < n; i++) {
+        guint8 head[64];
+        gint64 begun = g_get_monotonic_time();
+        write_register(handle, TRIGGER, 1);
+        bulk(handle, 0x82, head, sizeof head);
+        if (bulk(handle, 0x82, picture, WIDTH * HEIGHT) != WIDTH * HEIGHT)
+            fail("half a picture came");
+        bulk(handle, 0x82, head, sizeof head);
+        ret_us[i] = (double)(g_get_monotonic_time() - begun);
+    }
     write_register(handle, ACQUISITION, 0);
     libusb_close(handle);
     libusb_exit(context);
