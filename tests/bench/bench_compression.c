@@ -66,10 +66,6 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static double seconds_since(gint64 start) {
-    return (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
-}
-
 /* GFLOP/s. */
 static double peak(int threads) {
     const gsize n = (gsize)PEAK * PEAK;
@@ -79,10 +75,10 @@ static double peak(int threads) {
         a[i] = b[i] = 1 + (float)(i % 7);
     openblas_set_num_threads(threads);
     for (int i = 0; i < REPEATS; i++) {
-        const gint64 start = g_get_monotonic_time();
+        const double start = bench_now_s();
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, PEAK, PEAK, PEAK, 1, a, PEAK, b,
                     PEAK, 0, c, PEAK);
-        best = MIN(best, seconds_since(start));
+        best = MIN(best, bench_now_s() - start);
     }
     return 2e-9 * PEAK * PEAK * PEAK / best;
 }
@@ -147,7 +143,7 @@ static gboolean write_rows(const struct btf_matrix *btf) {
 /* How long each stage took, told apart by what it says of its progress. */
 #define MOST_STAGES 8
 struct stages {
-    gint64 last;
+    double last;
     int n;
     char names[MOST_STAGES][16];
     double seconds[MOST_STAGES];
@@ -156,8 +152,8 @@ struct stages {
 /* What was before the first word of a stage belongs to the one before. */
 static void note(const struct work_progress *progress, gpointer data) {
     struct stages *stages = data;
-    stages->seconds[stages->n - 1] += seconds_since(stages->last);
-    stages->last = g_get_monotonic_time();
+    stages->seconds[stages->n - 1] += bench_now_s() - stages->last;
+    stages->last = bench_now_s();
     if (g_str_equal(stages->names[stages->n - 1], progress->stage) || stages->n == MOST_STAGES)
         return;
     g_strlcpy(stages->names[stages->n++], progress->stage, sizeof stages->names[0]);
@@ -168,7 +164,7 @@ static void print_stages(const struct stages *stages) {
         printf(json ? ", \"%s_s\": %.3f" : "%s %.3f s, ", stages->names[i], stages->seconds[i]);
 }
 
-static int measure(const struct btf_matrix *btf, GError **error) {
+static void measure(const struct btf_matrix *btf, GError **error) {
     struct stages stages = {.n = 1, .names = {"sample"}};
     const struct lpca_options options = {.n_clusters = clusters,
                                          .n_components = components,
@@ -176,12 +172,12 @@ static int measure(const struct btf_matrix *btf, GError **error) {
                                          .work.data = &stages};
     const int threads = (int)g_get_num_processors();
     const double gflops = peak(threads);
-    const gint64 start = stages.last = g_get_monotonic_time();
+    const double start = stages.last = bench_now_s();
     struct lpca *lpca = lpca_compute(btf, &options, error);
-    const double time = seconds_since(start);
+    const double time = bench_now_s() - start;
     if (!lpca)
-        return 1;
-    stages.seconds[stages.n - 1] += seconds_since(stages.last);
+        return;
+    stages.seconds[stages.n - 1] += bench_now_s() - stages.last;
     const double share = needed_gflop(btf, lpca) / time / gflops;
     printf(json ? "{\"rows\": %d, \"columns\": %d, \"clusters\": %d, \"components\": %d, "
                   "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f"
@@ -192,7 +188,6 @@ static int measure(const struct btf_matrix *btf, GError **error) {
     print_stages(&stages);
     puts(json ? "}" : "");
     lpca_free(lpca);
-    return 0;
 }
 
 int main(int argc, char **argv) {
@@ -218,13 +213,11 @@ int main(int argc, char **argv) {
         return ret;
     }
     struct btf_matrix *btf = session ? btf_matrix_read(session, NULL, &error) : synthetic();
-    int rc = 1;
-    if (btf && dump && !write_rows(btf))
-        fprintf(stderr, "%s: cannot be written\n", dump);
-    else if (btf)
-        rc = measure(btf, &error);
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
+    bench_check(error);
+    if (dump && !write_rows(btf))
+        bench_fail(1, "%s: cannot be written", dump);
+    measure(btf, &error);
+    bench_check(error);
     btf_matrix_free(btf);
-    return rc;
+    return 0;
 }

@@ -166,32 +166,6 @@ struct agreement {
     gint64 measured, outliers, refuted, refuted_outliers;
 };
 
-static void compare_views(const struct bench_setup *setup, const struct bench_mdf *all,
-                          struct agreement *ret) {
-    struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
-                              bench_grid(setup).reference_mm};
-    struct mdf_eye eyes[RIG_VIEWS];
-    int n = setup->texels * setup->texels;
-    g_autofree guint16 *confirmed = g_new(guint16, n), *denied = g_new(guint16, n);
-    for (int v = 0; v < RIG_VIEWS; v++) {
-        memcpy(eyes[v].centre_mm, all[v].centre_mm, sizeof eyes[v].centre_mm);
-        eyes[v].distance = all[v].distance;
-    }
-    for (int v = 0; v < RIG_VIEWS; v++) {
-        mdf_views_compare(eyes, RIG_VIEWS, v, &plane, confirmed, denied);
-        for (int i = 0; i < n; i++) {
-            if (all[v].distance[i] < 0 || all[v].truth[i] < 0)
-                continue;
-            gboolean out = fabsf(all[v].distance[i] - all[v].truth[i]) > (float)setup->texel_mm;
-            gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
-            ret->measured++;
-            ret->outliers += out;
-            ret->refuted += refuted;
-            ret->refuted_outliers += refuted && out;
-        }
-    }
-}
-
 /* What one kind of texels' distances are worth. */
 struct worth {
     gint64 n, outliers;
@@ -211,33 +185,6 @@ struct settled {
     struct worth off_before, off_after, edge_before, edge_after, source[MDF_PREDICTED + 1], removed;
 };
 
-static void settle_view(const struct bench_setup *setup, const struct bench_mdf *m,
-                        const struct mdf_eye *eyes, int view, const struct mdf_plane *plane,
-                        struct settled *ret) {
-    const int n = setup->texels * setup->texels;
-    g_autofree float *mm = g_new(float, n);
-    g_autofree guint8 *source = g_new(guint8, n);
-    mdf_views_settle(eyes, RIG_VIEWS, view, plane, mm, source);
-    for (int i = 0; i < n; i++) {
-        const float before = m->distance[i], truth = m->truth[i];
-        ret->lit += m->lit[i] > 0;
-        ret->before += m->lit[i] > 0 && before >= 0;
-        ret->after[source[i]] += m->lit[i] > 0;
-        if (truth < 0)
-            continue;
-        if (before >= 0)
-            add_worth(m->edge[i] ? &ret->edge_before : &ret->off_before, before, truth,
-                      setup->texel_mm);
-        if (mm[i] >= 0)
-            add_worth(m->edge[i] ? &ret->edge_after : &ret->off_after, mm[i], truth,
-                      setup->texel_mm);
-        if (mm[i] >= 0)
-            add_worth(&ret->source[source[i]], mm[i], truth, setup->texel_mm);
-        if (before >= 0 && source[i] != MDF_MEASURED)
-            add_worth(&ret->removed, before, truth, setup->texel_mm);
-    }
-}
-
 static void print_worth(const char *name, const struct worth *w) {
     printf(json ? ", \"%s\": {\"n\": %" G_GINT64_FORMAT
                   ", \"outliers\": %.5f, \"rms_texels\": %.4f}"
@@ -256,8 +203,30 @@ static void print_settled(const struct bench_setup *setup, const struct bench_md
         eyes[v].other = all[v].other;
         eyes[v].lasers = all[v].lasers;
     }
-    for (int v = 0; v < RIG_VIEWS; v++)
-        settle_view(setup, &all[v], eyes, v, &plane, &s);
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        const int n = setup->texels * setup->texels;
+        g_autofree float *mm = g_new(float, n);
+        g_autofree guint8 *source = g_new(guint8, n);
+        mdf_views_settle(eyes, RIG_VIEWS, v, &plane, mm, source);
+        for (int i = 0; i < n; i++) {
+            const float before = all[v].distance[i], truth = all[v].truth[i];
+            s.lit += all[v].lit[i] > 0;
+            s.before += all[v].lit[i] > 0 && before >= 0;
+            s.after[source[i]] += all[v].lit[i] > 0;
+            if (truth < 0)
+                continue;
+            if (before >= 0)
+                add_worth(all[v].edge[i] ? &s.edge_before : &s.off_before, before, truth,
+                          setup->texel_mm);
+            if (mm[i] >= 0)
+                add_worth(all[v].edge[i] ? &s.edge_after : &s.off_after, mm[i], truth,
+                          setup->texel_mm);
+            if (mm[i] >= 0)
+                add_worth(&s.source[source[i]], mm[i], truth, setup->texel_mm);
+            if (before >= 0 && source[i] != MDF_MEASURED)
+                add_worth(&s.removed, before, truth, setup->texel_mm);
+        }
+    }
     printf(json ? ", \"mdf_settled\": {\"coverage_before\": %.5f, \"coverage_measured\": %.5f, "
                   "\"coverage_with_predicted\": %.5f"
                 : "  MDF settled between views: of lit texels %.4f measured before, %.4f after, "
@@ -304,7 +273,28 @@ static void print_mdf(const struct bench_setup *setup) {
     }
     if (pictures)
         draw_mdf(setup, &all[SHOWN_VIEW]);
-    compare_views(setup, all, &a);
+    struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
+                              bench_grid(setup).reference_mm};
+    struct mdf_eye eyes[RIG_VIEWS];
+    int n = setup->texels * setup->texels;
+    g_autofree guint16 *confirmed = g_new(guint16, n), *denied = g_new(guint16, n);
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        memcpy(eyes[v].centre_mm, all[v].centre_mm, sizeof eyes[v].centre_mm);
+        eyes[v].distance = all[v].distance;
+    }
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        mdf_views_compare(eyes, RIG_VIEWS, v, &plane, confirmed, denied);
+        for (int i = 0; i < n; i++) {
+            if (all[v].distance[i] < 0 || all[v].truth[i] < 0)
+                continue;
+            gboolean out = fabsf(all[v].distance[i] - all[v].truth[i]) > (float)setup->texel_mm;
+            gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
+            a.measured++;
+            a.outliers += out;
+            a.refuted += refuted;
+            a.refuted_outliers += refuted && out;
+        }
+    }
     gint64 kept = a.measured - a.refuted, left = a.outliers - a.refuted_outliers;
     printf(json ? "], \"mdf_outliers\": %.5f, \"mdf_refuted\": %.5f, "
                   "\"mdf_outliers_unrefuted\": %.5f"

@@ -13,23 +13,27 @@
 #define REPEATS  5
 
 static double time_copy(guint16 *const *pictures, guint16 *to) {
-    gint64 start = g_get_monotonic_time();
+    double start = bench_now_s();
     for (int t = 0; t < FRAMES; t++) {
         memcpy(to, pictures[t % PICTURES], sizeof(guint16) * WIDTH * HEIGHT);
         __asm__ volatile("" : : "r"(to) : "memory");
     }
-    return (double)(g_get_monotonic_time() - start) / 1e6;
+    return bench_now_s() - start;
 }
 
 static double time_sweep(guint16 *const *pictures) {
     g_autoptr(Sweep) sweep = sweep_new(WIDTH, HEIGHT, FRAMES, 4095);
-    gint64 start = g_get_monotonic_time();
+    double start = bench_now_s();
     for (int t = 0; t < FRAMES; t++)
         sweep_add(sweep, pictures[t % PICTURES]);
-    return (double)(g_get_monotonic_time() - start) / 1e6;
+    return bench_now_s() - start;
 }
 
 int main(int argc, char **argv) {
+    gboolean json = FALSE;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL}, {NULL}};
+    bench_parse(&argc, &argv, entries, NULL);
     guint16 *pictures[PICTURES], *to = g_new0(guint16, WIDTH * HEIGHT);
     GRand *random = g_rand_new_with_seed(1);
     for (int i = 0; i < PICTURES; i++) {
@@ -46,7 +50,7 @@ int main(int argc, char **argv) {
         sweep = MIN(sweep, time_sweep(pictures));
     }
     double megapixels = 1e-6 * WIDTH * HEIGHT * FRAMES;
-    gboolean json = argc > 1 && strcmp(argv[1], "--json") == 0;
+
     printf(json ? "{\"sweep_mpx_s\": %.0f, \"memcpy_mpx_s\": %.0f, \"ratio\": %.3f}\n"
                 : "sweep %.0f Mpx/s, memcpy %.0f Mpx/s, ratio %.3f\n",
            megapixels / sweep, megapixels / copy, copy / sweep);

@@ -51,26 +51,6 @@ struct latency {
     struct bench_times raw, driver;
 };
 
-static void time_transfers(struct latency *ret) {
-    static const guint16 products[] = {0x00b5, 0};
-    const struct usb_match match = {
-        .who = "bench", .vendor = 0x1ffb, .products = products, .interface_class = 0xff};
-    const struct usb_request request = {0xc0, 0xa1, 0, 0, NULL, 1};
-    double us[N_TRANSFERS];
-    guint8 answer[1];
-    GError *error = NULL;
-    UsbDevice *usb = usb_open(&match, NULL, NULL, &error);
-    bench_check(error);
-    for (int i = 0; i < N_TRANSFERS; i++) {
-        gint64 start = g_get_monotonic_time();
-        usb_control_sync(usb, &request, answer, &error);
-        bench_check(error);
-        us[i] = (double)(g_get_monotonic_time() - start);
-    }
-    usb_close(usb);
-    ret->raw = bench_times(us, N_TRANSFERS);
-}
-
 static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
     bench_check(error);
     ++*(int *)data;
@@ -86,7 +66,23 @@ static struct latency measure_tic(Clock *clock) {
                                           &section);
     GError *error = NULL;
     int n = 0;
-    time_transfers(&latency);
+    static const guint16 products[] = {0x00b5, 0};
+    const struct usb_match match = {
+        .who = "bench", .vendor = 0x1ffb, .products = products, .interface_class = 0xff};
+    const struct usb_request request = {0xc0, 0xa1, 0, 0, NULL, 1};
+    double bare_us[N_TRANSFERS];
+    guint8 answer[1];
+    GError *failure = NULL;
+    UsbDevice *usb = usb_open(&match, NULL, NULL, &failure);
+    bench_check(failure);
+    for (int i = 0; i < N_TRANSFERS; i++) {
+        gint64 begun = g_get_monotonic_time();
+        usb_control_sync(usb, &request, answer, &failure);
+        bench_check(failure);
+        bare_us[i] = (double)(g_get_monotonic_time() - begun);
+    }
+    usb_close(usb);
+    latency.raw = bench_times(bare_us, N_TRANSFERS);
     g_autoptr(Axis) axis = axis_open(&tic_axis_driver, section, NULL, clock, &error);
     bench_check(error);
     axis_listen(axis, on_axis, &n);

@@ -1,5 +1,6 @@
 #include "compression_disk.h"
 
+#include "bench.h"
 #include "lpca/lpca_private.h"
 
 #include <cblas.h>
@@ -163,7 +164,6 @@ int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int 
         }
     }
     lpca_free(lpca);
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
-    return error ? 1 : 0;
+    bench_check(error);
+    return 0;
 }

@@ -1,5 +1,6 @@
 #include "compression_eigenmaps.h"
 
+#include "bench.h"
 #include "compression_disk.h"
 #include "eigenmaps/eigenmaps_codec.h"
 
@@ -39,7 +40,6 @@ int bench_eigenmaps(struct btf_matrix *like, float (*value)(int, int, int, int),
                    like->width * like->height * like->n_lights * 3, like->n_views, columns, TERMS,
                    exact_s, exact, randomised_s, randomised, exact_s / randomised_s, peak);
     }
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
-    return error ? 1 : 0;
+    bench_check(error);
+    return 0;
 }

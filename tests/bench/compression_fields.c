@@ -1,6 +1,7 @@
 #include "compression_fields.h"
 
 #include "base/direction.h"
+#include "bench.h"
 #include "lobes/lobes_private.h"
 
 #include <cminpack.h>
@@ -177,9 +178,9 @@ static gint64 count_overflows(const struct lobes *lobes) {
 static struct lobes *fit_model(const struct btf_matrix *btf, enum lobes_model model,
                                double *ret_seconds) {
     const struct lobes_options options = {.model = model};
-    const gint64 start = g_get_monotonic_time();
+    const double start = bench_now_s();
     struct lobes *lobes = lobes_compute(btf, &options, NULL);
-    *ret_seconds = (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
+    *ret_seconds = bench_now_s() - start;
     return lobes;
 }
 
@@ -232,10 +233,7 @@ int bench_fields(char *const *sessions, int fits, gboolean json) {
         g_autoptr(GError) error = NULL;
         struct problems problems = {0};
         struct btf_matrix *btf = btf_matrix_read(sessions[i], NULL, &error);
-        if (!btf) {
-            fprintf(stderr, "%s\n", error->message);
-            return 1;
-        }
+        bench_check(error);
         take_problems(&problems, btf, fits);
         printf(json ? "%s{\"name\": \"%s\", \"texels\": %d, \"views\": %d, \"lights\": %d, "
                     : "%s%s: %d texels, %d views, %d lights\n",

@@ -19,12 +19,6 @@ static double turntable_deg(int view) {
     return 24.0 * view;
 }
 
-/* Between cameras at azimuth 0 and the lamp, one a pair: every sort of azimuth comes about. */
-static double arc_deg(int view, int lamp) {
-    static const double azimuths[] = {20, 75, 130, 200, 290};
-    return azimuths[(view + 2 * lamp) % 5] + turntable_deg(view);
-}
-
 static Frame *expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                      guint64 key) {
     struct world_sensor sensor;
@@ -152,7 +146,10 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
         g_assert_no_error(error);
         guide_by_all(world, view, &darks, rectify);
         for (int lamp = 0; lamp < RIG_VIEWS; lamp++) {
-            double arc = arc_deg(view, lamp);
+            /* Between cameras at azimuth 0 and the lamp, one a pair: every sort of azimuth comes
+             * about. */
+            static const double azimuths[] = {20, 75, 130, 200, 290};
+            double arc = azimuths[(view + 2 * lamp) % 5] + turntable_deg(view);
             struct bench_cell *cell = &ret[view * RIG_VIEWS + lamp];
             g_autofree float *mosaic =
                 take_mosaic(world, view, lamp, arc, &darks, &cell->saturated);

@@ -25,6 +25,23 @@ static struct position position_at(int index) {
     return (struct position){1 + (index - 2) / 6, 15 + 60.0 * ((index - 2) % 6)};
 }
 
+/* As a plan would have it: from edge to edge of the sample's box. */
+static void find_range(const struct rig *rig, const struct session_grid *grid,
+                       const struct position *position, double turntable_rad, double *ret_from,
+                       double *ret_to) {
+    *ret_from = G_MAXDOUBLE;
+    *ret_to = -G_MAXDOUBLE;
+    for (int corner = 0; corner < 8; corner++) {
+        double x = grid->width_mm / 2 + MARGIN_MM, y = grid->height_mm / 2 + MARGIN_MM;
+        double z = grid->reference_mm - (corner & 4 ? grid->depth_mm : 0);
+        struct vec3 p = rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), turntable_rad);
+        double s = rig_laser_sweep_rad(&rig->arc, &rig->lasers[position->laser],
+                                       RAD(position->arc_deg), p);
+        *ret_from = MIN(*ret_from, s);
+        *ret_to = MAX(*ret_to, s);
+    }
+}
+
 struct planes {
     float *peak, *width, *intensity, *second_peak, *second_intensity;
 };
@@ -110,19 +127,7 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     for (int i = 0; i < POSITIONS; i++) {
         struct position position = position_at(i);
         double from, to;
-        /* As a plan would have it: from edge to edge of the sample's box. */
-        from = G_MAXDOUBLE;
-        to = -G_MAXDOUBLE;
-        for (int corner = 0; corner < 8; corner++) {
-            double x = grid.width_mm / 2 + MARGIN_MM, y = grid.height_mm / 2 + MARGIN_MM;
-            double z = grid.reference_mm - (corner & 4 ? grid.depth_mm : 0);
-            struct vec3 p =
-                rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), RAD(turntable_deg));
-            double s = rig_laser_sweep_rad(&rig.arc, &rig.lasers[position.laser],
-                                           RAD(position.arc_deg), p);
-            from = MIN(from, s);
-            to = MAX(to, s);
-        }
+        find_range(&rig, &grid, &position, RAD(turntable_deg), &from, &to);
         take_sweep(world, view, turntable_deg, &position, from, to, steps, &planes);
         struct laser_sweep sweep = {.arc = &rig.arc,
                                     .laser = &rig.lasers[position.laser],

@@ -50,18 +50,6 @@ static void on_result(const struct intake_result *result, gpointer data) {
 static void on_room(gpointer data) {
 }
 
-static struct session_shot *new_shot(struct live *live) {
-    struct session_shot *shot = g_new0(struct session_shot, 1);
-    *shot = (struct session_shot){.id = live->shots->len + 1,
-                                  .kind = SHOT_SWEEP,
-                                  .cameras = (1u << CAMERAS) - 1,
-                                  .sweep_from_deg = -3,
-                                  .sweep_to_deg = 3,
-                                  .sweep_steps = STEPS};
-    g_ptr_array_add(live->shots, shot);
-    return shot;
-}
-
 /* As a driver unpacks Mono8 or Bayer8. */
 static Frame *unpack(const guint8 *from) {
     Frame *frame = frame_new(WIDTH, HEIGHT);
@@ -74,8 +62,16 @@ static Frame *unpack(const guint8 *from) {
 }
 
 static void take(struct live *live, gboolean drop) {
-    if (live->sub == 0)
-        new_shot(live);
+    if (live->sub == 0) {
+        struct session_shot *begun = g_new0(struct session_shot, 1);
+        *begun = (struct session_shot){.id = live->shots->len + 1,
+                                       .kind = SHOT_SWEEP,
+                                       .cameras = (1u << CAMERAS) - 1,
+                                       .sweep_from_deg = -3,
+                                       .sweep_to_deg = 3,
+                                       .sweep_steps = STEPS};
+        g_ptr_array_add(live->shots, begun);
+    }
     const struct session_shot *shot = live->shots->pdata[live->shots->len - 1];
     const gboolean last = live->sub == STEPS;
     for (int camera = 0; camera < CAMERAS; camera++) {

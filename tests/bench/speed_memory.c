@@ -108,8 +108,13 @@ static void make_session(const char *path, const char *frame, int views) {
     g_free(rig);
 }
 
-/* In a process of its own, of which the kernel tells what it took. */
-static struct speed_memory process(const char *path, int views) {
+struct speed_memory speed_memory(int views, const char *folder) {
+    g_autofree char *own = g_build_filename(folder, "bench-memory-XXXXXX", NULL);
+    g_assert_nonnull(g_mkdtemp(own));
+    g_autofree char *path = g_build_filename(own, "memory.session", NULL);
+    g_autofree char *frame = g_build_filename(own, "frame.exr", NULL);
+    make_session(path, frame, views);
+    /* In a process of its own, of which the kernel tells what it took. */
     const gint64 begun_us = g_get_monotonic_time();
     const pid_t child = fork();
     struct rusage usage;
@@ -124,22 +129,13 @@ static struct speed_memory process(const char *path, int views) {
         _exit(!ok);
     }
     const gboolean ended = child > 0 && wait4(child, &status, 0, &usage) == child;
-    return (struct speed_memory){.peak_mib = ended ? (double)usage.ru_maxrss / 1024 : 0,
-                                 .seconds =
-                                     (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC,
-                                 .texels = TEXELS,
-                                 .views = views,
-                                 .lights = LIGHTS,
-                                 .ok = ended && status == 0};
-}
-
-struct speed_memory speed_memory(int views, const char *folder) {
-    g_autofree char *own = g_build_filename(folder, "bench-memory-XXXXXX", NULL);
-    g_assert_nonnull(g_mkdtemp(own));
-    g_autofree char *path = g_build_filename(own, "memory.session", NULL);
-    g_autofree char *frame = g_build_filename(own, "frame.exr", NULL);
-    make_session(path, frame, views);
-    const struct speed_memory ret = process(path, views);
+    const struct speed_memory ret = (struct speed_memory){
+        .peak_mib = ended ? (double)usage.ru_maxrss / 1024 : 0,
+        .seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC,
+        .texels = TEXELS,
+        .views = views,
+        .lights = LIGHTS,
+        .ok = ended && status == 0};
     remove_tree(own);
     return ret;
 }

@@ -74,23 +74,6 @@ static void expose(struct scene *scene) {
     }
 }
 
-static void know(struct scene *scene) {
-    for (gsize i = 0; i < scene->n_texels * LIGHTS; i++) {
-        const int light = (int)(i / scene->n_texels), texel = (int)(i % scene->n_texels);
-        for (int colour = 0; colour < 3; colour++) {
-            double sum = 0;
-            for (int k = 0; k < EXACT * EXACT; k++) {
-                const int x = texel % TEXELS * EXACT + k % EXACT;
-                const int y = texel / TEXELS * EXACT + k / EXACT;
-                const double column = (x + 0.5) / EXACT, row = (y + 0.5) / EXACT;
-                sum += radiance((column - TEXELS / 2.0) * TEXEL_MM, (TEXELS / 2.0 - row) * TEXEL_MM,
-                                colour, light);
-            }
-            scene->truth[3 * i + (gsize)colour] = (float)(sum / (EXACT * EXACT));
-        }
-    }
-}
-
 static struct scene *scene_new(void) {
     const struct bench_setup setup = {
         .material = "weave", .texels = TEXELS, .texel_mm = TEXEL_MM, .pixels_a_texel = 2};
@@ -105,7 +88,20 @@ static struct scene *scene_new(void) {
     scene->mosaics = g_new(float, scene->n_pixels *LIGHTS);
     scene->truth = g_new(float, scene->n_texels * 3 * LIGHTS);
     expose(scene);
-    know(scene);
+    for (gsize i = 0; i < scene->n_texels * LIGHTS; i++) {
+        const int light = (int)(i / scene->n_texels), texel = (int)(i % scene->n_texels);
+        for (int colour = 0; colour < 3; colour++) {
+            double sum = 0;
+            for (int k = 0; k < EXACT * EXACT; k++) {
+                const int x = texel % TEXELS * EXACT + k % EXACT;
+                const int y = texel / TEXELS * EXACT + k / EXACT;
+                const double column = (x + 0.5) / EXACT, row = (y + 0.5) / EXACT;
+                sum += radiance((column - TEXELS / 2.0) * TEXEL_MM, (TEXELS / 2.0 - row) * TEXEL_MM,
+                                colour, light);
+            }
+            scene->truth[3 * i + (gsize)colour] = (float)(sum / (EXACT * EXACT));
+        }
+    }
     return scene;
 }
 

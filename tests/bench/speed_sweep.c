@@ -76,20 +76,6 @@ static Sweep *time_sweep(const guint16 *frames, int together, double *ret_least_
     return sweep;
 }
 
-static void compare(const float *ours, const float *theirs, struct speed_sweep *ret) {
-    double squares = 0;
-    gsize both = 0, agree = 0;
-    for (gsize i = 0; i < PIXELS; i++) {
-        agree += (ours[i] >= 0) == (theirs[i] >= 0);
-        if (ours[i] < 0 || theirs[i] < 0)
-            continue;
-        squares += pow((double)ours[i] - (double)theirs[i], 2);
-        both++;
-    }
-    ret->numpy_rms_frames = both ? sqrt(squares / (double)both) : -1;
-    ret->numpy_agree = (double)agree / (double)PIXELS;
-}
-
 /* Millions of pixels a second; 0: not known. */
 static double rate(double seconds) {
     return seconds > 0 ? 1e-6 * (double)(PIXELS * FRAMES) / seconds : 0;
@@ -109,8 +95,20 @@ static void run_numpy(const guint16 *frames, const float *peak, struct speed_swe
     ret->samples_mpx_s = rate(speed_number(out, "samples"));
     ret->to_peaks_mpx_s = rate(speed_number(out, "to_peaks"));
     if (out && g_file_get_contents(peaks, &theirs, &length, NULL) &&
-        length == PIXELS * sizeof(float))
-        compare(peak, (const float *)(gconstpointer)theirs, ret);
+        length == PIXELS * sizeof(float)) {
+        const float *numpy = (const float *)(gconstpointer)theirs;
+        double squares = 0;
+        gsize both = 0, agree = 0;
+        for (gsize i = 0; i < PIXELS; i++) {
+            agree += (peak[i] >= 0) == (numpy[i] >= 0);
+            if (peak[i] < 0 || numpy[i] < 0)
+                continue;
+            squares += pow((double)peak[i] - (double)numpy[i], 2);
+            both++;
+        }
+        ret->numpy_rms_frames = both ? sqrt(squares / (double)both) : -1;
+        ret->numpy_agree = (double)agree / (double)PIXELS;
+    }
     g_unlink(in);
     g_unlink(peaks);
     g_rmdir(folder);
