@@ -6,9 +6,7 @@
 #include "bench.h"
 #include "lib/calibration_fixture.h"
 
-#include "calibration_lights.h"
-#include "calibration_radiometry.h"
-#include "calibration_whole.h"
+#include "calibration_parts.h"
 
 #include <stdio.h>
 

@@ -2,15 +2,7 @@
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
 #include "bench.h"
-#include "compression_disk.h"
-#include "compression_eigenmaps.h"
-#include "compression_fields.h"
-#include "compression_mdf.h"
-#include "compression_rate.h"
-#ifdef COMPRESS_MPI
-#include "compression_ranks.h"
-#endif
-#include "compression_resample.h"
+#include "compression_parts.h"
 #include "lpca/lpca.h"
 
 #include <cblas.h>

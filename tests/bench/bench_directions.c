@@ -266,9 +266,8 @@ int main(int argc, char **argv) {
     if (frames < 1 || argc > 1)
         bench_fail(2, "bad arguments");
     g_print("%s", json ? "{" : "");
-    const gboolean good = bench(frames, json, &error);
+    bench(frames, json, &error);
     g_print("%s", json ? "}\n" : "");
-    if (!good)
-        g_printerr("bench_directions: %s\n", error->message);
-    return good ? 0 : 1;
+    bench_check(error);
+    return 0;
 }

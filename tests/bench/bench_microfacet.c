@@ -160,11 +160,12 @@ int main(int argc, char **argv) {
     for (int k = 0; k < STEPS; k++)
         tilts[k] = measure_tilt(5.0 * k);
     g_print("%s", json ? "{" : "");
-    const gboolean good = bench(frames, json, &error) && (!svg || plot(svg, tilts));
+    const gboolean plotted = bench(frames, json, &error) && (!svg || plot(svg, tilts));
     g_print("%s", json ? "], \"tilts\": [" : "");
     tell_tilts(tilts, json);
     g_print("%s\n", json ? "]}" : "");
-    if (!good)
-        g_printerr("bench_microfacet: %s\n", error ? error->message : "the plot cannot be written");
-    return good ? 0 : 1;
+    bench_check(error);
+    if (!plotted)
+        bench_fail(1, "%s: the plot cannot be written", svg);
+    return 0;
 }

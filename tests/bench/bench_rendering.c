@@ -192,30 +192,6 @@ static const struct {
 
 static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
-static void report_text(const char *shape, const struct mesh *mesh, const double *ms) {
-    g_print("%s of %u triangles: eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n", shape,
-            mesh->n_indices / 3, ms[BTF], ms[PLAIN], ms[BTF] / ms[PLAIN]);
-    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
-        g_print("  %s %.2f ms, %.2f of eigen-maps alone%s\n", variants[v].name, ms[v],
-                ms[v] / ms[BTF],
-                variants[v].limit == 0                 ? ""
-                : ms[v] <= variants[v].limit * ms[BTF] ? ", as it should"
-                                                       : ": too slow");
-}
-
-static void report_json(const char *shape, const struct mesh *mesh, const double *ms) {
-    g_print("%s{\"shape\": \"%s\", \"triangles\": %u", shape == shapes[0] ? "" : ", ", shape,
-            mesh->n_indices / 3);
-    for (int v = 0; v < N_VARIANTS; v++)
-        g_print(", \"%s_ms\": %.2f", variants[v].name, ms[v]);
-    for (int v = SILHOUETTES; v < N_VARIANTS; v++) {
-        g_print(", \"%s_ratio\": %.3f", variants[v].name, ms[v] / ms[BTF]);
-        if (variants[v].limit > 0)
-            g_print(", \"%s_limit\": %.2f", variants[v].name, variants[v].limit);
-    }
-    g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
-}
-
 static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean json,
                         GError **error) {
     Viewer *viewers[N_VARIANTS];
@@ -235,10 +211,27 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean 
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
     const gboolean good = mesh != NULL && viewer_set_mesh(viewer, mesh, error) &&
                           time_in_turns(viewers, settings, N_VARIANTS, frames, ms, NULL, error);
-    if (good && json)
-        report_json(shape, mesh, ms);
-    else if (good)
-        report_text(shape, mesh, ms);
+    if (good && json) {
+        g_print("%s{\"shape\": \"%s\", \"triangles\": %u", shape == shapes[0] ? "" : ", ", shape,
+                mesh->n_indices / 3);
+        for (int k = 0; k < N_VARIANTS; k++)
+            g_print(", \"%s_ms\": %.2f", variants[k].name, ms[k]);
+        for (int k = SILHOUETTES; k < N_VARIANTS; k++) {
+            g_print(", \"%s_ratio\": %.3f", variants[k].name, ms[k] / ms[BTF]);
+            if (variants[k].limit > 0)
+                g_print(", \"%s_limit\": %.2f", variants[k].name, variants[k].limit);
+        }
+        g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
+    } else if (good) {
+        g_print("%s of %u triangles: eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n",
+                shape, mesh->n_indices / 3, ms[BTF], ms[PLAIN], ms[BTF] / ms[PLAIN]);
+        for (int k = SILHOUETTES; k < N_VARIANTS; k++)
+            g_print("  %s %.2f ms, %.2f of eigen-maps alone%s\n", variants[k].name, ms[k],
+                    ms[k] / ms[BTF],
+                    variants[k].limit == 0                 ? ""
+                    : ms[k] <= variants[k].limit * ms[BTF] ? ", as it should"
+                                                           : ": too slow");
+    }
     mesh_free(mesh);
     return good;
 }
@@ -287,10 +280,12 @@ int main(int argc, char **argv) {
         bench_fail(2, "bad number");
     double residual;
     struct eigenmaps *maps = make_material(texels, &residual, &error);
-    gboolean good = maps != NULL && (write != NULL ? eigenmaps_write(write, maps, &error)
-                                                   : bench(maps, frames, residual, json, &error));
-    if (!good)
-        g_printerr("bench_rendering: %s\n", error->message);
+    bench_check(error);
+    if (write)
+        eigenmaps_write(write, maps, &error);
+    else
+        bench(maps, frames, residual, json, &error);
+    bench_check(error);
     eigenmaps_free(maps);
-    return good ? 0 : 1;
+    return 0;
 }

@@ -1,4 +1,4 @@
-#include "calibration_lights.h"
+#include "calibration_parts.h"
 
 #include "bench.h"
 #include "lib/lasers_scene.h"

@@ -1,4 +1,4 @@
-#include "calibration_radiometry.h"
+#include "calibration_parts.h"
 
 #include "bench.h"
 #include "lib/grey_fixture.h"
@@ -42,7 +42,7 @@ static void measure_check(int seed, struct figures *to) {
     to->alarms += notices(seed, NULL, "", "moved");
 }
 
-char *bench_radiometry(int n_seeds, gboolean verbose) {
+char *bench_radiometry(int n_seeds, gboolean tell) {
     struct figures f = {0};
     double start = bench_cpu_s();
     for (int seed = 1; seed <= n_seeds; seed++) {
@@ -60,7 +60,7 @@ char *bench_radiometry(int n_seeds, gboolean verbose) {
         f.calibrate_s += calibrate_seconds(folder);
         radiometry_rig_remove(folder);
         measure_check(seed, &f);
-        if (verbose)
+        if (tell)
             printf("radiometry, seed %d: grey scale within %.3f %% (uncorrected %.1f %%), "
                    "chi-square %.2f of %d so far, nudges %d/%d, slips %d/%d, false alarms %d\n",
                    seed, corrected, uncorrected, f.chi2.sum / f.chi2.n, f.chi2.n, f.nudges_noticed,

@@ -1,4 +1,4 @@
-#include "calibration_whole.h"
+#include "calibration_parts.h"
 
 #include "bench.h"
 #define SCENE_CAMERAS 8

@@ -1,4 +1,4 @@
-#include "compression_disk.h"
+#include "compression_parts.h"
 
 #include "bench.h"
 #include "lpca/lpca_private.h"
@@ -60,7 +60,7 @@ static void print_stages(const struct stages *stages, double needed_s, gboolean 
     }
 }
 
-gboolean bench_fill(struct btf_matrix *btf, float (*value)(int, int, int, int), GError **error) {
+gboolean bench_fill(struct btf_matrix *btf, BenchValue value, GError **error) {
     const int texels = btf->width * btf->height;
     const gsize row = (gsize)btf->n_lights * 3;
     g_autofree float *view = g_new(float, (gsize)texels *row);
@@ -140,8 +140,8 @@ static void report(const struct btf_matrix *btf, const struct lpca *lpca,
     puts(json ? "}" : "and what it is of that in brackets");
 }
 
-int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int clusters,
-               int components, gboolean json) {
+int bench_disk(struct btf_matrix *like, BenchValue value, int clusters, int components,
+               gboolean json) {
     g_autoptr(GError) error = NULL;
     struct stages stages = {.n = 1, .names = {"sample"}};
     const struct lpca_options options = {.n_clusters = clusters,

@@ -1,4 +1,4 @@
-#include "compression_fields.h"
+#include "compression_parts.h"
 
 #include "base/direction.h"
 #include "bench.h"

@@ -1,4 +1,4 @@
-#include "compression_rate.h"
+#include "compression_parts.h"
 
 #include "bench.h"
 #include "lpca/lpca_pack.h"

@@ -1,4 +1,4 @@
-#include "compression_resample.h"
+#include "compression_parts.h"
 
 #include "bench.h"
 #include "btf/triangulation.h"
