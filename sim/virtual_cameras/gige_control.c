@@ -117,39 +117,13 @@ static gboolean gige_control_read_memory(const VirtualGige *camera, guint32 addr
     return TRUE;
 }
 
-/* GVCP. Each returns a status and the size of the answer. */
-
-static guint answer_write(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
-                          gsize *ret_size, const struct sockaddr_in *from) {
-    guint n = 0;
-    *ret_size = 4;
-    gige_put32(ret, 0);
-    for (gsize i = 0; i + 8 <= size; i += 8, gige_put32(ret, ++n))
-        if (!gige_control_write_register(camera, gige_get32(data + i), gige_get32(data + i + 4),
-                                         from))
-            return BAD_ADDRESS;
-    return 0;
-}
-
-static guint answer_write_memory(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
-                                 gsize *ret_size, const struct sockaddr_in *from) {
-    if (size < 8)
-        return BAD_ADDRESS;
-    gige_put32(ret, (guint32)size - 4);
-    *ret_size = 4;
-    for (gsize i = 4; i + 4 <= size; i += 4)
-        if (!gige_control_write_register(camera, gige_get32(data) + (guint32)i - 4,
-                                         gige_get32(data + i), from))
-            return BAD_ADDRESS;
-    return 0;
-}
-
 static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_in *from) {
     return camera->has_controller && !camera->stolen &&
            camera->controller.sin_addr.s_addr == from->sin_addr.s_addr &&
            camera->controller.sin_port == from->sin_port;
 }
 
+/* A GVCP request without its header; returns a status. */
 static guint gige_control_answer(VirtualGige *camera, enum command command, const guint8 *data,
                                  gsize size, const struct sockaddr_in *from, guint8 *ret,
                                  gsize *ret_size) {
@@ -170,8 +144,14 @@ static guint gige_control_answer(VirtualGige *camera, enum command command, cons
             if (!gige_control_read_memory(camera, gige_get32(data + i), 4, ret + i))
                 return BAD_ADDRESS;
         return 0;
-    case WRITE:
-        return answer_write(camera, data, size, ret, ret_size, from);
+    case WRITE: /* pairs of address and value; the answer counts those that were written */
+        *ret_size = 4;
+        gige_put32(ret, 0);
+        for (guint i = 0; 8 * i + 8 <= size; gige_put32(ret, ++i))
+            if (!gige_control_write_register(camera, gige_get32(data + 8 * i),
+                                             gige_get32(data + 8 * i + 4), from))
+                return BAD_ADDRESS;
+        return 0;
     case READ_MEMORY:
         n = size >= 8 ? gige_get16(data + 6) : 0;
         if (n == 0 || n > 536 || !gige_control_read_memory(camera, gige_get32(data), n, ret + 4))
@@ -180,7 +160,15 @@ static guint gige_control_answer(VirtualGige *camera, enum command command, cons
         *ret_size = n + 4;
         return 0;
     case WRITE_MEMORY:
-        return answer_write_memory(camera, data, size, ret, ret_size, from);
+        if (size < 8)
+            return BAD_ADDRESS;
+        gige_put32(ret, (guint32)size - 4);
+        *ret_size = 4;
+        for (gsize i = 4; i + 4 <= size; i += 4)
+            if (!gige_control_write_register(camera, gige_get32(data) + (guint32)i - 4,
+                                             gige_get32(data + i), from))
+                return BAD_ADDRESS;
+        return 0;
     default:
         return UNKNOWN;
     }

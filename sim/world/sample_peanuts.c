@@ -83,8 +83,8 @@ struct lobe {
     double x, y, z, r;
 };
 
-/* Lowest place for a lobe at (x, y) above the tray and all lobes that lie there already. */
-static double rest(const GArray *lobes, double base, const struct lobe *lobe) {
+/* Lowest z of a lobe at (x, y) above the tray and all lobes that lie there already. */
+static double resting_height(const GArray *lobes, double base, const struct lobe *lobe) {
     double z = base + lobe->r;
     for (guint i = 0; i < lobes->len; i++) {
         const struct lobe *other = &g_array_index(lobes, struct lobe, i);
@@ -123,7 +123,7 @@ static gboolean drop_peanut(GArray *lobes, struct peanut *peanut) {
         double side = i ? arm : -arm;
         pair[i] = (struct lobe){peanut->x + side * cos(peanut->turn),
                                 peanut->y + side * sin(peanut->turn), 0, peanut->radius_mm};
-        pair[i].z = rest(lobes, o->base_mm, &pair[i]);
+        pair[i].z = resting_height(lobes, o->base_mm, &pair[i]);
     }
     double rise = pair[1].z - pair[0].z;
     double top = MAX(pair[0].z, pair[1].z) + 1.1 * peanut->radius_mm + 0.2 * fabs(rise);

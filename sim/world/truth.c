@@ -180,22 +180,6 @@ void truth_mdf(World *world, int camera, double turntable_deg, const struct trut
     }
 }
 
-/* Adds one where the swept laser lights the surface seen by the row. */
-static void count_laser(const struct raster *raster, const struct optics_laser *laser,
-                        guint8 *seen) {
-    for (int first = 0; first < raster->n; first += SCENE_BATCH) {
-        int n = MIN(SCENE_BATCH, raster->n - first);
-        const struct surface *points = &raster->surfaces[first];
-        guint8 blocked[SCENE_BATCH];
-        scene_shadow(&raster->world->scene, laser->position_mm, points, n, blocked);
-        for (int i = 0; i < n; i++) {
-            struct v3 p = v3(points[i].p[0], points[i].p[1], points[i].p[2]);
-            seen[first + i] +=
-                raster->hit[first + i] && !blocked[i] && optics_laser_peak(laser, p) > 0;
-        }
-    }
-}
-
 void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen) {
     struct raster raster;
@@ -206,7 +190,19 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
         for (int k = 0; k < n; k++) {
             struct light_pose pose = world_light_pose(world, arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
-            count_laser(&raster, &turned, ret_seen + row * grid->width);
+            /* Adds one where the swept laser lights the surface seen by the row. */
+            guint8 *seen = ret_seen + row * grid->width;
+            for (int first = 0; first < raster.n; first += SCENE_BATCH) {
+                int n_points = MIN(SCENE_BATCH, raster.n - first);
+                const struct surface *points = &raster.surfaces[first];
+                guint8 blocked[SCENE_BATCH];
+                scene_shadow(&raster.world->scene, turned.position_mm, points, n_points, blocked);
+                for (int i = 0; i < n_points; i++) {
+                    struct v3 p = v3(points[i].p[0], points[i].p[1], points[i].p[2]);
+                    seen[first + i] +=
+                        raster.hit[first + i] && !blocked[i] && optics_laser_peak(&turned, p) > 0;
+                }
+            }
         }
     }
     raster_clear(&raster);

@@ -57,20 +57,6 @@ void cache_free(Cache *cache) {
     g_free(cache);
 }
 
-static void shrink(Cache *cache) {
-    GList *link = cache->recent.tail;
-    while (link && cache->bytes > cache->limit) {
-        GList *before = link->prev;
-        struct node *node = link->data;
-        if (node->users == 0) {
-            g_queue_unlink(&cache->recent, link);
-            cache->bytes -= node->bytes;
-            g_hash_table_remove(cache->nodes, &node->key);
-        }
-        link = before;
-    }
-}
-
 struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMake make,
                               gconstpointer data) {
     g_mutex_lock(&cache->lock);
@@ -92,7 +78,18 @@ struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMa
         g_cond_broadcast(&cache->made);
     }
     g_queue_push_head_link(&cache->recent, &node->link);
-    shrink(cache);
+    /* What nobody uses goes, the least recently used first. */
+    GList *last = cache->recent.tail;
+    while (last && cache->bytes > cache->limit) {
+        GList *before = last->prev;
+        struct node *old = last->data;
+        if (old->users == 0) {
+            g_queue_unlink(&cache->recent, last);
+            cache->bytes -= old->bytes;
+            g_hash_table_remove(cache->nodes, &old->key);
+        }
+        last = before;
+    }
     g_mutex_unlock(&cache->lock);
     return &node->entry;
 }

@@ -350,9 +350,10 @@ static gboolean load_sample(World *world, const struct world_options *all, const
         sample_add_post(world->mesh, mark.x_mm, mark.y_mm, mark.z_mm, mark.radius_mm, albedo);
         options_clear(mark_table, &mark);
     }
-    struct scene_settings settings = {all->n_gather, all->seed, all->table_albedo,
-                                      all->table_radius_mm};
-    scene_init(&world->scene, world->mesh, &settings);
+    world->scene.n_gather = all->n_gather;
+    world->scene.table_albedo = (float)all->table_albedo;
+    world->scene.table_radius_mm = (float)all->table_radius_mm;
+    scene_init(&world->scene, world->mesh, all->seed);
     return TRUE;
 }
 

@@ -66,13 +66,8 @@ struct surface { /* where a viewing ray meets sample or turntable; sample frame,
     float u, v;
 };
 
-struct scene_settings {
-    int n_gather;
-    int seed;
-    double table_albedo, table_radius_mm;
-};
-void scene_init(struct scene *scene, const struct mesh *mesh,
-                const struct scene_settings *settings);
+/* n_gather and table_… are set. */
+void scene_init(struct scene *scene, const struct mesh *mesh, int seed);
 void scene_clear(struct scene *scene);
 
 /* First surfaces along unit rays; FALSE in hit where there is none. eye_mm and directions in the

@@ -80,15 +80,12 @@ static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectCo
     }
 }
 
-void scene_init(struct scene *scene, const struct mesh *mesh,
-                const struct scene_settings *settings) {
+void scene_init(struct scene *scene, const struct mesh *mesh, int seed) {
     scene->vertices = (const struct vertex *)(gpointer)mesh->vertices->data;
     scene->triangles = (const guint32(*)[3])(gpointer)mesh->triangles->data;
     scene->n_vertices = mesh->vertices->len;
     scene->n_triangles = mesh->triangles->len;
-    scene->n_gather = settings->n_gather;
-    scene->table_albedo = (float)settings->table_albedo;
-    scene->table_radius_mm = (float)settings->table_radius_mm;
+
     for (int k = 0; k < 3; k++) {
         scene->low[k] = FLT_MAX;
         scene->high[k] = -FLT_MAX;
@@ -100,7 +97,7 @@ void scene_init(struct scene *scene, const struct mesh *mesh,
     world_scene_build(scene, mesh);
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    struct sample_random random = {sample_hash((guint64)settings->seed + 77)};
+    struct sample_random random = {sample_hash((guint64)seed + 77)};
     scene->gather = g_new(guint32, (gsize)scene->n_vertices * (gsize)MAX(scene->n_gather, 1));
     for (guint i = 0; i < scene->n_vertices && scene->n_gather > 0; i++)
         gather_from(scene, i, &context, &random);
@@ -166,37 +163,33 @@ static gboolean table_at(const struct scene *scene, struct v3 start, struct v3 d
     return TRUE;
 }
 
-static void trace_block(const struct scene *scene, struct RTCIntersectContext *context,
-                        struct v3 eye, const struct v3 *starts, const struct v3 *directions, int n,
-                        struct surface *ret, gboolean *ret_hit) {
-    struct RTCRayHit rays[SCENE_BATCH];
-    double top = (double)scene->high[2] + 0.5;
-    for (int i = 0; i < n; i++) {
-        struct v3 o = starts ? starts[i] : eye, d = directions[i];
-        /* A ray from far away starts just above the sample, for the sake of float's precision. */
-        if (d.z < 0 && o.z > top)
-            o = v3_mad(d, (top - o.z) / d.z, o);
-        set_ray(&rays[i], (float[]){(float)o.x, (float)o.y, (float)o.z},
-                (float[]){(float)d.x, (float)d.y, (float)d.z});
-    }
-    rtcIntersect1M(scene->scene, context, rays, (unsigned)n, sizeof rays[0]);
-    for (int i = 0; i < n; i++) {
-        ret_hit[i] = TRUE;
-        if (rays[i].hit.geomID != RTC_INVALID_GEOMETRY_ID)
-            surface_at(scene, &rays[i], &ret[i]);
-        else
-            ret_hit[i] = table_at(scene, starts ? starts[i] : eye, directions[i], &ret[i]);
-    }
-}
-
 void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
                  const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit) {
     struct RTCIntersectContext context;
+    struct RTCRayHit rays[SCENE_BATCH];
+    double top = (double)scene->high[2] + 0.5;
     rtcInitIntersectContext(&context);
     context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    for (int i = 0; i < n; i += SCENE_BATCH)
-        trace_block(scene, &context, eye_mm, starts_mm ? starts_mm + i : NULL, directions + i,
-                    MIN(SCENE_BATCH, n - i), ret + i, ret_hit + i);
+    for (int first = 0; first < n; first += SCENE_BATCH) {
+        int n_rays = MIN(SCENE_BATCH, n - first);
+        for (int i = 0; i < n_rays; i++) {
+            struct v3 o = starts_mm ? starts_mm[first + i] : eye_mm, d = directions[first + i];
+            /* A ray from far away starts just above the sample, for float's precision. */
+            if (d.z < 0 && o.z > top)
+                o = v3_mad(d, (top - o.z) / d.z, o);
+            set_ray(&rays[i], (float[]){(float)o.x, (float)o.y, (float)o.z},
+                    (float[]){(float)d.x, (float)d.y, (float)d.z});
+        }
+        rtcIntersect1M(scene->scene, &context, rays, (unsigned)n_rays, sizeof rays[0]);
+        for (int i = 0, k = first; i < n_rays; i++, k++) {
+            ret_hit[k] = rays[i].hit.geomID != RTC_INVALID_GEOMETRY_ID;
+            if (ret_hit[k])
+                surface_at(scene, &rays[i], &ret[k]);
+            else
+                ret_hit[k] =
+                    table_at(scene, starts_mm ? starts_mm[k] : eye_mm, directions[k], &ret[k]);
+        }
+    }
 }
 
 /* Whether the way from a point of the turntable to a light passes over the sample at all. */

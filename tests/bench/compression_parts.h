@@ -36,7 +36,7 @@ int bench_ranks(const char *session, int clusters, int components, gboolean json
 
 /* Error against size: local PCAs of a noisy capture, compared with the same capture without noise,
  * beside those as they were published. sessions: a capture and the same without noise, pair by
- * pair. every: of the views, every so manieth is taken. */
+ * pair. every: every N-th view is taken. */
 int bench_rate(char *const *sessions, int every, gboolean json);
 
 /* Eigen-BRDFs on a grid: what that costs at and between the measured directions, against
