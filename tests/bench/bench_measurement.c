@@ -9,10 +9,7 @@
  */
 #include "bench.h"
 #include "mdf/mdf_views.h"
-#include "measurement_btf.h"
-#include "measurement_mdf.h"
-#include "measurement_peaks.h"
-#include "measurement_speed.h"
+#include "measurement_parts.h"
 
 #include <math.h>
 #include <stdio.h>

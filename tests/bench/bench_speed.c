@@ -5,10 +5,7 @@
  * peers/, and what they need in packages.txt.
  */
 #include "bench.h"
-#include "speed_live.h"
-#include "speed_memory.h"
-#include "speed_rectify.h"
-#include "speed_sweep.h"
+#include "speed_parts.h"
 
 #include <stdio.h>
 

@@ -1,4 +1,4 @@
-#include "measurement_btf.h"
+#include "measurement_parts.h"
 
 #include "capture/radiance.h"
 #include "exr/exr_half.h"

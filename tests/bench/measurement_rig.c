@@ -1,5 +1,7 @@
 #include "measurement_rig.h"
 
+#include "exr/exr.h"
+
 #include <glib/gstdio.h>
 #include <math.h>
 #include <unistd.h>
@@ -115,4 +117,19 @@ struct session_grid bench_grid(const struct bench_setup *setup) {
 struct truth_grid bench_truth_grid(const struct bench_setup *setup) {
     double side = setup->texels * setup->texel_mm;
     return (struct truth_grid){setup->texels, setup->texels, side, side, REFERENCE_MM};
+}
+
+void bench_write_frame(const char *path, const struct rig_camera *camera) {
+    static const char *const channels[] = {"Y", NULL};
+    struct exr_part *part =
+        exr_part_new("radiance", camera->width, camera->height, channels, EXR_HALF);
+    struct exr_file *file = exr_file_new();
+    GRand *rand = g_rand_new_with_seed(1);
+    for (int i = 0; i < camera->width * camera->height; i++)
+        part->planes[0][i] = (float)(100 + i % camera->width * 0.5 + g_rand_double(rand) * 4);
+    g_rand_free(rand);
+    exr_set_string(part, "mesorig.cfa", "rggb");
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
+    exr_file_free(file);
 }

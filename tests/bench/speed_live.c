@@ -1,7 +1,7 @@
 /* Cameras are a clock and 8-bit pictures: what comes from a network is not part of this. A frame
  * that is due while the intake is full, or for longer than a camera's buffers hold it, is dropped.
  */
-#include "speed_live.h"
+#include "speed_parts.h"
 
 #include "bench.h"
 #include "capture/intake.h"

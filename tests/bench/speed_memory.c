@@ -1,5 +1,5 @@
 /* All frames are one file under many names: how large they are counts, not what is in them. */
-#include "speed_memory.h"
+#include "speed_parts.h"
 
 #include "calibration/calibration.h"
 #include "exr/exr.h"
@@ -18,21 +18,6 @@
 #define TEXELS 256
 #define LIGHTS 96
 #define CAMERA 2 /* at 45° */
-
-static void write_frame(const char *path, const struct rig_camera *camera) {
-    static const char *const channels[] = {"Y", NULL};
-    struct exr_part *part =
-        exr_part_new("radiance", camera->width, camera->height, channels, EXR_HALF);
-    struct exr_file *file = exr_file_new();
-    GRand *rand = g_rand_new_with_seed(1);
-    for (int i = 0; i < camera->width * camera->height; i++)
-        part->planes[0][i] = (float)(100 + i % camera->width * 0.5 + g_rand_double(rand) * 4);
-    g_rand_free(rand);
-    exr_set_string(part, "mesorig.cfa", "rggb");
-    exr_file_add(file, part);
-    g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
-    exr_file_free(file);
-}
 
 /* Lamps at as many places of the arc as it takes; as many turns of the table as there are views. */
 static void make_plan(const struct rig *rig, int views, struct session_plan *plan,
@@ -100,7 +85,7 @@ static void make_session(const char *path, const char *frame, int views) {
     const struct session_texts texts = {"", "", calibration, NULL};
     g_autoptr(GError) error = NULL;
     make_plan(rig, views, &plan, view, light, shot);
-    write_frame(frame, &rig->cameras[CAMERA]);
+    bench_write_frame(frame, &rig->cameras[CAMERA]);
     g_autoptr(Session) session = session_create(path, "memory", &texts, &plan, &error);
     if (!session)
         g_error("%s", error->message);

@@ -1,10 +1,9 @@
 /* What is looked at is a flat print, known by formula, so that a texel's mean is, too. */
-#include "speed_rectify.h"
+#include "speed_parts.h"
 
 #include "exr/exr.h"
 #include "frames/rectify.h"
 #include "measurement_rig.h"
-#include "speed_sweep.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-#include "speed_sweep.h"
+#include "speed_parts.h"
 
 #include "frames/sweep.h"
 
