@@ -8,9 +8,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define PORT     3956
-#define N_PLACES 256
-#define TICK_MS  50
+#define PORT        3956
+#define N_ADDRESSES 256 /* drawn at most */
+#define TICK_MS     50
 
 static int open_socket(const char *address, int port, gboolean share) {
     struct sockaddr_in at = {.sin_family = AF_INET, .sin_port = htons((guint16)port)};
@@ -50,19 +50,6 @@ static gboolean open_sockets(VirtualGige *camera) {
     return TRUE;
 }
 
-/* Off, and on again: a power cut. Called with the mutex locked. */
-static void lose_power(VirtualGige *camera) {
-    gint64 until = g_get_monotonic_time() + (gint64)camera->down_ms * 1000;
-    camera->down_ms = 0;
-    close_sockets(camera);
-    gige_reset(camera);
-    while (!camera->imager.quit &&
-           g_cond_wait_until(&camera->imager.cond, &camera->imager.mutex, until))
-        ;
-    if (!camera->imager.quit && !open_sockets(camera))
-        g_warning("virtual camera %s: %s", camera->address, g_strerror(errno));
-}
-
 static gpointer answer_all(gpointer data) {
     VirtualGige *camera = data;
     char byte;
@@ -80,27 +67,21 @@ static gpointer answer_all(gpointer data) {
             if (fds[i].revents && fds[i].fd >= 0)
                 gige_serve(camera, fds[i].fd);
         gige_check_heartbeat(camera);
-        if (camera->down_ms > 0)
-            lose_power(camera);
+        if (camera->down_ms == 0)
+            continue;
+        /* Off, and on again: a power cut. */
+        gint64 until = g_get_monotonic_time() + (gint64)camera->down_ms * 1000;
+        camera->down_ms = 0;
+        close_sockets(camera);
+        gige_reset(camera);
+        while (!camera->imager.quit &&
+               g_cond_wait_until(&camera->imager.cond, &camera->imager.mutex, until))
+            ;
+        if (!camera->imager.quit && !open_sockets(camera))
+            g_warning("virtual camera %s: %s", camera->address, g_strerror(errno));
     }
     g_mutex_unlock(&camera->imager.mutex);
     return NULL;
-}
-
-static gboolean virtual_gige_find_place(VirtualGige *camera, const char *address) {
-    if (address) {
-        camera->address = g_strdup(address);
-        return open_sockets(camera);
-    }
-    for (int i = 0; i < N_PLACES; i++) {
-        close_sockets(camera);
-        g_free(camera->address);
-        camera->address = g_strdup_printf("127.%d.%d.%d", g_random_int_range(64, 192),
-                                          g_random_int_range(0, 256), g_random_int_range(2, 255));
-        if (open_sockets(camera))
-            return TRUE;
-    }
-    return FALSE;
 }
 
 VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, const char *address,
@@ -111,8 +92,17 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
     camera->control = camera->discovery = camera->stream = -1;
     camera->rand = g_rand_new_with_seed(1);
     camera->wake[0] = camera->wake[1] = -1;
-    if (!virtual_gige_find_place(camera, address) ||
-        !g_unix_open_pipe(camera->wake, FD_CLOEXEC, NULL)) {
+    gboolean open = FALSE;
+    for (int i = 0; !open && i < (address ? 1 : N_ADDRESSES); i++) {
+        close_sockets(camera);
+        g_free(camera->address);
+        camera->address =
+            address ? g_strdup(address)
+                    : g_strdup_printf("127.%d.%d.%d", g_random_int_range(64, 192),
+                                      g_random_int_range(0, 256), g_random_int_range(2, 255));
+        open = open_sockets(camera);
+    }
+    if (!open || !g_unix_open_pipe(camera->wake, FD_CLOEXEC, NULL)) {
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual camera %s: %s: %s",
                     options->serial, camera->address, g_strerror(errno));
         virtual_gige_free(camera);
@@ -158,11 +148,10 @@ void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *
 }
 
 void virtual_gige_steal(VirtualGige *camera, gboolean steal) {
-    g_mutex_lock(&camera->imager.mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->imager.mutex);
     camera->stolen = camera->has_controller = steal;
     gige_set_reg(camera, GVBS_CONTROL, steal ? 2 : 0);
     imager_stop(&camera->imager);
-    g_mutex_unlock(&camera->imager.mutex);
 }
 
 void virtual_gige_restart(VirtualGige *camera, int down_ms) {
@@ -177,9 +166,8 @@ void virtual_gige_pulse(VirtualGige *camera) {
 }
 
 void virtual_gige_state(VirtualGige *camera, struct virtual_camera_state *ret) {
-    g_mutex_lock(&camera->imager.mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->imager.mutex);
     imager_get_state(&camera->imager, ret);
     ret->controlled = camera->has_controller;
     ret->packet_size = (int)(gige_reg(camera, GVBS_PACKET_SIZE) & 0xffff);
-    g_mutex_unlock(&camera->imager.mutex);
 }

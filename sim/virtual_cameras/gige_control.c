@@ -19,12 +19,12 @@ enum command {
     WRITE_MEMORY = 0x86
 };
 
-static void virtual_gige_control_set_text(VirtualGige *camera, guint address, const char *text,
-                                          gsize size) {
+static void gige_control_set_text(VirtualGige *camera, guint address, const char *text,
+                                  gsize size) {
     g_strlcpy((char *)camera->memory + address, text, size);
 }
 
-static void virtual_gige_control_add_transport(struct imager_xml *xml) {
+static void gige_control_add_transport(struct imager_xml *xml) {
     g_autofree char *sizes = g_strdup_printf("<Min>576</Min><Max>%d</Max><Inc>4</Inc>", MAX_PACKET);
     imager_xml_string(xml, "DeviceVendorName", GVBS_VENDOR, 32);
     imager_xml_string(xml, "DeviceModelName", GVBS_MODEL, 32);
@@ -46,13 +46,11 @@ static void virtual_gige_control_add_transport(struct imager_xml *xml) {
                        "<Min>0</Min><Max>1000000000</Max>");
 }
 
-static const char *const features[] = {"GevSCPSPacketSize", "GevSCPD", "GevSCPSFireTestPacket",
-                                       NULL};
+const struct imager_transport gige_transport = {"GEV", "BigEndian",
+                                                "GevSCPSPacketSize GevSCPD GevSCPSFireTestPacket",
+                                                gige_control_add_transport};
 
-const struct imager_transport gige_transport = {"GEV", "BigEndian", features,
-                                                virtual_gige_control_add_transport};
-
-static void reset_bootstrap(VirtualGige *camera) {
+void gige_reset(VirtualGige *camera) {
     struct in_addr ip;
     g_autofree char *url =
         g_strdup_printf("Local:camera.xml;%x;%zx", GENICAM_AT, camera->imager.xml_size);
@@ -64,41 +62,23 @@ static void reset_bootstrap(VirtualGige *camera) {
     memcpy(camera->memory + GVBS_MAC_LOW, &ip, 4);
     memcpy(camera->memory + GVBS_IP, &ip, 4);
     gige_set_reg(camera, GVBS_MASK, 0xff000000);
-    virtual_gige_control_set_text(camera, GVBS_VENDOR, "Mesorig", 32);
-    virtual_gige_control_set_text(camera, GVBS_MODEL, "VirtualCamera", 32);
-    virtual_gige_control_set_text(camera, GVBS_DEVICE_VERSION, MESORIG_VERSION, 32);
-    virtual_gige_control_set_text(camera, GVBS_SERIAL, camera->imager.options.serial, 16);
-    virtual_gige_control_set_text(camera, GVBS_URL_0, url, 512);
+    gige_control_set_text(camera, GVBS_VENDOR, "Mesorig", 32);
+    gige_control_set_text(camera, GVBS_MODEL, "VirtualCamera", 32);
+    gige_control_set_text(camera, GVBS_DEVICE_VERSION, MESORIG_VERSION, 32);
+    gige_control_set_text(camera, GVBS_SERIAL, camera->imager.options.serial, 16);
+    gige_control_set_text(camera, GVBS_URL_0, url, 512);
     gige_set_reg(camera, GVBS_N_INTERFACES, 1);
     gige_set_reg(camera, GVBS_N_STREAMS, 1);
     gige_set_reg(camera, GVBS_CAPABILITY, 1 << 1 | 1 << 2); /* write memory, resend */
     gige_set_reg(camera, GVBS_HEARTBEAT_MS, HEARTBEAT_MS);
     gige_set_reg(camera, GVBS_TICKS_LOW, GIGE_TICKS_HZ);
     gige_set_reg(camera, GVBS_PACKET_SIZE, 1500);
-}
-
-void gige_reset(VirtualGige *camera) {
-    reset_bootstrap(camera);
     imager_reset(&camera->imager);
     camera->has_controller = camera->stolen = FALSE;
 }
 
-static void latch_time(VirtualGige *camera) {
-    guint64 ticks = gige_ticks(g_get_monotonic_time());
-    gige_set_reg(camera, GVBS_STAMP_HIGH, (guint32)(ticks >> 32));
-    gige_set_reg(camera, GVBS_STAMP_LOW, (guint32)ticks);
-}
-
-static void virtual_gige_control_set_control(VirtualGige *camera, guint32 value,
-                                             const struct sockaddr_in *from) {
-    camera->has_controller = (value & 3) != 0;
-    camera->controller = *from;
-    if (!camera->has_controller)
-        imager_stop(&camera->imager);
-}
-
-static gboolean virtual_gige_control_write_register(VirtualGige *camera, guint32 address,
-                                                    guint32 value, const struct sockaddr_in *from) {
+static gboolean gige_control_write_register(VirtualGige *camera, guint32 address, guint32 value,
+                                            const struct sockaddr_in *from) {
     if (address % 4 == 0 && imager_has_reg(address)) {
         imager_write(&camera->imager, address, value);
         return TRUE;
@@ -106,27 +86,29 @@ static gboolean virtual_gige_control_write_register(VirtualGige *camera, guint32
     if (address % 4 != 0 || address >= GVBS_END)
         return FALSE;
     gige_set_reg(camera, address, value);
-    if (address == GVBS_CONTROL)
-        virtual_gige_control_set_control(camera, value, from);
-    else if (address == GVBS_PACKET_SIZE)
+    if (address == GVBS_CONTROL) {
+        camera->has_controller = (value & 3) != 0;
+        camera->controller = *from;
+        if (!camera->has_controller)
+            imager_stop(&camera->imager);
+    } else if (address == GVBS_PACKET_SIZE) {
         gige_send_test_packet(camera, value);
-    else if (address == GVBS_STAMP_CONTROL && value & 2)
-        latch_time(camera);
+    } else if (address == GVBS_STAMP_CONTROL && value & 2) {
+        guint64 ticks = gige_ticks(g_get_monotonic_time());
+        gige_set_reg(camera, GVBS_STAMP_HIGH, (guint32)(ticks >> 32));
+        gige_set_reg(camera, GVBS_STAMP_LOW, (guint32)ticks);
+    }
     return TRUE;
 }
 
-static guint8 virtual_gige_control_reg_byte(const VirtualGige *camera, guint address) {
-    return (guint8)(imager_reg(&camera->imager, address & ~3u) >> 8 * (3 - address % 4));
-}
-
-static gboolean virtual_gige_control_read_memory(const VirtualGige *camera, guint32 address,
-                                                 gsize n, guint8 *ret) {
+static gboolean gige_control_read_memory(const VirtualGige *camera, guint32 address, gsize n,
+                                         guint8 *ret) {
     for (gsize i = 0; i < n; i++) {
         guint64 at = (guint64)address + i;
         if (at >= GENICAM_AT)
             ret[i] = imager_xml_byte(&camera->imager, at);
         else if (imager_has_reg(at))
-            ret[i] = virtual_gige_control_reg_byte(camera, (guint)at);
+            ret[i] = (guint8)(imager_reg(&camera->imager, (guint)at & ~3u) >> 8 * (3 - at % 4));
         else if (at < GVBS_END)
             ret[i] = camera->memory[at];
         else
@@ -135,72 +117,22 @@ static gboolean virtual_gige_control_read_memory(const VirtualGige *camera, guin
     return TRUE;
 }
 
-/* GVCP. Each returns a status and the size of the answer. */
-
-static guint answer_read(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
-                         gsize *ret_size) {
-    for (gsize i = 0; i + 4 <= size && i + 4 <= BUFFER_SIZE - 8; i += 4, *ret_size += 4)
-        if (!virtual_gige_control_read_memory(camera, gige_get32(data + i), 4, ret + i))
-            return BAD_ADDRESS;
-    return 0;
-}
-
-static guint answer_write(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
-                          gsize *ret_size, const struct sockaddr_in *from) {
-    guint n = 0;
-    *ret_size = 4;
-    gige_put32(ret, 0);
-    for (gsize i = 0; i + 8 <= size; i += 8, gige_put32(ret, ++n))
-        if (!virtual_gige_control_write_register(camera, gige_get32(data + i),
-                                                 gige_get32(data + i + 4), from))
-            return BAD_ADDRESS;
-    return 0;
-}
-
-static guint answer_read_memory(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
-                                gsize *ret_size) {
-    gsize n = size >= 8 ? gige_get16(data + 6) : 0;
-    if (n == 0 || n > 536 ||
-        !virtual_gige_control_read_memory(camera, gige_get32(data), n, ret + 4))
-        return BAD_ADDRESS;
-    memcpy(ret, data, 4);
-    *ret_size = n + 4;
-    return 0;
-}
-
-static guint answer_write_memory(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
-                                 gsize *ret_size, const struct sockaddr_in *from) {
-    if (size < 8)
-        return BAD_ADDRESS;
-    gige_put32(ret, (guint32)size - 4);
-    *ret_size = 4;
-    for (gsize i = 4; i + 4 <= size; i += 4)
-        if (!virtual_gige_control_write_register(camera, gige_get32(data) + (guint32)i - 4,
-                                                 gige_get32(data + i), from))
-            return BAD_ADDRESS;
-    return 0;
-}
-
 static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_in *from) {
     return camera->has_controller && !camera->stolen &&
            camera->controller.sin_addr.s_addr == from->sin_addr.s_addr &&
            camera->controller.sin_port == from->sin_port;
 }
 
-static gboolean may_write(const VirtualGige *camera, const guint8 *data, gsize size,
-                          const struct sockaddr_in *from) {
+/* A GVCP request without its header; returns a status. */
+static guint gige_control_answer(VirtualGige *camera, enum command command, const guint8 *data,
+                                 gsize size, const struct sockaddr_in *from, guint8 *ret,
+                                 gsize *ret_size) {
+    gboolean writes = command == WRITE || command == WRITE_MEMORY;
     gboolean takes_control =
         size >= 4 && gige_get32(data) == GVBS_CONTROL && !camera->has_controller;
-    return takes_control || is_controller(camera, from);
-}
-
-static guint virtual_gige_control_answer(VirtualGige *camera, enum command command,
-                                         const guint8 *data, gsize size,
-                                         const struct sockaddr_in *from, guint8 *ret,
-                                         gsize *ret_size) {
-    gboolean writes = command == WRITE || command == WRITE_MEMORY;
+    gsize n;
     *ret_size = 0;
-    if (writes && !may_write(camera, data, size, from))
+    if (writes && !takes_control && !is_controller(camera, from))
         return ACCESS_DENIED;
     switch (command) {
     case DISCOVERY:
@@ -208,13 +140,35 @@ static guint virtual_gige_control_answer(VirtualGige *camera, enum command comma
         memcpy(ret, camera->memory, GVBS_DISCOVERY_SIZE);
         return 0;
     case READ:
-        return answer_read(camera, data, size, ret, ret_size);
-    case WRITE:
-        return answer_write(camera, data, size, ret, ret_size, from);
+        for (gsize i = 0; i + 4 <= size && i + 4 <= BUFFER_SIZE - 8; i += 4, *ret_size += 4)
+            if (!gige_control_read_memory(camera, gige_get32(data + i), 4, ret + i))
+                return BAD_ADDRESS;
+        return 0;
+    case WRITE: /* pairs of address and value; the answer counts those that were written */
+        *ret_size = 4;
+        gige_put32(ret, 0);
+        for (guint i = 0; 8 * i + 8 <= size; gige_put32(ret, ++i))
+            if (!gige_control_write_register(camera, gige_get32(data + 8 * i),
+                                             gige_get32(data + 8 * i + 4), from))
+                return BAD_ADDRESS;
+        return 0;
     case READ_MEMORY:
-        return answer_read_memory(camera, data, size, ret, ret_size);
+        n = size >= 8 ? gige_get16(data + 6) : 0;
+        if (n == 0 || n > 536 || !gige_control_read_memory(camera, gige_get32(data), n, ret + 4))
+            return BAD_ADDRESS;
+        memcpy(ret, data, 4);
+        *ret_size = n + 4;
+        return 0;
     case WRITE_MEMORY:
-        return answer_write_memory(camera, data, size, ret, ret_size, from);
+        if (size < 8)
+            return BAD_ADDRESS;
+        gige_put32(ret, (guint32)size - 4);
+        *ret_size = 4;
+        for (gsize i = 4; i + 4 <= size; i += 4)
+            if (!gige_control_write_register(camera, gige_get32(data) + (guint32)i - 4,
+                                             gige_get32(data + i), from))
+                return BAD_ADDRESS;
+        return 0;
     default:
         return UNKNOWN;
     }
@@ -239,7 +193,7 @@ void gige_serve(VirtualGige *camera, int from_socket) {
         return;
     }
     guint status =
-        virtual_gige_control_answer(camera, command, request + 8, given, &from, reply + 8, &size);
+        gige_control_answer(camera, command, request + 8, given, &from, reply + 8, &size);
     if (is_controller(camera, &from))
         camera->heard_us = g_get_monotonic_time();
     gige_put16(reply, status);

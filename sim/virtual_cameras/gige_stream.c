@@ -4,8 +4,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#define LEADER_SIZE 36
-#define FIRST_ID    65530
+#define FIRST_ID 65530
 
 enum content { LEADER = 1, TRAILER = 2, PAYLOAD = 3 };
 
@@ -38,44 +37,37 @@ static guint gige_n_blocks(const VirtualGige *camera, const struct imager_pictur
     return (guint)((kept->size + data - 1) / data) + 2;
 }
 
-static gsize virtual_gige_stream_make_leader(const struct imager_picture *kept, guint8 *to) {
-    guint64 ticks = gige_ticks(kept->stamp_us);
-    gige_put32(to, 1); /* an image */
-    gige_put32(to + 4, (guint32)(ticks >> 32));
-    gige_put32(to + 8, (guint32)ticks);
-    gige_put32(to + 12, kept->format);
-    gige_put32(to + 16, kept->width);
-    gige_put32(to + 20, kept->height);
-    gige_put32(to + 24, kept->x);
-    gige_put32(to + 28, kept->y);
-    gige_put32(to + 32, 0);
-    return LEADER_SIZE;
-}
-
-static gsize virtual_gige_stream_make_trailer(const struct imager_picture *kept, guint8 *to) {
-    gige_put32(to, 1);
-    gige_put32(to + 4, kept->height);
-    return 8;
-}
-
-static gsize make_payload(const VirtualGige *camera, const struct imager_picture *kept, guint block,
-                          guint8 *to) {
-    gsize data = data_size(camera), from = (block - 1) * data;
-    gsize size = MIN(data, kept->size - from);
-    memcpy(to, kept->data + from, size);
-    return size;
-}
-
 static void gige_send_block(VirtualGige *camera, const struct imager_picture *kept, guint block) {
-    guint8 packet[MAX_PACKET];
+    guint8 packet[MAX_PACKET], *to = packet + 8;
     guint n = gige_n_blocks(camera, kept);
     enum content content = block == 0 ? LEADER : block == n - 1 ? TRAILER : PAYLOAD;
+    gsize size;
     gige_put16(packet, 0);
     gige_put16(packet + 2, gige_id(kept));
     gige_put32(packet + 4, (guint32)content << 24 | block);
-    gsize size = content == LEADER    ? virtual_gige_stream_make_leader(kept, packet + 8)
-                 : content == TRAILER ? virtual_gige_stream_make_trailer(kept, packet + 8)
-                                      : make_payload(camera, kept, block, packet + 8);
+    if (content == LEADER) {
+        guint64 ticks = gige_ticks(kept->stamp_us);
+        const guint32 words[] = {1 /* an image */,
+                                 (guint32)(ticks >> 32),
+                                 (guint32)ticks,
+                                 kept->format,
+                                 kept->width,
+                                 kept->height,
+                                 kept->x,
+                                 kept->y,
+                                 0};
+        for (gsize i = 0; i < G_N_ELEMENTS(words); i++)
+            gige_put32(to + 4 * i, words[i]);
+        size = sizeof words;
+    } else if (content == TRAILER) {
+        gige_put32(to, 1);
+        gige_put32(to + 4, kept->height);
+        size = 8;
+    } else {
+        gsize data = data_size(camera), from = (block - 1) * data;
+        size = MIN(data, kept->size - from);
+        memcpy(to, kept->data + from, size);
+    }
     camera->imager.state.packets++;
     if ((kept->cut && block > n / 2) || g_rand_double(camera->rand) < camera->imager.faults.loss)
         camera->imager.state.lost++;
@@ -106,7 +98,7 @@ void gige_send_test_packet(VirtualGige *camera, guint32 value) {
     gige_set_reg(camera, GVBS_PACKET_SIZE, value & ~(1u << 31));
 }
 
-static void virtual_gige_stream_send_picture(gpointer data) {
+static void gige_stream_send_picture(gpointer data) {
     VirtualGige *camera = data;
     const struct imager_picture *kept = &camera->imager.kept[0];
     guint n = gige_n_blocks(camera, kept);
@@ -120,8 +112,8 @@ static void virtual_gige_stream_send_picture(gpointer data) {
     }
 }
 
-static void virtual_gige_stream_announce(const struct imager_picture *picture, gpointer data) {
+static void gige_stream_announce(const struct imager_picture *picture, gpointer data) {
     gige_send_block(data, picture, 0);
 }
 
-const struct imager_bus gige_bus = {virtual_gige_stream_announce, virtual_gige_stream_send_picture};
+const struct imager_bus gige_bus = {gige_stream_announce, gige_stream_send_picture};

@@ -44,7 +44,10 @@ void imager_stop(struct imager *imager) {
     g_cond_broadcast(&imager->cond);
 }
 
-static void fire(struct imager *imager) {
+static void imager_trigger(struct imager *imager, guint source) {
+    if (imager_reg(imager, REG_ACQUISITION) != 1 || imager_reg(imager, REG_TRIGGER_MODE) != 1 ||
+        imager_reg(imager, REG_TRIGGER_FROM) != source || imager->faults.unplugged)
+        return;
     imager->state.triggers++;
     if (imager->triggered || imager->exposing) {
         imager->state.missed++;
@@ -57,25 +60,17 @@ static void fire(struct imager *imager) {
     }
 }
 
-static void virtual_imager_trigger(struct imager *imager, guint source) {
-    if (imager_reg(imager, REG_ACQUISITION) == 1 && imager_reg(imager, REG_TRIGGER_MODE) == 1 &&
-        imager_reg(imager, REG_TRIGGER_FROM) == source && !imager->faults.unplugged)
-        fire(imager);
-}
-
-static guint32 round_exposure(const struct imager *imager, guint32 value) {
-    double step = MAX(imager->faults.rounding_us, 1);
-    guint32 rounded = (guint32)(step * (guint32)(value / step + 0.5));
-    return CLAMP(rounded, MIN_EXPOSURE_US, MAX_EXPOSURE_US);
-}
-
 void imager_write(struct imager *imager, guint address, guint32 value) {
-    imager_set_reg(imager, address,
-                   address == REG_EXPOSURE_US ? round_exposure(imager, value) : value);
+    if (address == REG_EXPOSURE_US) {
+        double step = MAX(imager->faults.rounding_us, 1);
+        guint32 rounded = (guint32)(step * (guint32)(value / step + 0.5));
+        value = CLAMP(rounded, MIN_EXPOSURE_US, MAX_EXPOSURE_US);
+    }
+    imager_set_reg(imager, address, value);
     if (address == REG_ACQUISITION && value == 0)
         imager_stop(imager);
     else if (address == REG_TRIGGER && value == 1)
-        virtual_imager_trigger(imager, TRIGGER_SOFTWARE);
+        imager_trigger(imager, TRIGGER_SOFTWARE);
     update_payload(imager);
 }
 
@@ -84,58 +79,33 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-static void make_ramp(const struct imager *imager, guint64 n, guint16 *pixels) {
-    guint mask = (1u << imager->options.bits) - 1;
-    for (int y = 0; y < imager->options.height; y++)
-        for (int x = 0; x < imager->options.width; x++)
-            *pixels++ = (guint16)(((guint)x * 3 + (guint)y * 7 + (guint)n * 11) & mask);
-}
-
-/* The region, with what BlackLevel was changed by. */
-static void cut_region(const struct imager *imager, const guint16 *pixels,
-                       const struct imager_picture *picture, int shift, guint16 *to) {
-    const struct virtual_camera_options *options = &imager->options;
-    int most = (1 << options->bits) - 1;
-    for (guint y = 0; y < picture->height; y++)
-        for (guint x = 0; x < picture->width; x++) {
-            guint at = (y + picture->y) * (guint)options->width + x + picture->x;
-            *to++ = (guint16)CLAMP(pixels[at] + shift, 0, most);
-        }
-}
-
-static void virtual_imager_fill(struct imager *imager, const struct virtual_exposure *exposure,
-                                int shift, struct imager_picture *picture) {
+/* The region of what the sensor sees (a ramp, if nobody says), with what BlackLevel was changed by.
+ */
+static void imager_fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
+                        struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
     gsize n = (gsize)picture->width * picture->height;
+    guint width = (guint)options->width;
+    int most = (1 << options->bits) - 1;
     g_autofree guint16 *sensor = g_new0(guint16, (gsize)options->width * (gsize)options->height);
     g_autofree guint16 *region = g_new(guint16, n);
     if (options->picture)
         options->picture(exposure, options->data, sensor);
     else
-        make_ramp(imager, exposure->n, sensor);
+        for (guint i = 0; i < width * (guint)options->height; i++)
+            sensor[i] =
+                (guint16)((i % width * 3 + i / width * 7 + (guint)exposure->n * 11) & (guint)most);
     gboolean whole = shift == 0 && n == (gsize)options->width * (gsize)options->height;
-    if (!whole)
-        cut_region(imager, sensor, picture, shift, region);
+    for (guint i = 0; !whole && i < n; i++) {
+        guint x = picture->x + i % picture->width, y = picture->y + i / picture->width;
+        region[i] = (guint16)CLAMP(sensor[y * width + x] + shift, 0, most);
+    }
     picture->data = g_malloc(picture->size);
     imager_pack(picture->format, options->cfa, whole ? sensor : region, n, options->bits,
                 picture->data);
 }
 
-static gboolean virtual_imager_describe(const struct imager *imager, struct imager_picture *ret) {
-    *ret = (struct imager_picture){
-        .id = imager->last_id + 1,
-        .format = imager_reg(imager, REG_FORMAT),
-        .width = imager_reg(imager, REG_WIDTH),
-        .height = imager_reg(imager, REG_HEIGHT),
-        .x = imager_reg(imager, REG_OFFSET_X),
-        .y = imager_reg(imager, REG_OFFSET_Y),
-        .size = imager_reg(imager, REG_PAYLOAD),
-    };
-    return ret->size > 0 && ret->x + ret->width <= (guint)imager->options.width &&
-           ret->y + ret->height <= (guint)imager->options.height;
-}
-
-static void virtual_imager_keep(struct imager *imager, struct imager_picture *picture) {
+static void imager_keep(struct imager *imager, struct imager_picture *picture) {
     gboolean old = imager->faults.old > 0 && imager->kept[0].data;
     gboolean odd = imager->faults.odd > 0;
     picture->id = ++imager->last_id;
@@ -153,6 +123,7 @@ static void virtual_imager_keep(struct imager *imager, struct imager_picture *pi
     imager->kept[0] = *picture;
 }
 
+/* FALSE: it was stopped. */
 static gboolean wait_until(struct imager *imager, gint64 until_us) {
     while (!imager->quit && imager_reg(imager, REG_ACQUISITION) == 1)
         if (!g_cond_wait_until(&imager->cond, &imager->mutex, until_us))
@@ -160,40 +131,43 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
     return FALSE;
 }
 
-/* FALSE: it was stopped. */
-static gboolean virtual_imager_expose(struct imager *imager,
-                                      const struct virtual_exposure *exposure,
-                                      struct imager_picture *picture) {
-    imager->exposing = TRUE;
-    gboolean exposed = virtual_imager_describe(imager, picture);
-    if (exposed && imager->faults.announces) {
-        picture->stamp_us = exposure->start_us;
-        imager->bus->announce(picture, imager->data);
-    }
-    exposed = exposed && wait_until(imager, exposure->start_us + exposure->exposure_us);
-    imager->exposing = FALSE;
-    return exposed;
-}
-
 /* Called with the mutex locked. */
-static void virtual_imager_take_picture(struct imager *imager) {
+static void imager_take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,
         .start_us = imager->state.triggered_us + imager->faults.slow_us,
         .exposure_us = imager_reg(imager, REG_EXPOSURE_US),
         .gain_db = imager_reg(imager, REG_GAIN) / 100.0,
     };
-    struct imager_picture picture;
+    struct imager_picture picture = {
+        .id = imager->last_id + 1,
+        .format = imager_reg(imager, REG_FORMAT),
+        .width = imager_reg(imager, REG_WIDTH),
+        .height = imager_reg(imager, REG_HEIGHT),
+        .x = imager_reg(imager, REG_OFFSET_X),
+        .y = imager_reg(imager, REG_OFFSET_Y),
+        .size = imager_reg(imager, REG_PAYLOAD),
+    };
     int shift = (int)(imager_reg(imager, REG_BLACK) / 10.0 - imager->options.black_level);
-    if (!virtual_imager_expose(imager, &exposure, &picture))
+    if (picture.size == 0 || picture.x + picture.width > (guint)imager->options.width ||
+        picture.y + picture.height > (guint)imager->options.height)
+        return;
+    imager->exposing = TRUE;
+    if (imager->faults.announces) {
+        picture.stamp_us = exposure.start_us;
+        imager->bus->announce(&picture, imager->data);
+    }
+    gboolean exposed = wait_until(imager, exposure.start_us + exposure.exposure_us);
+    imager->exposing = FALSE;
+    if (!exposed)
         return;
     g_mutex_unlock(&imager->mutex);
-    virtual_imager_fill(imager, &exposure, shift, &picture);
+    imager_fill(imager, &exposure, shift, &picture);
     g_mutex_lock(&imager->mutex);
     gint64 late_us = imager->faults.late_us;
     picture.stamp_us = exposure.start_us + imager->faults.ahead_us +
                        (imager->faults.stamps_end ? exposure.exposure_us : 0);
-    virtual_imager_keep(imager, &picture);
+    imager_keep(imager, &picture);
     if (late_us > 0 && !wait_until(imager, g_get_monotonic_time() + late_us))
         return;
     imager->state.pictures++;
@@ -209,7 +183,7 @@ static gpointer image_all(gpointer data) {
             continue;
         }
         imager->triggered = FALSE;
-        virtual_imager_take_picture(imager);
+        imager_take_picture(imager);
     }
     g_mutex_unlock(&imager->mutex);
     return NULL;
@@ -247,15 +221,13 @@ void imager_clear(struct imager *imager) {
 }
 
 void imager_fail(struct imager *imager, const struct virtual_camera_faults *faults) {
-    g_mutex_lock(&imager->mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&imager->mutex);
     imager->faults = *faults;
-    g_mutex_unlock(&imager->mutex);
 }
 
 void imager_pulse(struct imager *imager) {
-    g_mutex_lock(&imager->mutex);
-    virtual_imager_trigger(imager, TRIGGER_LINE);
-    g_mutex_unlock(&imager->mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&imager->mutex);
+    imager_trigger(imager, TRIGGER_LINE);
 }
 
 void imager_get_state(struct imager *imager, struct virtual_camera_state *ret) {

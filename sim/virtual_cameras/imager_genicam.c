@@ -2,31 +2,12 @@
 
 #define NAMESPACE "http://www.genicam.org/GenApi/Version_1_1"
 
-static const char *const features[] = {"DeviceVendorName",
-                                       "DeviceModelName",
-                                       "DeviceSerialNumber",
-                                       "DeviceID",
-                                       "SensorWidth",
-                                       "SensorHeight",
-                                       "Width",
-                                       "Height",
-                                       "OffsetX",
-                                       "OffsetY",
-                                       "PixelFormat",
-                                       "PayloadSize",
-                                       "AcquisitionMode",
-                                       "AcquisitionStart",
-                                       "AcquisitionStop",
-                                       "TriggerSelector",
-                                       "TriggerMode",
-                                       "TriggerSource",
-                                       "TriggerActivation",
-                                       "TriggerSoftware",
-                                       "ExposureTime",
-                                       "ExposureAuto",
-                                       "Gain",
-                                       "BlackLevel",
-                                       NULL};
+/* Separated by spaces, as all lists of names here. */
+static const char features[] =
+    "DeviceVendorName DeviceModelName DeviceSerialNumber DeviceID SensorWidth SensorHeight Width "
+    "Height OffsetX OffsetY PixelFormat PayloadSize AcquisitionMode AcquisitionStart "
+    "AcquisitionStop TriggerSelector TriggerMode TriggerSource TriggerActivation TriggerSoftware "
+    "ExposureTime ExposureAuto Gain BlackLevel";
 
 void imager_xml_register(struct imager_xml *xml, const char *name, guint address, int length,
                          const char *access) {
@@ -80,13 +61,14 @@ static void add_float(struct imager_xml *xml, const char *name, guint address, c
     add_register(xml, name, address, "RW");
 }
 
-/* entries: names in the order of their values, NULL-terminated. */
+/* entries: names in the order of their values. */
 static void add_choice(struct imager_xml *xml, const char *name, guint address,
-                       const char *const *entries) {
+                       const char *entries) {
+    g_auto(GStrv) names = g_strsplit(entries, " ", -1);
     g_string_append_printf(xml->text, "<Enumeration Name=\"%s\">\n", name);
-    for (int i = 0; entries[i]; i++)
+    for (int i = 0; names[i]; i++)
         g_string_append_printf(xml->text, "<EnumEntry Name=\"%s\"><Value>%d</Value></EnumEntry>\n",
-                               entries[i], i);
+                               names[i], i);
     if (address == 0) {
         g_string_append(xml->text, "<Value>0</Value></Enumeration>\n");
         return;
@@ -113,20 +95,15 @@ static void add_image(struct imager_xml *xml, enum cfa cfa) {
 }
 
 static void add_acquisition(struct imager_xml *xml) {
-    static const char *const modes[] = {"Continuous", NULL}, *const selectors[] = {"FrameStart",
-                                                                                   NULL};
-    static const char *const off_on[] = {"Off", "On", NULL};
-    static const char *const sources[] = {"Line0", "Software", NULL};
-    static const char *const edges[] = {"RisingEdge", NULL};
-    static const char *const automatic[] = {"Off", "Continuous", NULL};
+
     g_autofree char *exposures =
         g_strdup_printf("<Min>%d</Min><Max>%d</Max>", MIN_EXPOSURE_US, MAX_EXPOSURE_US);
-    add_choice(xml, "AcquisitionMode", 0, modes);
-    add_choice(xml, "TriggerSelector", 0, selectors);
-    add_choice(xml, "TriggerMode", REG_TRIGGER_MODE, off_on);
-    add_choice(xml, "TriggerSource", REG_TRIGGER_FROM, sources);
-    add_choice(xml, "TriggerActivation", 0, edges);
-    add_choice(xml, "ExposureAuto", REG_AUTO_EXPOSURE, automatic);
+    add_choice(xml, "AcquisitionMode", 0, "Continuous");
+    add_choice(xml, "TriggerSelector", 0, "FrameStart");
+    add_choice(xml, "TriggerMode", REG_TRIGGER_MODE, "Off On");
+    add_choice(xml, "TriggerSource", REG_TRIGGER_FROM, "Line0 Software");
+    add_choice(xml, "TriggerActivation", 0, "RisingEdge");
+    add_choice(xml, "ExposureAuto", REG_AUTO_EXPOSURE, "Off Continuous");
     imager_xml_command(xml, "AcquisitionStart", "Acquisition", 1);
     imager_xml_command(xml, "AcquisitionStop", "Acquisition", 0);
     add_register(xml, "Acquisition", REG_ACQUISITION, "WO");
@@ -141,11 +118,6 @@ static void add_acquisition(struct imager_xml *xml) {
     add_float(xml, "BlackLevel", REG_BLACK, "DN", 10, 4095);
 }
 
-static void virtual_imager_genicam_list(GString *text, const char *const *names) {
-    for (; *names; names++)
-        g_string_append_printf(text, "<pFeature>%s</pFeature>\n", *names);
-}
-
 char *imager_genicam(enum cfa cfa, const struct imager_transport *transport) {
     GString *text = g_string_new("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
     struct imager_xml xml = {text, transport->endianness};
@@ -158,8 +130,10 @@ char *imager_genicam(enum cfa cfa, const struct imager_transport *transport) {
         "ProductGuid=\"0\" VersionGuid=\"0\" xmlns=\"" NAMESPACE "\">\n"
         "<Category Name=\"Root\">\n",
         transport->space);
-    virtual_imager_genicam_list(text, features);
-    virtual_imager_genicam_list(text, transport->features);
+    g_autofree char *all = g_strconcat(features, " ", transport->features, NULL);
+    g_auto(GStrv) names = g_strsplit(all, " ", -1);
+    for (char **name = names; *name; name++)
+        g_string_append_printf(text, "<pFeature>%s</pFeature>\n", *name);
     g_string_append(text, "</Category>\n");
     add_image(&xml, cfa);
     add_acquisition(&xml);

@@ -4,7 +4,7 @@
 
 /* Pixel Format Naming Convention: the low byte of a code is its number, the middle two hold bits a
  * pixel. Written apart from the driver's table, so that an error made there does not cancel. */
-enum packing { WHOLE, WORD, P10, P12, PACKED10, PACKED12 };
+enum packing { WHOLE, WORD, P, PACKED };
 
 struct kind {
     const char *name;
@@ -16,17 +16,17 @@ struct kind {
 static const struct kind kinds[] = {
     {"8", 8, WHOLE, {0x01080001, 0x01080009, 0x0108000b, 0x01080008, 0x0108000a}},
     {"10", 10, WORD, {0x01100003, 0x0110000d, 0x0110000f, 0x0110000c, 0x0110000e}},
-    {"10p", 10, P10, {0x010a0046, 0x010a0058, 0x010a0052, 0x010a0056, 0x010a0054}},
-    {"10Packed", 10, PACKED10, {0x010c0004, 0x010c0027, 0x010c0029, 0x010c0026, 0x010c0028}},
+    {"10p", 10, P, {0x010a0046, 0x010a0058, 0x010a0052, 0x010a0056, 0x010a0054}},
+    {"10Packed", 10, PACKED, {0x010c0004, 0x010c0027, 0x010c0029, 0x010c0026, 0x010c0028}},
     {"12", 12, WORD, {0x01100005, 0x01100011, 0x01100013, 0x01100010, 0x01100012}},
-    {"12p", 12, P12, {0x010c0047, 0x010c0059, 0x010c0053, 0x010c0057, 0x010c0055}},
-    {"12Packed", 12, PACKED12, {0x010c0006, 0x010c002b, 0x010c002d, 0x010c002a, 0x010c002c}},
+    {"12p", 12, P, {0x010c0047, 0x010c0059, 0x010c0053, 0x010c0057, 0x010c0055}},
+    {"12Packed", 12, PACKED, {0x010c0006, 0x010c002b, 0x010c002d, 0x010c002a, 0x010c002c}},
     {"16", 16, WORD, {0x01100007, 0x0110002f, 0x01100031, 0x0110002e, 0x01100030}},
 };
 
 static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
 
-static const struct kind *virtual_imager_pixels_find(guint32 format, enum cfa cfa) {
+static const struct kind *imager_pixels_find(guint32 format, enum cfa cfa) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (kinds[i].codes[cfa] == format)
             return &kinds[i];
@@ -34,7 +34,7 @@ static const struct kind *virtual_imager_pixels_find(guint32 format, enum cfa cf
 }
 
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height) {
-    const struct kind *kind = virtual_imager_pixels_find(format, cfa);
+    const struct kind *kind = imager_pixels_find(format, cfa);
     return kind ? ((gsize)width * (gsize)height * (format >> 16 & 0xff) + 7) / 8 : 0;
 }
 
@@ -48,53 +48,39 @@ void imager_append_formats(GString *xml, enum cfa cfa) {
                                phases[cfa], kinds[i].name, kinds[i].codes[cfa]);
 }
 
-/* One bit after another, the lowest first: what "p" means. */
-static void put_bits(guint8 *to, gsize *at, guint value, int bits) {
-    for (int i = 0; i < bits; i++, ++*at)
-        to[*at / 8] = (guint8)(to[*at / 8] | (value >> i & 1) << (*at % 8));
-}
-
-/* GigE Vision's own: the high eight bits of two pixels, and between them what is left of both. */
-static void put_pairs(guint8 *to, const guint16 *values, gsize n, int bits) {
-    guint rest = (1u << (bits - 8)) - 1;
-    for (gsize i = 0; i + 1 < n; i += 2) {
-        *to++ = (guint8)(values[i] >> (bits - 8));
-        *to++ = (guint8)((values[i] & rest) | (values[i + 1] & rest) << 4);
-        *to++ = (guint8)(values[i + 1] >> (bits - 8));
-    }
-}
-
-static void put_plain(guint8 *to, const guint16 *values, gsize n, gboolean words) {
-    for (gsize i = 0; i < n; i++) {
-        *to++ = (guint8)values[i];
-        if (words)
-            *to++ = (guint8)(values[i] >> 8);
-    }
-}
-
 void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
                  guint8 *to) {
-    const struct kind *kind = virtual_imager_pixels_find(format, cfa);
+    const struct kind *kind = imager_pixels_find(format, cfa);
     g_return_if_fail(kind);
     g_autofree guint16 *values = g_new(guint16, n);
-    gsize at = 0;
+
     for (gsize i = 0; i < n; i++)
         values[i] = (guint16)(bits > kind->bits ? pixels[i] >> (bits - kind->bits)
                                                 : pixels[i] << (kind->bits - bits));
     switch (kind->packing) {
     case WHOLE:
     case WORD:
-        put_plain(to, values, n, kind->packing == WORD);
+        for (gsize i = 0; i < n; i++) {
+            *to++ = (guint8)values[i];
+            if (kind->packing == WORD)
+                *to++ = (guint8)(values[i] >> 8);
+        }
         break;
-    case PACKED10:
-    case PACKED12:
-        put_pairs(to, values, n, kind->bits);
+    case PACKED: /* GigE Vision's own: the high eight bits of two pixels, what is left of both
+                    between them */
+        for (gsize i = 0; i + 1 < n; i += 2) {
+            guint low = kind->bits - 8u, rest = (1u << low) - 1;
+            *to++ = (guint8)(values[i] >> low);
+            *to++ = (guint8)((values[i] & rest) | (values[i + 1] & rest) << 4);
+            *to++ = (guint8)(values[i + 1] >> low);
+        }
         break;
-    case P10:
-    case P12:
+    case P: /* one bit after another, the lowest first */
         memset(to, 0, (n * (gsize)kind->bits + 7) / 8);
-        for (gsize i = 0; i < n; i++)
-            put_bits(to, &at, values[i], kind->bits);
+        for (gsize at = 0; at < n * (gsize)kind->bits; at++) {
+            guint bit = values[at / (gsize)kind->bits] >> at % (gsize)kind->bits & 1;
+            to[at / 8] = (guint8)(to[at / 8] | bit << (at % 8));
+        }
         break;
     }
 }

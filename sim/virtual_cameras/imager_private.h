@@ -102,8 +102,8 @@ struct imager_xml {
     const char *endianness; /* as GenICam spells it */
 };
 
-struct imager_transport { /* what the file of a bus has of its own */
-    const char *space, *endianness, *const *features;
+struct imager_transport {                      /* what the file of a bus has of its own */
+    const char *space, *endianness, *features; /* names separated by spaces */
     void (*add)(struct imager_xml *xml);
 };
 

@@ -37,19 +37,15 @@ static int bulk_out(gpointer model, guint8 endpoint, const guint8 *data, int n) 
     VirtualU3v *camera = model;
     if (endpoint != CONTROL_ENDPOINT)
         return -EPIPE;
-    g_mutex_lock(&camera->imager.mutex);
-    int taken = u3v_command(camera, data, n);
-    g_mutex_unlock(&camera->imager.mutex);
-    return taken;
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->imager.mutex);
+    return u3v_command(camera, data, n);
 }
 
 static int bulk_in(gpointer model, guint8 endpoint, guint8 *data, int size) {
     VirtualU3v *camera = model;
-    g_mutex_lock(&camera->imager.mutex);
-    int n = (endpoint & 0x0f) == CONTROL_ENDPOINT ? u3v_answer(camera, data, size)
-                                                  : u3v_stream(camera, data, size);
-    g_mutex_unlock(&camera->imager.mutex);
-    return n;
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->imager.mutex);
+    return (endpoint & 0x0f) == CONTROL_ENDPOINT ? u3v_answer(camera, data, size)
+                                                 : u3v_stream(camera, data, size);
 }
 
 VirtualU3v *virtual_u3v_new(const struct virtual_camera_options *options, int port) {
@@ -102,9 +98,8 @@ void virtual_u3v_fail(VirtualU3v *camera, const struct virtual_camera_faults *fa
 
 void virtual_u3v_unplug(VirtualU3v *camera) {
     virtual_usb_unplug(camera->usb);
-    g_mutex_lock(&camera->imager.mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->imager.mutex);
     u3v_reset(camera);
-    g_mutex_unlock(&camera->imager.mutex);
 }
 
 void virtual_u3v_plug(VirtualU3v *camera) {
@@ -120,7 +115,6 @@ void virtual_u3v_pulse(VirtualU3v *camera) {
 }
 
 void virtual_u3v_state(VirtualU3v *camera, struct virtual_camera_state *ret) {
-    g_mutex_lock(&camera->imager.mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->imager.mutex);
     imager_get_state(&camera->imager, ret);
-    g_mutex_unlock(&camera->imager.mutex);
 }

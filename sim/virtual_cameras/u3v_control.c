@@ -17,7 +17,7 @@
 
 enum command { READ_MEMORY = 0x0800, WRITE_MEMORY = 0x0802 };
 
-static void virtual_u3v_control_add_transport(struct imager_xml *xml) {
+static void u3v_control_add_transport(struct imager_xml *xml) {
     imager_xml_string(xml, "DeviceVendorName", ABRM_MANUFACTURER, 64);
     imager_xml_string(xml, "DeviceModelName", ABRM_MODEL, 64);
     imager_xml_string(xml, "DeviceSerialNumber", ABRM_SERIAL, 64);
@@ -27,16 +27,25 @@ static void virtual_u3v_control_add_transport(struct imager_xml *xml) {
     imager_xml_command(xml, "TimestampLatch", "TimestampLatch", 1);
 }
 
-static const char *const features[] = {"TimestampLatch", "TimestampLatchValue", NULL};
+const struct imager_transport u3v_transport = {
+    "U3V", "LittleEndian", "TimestampLatch TimestampLatchValue", u3v_control_add_transport};
 
-const struct imager_transport u3v_transport = {"U3V", "LittleEndian", features,
-                                               virtual_u3v_control_add_transport};
-
-static void virtual_u3v_control_set_text(VirtualU3v *camera, guint address, const char *text) {
+static void u3v_control_set_text(VirtualU3v *camera, guint address, const char *text) {
     g_strlcpy((char *)camera->memory + address, text, 64);
 }
 
-static void reset_stream(VirtualU3v *camera) {
+void u3v_reset(VirtualU3v *camera) {
+    memset(camera->memory, 0, sizeof camera->memory);
+    u3v_set_reg(camera, ABRM_VERSION, 0x00010000, 4);
+    u3v_control_set_text(camera, ABRM_MANUFACTURER, "Mesorig");
+    u3v_control_set_text(camera, ABRM_MODEL, "VirtualCamera");
+    u3v_control_set_text(camera, ABRM_FAMILY, "Virtual");
+    u3v_control_set_text(camera, ABRM_DEVICE_VERSION, MESORIG_VERSION);
+    u3v_control_set_text(camera, ABRM_SERIAL, camera->imager.options.serial);
+    u3v_set_reg(camera, ABRM_RESPONSE_MS, RESPONSE_MS, 4);
+    u3v_set_reg(camera, ABRM_MANIFEST, MANIFEST_AT, 8);
+    u3v_set_reg(camera, ABRM_SBRM, SBRM_AT, 8);
+    u3v_set_reg(camera, ABRM_STAMP_INCREMENT, 1, 4); /* ns */
     u3v_set_reg(camera, SBRM_VERSION, 0x00010000, 4);
     u3v_set_reg(camera, SBRM_CAPABILITY, 1, 8); /* it has a stream */
     u3v_set_reg(camera, SBRM_MAX_CMD, U3V_MAX_TRANSFER, 4);
@@ -48,48 +57,23 @@ static void reset_stream(VirtualU3v *camera) {
     u3v_set_reg(camera, SIRM_INFO, ALIGNMENT << 24, 4);
     u3v_set_reg(camera, SIRM_NEEDS_LEADER, LEADER_SIZE, 4);
     u3v_set_reg(camera, SIRM_NEEDS_TRAILER, TRAILER_SIZE, 4);
-}
-
-/* One file, as it is, not packed. */
-static void reset_manifest(VirtualU3v *camera) {
-    u3v_set_reg(camera, MANIFEST_AT, 1, 8);
+    u3v_set_reg(camera, MANIFEST_AT, 1, 8);               /* one file, as it is, not packed */
     u3v_set_reg(camera, MANIFEST_AT + 8, 0x01000000, 4);  /* version 1.0.0 */
     u3v_set_reg(camera, MANIFEST_AT + 12, 0x01010000, 4); /* schema 1.1, plain XML */
     u3v_set_reg(camera, MANIFEST_AT + 16, GENICAM_AT, 8);
     u3v_set_reg(camera, MANIFEST_AT + 24, camera->imager.xml_size, 8);
-}
-
-void u3v_reset(VirtualU3v *camera) {
-    memset(camera->memory, 0, sizeof camera->memory);
-    u3v_set_reg(camera, ABRM_VERSION, 0x00010000, 4);
-    virtual_u3v_control_set_text(camera, ABRM_MANUFACTURER, "Mesorig");
-    virtual_u3v_control_set_text(camera, ABRM_MODEL, "VirtualCamera");
-    virtual_u3v_control_set_text(camera, ABRM_FAMILY, "Virtual");
-    virtual_u3v_control_set_text(camera, ABRM_DEVICE_VERSION, MESORIG_VERSION);
-    virtual_u3v_control_set_text(camera, ABRM_SERIAL, camera->imager.options.serial);
-    u3v_set_reg(camera, ABRM_RESPONSE_MS, RESPONSE_MS, 4);
-    u3v_set_reg(camera, ABRM_MANIFEST, MANIFEST_AT, 8);
-    u3v_set_reg(camera, ABRM_SBRM, SBRM_AT, 8);
-    u3v_set_reg(camera, ABRM_STAMP_INCREMENT, 1, 4); /* ns */
-    reset_stream(camera);
-    reset_manifest(camera);
     camera->answer_size = 0;
     u3v_drop(camera);
     imager_reset(&camera->imager);
 }
 
-static guint8 virtual_u3v_control_reg_byte(const VirtualU3v *camera, guint64 address) {
-    return (guint8)(imager_reg(&camera->imager, (guint)address & ~3u) >> 8 * (address % 4));
-}
-
-static guint virtual_u3v_control_read_memory(VirtualU3v *camera, guint64 address, guint n,
-                                             guint8 *ret) {
+static guint u3v_control_read_memory(VirtualU3v *camera, guint64 address, guint n, guint8 *ret) {
     u3v_set_reg(camera, SIRM_NEEDS_PAYLOAD, imager_reg(&camera->imager, REG_PAYLOAD), 8);
     for (guint64 at = address; at < address + n; at++, ret++) {
         if (at >= GENICAM_AT)
             *ret = imager_xml_byte(&camera->imager, at);
         else if (imager_has_reg(at))
-            *ret = virtual_u3v_control_reg_byte(camera, at);
+            *ret = (guint8)(imager_reg(&camera->imager, (guint)at & ~3u) >> 8 * (at % 4));
         else if (at < U3V_END)
             *ret = camera->memory[at];
         else
@@ -98,8 +82,7 @@ static guint virtual_u3v_control_read_memory(VirtualU3v *camera, guint64 address
     return 0;
 }
 
-static guint virtual_u3v_control_write_register(VirtualU3v *camera, guint64 address,
-                                                guint32 value) {
+static guint u3v_control_write_register(VirtualU3v *camera, guint64 address, guint32 value) {
     if (address % 4 == 0 && imager_has_reg(address)) {
         imager_write(&camera->imager, (guint)address, value);
         return 0;
@@ -116,23 +99,15 @@ static guint virtual_u3v_control_write_register(VirtualU3v *camera, guint64 addr
     return 0;
 }
 
-static guint write_memory(VirtualU3v *camera, guint64 address, const guint8 *data, guint n) {
-    guint status = n % 4 == 0 ? 0 : INVALID_PARAMETER;
-    for (guint i = 0; i + 4 <= n && status == 0; i += 4)
-        status =
-            virtual_u3v_control_write_register(camera, address + i, (guint32)u3v_get(data + i, 4));
-    return status;
-}
-
 /* Returns a status. */
-static guint virtual_u3v_control_obey(VirtualU3v *camera, enum command command, const guint8 *data,
-                                      guint size, guint8 *ret, guint *ret_size) {
+static guint u3v_control_obey(VirtualU3v *camera, enum command command, const guint8 *data,
+                              guint size, guint8 *ret, guint *ret_size) {
     guint64 address = size >= 8 ? u3v_get(data, 8) : 0;
     if (command == READ_MEMORY) {
         *ret_size = size == 12 ? (guint)u3v_get(data + 10, 2) : U3V_MAX_TRANSFER;
         if (*ret_size > U3V_MAX_TRANSFER - HEADER_SIZE)
             return INVALID_PARAMETER;
-        return virtual_u3v_control_read_memory(camera, address, *ret_size, ret);
+        return u3v_control_read_memory(camera, address, *ret_size, ret);
     }
     if (command != WRITE_MEMORY)
         return NOT_IMPLEMENTED;
@@ -140,7 +115,10 @@ static guint virtual_u3v_control_obey(VirtualU3v *camera, enum command command, 
         return INVALID_PARAMETER;
     *ret_size = 4;
     u3v_put(ret, (guint64)(size - 8) << 16, 4);
-    return write_memory(camera, address, data + 8, size - 8);
+    guint status = size % 4 == 0 ? 0 : INVALID_PARAMETER;
+    for (guint i = 8; i + 4 <= size && status == 0; i += 4)
+        status = u3v_control_write_register(camera, address + i - 8, (guint32)u3v_get(data + i, 4));
+    return status;
 }
 
 /* One command at a time: an answer that nobody fetched is lost. */
@@ -151,8 +129,8 @@ int u3v_command(VirtualU3v *camera, const guint8 *data, int n) {
         return n; /* not understood, so not answered */
     guint8 *answer = camera->answer;
     enum command command = (enum command)u3v_get(data + 6, 2);
-    guint status = virtual_u3v_control_obey(camera, command, data + HEADER_SIZE, size,
-                                            answer + HEADER_SIZE, &answer_size);
+    guint status = u3v_control_obey(camera, command, data + HEADER_SIZE, size, answer + HEADER_SIZE,
+                                    &answer_size);
     answer_size = status ? 0 : answer_size;
     u3v_put(answer, PREFIX, 4);
     u3v_put(answer + 4, status, 2);

@@ -20,7 +20,7 @@ void u3v_drop(VirtualU3v *camera) {
 }
 
 /* One that is not fetched by now is lost. */
-static void virtual_u3v_stream_send_picture(gpointer data) {
+static void u3v_stream_send_picture(gpointer data) {
     VirtualU3v *camera = data;
     struct virtual_camera_faults *faults = &camera->imager.faults;
     const struct imager_picture *picture = &camera->imager.kept[0];
@@ -38,41 +38,20 @@ static void virtual_u3v_stream_send_picture(gpointer data) {
 }
 
 /* Its leader; the rest comes when there is any. */
-static void virtual_u3v_stream_announce(const struct imager_picture *picture, gpointer data) {
+static void u3v_stream_announce(const struct imager_picture *picture, gpointer data) {
     VirtualU3v *camera = data;
     u3v_drop(camera);
     camera->out = *picture;
     camera->phase = U3V_LEADER;
 }
 
-const struct imager_bus u3v_bus = {virtual_u3v_stream_announce, virtual_u3v_stream_send_picture};
+const struct imager_bus u3v_bus = {u3v_stream_announce, u3v_stream_send_picture};
 
 static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
+    memset(to, 0, (gsize)size);
     u3v_put(to, prefix, 4);
     u3v_put(to + 6, (guint64)size, 2);
     u3v_put(to + 8, id - 1, 8); /* they count from 0 */
-}
-
-static int virtual_u3v_stream_make_leader(const struct imager_picture *picture, guint8 *to) {
-    memset(to, 0, LEADER_SIZE);
-    put_head(to, LEADER_PREFIX, LEADER_SIZE, picture->id);
-    u3v_put(to + 18, IMAGE, 2);
-    u3v_put(to + 20, (guint64)picture->stamp_us * 1000, 8);
-    u3v_put(to + 28, picture->format, 4);
-    u3v_put(to + 32, picture->width, 4);
-    u3v_put(to + 36, picture->height, 4);
-    u3v_put(to + 40, picture->x, 4);
-    u3v_put(to + 44, picture->y, 4);
-    return LEADER_SIZE;
-}
-
-static int virtual_u3v_stream_make_trailer(const struct imager_picture *picture, gsize sent,
-                                           guint8 *to) {
-    memset(to, 0, TRAILER_SIZE);
-    put_head(to, TRAILER_PREFIX, TRAILER_SIZE, picture->id);
-    u3v_put(to + 20, sent, 8);
-    u3v_put(to + 28, picture->height, 4);
-    return TRAILER_SIZE;
 }
 
 /* Of the transfer that comes next: as many of the one size as was said, then what is left. */
@@ -85,21 +64,6 @@ static gsize payload_size(const VirtualU3v *camera) {
     return MIN(camera->sent < size * count ? size : last, end - camera->sent);
 }
 
-static int next_payload(VirtualU3v *camera, guint8 *data) {
-    gsize n = payload_size(camera);
-    memcpy(data, camera->out.data + camera->sent, n);
-    camera->sent += n;
-    return (int)n;
-}
-
-static int next_trailer(VirtualU3v *camera, guint8 *data) {
-    int n = virtual_u3v_stream_make_trailer(&camera->out, camera->sent, data);
-    if (camera->stunted)
-        n = 3; /* not even its prefix */
-    u3v_drop(camera);
-    return n;
-}
-
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size) {
     if (camera->phase == U3V_PAYLOAD && payload_size(camera) == 0) {
         camera->phase = U3V_TRAILER;
@@ -108,15 +72,31 @@ int u3v_stream(VirtualU3v *camera, guint8 *data, int size) {
     }
     if (camera->phase == U3V_IDLE)
         return -EAGAIN;
-    gsize needed = camera->phase == U3V_LEADER    ? LEADER_SIZE
-                   : camera->phase == U3V_PAYLOAD ? payload_size(camera)
-                                                  : TRAILER_SIZE;
-    if (needed > (gsize)size)
+    const struct imager_picture *out = &camera->out;
+    int n = camera->phase == U3V_LEADER    ? LEADER_SIZE
+            : camera->phase == U3V_PAYLOAD ? (int)payload_size(camera)
+                                           : TRAILER_SIZE;
+    if (n > size)
         return -EOVERFLOW;
-    if (camera->phase == U3V_PAYLOAD)
-        return next_payload(camera, data);
-    if (camera->phase == U3V_TRAILER)
-        return next_trailer(camera, data);
-    camera->phase = camera->out.data ? U3V_PAYLOAD : U3V_IDLE;
-    return virtual_u3v_stream_make_leader(&camera->out, data);
+    if (camera->phase == U3V_PAYLOAD) {
+        memcpy(data, out->data + camera->sent, (gsize)n);
+        camera->sent += (gsize)n;
+    } else if (camera->phase == U3V_TRAILER) {
+        put_head(data, TRAILER_PREFIX, TRAILER_SIZE, out->id);
+        u3v_put(data + 20, camera->sent, 8);
+        u3v_put(data + 28, out->height, 4);
+        n = camera->stunted ? 3 : n; /* not even its prefix */
+        u3v_drop(camera);
+    } else {
+        put_head(data, LEADER_PREFIX, LEADER_SIZE, out->id);
+        u3v_put(data + 18, IMAGE, 2);
+        u3v_put(data + 20, (guint64)out->stamp_us * 1000, 8);
+        u3v_put(data + 28, out->format, 4);
+        u3v_put(data + 32, out->width, 4);
+        u3v_put(data + 36, out->height, 4);
+        u3v_put(data + 40, out->x, 4);
+        u3v_put(data + 44, out->y, 4);
+        camera->phase = out->data ? U3V_PAYLOAD : U3V_IDLE;
+    }
+    return n;
 }

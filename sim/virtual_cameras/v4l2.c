@@ -10,11 +10,11 @@
 
 #define MAX_RATE 1000.0
 
-gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
+struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id) {
     for (int i = 0; i < camera->n_controls; i++)
         if (camera->controls[i].about.id == id)
-            return camera->controls[i].value;
-    return otherwise;
+            return &camera->controls[i];
+    return NULL;
 }
 
 /* Of the handlers below, each answers 0 or an errno; argument is the ioctl's struct. */
@@ -60,37 +60,38 @@ static guint32 virtual_v4l2_size_of(const VirtualV4l2 *camera) {
                                         camera->config.height);
 }
 
-static void fill_planes(const VirtualV4l2 *camera, struct v4l2_pix_format_mplane *pix) {
-    *pix = (struct v4l2_pix_format_mplane){.width = (guint32)camera->config.width,
-                                           .height = (guint32)camera->config.height,
+gsize virtual_buffer_room(const VirtualV4l2 *camera) {
+    gsize page = (gsize)sysconf(_SC_PAGESIZE);
+    return (virtual_v4l2_size_of(camera) + page - 1) / page * page;
+}
+
+static int get_format(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_format *format = argument;
+    const guint32 width = (guint32)camera->config.width, height = (guint32)camera->config.height;
+    const guint32 stride = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width);
+    if (format->type != type_of(camera))
+        return EINVAL;
+    if (!camera->config.planes) {
+        format->fmt.pix = (struct v4l2_pix_format){.width = width,
+                                                   .height = height,
+                                                   .pixelformat = camera->fourcc,
+                                                   .field = V4L2_FIELD_NONE,
+                                                   .bytesperline = stride,
+                                                   .sizeimage = virtual_v4l2_size_of(camera),
+                                                   .colorspace = V4L2_COLORSPACE_SRGB,
+                                                   .priv = V4L2_PIX_FMT_PRIV_MAGIC};
+        return 0;
+    }
+    struct v4l2_pix_format_mplane *pix = &format->fmt.pix_mp;
+    *pix = (struct v4l2_pix_format_mplane){.width = width,
+                                           .height = height,
                                            .pixelformat = camera->fourcc,
                                            .field = V4L2_FIELD_NONE,
                                            .colorspace = V4L2_COLORSPACE_SRGB,
                                            .num_planes = (guint8)camera->config.planes};
     for (int i = 0; i < camera->config.planes; i++)
         pix->plane_fmt[i] = (struct v4l2_plane_pix_format){
-            .sizeimage = virtual_v4l2_size_of(camera),
-            .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width)};
-}
-
-static int get_format(VirtualV4l2 *camera, void *argument) {
-    struct v4l2_format *format = argument;
-    struct v4l2_pix_format *pix = &format->fmt.pix;
-    if (format->type != type_of(camera))
-        return EINVAL;
-    if (camera->config.planes) {
-        fill_planes(camera, &format->fmt.pix_mp);
-        return 0;
-    }
-    *pix = (struct v4l2_pix_format){
-        .width = (guint32)camera->config.width,
-        .height = (guint32)camera->config.height,
-        .pixelformat = camera->fourcc,
-        .field = V4L2_FIELD_NONE,
-        .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width),
-        .sizeimage = virtual_v4l2_size_of(camera),
-        .colorspace = V4L2_COLORSPACE_SRGB,
-        .priv = V4L2_PIX_FMT_PRIV_MAGIC};
+            .sizeimage = virtual_v4l2_size_of(camera), .bytesperline = stride};
     return 0;
 }
 
@@ -124,13 +125,6 @@ static int set_parm(VirtualV4l2 *camera, void *argument) {
     return get_parm(camera, argument);
 }
 
-static struct virtual_control *find_control(VirtualV4l2 *camera, guint32 id) {
-    for (int i = 0; i < camera->n_controls; i++)
-        if (camera->controls[i].about.id == id)
-            return &camera->controls[i];
-    return NULL;
-}
-
 /* Controls are in the order of their ids, which V4L2_CTRL_FLAG_NEXT_CTRL asks for. */
 static int query_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_queryctrl *query = argument;
@@ -148,7 +142,7 @@ static int query_control(VirtualV4l2 *camera, void *argument) {
 
 static int get_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_control *value = argument;
-    const struct virtual_control *control = find_control(camera, value->id);
+    const struct virtual_control *control = virtual_find_control(camera, value->id);
     if (!control)
         return EINVAL;
     value->value = control->value;
@@ -157,7 +151,7 @@ static int get_control(VirtualV4l2 *camera, void *argument) {
 
 static int virtual_v4l2_set_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_control *value = argument;
-    struct virtual_control *control = find_control(camera, value->id);
+    struct virtual_control *control = virtual_find_control(camera, value->id);
     if (!control)
         return EINVAL;
     if (value->value < control->about.minimum || value->value > control->about.maximum)
@@ -169,11 +163,6 @@ static int virtual_v4l2_set_control(VirtualV4l2 *camera, void *argument) {
     return 0;
 }
 
-static gsize buffer_room(const VirtualV4l2 *camera) {
-    gsize page = (gsize)sysconf(_SC_PAGESIZE);
-    return (virtual_v4l2_size_of(camera) + page - 1) / page * page;
-}
-
 static int request_buffers(VirtualV4l2 *camera, void *argument) {
     struct v4l2_requestbuffers *request = argument;
     if (request->memory != V4L2_MEMORY_MMAP || request->type != type_of(camera) ||
@@ -182,7 +171,7 @@ static int request_buffers(VirtualV4l2 *camera, void *argument) {
     request->count = MIN(request->count, MAX_BUFFERS);
     memset(camera->buffers, 0, sizeof camera->buffers);
     camera->n_buffers = (int)request->count;
-    off_t size = (off_t)(buffer_room(camera) * request->count);
+    off_t size = (off_t)(virtual_buffer_room(camera) * request->count);
     return camera->n_buffers == 0 || ftruncate(camera->fd, MAX(size, 1)) == 0 ? 0 : ENOMEM;
 }
 
@@ -190,7 +179,7 @@ static int query_buffer(VirtualV4l2 *camera, void *argument) {
     struct v4l2_buffer *buffer = argument;
     if ((int)buffer->index >= camera->n_buffers)
         return EINVAL;
-    guint32 offset = (guint32)(buffer_room(camera) * buffer->index);
+    guint32 offset = (guint32)(virtual_buffer_room(camera) * buffer->index);
     if (camera->config.planes) {
         buffer->m.planes->length = virtual_v4l2_size_of(camera);
         buffer->m.planes->m.mem_offset = offset;
@@ -211,18 +200,9 @@ static int queue_buffer(VirtualV4l2 *camera, void *argument) {
     return 0;
 }
 
-static struct virtual_buffer *first_done(VirtualV4l2 *camera) {
-    struct virtual_buffer *found = NULL;
-    for (int i = 0; i < camera->n_buffers; i++)
-        if (camera->buffers[i].state == BUFFER_DONE &&
-            (!found || camera->buffers[i].order < found->order))
-            found = &camera->buffers[i];
-    return found;
-}
-
 static int dequeue_buffer(VirtualV4l2 *camera, void *argument) {
     struct v4l2_buffer *buffer = argument;
-    struct virtual_buffer *done = first_done(camera);
+    struct virtual_buffer *done = virtual_oldest_buffer(camera, BUFFER_DONE);
     if (camera->fault == VIRTUAL_V4L2_STREAM_BREAKS) {
         camera->fault = VIRTUAL_V4L2_WELL;
         return EIO;
@@ -283,30 +263,24 @@ static const struct {
     {VIDIOC_STREAMOFF, sizeof(int), stream_off},
 };
 
-/* A buffer of the multi-planar interface points to its planes, of which there is one. */
-static gboolean resolve_planes(const VirtualV4l2 *camera, gsize size, UMockdevIoctlData *data) {
-    const struct v4l2_buffer *buffer = (const struct v4l2_buffer *)data->data;
-    if (size != sizeof *buffer || !camera->config.planes)
-        return TRUE;
-    if (buffer->type != V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE || buffer->length < 1)
-        return FALSE;
-    UMockdevIoctlData *planes = umockdev_ioctl_data_resolve(
-        data, G_STRUCT_OFFSET(struct v4l2_buffer, m), sizeof(struct v4l2_plane), NULL);
-    gboolean there = planes != NULL;
-    g_clear_pointer(&planes, umockdev_ioctl_data_unref);
-    return there;
-}
-
 static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData *arg) {
     for (gsize i = 0; i < G_N_ELEMENTS(answers); i++) {
         if (answers[i].request != (request & 0xffffffffu))
             continue;
         UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, answers[i].size, NULL);
-        int code = !data ? EFAULT
-                   : !resolve_planes(camera, answers[i].size, data)
-                       ? EINVAL
-                       : answers[i].answer(camera, data->data);
-        g_clear_pointer(&data, umockdev_ioctl_data_unref);
+        if (!data)
+            return EFAULT;
+        /* A buffer of the multi-planar interface points to its planes, of which there is one. */
+        const struct v4l2_buffer *buffer = (const struct v4l2_buffer *)data->data;
+        gboolean there = answers[i].size != sizeof *buffer || !camera->config.planes;
+        if (!there && buffer->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE && buffer->length > 0) {
+            UMockdevIoctlData *planes = umockdev_ioctl_data_resolve(
+                data, G_STRUCT_OFFSET(struct v4l2_buffer, m), sizeof(struct v4l2_plane), NULL);
+            there = planes != NULL;
+            g_clear_pointer(&planes, umockdev_ioctl_data_unref);
+        }
+        int code = there ? answers[i].answer(camera, data->data) : EINVAL;
+        umockdev_ioctl_data_unref(data);
         return code;
     }
     return ENOTTY;
@@ -316,13 +290,12 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
 static void virtual_v4l2_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
                                      gpointer user) {
     VirtualV4l2 *camera = user;
-    g_mutex_lock(&camera->mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
     if (camera->owner == client) {
         virtual_stream_stop(camera);
         camera->n_buffers = 0;
         camera->owner = NULL;
     }
-    g_mutex_unlock(&camera->mutex);
 }
 
 static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
@@ -336,37 +309,6 @@ static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlC
     g_mutex_unlock(&camera->mutex);
     umockdev_ioctl_client_complete(client, code ? -1 : 0, code);
     return TRUE;
-}
-
-static void add_control(VirtualV4l2 *camera, guint32 id, const char *name, gint32 min, gint32 max,
-                        gint32 value) {
-    struct virtual_control *control = &camera->controls[camera->n_controls++];
-    g_assert(camera->n_controls <= MAX_CONTROLS);
-    enum v4l2_ctrl_type type = id == V4L2_CID_EXPOSURE_AUTO ? V4L2_CTRL_TYPE_MENU
-                               : max == 1                   ? V4L2_CTRL_TYPE_BOOLEAN
-                                                            : V4L2_CTRL_TYPE_INTEGER;
-    control->about = (struct v4l2_queryctrl){
-        .id = id, .type = type, .minimum = min, .maximum = max, .step = 1, .default_value = value};
-    g_strlcpy((char *)control->about.name, name, sizeof control->about.name);
-    control->value = value;
-}
-
-static void add_controls(VirtualV4l2 *camera) {
-    guint lacks = camera->config.lacks;
-    add_control(camera, V4L2_CID_BRIGHTNESS, "Brightness", -64, 64, 0);
-    if (!(lacks & VIRTUAL_V4L2_NO_WHITE_BALANCE))
-        add_control(camera, V4L2_CID_AUTO_WHITE_BALANCE, "White Balance, Automatic", 0, 1, 1);
-    add_control(camera, V4L2_CID_GAMMA, "Gamma", 100, 500, 300);
-    if (!(lacks & VIRTUAL_V4L2_NO_GAIN))
-        add_control(camera, V4L2_CID_GAIN, "Gain", 0, 240, 32);
-    if (!(lacks & VIRTUAL_V4L2_NO_WHITE_BALANCE))
-        add_control(camera, V4L2_CID_WHITE_BALANCE_TEMPERATURE, "White Balance Temperature", 2800,
-                    6500, 4600);
-    if (lacks & VIRTUAL_V4L2_NO_EXPOSURE)
-        return;
-    add_control(camera, V4L2_CID_EXPOSURE_AUTO, "Auto Exposure", 0, 3, 3);
-    add_control(camera, V4L2_CID_EXPOSURE_ABSOLUTE, "Exposure Time, Absolute", 1, 5000, 157);
-    add_control(camera, V4L2_CID_EXPOSURE_AUTO_PRIORITY, "Exposure, Dynamic Framerate", 0, 1, 1);
 }
 
 /* A device of USB: the root hub, a hub, or the camera. */
@@ -446,6 +388,32 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
     umockdev_testbed_detach_ioctl(camera->testbed, camera->node, NULL);
 }
 
+#define CONTROL(id, type, name, min, max, value)                                                   \
+    {                                                                                              \
+        V4L2_CID_##id, V4L2_CTRL_TYPE_##type, name, min, max, 1, value, 0, {                       \
+            0                                                                                      \
+        }                                                                                          \
+    }
+static const struct {
+    guint lacks; /* a camera without this has no such control */
+    struct v4l2_queryctrl about;
+} v4l2_controls[] = {
+    {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},
+    {VIRTUAL_V4L2_NO_WHITE_BALANCE,
+     CONTROL(AUTO_WHITE_BALANCE, BOOLEAN, "White Balance, Automatic", 0, 1, 1)},
+    {0, CONTROL(GAMMA, INTEGER, "Gamma", 100, 500, 300)},
+    {VIRTUAL_V4L2_NO_GAIN, CONTROL(GAIN, INTEGER, "Gain", 0, 240, 32)},
+    {VIRTUAL_V4L2_NO_WHITE_BALANCE,
+     CONTROL(WHITE_BALANCE_TEMPERATURE, INTEGER, "White Balance Temperature", 2800, 6500, 4600)},
+    {VIRTUAL_V4L2_NO_EXPOSURE, CONTROL(EXPOSURE_AUTO, MENU, "Auto Exposure", 0, 3, 3)},
+    {VIRTUAL_V4L2_NO_EXPOSURE,
+     CONTROL(EXPOSURE_ABSOLUTE, INTEGER, "Exposure Time, Absolute", 1, 5000, 157)},
+    {VIRTUAL_V4L2_NO_EXPOSURE,
+     CONTROL(EXPOSURE_AUTO_PRIORITY, BOOLEAN, "Exposure, Dynamic Framerate", 0, 1, 1)},
+};
+#undef CONTROL
+G_STATIC_ASSERT(G_N_ELEMENTS(v4l2_controls) <= MAX_CONTROLS);
+
 VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
     VirtualV4l2 *camera = g_new0(VirtualV4l2, 1);
     camera->config = *config;
@@ -461,7 +429,11 @@ VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
     camera->fd = -1;
     g_mutex_init(&camera->mutex);
     g_cond_init(&camera->woken);
-    add_controls(camera);
+    for (gsize i = 0; i < G_N_ELEMENTS(v4l2_controls); i++)
+        if (!(config->lacks & v4l2_controls[i].lacks)) {
+            camera->controls[camera->n_controls++] = (struct virtual_control){
+                v4l2_controls[i].about, v4l2_controls[i].about.default_value};
+        }
     camera->testbed = testbed_ref();
     camera->handler = umockdev_ioctl_base_new();
     testbed_connect(camera->handler, "handle-ioctl", G_CALLBACK(virtual_v4l2_on_ioctl), camera);
@@ -512,22 +484,17 @@ void virtual_v4l2_free(VirtualV4l2 *camera) {
 }
 
 void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault) {
-    g_mutex_lock(&camera->mutex);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
     camera->fault = fault;
-    g_mutex_unlock(&camera->mutex);
 }
 
 gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id) {
-    g_mutex_lock(&camera->mutex);
-    const struct virtual_control *control = find_control(camera, id);
-    gint64 value = control ? control->value : -1;
-    g_mutex_unlock(&camera->mutex);
-    return value;
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
+    const struct virtual_control *control = virtual_find_control(camera, id);
+    return control ? control->value : -1;
 }
 
 int virtual_v4l2_n_exposed(VirtualV4l2 *camera) {
-    g_mutex_lock(&camera->mutex);
-    int n = camera->n_exposed;
-    g_mutex_unlock(&camera->mutex);
-    return n;
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
+    return camera->n_exposed;
 }

@@ -6,54 +6,29 @@
 #define ROW_ALIGN 32
 
 struct layout {
-    guint32 fourcc[5];       /* by enum cfa */
     int bits, bytes, pixels; /* so many bytes hold so many pixels */
+    guint32 fourcc[5];       /* by enum cfa */
 };
 
+#define RAW(mono, depth)                                                                           \
+    {                                                                                              \
+        mono, V4L2_PIX_FMT_SRGGB##depth, V4L2_PIX_FMT_SBGGR##depth, V4L2_PIX_FMT_SGRBG##depth,     \
+            V4L2_PIX_FMT_SGBRG##depth                                                              \
+    }
+#define LUMA(fourcc)                                                                               \
+    { fourcc, fourcc, fourcc, fourcc, fourcc }
 static const struct layout layouts[] = {
-    {{V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_SGRBG8,
-      V4L2_PIX_FMT_SGBRG8},
-     8,
-     1,
-     1},
-    {{V4L2_PIX_FMT_Y10, V4L2_PIX_FMT_SRGGB10, V4L2_PIX_FMT_SBGGR10, V4L2_PIX_FMT_SGRBG10,
-      V4L2_PIX_FMT_SGBRG10},
-     10,
-     2,
-     1},
-    {{V4L2_PIX_FMT_Y10P, V4L2_PIX_FMT_SRGGB10P, V4L2_PIX_FMT_SBGGR10P, V4L2_PIX_FMT_SGRBG10P,
-      V4L2_PIX_FMT_SGBRG10P},
-     10,
-     5,
-     4},
-    {{V4L2_PIX_FMT_Y12, V4L2_PIX_FMT_SRGGB12, V4L2_PIX_FMT_SBGGR12, V4L2_PIX_FMT_SGRBG12,
-      V4L2_PIX_FMT_SGBRG12},
-     12,
-     2,
-     1},
-    {{0, V4L2_PIX_FMT_SRGGB12P, V4L2_PIX_FMT_SBGGR12P, V4L2_PIX_FMT_SGRBG12P,
-      V4L2_PIX_FMT_SGBRG12P},
-     12,
-     3,
-     2},
-    {{V4L2_PIX_FMT_Y16, V4L2_PIX_FMT_SRGGB16, V4L2_PIX_FMT_SBGGR16, V4L2_PIX_FMT_SGRBG16,
-      V4L2_PIX_FMT_SGBRG16},
-     16,
-     2,
-     1},
-    {{V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUYV,
-      V4L2_PIX_FMT_YUYV},
-     8,
-     2,
-     1},
-    {{V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_UYVY,
-      V4L2_PIX_FMT_UYVY},
-     8,
-     2,
-     1},
+    {8, 1, 1, RAW(V4L2_PIX_FMT_GREY, 8)},
+    {10, 2, 1, RAW(V4L2_PIX_FMT_Y10, 10)},
+    {10, 5, 4, RAW(V4L2_PIX_FMT_Y10P, 10P)},
+    {12, 2, 1, RAW(V4L2_PIX_FMT_Y12, 12)},
+    {12, 3, 2, RAW(0, 12P)},
+    {16, 2, 1, RAW(V4L2_PIX_FMT_Y16, 16)},
+    {8, 2, 1, LUMA(V4L2_PIX_FMT_YUYV)},
+    {8, 2, 1, LUMA(V4L2_PIX_FMT_UYVY)},
 };
 
-static const struct layout *virtual_v4l2_pixels_find(guint32 fourcc) {
+static const struct layout *v4l2_pixels_find(guint32 fourcc) {
     for (gsize i = 0; i < G_N_ELEMENTS(layouts); i++)
         for (gsize cfa = 0; cfa < G_N_ELEMENTS(layouts[i].fourcc); cfa++)
             if (fourcc && layouts[i].fourcc[cfa] == fourcc)
@@ -76,7 +51,7 @@ gboolean virtual_pixels_offered(const struct virtual_v4l2_config *config, guint3
 }
 
 gsize virtual_pixels_stride(guint32 fourcc, int width) {
-    const struct layout *layout = virtual_v4l2_pixels_find(fourcc);
+    const struct layout *layout = v4l2_pixels_find(fourcc);
     if (!layout)
         return 0;
     gsize groups = ((gsize)width + (gsize)layout->pixels - 1) / (gsize)layout->pixels;
@@ -124,7 +99,7 @@ static void pack_luma(const struct virtual_v4l2_config *config, guint32 fourcc,
 
 void virtual_pixels_pack(const struct virtual_v4l2_config *config, guint32 fourcc,
                          const guint16 *pixels, guint8 *to) {
-    const struct layout *layout = virtual_v4l2_pixels_find(fourcc);
+    const struct layout *layout = v4l2_pixels_find(fourcc);
     gsize stride = virtual_pixels_stride(fourcc, config->width);
     memset(to, 0, stride * (gsize)config->height);
     for (int y = 0; y < config->height; y++) {

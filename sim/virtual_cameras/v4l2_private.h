@@ -7,7 +7,7 @@
 #include <umockdev.h>
 
 #define MAX_BUFFERS  8
-#define MAX_CONTROLS 9
+#define MAX_CONTROLS 8
 
 enum buffer_state { BUFFER_IDLE, BUFFER_QUEUED, BUFFER_DONE };
 
@@ -25,7 +25,7 @@ struct virtual_control {
 
 struct VirtualV4l2 {
     struct virtual_v4l2_config config;
-    char *port, *world_camera;
+    char *port;
     World *world;
     int world_index;
 
@@ -64,7 +64,11 @@ void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
 void virtual_stream_wait(VirtualV4l2 *camera); /* until no thread uses it any more; unlocks */
 
-gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 otherwise);
+struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id); /* NULL: none */
+gsize virtual_buffer_room(const VirtualV4l2 *camera); /* bytes of the node that a buffer takes */
+
+/* NULL: none is in that state. */
+struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_state state);
 
 /* How formats look in memory. */
 gsize virtual_pixels_stride(guint32 fourcc, int width); /* 0: a format that cannot be had */

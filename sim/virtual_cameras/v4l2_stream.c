@@ -5,6 +5,12 @@
 
 #define FUTURE_US 100000
 
+/* otherwise: where the camera has no such control. */
+static gint32 v4l2_stream_setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
+    const struct virtual_control *control = virtual_find_control(camera, id);
+    return control ? control->value : otherwise;
+}
+
 /* Of the frame's interval, between the end of an exposure and its first and last data. */
 #define FIRST_DATA_PART 0.1
 #define LAST_DATA_PART  0.4
@@ -19,10 +25,6 @@ struct shot {
     guint32 fourcc;
 };
 
-static gint64 interval_us(const VirtualV4l2 *camera) {
-    return (gint64)(1e6 / camera->frame_rate);
-}
-
 /* Locked; FALSE when the stream is over. */
 static gboolean sleep_until(VirtualV4l2 *camera, guint stream, gint64 time_us) {
     while (camera->stream == stream && g_get_monotonic_time() < time_us)
@@ -30,19 +32,7 @@ static gboolean sleep_until(VirtualV4l2 *camera, guint stream, gint64 time_us) {
     return camera->stream == stream;
 }
 
-/* As many sensors, it takes a new setting with the frame after the next. By itself it would expose
- * and amplify as it likes. */
-static void follow_controls(VirtualV4l2 *camera, gint64 start_us) {
-    gint64 interval = interval_us(camera);
-    if (camera->exposure_us > 0 && camera->changed_us + interval > start_us)
-        return;
-    gboolean by_hand = virtual_control_value(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
-    gint64 set_us = 100 * virtual_control_value(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);
-    camera->exposure_us = MIN(by_hand ? set_us : interval * 2 / 3, interval);
-    camera->gain_db = virtual_control_value(camera, V4L2_CID_GAIN, 0) / 10.0 + (by_hand ? 0 : 6);
-}
-
-static struct virtual_buffer *oldest(VirtualV4l2 *camera, enum buffer_state state) {
+struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_state state) {
     struct virtual_buffer *found = NULL;
     for (int i = 0; i < camera->n_buffers; i++)
         if (camera->buffers[i].state == state &&
@@ -51,50 +41,15 @@ static struct virtual_buffer *oldest(VirtualV4l2 *camera, enum buffer_state stat
     return found;
 }
 
-static void expose_ramp(const VirtualV4l2 *camera, const struct shot *shot, guint16 *pixels) {
-    int most = (1 << camera->config.bits) - 1;
-    GRand *rand = g_rand_new_with_seed((guint32)shot->start_us);
-    for (int y = 0; y < camera->config.height; y++)
-        for (int x = 0; x < camera->config.width; x++) {
-            gint64 value = shot->exposure_us / 16 + x + g_rand_int_range(rand, 0, 8);
-            *pixels++ = (guint16)MIN(value, most);
-        }
-    g_rand_free(rand);
-}
-
-static void virtual_v4l2_stream_expose(VirtualV4l2 *camera, const struct shot *shot,
-                                       guint16 *pixels) {
-    if (camera->world) {
-        struct world_state state;
-        world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
-        /* Its noise comes from the time, since frames are counted anew by every stream. */
-        world_expose(camera->world, camera->world_index, &state, shot->exposure_us, shot->gain_db,
-                     (guint64)shot->start_us, pixels);
-    } else if (camera->config.expose) {
-        camera->config.expose(camera->config.user, shot->start_us, shot->exposure_us, shot->gain_db,
-                              shot->number, pixels);
-    } else {
-        expose_ramp(camera, shot, pixels);
-    }
-}
-
-static gint64 stamp_of(const VirtualV4l2 *camera, const struct shot *shot) {
-    gint64 stamp_us = camera->config.stamp == VIRTUAL_V4L2_START        ? shot->start_us
-                      : camera->config.stamp == VIRTUAL_V4L2_FIRST_DATA ? shot->first_data_us
-                                                                        : shot->end_us;
-    return stamp_us + (shot->fault == VIRTUAL_V4L2_FUTURE ? FUTURE_US : 0);
-}
-
 /* Locked. */
-static void virtual_v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
-                                        struct virtual_buffer *buffer, const guint8 *data) {
+static void v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
+                                struct virtual_buffer *buffer, const guint8 *data) {
     gsize bytes = virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height);
     gsize index = (gsize)(buffer - camera->buffers);
     gboolean half = shot->fault == VIRTUAL_V4L2_ERROR_FLAG || shot->fault == VIRTUAL_V4L2_SHORT;
     gsize sent = half ? bytes / 2 : bytes;
-    gssize page = sysconf(_SC_PAGESIZE);
-    gsize room = (bytes + (gsize)page - 1) / (gsize)page * (gsize)page;
-    if (pwrite(camera->fd, data, sent, (off_t)(index * room)) != (gssize)sent)
+    off_t at = (off_t)(index * virtual_buffer_room(camera));
+    if (pwrite(camera->fd, data, sent, at) != (gssize)sent)
         g_error("cannot write a virtual camera's frame");
     buffer->bytes = (guint32)sent;
     buffer->flags = camera->config.stamp == VIRTUAL_V4L2_END ? V4L2_BUF_FLAG_TSTAMP_SRC_EOF
@@ -104,43 +59,70 @@ static void virtual_v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *
     if (shot->fault == VIRTUAL_V4L2_ERROR_FLAG)
         buffer->flags |= V4L2_BUF_FLAG_ERROR;
     buffer->sequence = (guint32)shot->number;
-    buffer->stamp_us = stamp_of(camera, shot);
+    buffer->stamp_us = camera->config.stamp == VIRTUAL_V4L2_START        ? shot->start_us
+                       : camera->config.stamp == VIRTUAL_V4L2_FIRST_DATA ? shot->first_data_us
+                                                                         : shot->end_us;
+    if (shot->fault == VIRTUAL_V4L2_FUTURE)
+        buffer->stamp_us += FUTURE_US;
     buffer->order = ++camera->n_ordered;
     buffer->state = BUFFER_DONE;
 }
 
 /* Locked, but while the picture is made; FALSE when the stream is to end. */
-static gboolean virtual_v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot *shot) {
+static gboolean v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);
     g_autofree guint8 *data =
         g_malloc(virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height));
     g_mutex_unlock(&camera->mutex);
-    if (shot->fault == VIRTUAL_V4L2_FROZEN)
+    if (shot->fault == VIRTUAL_V4L2_FROZEN) {
         memcpy(pixels, camera->pixels, n * sizeof *pixels);
-    else
-        virtual_v4l2_stream_expose(camera, shot, pixels);
+    } else if (camera->world) {
+        struct world_state state;
+        world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
+        /* Its noise comes from the time, since frames are counted anew by every stream. */
+        world_expose(camera->world, camera->world_index, &state, shot->exposure_us, shot->gain_db,
+                     (guint64)shot->start_us, pixels);
+    } else if (camera->config.expose) {
+        camera->config.expose(camera->config.user, shot->start_us, shot->exposure_us, shot->gain_db,
+                              shot->number, pixels);
+    } else { /* a ramp with noise */
+        GRand *rand = g_rand_new_with_seed((guint32)shot->start_us);
+        for (gsize i = 0; i < n; i++) {
+            gint64 column = (gint64)(i % (gsize)camera->config.width);
+            gint64 value = shot->exposure_us / 16 + column + g_rand_int_range(rand, 0, 8);
+            pixels[i] = (guint16)MIN(value, (1 << camera->config.bits) - 1);
+        }
+        g_rand_free(rand);
+    }
     virtual_pixels_pack(&camera->config, shot->fourcc, pixels, data);
     g_mutex_lock(&camera->mutex);
     camera->n_exposed++;
     if (!sleep_until(camera, shot->stream, shot->end_us))
         return FALSE;
     memcpy(camera->pixels, pixels, n * sizeof *pixels);
-    struct virtual_buffer *buffer = oldest(camera, BUFFER_QUEUED);
+    struct virtual_buffer *buffer = virtual_oldest_buffer(camera, BUFFER_QUEUED);
     if (buffer)
-        virtual_v4l2_stream_deliver(camera, shot, buffer, data);
+        v4l2_stream_deliver(camera, shot, buffer, data);
     return TRUE;
 }
 
 /* Locked. The first frame that can still begin. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
-    gint64 interval = interval_us(camera), now = g_get_monotonic_time();
+    gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,
                         .number = (guint64)((now - camera->first_us) / interval) + 1};
     shot.start_us = camera->first_us + (gint64)shot.number * interval;
     if (!sleep_until(camera, stream, shot.start_us))
         return FALSE;
-    follow_controls(camera, shot.start_us);
+    /* As many sensors, it takes a new setting with the frame after the next. By itself it would
+     * expose and amplify as it likes. */
+    if (camera->exposure_us == 0 || camera->changed_us + interval <= shot.start_us) {
+        gboolean by_hand = v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
+        gint64 set_us = 100 * v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);
+        camera->exposure_us = MIN(by_hand ? set_us : interval * 2 / 3, interval);
+        camera->gain_db = v4l2_stream_setting(camera, V4L2_CID_GAIN, 0) / 10.0 + (by_hand ? 0 : 6);
+    }
     shot.exposure_us = camera->exposure_us;
     shot.gain_db = camera->gain_db;
     shot.fault = camera->fault;
@@ -150,9 +132,9 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     shot.end_us = exposed_us + (gint64)(LAST_DATA_PART * (double)interval);
     if (!sleep_until(camera, stream, exposed_us))
         return FALSE;
-    if (!oldest(camera, BUFFER_QUEUED) || shot.fault == VIRTUAL_V4L2_SILENT)
+    if (!virtual_oldest_buffer(camera, BUFFER_QUEUED) || shot.fault == VIRTUAL_V4L2_SILENT)
         return TRUE;
-    return virtual_v4l2_stream_make_picture(camera, &shot);
+    return v4l2_stream_make_picture(camera, &shot);
 }
 
 struct run {
@@ -160,7 +142,7 @@ struct run {
     guint stream;
 };
 
-static gpointer virtual_v4l2_stream_run(gpointer data) {
+static gpointer v4l2_stream_run(gpointer data) {
     g_autofree struct run *run = data;
     VirtualV4l2 *camera = run->camera;
     g_mutex_lock(&camera->mutex);
@@ -179,7 +161,7 @@ void virtual_stream_start(VirtualV4l2 *camera) {
     camera->first_us = g_get_monotonic_time();
     camera->exposure_us = 0;
     camera->n_threads++;
-    g_thread_unref(g_thread_new("virtual camera", virtual_v4l2_stream_run, new));
+    g_thread_unref(g_thread_new("virtual camera", v4l2_stream_run, new));
 }
 
 void virtual_stream_stop(VirtualV4l2 *camera) {

@@ -88,23 +88,22 @@ static struct vertex *vertex_at(struct mesh *mesh, guint32 i) {
     return &g_array_index(mesh->vertices, struct vertex, i);
 }
 
-static void add_normal(struct mesh *mesh, const guint32 corners[3]) {
-    const float *a = vertex_at(mesh, corners[0])->p, *b = vertex_at(mesh, corners[1])->p,
-                *c = vertex_at(mesh, corners[2])->p;
-    float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-    float v[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-    float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++)
-            vertex_at(mesh, corners[i])->n[k] += n[k];
-}
-
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle) {
     for (guint i = first_vertex; i < mesh->vertices->len; i++)
         memset(vertex_at(mesh, i)->n, 0, sizeof(float[3]));
     const guint32(*triangles)[3] = (const guint32(*)[3])(gpointer)mesh->triangles->data;
-    for (guint i = first_triangle; i < mesh->triangles->len; i++)
-        add_normal(mesh, triangles[i]);
+    for (guint i = first_triangle; i < mesh->triangles->len; i++) {
+        const float *a = vertex_at(mesh, triangles[i][0])->p,
+                    *b = vertex_at(mesh, triangles[i][1])->p,
+                    *c = vertex_at(mesh, triangles[i][2])->p;
+        float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+        float v[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+        float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                      u[0] * v[1] - u[1] * v[0]};
+        for (int corner = 0; corner < 3; corner++)
+            for (int k = 0; k < 3; k++)
+                vertex_at(mesh, triangles[i][corner])->n[k] += n[k];
+    }
     for (guint i = first_vertex; i < mesh->vertices->len; i++) {
         float *n = vertex_at(mesh, i)->n, s = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
         if (s > 0)
@@ -119,6 +118,13 @@ void sample_set_rgb(float to[3], const struct option_doubles *given, float r, fl
     const float own[3] = {r, g, b};
     for (int k = 0; k < 3; k++)
         to[k] = given->n == 0 ? own[k] : (float)given->values[given->n == 1 ? 0 : k];
+}
+
+void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
+                      double along, double across) {
+    to->gloss = (float)(options->gloss >= 0 ? options->gloss : gloss);
+    to->along = (float)(options->along > 0 ? options->along : along);
+    to->across = (float)(options->across > 0 ? options->across : across);
 }
 
 static double lattice(gint64 x, gint64 y, guint64 seed) {
@@ -143,11 +149,13 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
     return low * (1 - v) + high * v;
 }
 
-/* Walls have vertices of their own, with the normal of their side. */
-static void add_wall(struct mesh *mesh, const guint32 *edge, int n, float nx, float ny) {
+/* Below n vertices, from first on in steps. A wall has vertices of its own, with the normal of its
+ * side. */
+static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
+                     float ny) {
     guint32 before[2] = {0, 0};
-    for (int i = 0; i < n; i++) {
-        struct vertex top = *vertex_at(mesh, edge[i]);
+    for (guint32 i = 0; i < n; i++) {
+        struct vertex top = *vertex_at(mesh, first + i * step);
         top.n[0] = nx;
         top.n[1] = ny;
         top.n[2] = 0;
@@ -158,24 +166,6 @@ static void add_wall(struct mesh *mesh, const guint32 *edge, int n, float nx, fl
             sample_add_quad(mesh, before[1], here[1], here[0], before[0]);
         memcpy(before, here, sizeof before);
     }
-}
-
-static void add_walls(struct mesh *mesh, guint32 first, int nx, int ny) {
-    int n = MAX(nx, ny) + 1;
-    g_autofree guint32 *edge = g_new(guint32, n);
-    guint32 columns = (guint32)nx + 1, rows = (guint32)ny + 1;
-    for (guint32 i = 0; i < columns; i++)
-        edge[i] = first + i;
-    add_wall(mesh, edge, nx + 1, 0, -1);
-    for (guint32 i = 0; i < columns; i++)
-        edge[i] = first + ny * columns + (columns - 1 - i);
-    add_wall(mesh, edge, nx + 1, 0, 1);
-    for (guint32 i = 0; i < rows; i++)
-        edge[i] = first + i * columns + (guint32)nx;
-    add_wall(mesh, edge, ny + 1, 1, 0);
-    for (guint32 i = 0; i < rows; i++)
-        edge[i] = first + (rows - 1 - i) * columns;
-    add_wall(mesh, edge, ny + 1, -1, 0);
 }
 
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
@@ -197,7 +187,11 @@ void sample_add_relief(struct mesh *mesh, const struct sample_options *options, 
             sample_add_quad(mesh, a, a + 1, a + 1 + columns, a + columns);
         }
     sample_smooth_normals(mesh, first, first_triangle);
-    add_walls(mesh, first, nx, ny);
+    guint32 rows = (guint32)ny + 1, last = first + rows * columns - 1;
+    add_wall(mesh, first, 1, columns, 0, -1);
+    add_wall(mesh, last, -1u, columns, 0, 1);
+    add_wall(mesh, first + columns - 1, columns, rows, 1, 0);
+    add_wall(mesh, last + 1 - columns, -columns, rows, -1, 0);
 }
 
 static gboolean check_rgb(const struct config_section *section, const char *key,

@@ -7,6 +7,8 @@
 
 #include "base/options.h"
 
+#include <png.h>
+
 /* Diffuse albedo, and a layer of gloss (Ward's anisotropic lobe, bounded form): gloss is its
  * albedo, along and across its roughness in the direction of the tangent and across it. */
 struct vertex {
@@ -68,6 +70,11 @@ void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32
 /* Area-weighted normals from the triangles, for vertices from first on. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
+/* As the options say; what they leave to the kind is gloss, along and across. */
+void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
+                      double along, double across);
+/* Sets an error that a picture cannot be read, for the reason in image, which is freed. */
+gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
 /* A surface z(x, y) on a grid, with walls down to the turntable. The function sets p[2], albedo and
  * gloss of a vertex whose p[0] and p[1] are set. */

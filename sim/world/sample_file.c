@@ -3,7 +3,6 @@
 #include "base/input_file.h"
 
 #include <math.h>
-#include <png.h>
 #include <string.h>
 
 #define MAX_OBJ_BYTES (256u << 20)
@@ -14,7 +13,7 @@ struct picture {
     float *values; /* 0 … 1, top row first */
 };
 
-static gboolean picture_error(png_image *image, const char *path, GError **error) {
+gboolean sample_picture_error(png_image *image, const char *path, GError **error) {
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s: cannot be read as a PNG picture: %s",
                 path, image->message);
     png_image_free(image);
@@ -31,7 +30,7 @@ static gboolean sample_file_read_picture(const char *path, gboolean heights, str
     if (!bytes)
         return FALSE;
     if (!png_image_begin_read_from_memory(&image, bytes, length))
-        return picture_error(&image, path, error);
+        return sample_picture_error(&image, path, error);
     if (!input_file_check_pixels(path, image.width, image.height, length, error)) {
         png_image_free(&image);
         return FALSE;
@@ -41,7 +40,7 @@ static gboolean sample_file_read_picture(const char *path, gboolean heights, str
     g_autofree guint8 *raw = g_malloc(PNG_IMAGE_SIZE(image));
     png_color black = {0, 0, 0};
     if (!png_image_finish_read(&image, &black, raw, 0, NULL))
-        return picture_error(&image, path, error);
+        return sample_picture_error(&image, path, error);
     *ret = (struct picture){image.width, image.height, heights ? 1 : 3, NULL};
     gsize n = (gsize)image.width * image.height * (gsize)ret->channels;
     ret->values = g_new(float, n);
@@ -75,12 +74,6 @@ struct pictured {
     struct picture relief, albedo;
 };
 
-static void sample_file_set_gloss(const struct sample_options *o, struct vertex *to) {
-    to->gloss = (float)MAX(o->gloss, 0);
-    to->along = (float)(o->along > 0 ? o->along : 0.3);
-    to->across = (float)(o->across > 0 ? o->across : 0.3);
-}
-
 static void pictured_relief(struct vertex *vertex, gconstpointer data) {
     const struct pictured *from = data;
     const struct sample_options *o = from->options;
@@ -89,7 +82,7 @@ static void pictured_relief(struct vertex *vertex, gconstpointer data) {
     sample_set_rgb(vertex->albedo, &o->albedo, 0.5f, 0.5f, 0.5f);
     for (int k = 0; k < 3 && from->albedo.values; k++)
         vertex->albedo[k] = (float)sample_file_look_up(&from->albedo, u, v, k);
-    sample_file_set_gloss(o, vertex);
+    sample_set_gloss(vertex, o, 0, 0.3, 0.3);
 }
 
 struct mesh *sample_picture(const struct sample_options *options, GError **error) {
@@ -137,7 +130,7 @@ static guint32 obj_vertex(struct obj *obj, guint32 position) {
     struct vertex vertex = {.n = {0, 0, 1}, .t = {1, 0, 0}};
     memcpy(vertex.p, obj->positions->data + position * sizeof(float[3]), sizeof vertex.p);
     sample_set_rgb(vertex.albedo, &obj->options->albedo, 0.5f, 0.5f, 0.5f);
-    sample_file_set_gloss(obj->options, &vertex);
+    sample_set_gloss(&vertex, obj->options, 0, 0.3, 0.3);
     return sample_add_vertex(obj->mesh, &vertex);
 }
 
@@ -154,17 +147,6 @@ static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GEr
     return TRUE;
 }
 
-static void obj_triangle(struct obj *obj, guint32 a, guint32 b, guint32 c) {
-    if (obj->options->smooth) {
-        sample_add_triangle(obj->mesh, a, b, c);
-        return;
-    }
-    guint32 first = obj_vertex(obj, a);
-    obj_vertex(obj, b);
-    obj_vertex(obj, c);
-    sample_add_triangle(obj->mesh, first, first + 1, first + 2);
-}
-
 static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
     guint32 first, before, corner;
     if (!obj_corner(obj, &text, &first, error) || !obj_corner(obj, &text, &before, error))
@@ -174,7 +156,14 @@ static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
     while (*text) {
         if (!obj_corner(obj, &text, &corner, error))
             return FALSE;
-        obj_triangle(obj, first, before, corner);
+        if (obj->options->smooth)
+            sample_add_triangle(obj->mesh, first, before, corner);
+        else {
+            guint32 a = obj_vertex(obj, first);
+            obj_vertex(obj, before);
+            obj_vertex(obj, corner);
+            sample_add_triangle(obj->mesh, a, a + 1, a + 2);
+        }
         before = corner;
     }
     return TRUE;
@@ -196,15 +185,6 @@ static gboolean obj_lines(struct obj *obj, char *text, GError **error) {
     return TRUE;
 }
 
-/* A smooth mesh shares vertices, in the order of their positions; added at the end, since faces
- * only need numbers. */
-static void obj_finish(struct obj *obj) {
-    if (obj->options->smooth)
-        for (guint32 i = 0; i < obj->positions->len; i++)
-            obj_vertex(obj, i);
-    sample_smooth_normals(obj->mesh, 0, 0);
-}
-
 struct mesh *sample_obj(const struct sample_options *options, GError **error) {
     g_autofree char *text = input_file_read_text(options->path, MAX_OBJ_BYTES, error);
     if (!text)
@@ -215,6 +195,10 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         sample_free(obj.mesh);
         return NULL;
     }
-    obj_finish(&obj);
+    /* A smooth mesh shares vertices, in the order of their positions; added at the end, since
+     * faces only need numbers. */
+    for (guint32 i = 0; options->smooth && i < positions->len; i++)
+        obj_vertex(&obj, i);
+    sample_smooth_normals(obj.mesh, 0, 0);
     return obj.mesh;
 }

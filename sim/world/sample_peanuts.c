@@ -46,10 +46,7 @@ static void shell_vertex(const struct peanut *peanut, int i, int k, struct verte
     to_world(peanut, axis, to->t, 0);
     for (int c = 0; c < 3; c++)
         to->albedo[c] = (float)CLAMP(peanut->albedo[c] * (0.72 + 0.3 * net + 0.15 * rough), 0, 1);
-    const struct sample_options *o = peanut->options;
-    to->gloss = (float)(o->gloss >= 0 ? o->gloss : 0.03);
-    to->along = (float)(o->along > 0 ? o->along : 0.35);
-    to->across = (float)(o->across > 0 ? o->across : 0.35);
+    sample_set_gloss(to, peanut->options, 0.03, 0.35, 0.35);
 }
 
 static void add_peanut(struct mesh *mesh, const struct peanut *peanut) {
@@ -65,14 +62,9 @@ static void add_peanut(struct mesh *mesh, const struct peanut *peanut) {
     for (guint32 i = 0; i < ALONG; i++)
         for (guint32 k = 0; k < AROUND; k++) {
             guint32 a = first + i * AROUND + k, b = first + i * AROUND + (k + 1) % AROUND;
-            sample_add_quad(mesh, a, b, b + AROUND, a + AROUND);
+            sample_add_triangle(mesh, a, b + AROUND, b);
+            sample_add_triangle(mesh, a, a + AROUND, b + AROUND);
         }
-    for (guint i = first_triangle; i < mesh->triangles->len; i++) {
-        guint32 *corner = (guint32 *)(gpointer)mesh->triangles->data + 3 * i;
-        guint32 swap = corner[1];
-        corner[1] = corner[2];
-        corner[2] = swap;
-    }
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
@@ -91,8 +83,8 @@ struct lobe {
     double x, y, z, r;
 };
 
-/* Lowest place for a lobe at (x, y) above the tray and all lobes that lie there already. */
-static double rest(const GArray *lobes, double base, const struct lobe *lobe) {
+/* Lowest z of a lobe at (x, y) above the tray and all lobes that lie there already. */
+static double resting_height(const GArray *lobes, double base, const struct lobe *lobe) {
     double z = base + lobe->r;
     for (guint i = 0; i < lobes->len; i++) {
         const struct lobe *other = &g_array_index(lobes, struct lobe, i);
@@ -131,7 +123,7 @@ static gboolean drop_peanut(GArray *lobes, struct peanut *peanut) {
         double side = i ? arm : -arm;
         pair[i] = (struct lobe){peanut->x + side * cos(peanut->turn),
                                 peanut->y + side * sin(peanut->turn), 0, peanut->radius_mm};
-        pair[i].z = rest(lobes, o->base_mm, &pair[i]);
+        pair[i].z = resting_height(lobes, o->base_mm, &pair[i]);
     }
     double rise = pair[1].z - pair[0].z;
     double top = MAX(pair[0].z, pair[1].z) + 1.1 * peanut->radius_mm + 0.2 * fabs(rise);

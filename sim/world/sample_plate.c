@@ -3,7 +3,6 @@
 #include "base/input_file.h"
 
 #include <math.h>
-#include <png.h>
 
 #define MAX_CELLS (1u << 20)
 #define RAD(deg)  ((deg) * (G_PI / 180))
@@ -29,20 +28,6 @@ static void place_axis(const struct sample_options *o, double v[3]) {
     sample_plate_turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
     sample_plate_turn(v, 2, 0, RAD(o->tilt_deg));
     sample_plate_turn(v, 0, 1, RAD(o->tilt_towards_deg));
-}
-
-/* Its lowest corner touches the turntable. */
-static void sample_plate_place(struct plate *plate) {
-    const struct sample_options *o = plate->options;
-    plate->across[0] = plate->along[1] = plate->up[2] = 1;
-    place_axis(o, plate->across);
-    place_axis(o, plate->along);
-    place_axis(o, plate->up);
-    const double reach =
-        fabs(plate->across[2]) * o->width_mm / 2 + fabs(plate->along[2]) * o->height_mm / 2;
-    plate->middle[0] = o->offset_mm.n == 2 ? o->offset_mm.values[0] : 0;
-    plate->middle[1] = o->offset_mm.n == 2 ? o->offset_mm.values[1] : 0;
-    plate->middle[2] = reach + o->base_mm * plate->up[2];
 }
 
 static guint32 sample_plate_add_corner(struct mesh *mesh, const struct plate *plate, double u,
@@ -93,23 +78,16 @@ static void add_sides(struct mesh *mesh, const struct plate *plate) {
     }
 }
 
-static gboolean sample_plate_fail(png_image *image, const char *path, GError **error) {
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s: cannot be read as a PNG picture: %s",
-                path, image->message);
-    png_image_free(image);
-    return FALSE;
-}
-
 static gboolean read_print(png_image *image, const char *path, guint16 **ret, GError **error) {
     gsize length;
     g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
     if (!bytes)
         return FALSE;
     if (!png_image_begin_read_from_memory(image, bytes, length))
-        return sample_plate_fail(image, path, error);
+        return sample_picture_error(image, path, error);
     if ((guint64)image->width * image->height > MAX_CELLS) {
         g_strlcpy(image->message, "a plate has at most a million pixels", sizeof image->message);
-        return sample_plate_fail(image, path, error);
+        return sample_picture_error(image, path, error);
     }
     image->format = PNG_FORMAT_LINEAR_RGB;
     *ret = g_malloc(PNG_IMAGE_SIZE(*image));
@@ -117,19 +95,26 @@ static gboolean read_print(png_image *image, const char *path, guint16 **ret, GE
     if (png_image_finish_read(image, &black, *ret, 0, NULL))
         return TRUE;
     g_clear_pointer(ret, g_free);
-    return sample_plate_fail(image, path, error);
+    return sample_picture_error(image, path, error);
 }
 
 struct mesh *sample_plate(const struct sample_options *options, GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
-    struct plate plate = {.options = options};
-    guint16 *values = NULL;
+    struct plate plate = {options, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0}};
+    g_autofree guint16 *values = NULL;
     if (!read_print(&image, options->albedo_path, &values, error))
         return NULL;
     struct mesh *mesh = sample_mesh_new();
-    sample_plate_place(&plate);
+    place_axis(options, plate.across);
+    place_axis(options, plate.along);
+    place_axis(options, plate.up);
+    /* Its lowest corner touches the turntable. */
+    const double reach = fabs(plate.across[2]) * options->width_mm / 2 +
+                         fabs(plate.along[2]) * options->height_mm / 2;
+    for (int k = 0; k < 2 && options->offset_mm.n == 2; k++)
+        plate.middle[k] = options->offset_mm.values[k];
+    plate.middle[2] = reach + options->base_mm * plate.up[2];
     sample_plate_add_cells(mesh, &plate, &image, values);
     add_sides(mesh, &plate);
-    g_free(values);
     return mesh;
 }

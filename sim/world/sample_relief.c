@@ -2,13 +2,6 @@
 
 #include <math.h>
 
-static void sample_relief_set_gloss(const struct sample_options *options, struct vertex *to,
-                                    double gloss, double along, double across) {
-    to->gloss = (float)(options->gloss >= 0 ? options->gloss : gloss);
-    to->along = (float)(options->along > 0 ? options->along : along);
-    to->across = (float)(options->across > 0 ? options->across : across);
-}
-
 static void tone(struct vertex *to, double factor) {
     for (int k = 0; k < 3; k++)
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
@@ -25,7 +18,7 @@ static void flat(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     vertex->p[2] = (float)o->base_mm;
     sample_set_rgb(vertex->albedo, &o->albedo, 0.5f, 0.5f, 0.5f);
-    sample_relief_set_gloss(o, vertex, 0, 0.2, 0.2);
+    sample_set_gloss(vertex, o, 0, 0.2, 0.2);
 }
 
 /* Scratches along x: noise that is long in x and short in y, in three sizes; a few are deep. */
@@ -42,7 +35,7 @@ static void brushed(struct vertex *vertex, gconstpointer data) {
     vertex->p[2] = (float)(o->base_mm + o->relief_mm * CLAMP(0.5 + 0.4 * h, 0, 1));
     sample_set_rgb(vertex->albedo, &o->albedo, 0.11f, 0.105f, 0.10f);
     tone(vertex, 1 + 0.25 * fine - 0.8 * deep);
-    sample_relief_set_gloss(o, vertex, 0.45, 0.16, 0.42);
+    sample_set_gloss(vertex, o, 0.45, 0.16, 0.42);
     vertex->gloss *= (float)(1 + 0.15 * middle - deep);
 }
 
@@ -84,7 +77,7 @@ static void brick(struct vertex *vertex, gconstpointer data) {
     for (int k = 0; k < 3; k++)
         vertex->albedo[k] =
             (float)(vertex->albedo[k] * inside + mortar[k] * (1 + 0.15 * grit) * (1 - inside));
-    sample_relief_set_gloss(o, vertex, 0, 0.4, 0.4);
+    sample_set_gloss(vertex, o, 0, 0.4, 0.4);
 }
 
 /* Corduroy: round wales along y, with pile leaning out of them. */
@@ -101,7 +94,7 @@ static void ridges(struct vertex *vertex, gconstpointer data) {
     vertex->p[2] = (float)(o->base_mm + o->relief_mm * (0.93 * round + 0.035 * (pile + 1)));
     sample_set_rgb(vertex->albedo, &o->albedo, 0.36f, 0.13f, 0.07f);
     tone(vertex, (0.45 + 0.55 * round) * (1 + 0.2 * pile));
-    sample_relief_set_gloss(o, vertex, 0.04, 0.5, 0.25);
+    sample_set_gloss(vertex, o, 0.04, 0.5, 0.25);
     vertex->t[0] = 0;
     vertex->t[1] = 1;
 }

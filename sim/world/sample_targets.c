@@ -65,9 +65,7 @@ static void add_ball(struct mesh *mesh, const struct sample_options *o, const st
             v.t[0] = (float)-sin(phi);
             v.t[1] = (float)cos(phi);
             v.t[2] = 0;
-            v.gloss = (float)(o->gloss >= 0 ? o->gloss : 0.05);
-            v.along = (float)(o->along > 0 ? o->along : 0.04);
-            v.across = (float)(o->across > 0 ? o->across : 0.04);
+            sample_set_gloss(&v, o, 0.05, 0.04, 0.04);
             sample_set_rgb(v.albedo, &o->albedo2, 0, 0, 0);
             sample_add_vertex(mesh, &v);
         }

@@ -12,8 +12,8 @@
 struct yarn {
     const struct sample_options *options;
     gboolean warp;
-    int index, n_across; /* of this kind, and yarns it crosses */
-    double at_mm, length_mm, pitch_mm, cross_pitch_mm;
+    int index; /* of this kind */
+    double at_mm, length_mm, cross_pitch_mm;
     double middle_mm, swing_mm; /* height of the centre line, and its amplitude */
     double half_width_mm, half_height_mm;
     float albedo[3];
@@ -27,10 +27,6 @@ static double centre_height(const struct yarn *yarn, double s) {
     return yarn->middle_mm + yarn->swing_mm * side * cos(G_PI * phase);
 }
 
-static double centre_slope(const struct yarn *yarn, double s) {
-    return (centre_height(yarn, s + 1e-3) - centre_height(yarn, s - 1e-3)) / 2e-3;
-}
-
 /* Coordinates (along, aside, up) of the yarn to x, y, z. */
 static void sample_weave_place(const struct yarn *yarn, double along, double aside, double up,
                                float to[3]) {
@@ -42,7 +38,8 @@ static void sample_weave_place(const struct yarn *yarn, double along, double asi
 /* Plies wind around the yarn: grooves between them are deep and dark, and the fibres' direction,
  * which the gloss follows, is that of the winding. */
 static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct vertex *to) {
-    double slope = centre_slope(yarn, s), stretch = sqrt(1 + slope * slope);
+    double slope = (centre_height(yarn, s + 1e-3) - centre_height(yarn, s - 1e-3)) / 2e-3;
+    double stretch = sqrt(1 + slope * slope);
     int windings = (int)MAX(1, rint(yarn->length_mm / 11));
     double wind = 2 * G_PI * windings * s / yarn->length_mm;
     double ply = cos(PLIES * (turn - wind)), groove = pow(0.5 - 0.5 * ply, 3);
@@ -60,12 +57,6 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
     double tone = 1 - 0.45 * groove + 0.10 * fuzz + 0.05 * swell;
     for (int k = 0; k < 3; k++)
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
-}
-
-static void sample_weave_set_gloss(const struct sample_options *options, struct vertex *to) {
-    to->gloss = (float)(options->gloss >= 0 ? options->gloss : 0.05);
-    to->along = (float)(options->along > 0 ? options->along : 0.45);
-    to->across = (float)(options->across > 0 ? options->across : 0.2);
 }
 
 /* Closes an end of the tube: a fan around its centre. */
@@ -95,7 +86,7 @@ static void add_yarn(struct mesh *mesh, const struct yarn *yarn) {
     for (int i = 0; i <= steps; i++) {
         for (int k = 0; k < AROUND; k++) {
             struct vertex vertex = {0};
-            sample_weave_set_gloss(yarn->options, &vertex);
+            sample_set_gloss(&vertex, yarn->options, 0.05, 0.45, 0.2);
             double s = yarn->length_mm * ((double)i / steps - 0.5);
             yarn_vertex(yarn, s, 2 * G_PI * k / AROUND, &vertex);
             sample_add_vertex(mesh, &vertex);
@@ -116,12 +107,8 @@ static void add_yarn(struct mesh *mesh, const struct yarn *yarn) {
     add_cap(mesh, yarn, first + (guint32)steps * AROUND, FALSE);
 }
 
-struct backing {
-    float height;
-};
-
 static void backing_relief(struct vertex *vertex, gconstpointer data) {
-    vertex->p[2] = ((const struct backing *)data)->height;
+    vertex->p[2] = (float)((const struct sample_options *)data)->base_mm;
     for (int k = 0; k < 3; k++)
         vertex->albedo[k] = 0.05f;
 }
@@ -136,12 +123,12 @@ static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolea
     double thick = o->relief_mm / 4.3; /* the swing and half a yarn, above and below the middle */
     int n = warp ? n_x : n_y;
     for (int i = 0; i < n; i++) {
-        struct yarn yarn = {.options = o, .warp = warp, .index = i, .n_across = warp ? n_y : n_x};
-        yarn.pitch_mm = warp ? pitch_x : pitch_y;
+        struct yarn yarn = {.options = o, .warp = warp, .index = i};
+        double pitch_mm = warp ? pitch_x : pitch_y;
         yarn.cross_pitch_mm = warp ? pitch_y : pitch_x;
         yarn.length_mm = warp ? o->height_mm : o->width_mm;
-        yarn.at_mm = (i + 0.5) * yarn.pitch_mm - (warp ? o->width_mm : o->height_mm) / 2;
-        yarn.half_width_mm = 0.455 * yarn.pitch_mm;
+        yarn.at_mm = (i + 0.5) * pitch_mm - (warp ? o->width_mm : o->height_mm) / 2;
+        yarn.half_width_mm = 0.455 * pitch_mm;
         yarn.half_height_mm = thick;
         yarn.swing_mm = 1.08 * thick;
         yarn.middle_mm = o->base_mm + 0.03 * o->relief_mm + 2.15 * thick;
@@ -156,8 +143,7 @@ static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolea
 
 struct mesh *sample_weave(const struct sample_options *options) {
     struct mesh *mesh = sample_mesh_new();
-    struct backing backing = {(float)options->base_mm};
-    sample_add_relief(mesh, options, 48, 48, backing_relief, &backing);
+    sample_add_relief(mesh, options, 48, 48, backing_relief, options);
     add_yarns(mesh, options, TRUE);
     add_yarns(mesh, options, FALSE);
     return mesh;

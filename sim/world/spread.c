@@ -11,18 +11,15 @@ static double ramp(double x, double blur) {
     return x * 0.5 * (1 + erf(z * M_SQRT1_2)) + blur * exp(-z * z / 2) / sqrt(2 * G_PI);
 }
 
-/* Part of the light of a pixel that comes from the left of x. */
-static double spread_share(double x, double blur) {
-    return ramp(x + 0.5, blur) - ramp(x - 0.5, blur);
-}
-
 void spread_init(struct spread *spread, double blur_px) {
     const double reach = 0.5 + REACH * blur_px;
     for (int i = 0; i <= SPREAD_STEPS; i++) {
         double low = -reach, high = reach;
         for (int k = 0; k < 40; k++) {
             const double middle = (low + high) / 2;
-            if (spread_share(middle, blur_px) < (double)i / SPREAD_STEPS)
+            /* The part of a pixel's light that comes from the left of middle. */
+            if (ramp(middle + 0.5, blur_px) - ramp(middle - 0.5, blur_px) <
+                (double)i / SPREAD_STEPS)
                 low = middle;
             else
                 high = middle;

@@ -7,32 +7,28 @@
 /* Fine samples a texel, in x and y, in which depth edges are looked for. */
 #define FINE 4
 
-void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
-    struct v3 eye = world_eye_mm(world, camera, turntable_deg);
-    ret[0] = eye.x;
-    ret[1] = eye.y;
-    ret[2] = eye.z;
-}
-
 static void truth_give(struct v3 v, double ret[3]) {
     ret[0] = v.x;
     ret[1] = v.y;
     ret[2] = v.z;
 }
 
+void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
+    truth_give(world_eye_mm(world, camera, turntable_deg), ret);
+}
+
 void truth_camera(World *world, int camera, struct truth_camera *ret) {
     const struct optics_camera *from = &world->cameras[camera];
+    *ret = (struct truth_camera){.focal_px = from->focal_px,
+                                 .centre_px = {from->centre_x_px, from->centre_y_px},
+                                 .k1 = from->k1,
+                                 .k2 = from->k2,
+                                 .p1 = from->p1,
+                                 .p2 = from->p2};
     truth_give(from->centre_mm, ret->centre_mm);
     truth_give(from->right, ret->right);
     truth_give(from->down, ret->down);
     truth_give(from->forward, ret->forward);
-    ret->focal_px = from->focal_px;
-    ret->centre_px[0] = from->centre_x_px;
-    ret->centre_px[1] = from->centre_y_px;
-    ret->k1 = from->k1;
-    ret->k2 = from->k2;
-    ret->p1 = from->p1;
-    ret->p2 = from->p2;
 }
 
 /* Newton's method on the viewing rays of pixels, the same rays that render the pictures. */
@@ -135,14 +131,7 @@ static void raster_trace(struct raster *raster, int row) {
                 raster->surfaces, raster->hit);
 }
 
-/* Along the ray from the reference plane; −1 where it meets nothing. */
-static float raster_distance(const struct raster *raster, int i) {
-    if (!raster->hit[i])
-        return -1;
-    const float *p = raster->surfaces[i].p;
-    return (float)v3_dot(v3_minus(v3(p[0], p[1], p[2]), raster->points[i]), raster->rays[i]);
-}
-
+/* Along the rays from the reference plane; −1 where one meets nothing. */
 static void distances(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       int fine, float *ret) {
     struct raster raster;
@@ -150,13 +139,19 @@ static void distances(World *world, int camera, double turntable_deg, const stru
     for (int row = 0; row < grid->height * fine; row++) {
         raster_trace(&raster, row);
         for (int i = 0; i < raster.n; i++)
-            *ret++ = raster_distance(&raster, i);
+            if (raster.hit[i]) {
+                const float *p = raster.surfaces[i].p;
+                struct v3 way = v3_minus(v3(p[0], p[1], p[2]), raster.points[i]);
+                *ret++ = (float)v3_dot(way, raster.rays[i]);
+            } else {
+                *ret++ = -1;
+            }
     }
     raster_clear(&raster);
 }
 
-/* Marks the texels within one texel of a step that lies between fine samples (i, j) and a next. */
-static void mark(const struct truth_grid *grid, int i, int j, guint8 *edge) {
+/* Flags the texels within one texel of a step that lies between fine samples (i, j) and a next. */
+static void truth_flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
     double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
     int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));
     int from_y = MAX(0, (int)ceil(y - 1.5)), to_y = MIN(grid->height - 1, (int)floor(y + 0.5));
@@ -165,8 +160,11 @@ static void mark(const struct truth_grid *grid, int i, int j, guint8 *edge) {
             edge[v * grid->width + u] = 1;
 }
 
-static void truth_find_edges(World *world, int camera, double turntable_deg,
-                             const struct truth_grid *grid, guint8 *ret_edge) {
+void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
+               float *ret_distance_mm, guint8 *ret_edge) {
+    distances(world, camera, turntable_deg, grid, 1, ret_distance_mm);
+    if (!ret_edge)
+        return;
     int w = grid->width * FINE, h = grid->height * FINE;
     float step = (float)(grid->width_mm / grid->width / 2);
     g_autofree float *fine = g_new0(float, (gsize)w *(gsize)h);
@@ -177,32 +175,7 @@ static void truth_find_edges(World *world, int camera, double turntable_deg,
             float d = fine[j * w + i];
             if ((i + 1 < w && fabsf(fine[j * w + i + 1] - d) > step) ||
                 (j + 1 < h && fabsf(fine[(j + 1) * w + i] - d) > step))
-                mark(grid, i, j, ret_edge);
-        }
-    }
-}
-
-void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
-               float *ret_distance_mm, guint8 *ret_edge) {
-    distances(world, camera, turntable_deg, grid, 1, ret_distance_mm);
-    if (ret_edge)
-        truth_find_edges(world, camera, turntable_deg, grid, ret_edge);
-}
-
-/* Adds one where the swept laser lights the surface seen by the row. */
-static void count_laser(const struct raster *raster, const struct optics_laser *laser,
-                        guint8 *seen) {
-    for (int first = 0; first < raster->n; first += SCENE_BATCH) {
-        int n = MIN(SCENE_BATCH, raster->n - first);
-        const struct surface *points[SCENE_BATCH] = {NULL};
-        guint8 blocked[SCENE_BATCH];
-        for (int i = 0; i < n; i++)
-            points[i] = &raster->surfaces[first + i];
-        scene_shadow(&raster->world->scene, laser->position_mm, points, n, blocked);
-        for (int i = 0; i < n; i++) {
-            struct v3 p = v3(points[i]->p[0], points[i]->p[1], points[i]->p[2]);
-            seen[first + i] +=
-                raster->hit[first + i] && !blocked[i] && optics_laser_peak(laser, p) > 0;
+                truth_flag_edge(grid, i, j, ret_edge);
         }
     }
 }
@@ -217,7 +190,19 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
         for (int k = 0; k < n; k++) {
             struct light_pose pose = world_light_pose(world, arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
-            count_laser(&raster, &turned, ret_seen + row * grid->width);
+            /* Adds one where the swept laser lights the surface seen by the row. */
+            guint8 *seen = ret_seen + row * grid->width;
+            for (int first = 0; first < raster.n; first += SCENE_BATCH) {
+                int n_points = MIN(SCENE_BATCH, raster.n - first);
+                const struct surface *points = &raster.surfaces[first];
+                guint8 blocked[SCENE_BATCH];
+                scene_shadow(&raster.world->scene, turned.position_mm, points, n_points, blocked);
+                for (int i = 0; i < n_points; i++) {
+                    struct v3 p = v3(points[i].p[0], points[i].p[1], points[i].p[2]);
+                    seen[first + i] +=
+                        raster.hit[first + i] && !blocked[i] && optics_laser_peak(&turned, p) > 0;
+                }
+            }
         }
     }
     raster_clear(&raster);
@@ -237,7 +222,7 @@ static void add_reflectance(const struct raster *raster, const struct lamp_light
         guint8 blocked;
         if (!raster->hit[i])
             continue;
-        scene_shadow(&raster->world->scene, light->lamp.position_mm, &s, 1, &blocked);
+        scene_shadow(&raster->world->scene, light->lamp.position_mm, s, 1, &blocked);
         double direct =
             blocked ? 0 : optics_lamp_irradiance(&light->lamp, v3(s->p[0], s->p[1], s->p[2]));
         for (int c = 0; c < 3; c++) {
@@ -251,15 +236,6 @@ static void add_reflectance(const struct raster *raster, const struct lamp_light
     }
 }
 
-static void set_facing(const struct truth_grid *grid, const struct optics_lamp *lamp, int row,
-                       double *ret) {
-    double y = grid->height_mm * (0.5 - (row + 0.5) / grid->height);
-    for (int i = 0; i < grid->width; i++) {
-        double x = grid->width_mm * ((i + 0.5) / grid->width - 0.5);
-        ret[i] = optics_lamp_irradiance(lamp, v3(x, y, grid->reference_mm));
-    }
-}
-
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb) {
     struct light_pose pose = world_light_pose(world, arc_deg, turntable_deg);
@@ -270,7 +246,11 @@ void truth_btf(World *world, int camera, int lamp, double turntable_deg, double 
     g_autofree double *facing = g_new0(double, grid->width);
     memset(ret_rgb, 0, sizeof(float) * 3 * (gsize)grid->width * (gsize)grid->height);
     for (int row = 0; row < grid->height * samples; row++) {
-        set_facing(grid, &light.lamp, row / samples, facing);
+        double y = grid->height_mm * (0.5 - (row / samples + 0.5) / grid->height);
+        for (int i = 0; i < grid->width; i++) {
+            double x = grid->width_mm * ((i + 0.5) / grid->width - 0.5);
+            facing[i] = optics_lamp_irradiance(&light.lamp, v3(x, y, grid->reference_mm));
+        }
         raster_trace(&raster, row);
         add_reflectance(&raster, &light, facing, ret_rgb + 3 * grid->width * (row / samples));
     }

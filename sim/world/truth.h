@@ -15,7 +15,6 @@ struct truth_grid { /* texels of the reference plane, as in pipeline/pipeline.h,
  * and position errors aside. */
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
-/* How the arc truly turns, rig frame. */
 /* A camera as it truly is, in the rig frame. */
 struct truth_camera {
     double centre_mm[3], right[3], down[3], forward[3];
@@ -26,7 +25,7 @@ void truth_camera(World *world, int camera, struct truth_camera *ret);
 /* Where a camera truly sees a point of the rig frame, be it hidden or outside of the picture. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
 
-struct truth_arc {
+struct truth_arc {       /* how it truly turns, rig frame */
     double zero_deg;     /* added to the arc's angle */
     double axis[3];      /* unit, upwards */
     double centre_mm[3]; /* where it goes through z = 0 */

@@ -1,13 +1,9 @@
 #include "world_private.h"
 
-#include <string.h>
-
 static GMutex registry_lock;
 static GHashTable *registry; /* path → World, without a reference */
 
 static void free_world(World *world) {
-    if (!world)
-        return;
     cache_free(world->cache);
     scene_clear(&world->scene);
     sample_free(world->mesh);
@@ -22,20 +18,6 @@ static void free_world(World *world) {
     g_free(world);
 }
 
-static World *new_world(const char *key, GError **error) {
-    World *world = g_new0(World, 1);
-    world->ref_count = 1;
-    world->key = g_strdup(key);
-    g_mutex_init(&world->lock);
-    for (int i = 0; i < WORLD_MAX_LAMPS; i++)
-        world->power[i].on_us = G_MAXINT64; /* never was on */
-    if (!world_load(world, key, error)) {
-        free_world(world);
-        return NULL;
-    }
-    return world;
-}
-
 World *world_get(const char *path, GError **error) {
     g_autofree char *key = g_canonicalize_filename(path, NULL);
     char *real = realpath(key, NULL);
@@ -44,22 +26,30 @@ World *world_get(const char *path, GError **error) {
         key = g_strdup(real);
         free(real);
     }
-    g_mutex_lock(&registry_lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&registry_lock);
     if (!registry)
         registry = g_hash_table_new(g_str_hash, g_str_equal);
     World *world = g_hash_table_lookup(registry, key);
-    if (world)
+    if (world) {
         world->ref_count++;
-    else if ((world = new_world(key, error)))
+        return world;
+    }
+    world = g_new0(World, 1);
+    world->ref_count = 1;
+    world->key = g_steal_pointer(&key);
+    g_mutex_init(&world->lock);
+    for (int i = 0; i < WORLD_MAX_LAMPS; i++)
+        world->power[i].on_us = G_MAXINT64; /* never was on */
+    if (world_load(world, world->key, error))
         g_hash_table_insert(registry, world->key, world);
-    g_mutex_unlock(&registry_lock);
+    else
+        g_clear_pointer(&world, free_world);
     return world;
 }
 
 World *world_ref(World *world) {
-    g_mutex_lock(&registry_lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&registry_lock);
     world->ref_count++;
-    g_mutex_unlock(&registry_lock);
     return world;
 }
 
@@ -104,49 +94,43 @@ void world_sensor(const World *world, int camera, struct world_sensor *ret) {
 }
 
 void world_set_turntable(World *world, double deg) {
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     world->turntable_deg = deg;
-    g_mutex_unlock(&world->lock);
 }
 
 void world_set_arc(World *world, double deg) {
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     world->arc_deg = deg;
-    g_mutex_unlock(&world->lock);
 }
 
 void world_set_sweep(World *world, int laser, double deg) {
     g_return_if_fail(laser >= 0 && laser < world->n_lasers);
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     world->sweep_deg[laser] = deg;
-    g_mutex_unlock(&world->lock);
 }
 
 void world_mount_laser(World *world, int laser, int place) {
     g_return_if_fail(laser >= 0 && laser < world->n_lasers);
     g_return_if_fail(place >= 0 && place < world->n_lasers);
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     world->laser_place[laser] = place;
-    g_mutex_unlock(&world->lock);
 }
 
 void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us) {
     g_return_if_fail(lamp >= 0 && lamp < world->n_lamps);
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     struct lamp_power *power = &world->power[lamp];
     if (on && !power->on)
         power->on_us = at_us;
     if (!on && power->on)
         power->off_us = at_us;
     power->on = on;
-    g_mutex_unlock(&world->lock);
 }
 
 void world_set_lamp_dead(World *world, int lamp, gboolean dead) {
     g_return_if_fail(lamp >= 0 && lamp < world->n_lamps);
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     world->power[lamp].dead = dead;
-    g_mutex_unlock(&world->lock);
 }
 
 double world_lamp_warm_up_s(const World *world) {
@@ -155,23 +139,14 @@ double world_lamp_warm_up_s(const World *world) {
 
 void world_set_laser(World *world, int laser, gboolean on) {
     g_return_if_fail(laser >= 0 && laser < world->n_lasers);
-    g_mutex_lock(&world->lock);
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
     world->laser_on[laser] = on;
-    g_mutex_unlock(&world->lock);
 }
 
 /* Integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, seconds. */
 static double warming(const World *world, double t) {
     double w = world->warm_up_s, rest = 1 - t / w;
     return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);
-}
-
-static double lit_seconds(const World *world, double from_s, double to_s) {
-    double w = world->warm_up_s;
-    double sum = MAX(0, to_s - MAX(from_s, w));
-    if (from_s < w)
-        sum += warming(world, MIN(to_s, w)) - warming(world, from_s);
-    return sum;
 }
 
 static double lamp_output(const World *world, const struct lamp_power *power, gint64 start_us,
@@ -185,8 +160,13 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
     double to_s = (double)(to_us - power->on_us) * 1e-6;
     gint64 warm_us = (gint64)llrint(world->warm_up_s * 1e6);
     gboolean full = from_us == start_us && to_us == end_us && from_us - power->on_us >= warm_us;
-    double span_s = (double)(end_us - start_us) * 1e-6;
-    double output = full ? 1 : lit_seconds(world, from_s, to_s) / span_s;
+    double output = 1;
+    if (!full) {
+        double w = world->warm_up_s, lit_s = MAX(0, to_s - MAX(from_s, w));
+        if (from_s < w)
+            lit_s += warming(world, MIN(to_s, w)) - warming(world, from_s);
+        output = lit_s / ((double)(end_us - start_us) * 1e-6);
+    }
     if (world->drift != 0) {
         double middle_s = ((double)start_us + (double)exposure_us / 2) * 1e-6;
         output *= 1 + world->drift * sin(2 * G_PI * middle_s / world->drift_period_s);
@@ -195,11 +175,9 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
 }
 
 void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret) {
-    memset(ret, 0, sizeof *ret);
-    g_mutex_lock(&world->lock);
-    ret->turntable_deg = world->turntable_deg;
-    ret->arc_deg = world->arc_deg;
-    ret->time_us = start_us;
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
+    *ret = (struct world_state){
+        .turntable_deg = world->turntable_deg, .arc_deg = world->arc_deg, .time_us = start_us};
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
@@ -209,20 +187,6 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
     }
     for (int i = 0; i < world->n_lamps; i++)
         ret->lamp_output[i] = (float)lamp_output(world, &world->power[i], start_us, exposure_us);
-    g_mutex_unlock(&world->lock);
-}
-
-static void world_add_lamp(World *world, int camera, int lamp, const struct world_state *state,
-                           float *rate) {
-    const struct optics_camera *from = &world->cameras[camera];
-    struct cache_entry *entry =
-        world_lamp_picture(world, camera, lamp, state->turntable_deg, state->arc_deg);
-    const float *picture = entry->value;
-    float output = state->lamp_output[lamp];
-    int n = from->width * from->height;
-    for (int i = 0; i < n; i++)
-        rate[i] += output * picture[i];
-    cache_release(world->cache, entry);
 }
 
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
@@ -234,11 +198,19 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
         lit |= state->lamp_output[i] > 0;
     for (int i = 0; i < world->n_lasers; i++)
         lit |= state->laser_on[i];
-    g_autofree float *rate =
-        lit ? g_new0(float, (gsize)sensor->width *(gsize)sensor->height) : NULL;
-    for (int i = 0; i < world->n_lamps; i++)
-        if (state->lamp_output[i] > 0)
-            world_add_lamp(world, camera, i, state, rate);
+    gsize n = (gsize)sensor->width * (gsize)sensor->height;
+    g_autofree float *rate = lit ? g_new0(float, n) : NULL;
+    for (int i = 0; i < world->n_lamps; i++) {
+        float output = state->lamp_output[i];
+        if (!(output > 0))
+            continue;
+        struct cache_entry *entry =
+            world_lamp_picture(world, camera, i, state->turntable_deg, state->arc_deg);
+        const float *picture = entry->value;
+        for (gsize k = 0; k < n; k++)
+            rate[k] += output * picture[k];
+        cache_release(world->cache, entry);
+    }
     for (int i = 0; i < world->n_lasers; i++)
         if (state->laser_on[i])
             world_add_laser(world, camera, i, state, rate);

@@ -2,6 +2,8 @@
 
 #include "sample.h"
 
+#include <string.h>
+
 struct node {
     struct cache_entry entry; /* first */
     struct cache_key key;
@@ -28,9 +30,7 @@ static guint key_hash(gconstpointer p) {
 }
 
 static gboolean key_equal(gconstpointer a, gconstpointer b) {
-    const struct cache_key *p = a, *q = b;
-    return p->words[0] == q->words[0] && p->words[1] == q->words[1] && p->words[2] == q->words[2] &&
-           p->words[3] == q->words[3];
+    return memcmp(a, b, sizeof(struct cache_key)) == 0;
 }
 
 static void node_free(gpointer p) {
@@ -57,27 +57,6 @@ void cache_free(Cache *cache) {
     g_free(cache);
 }
 
-static void shrink(Cache *cache) {
-    GList *link = cache->recent.tail;
-    while (link && cache->bytes > cache->limit) {
-        GList *before = link->prev;
-        struct node *node = link->data;
-        if (node->users == 0) {
-            g_queue_unlink(&cache->recent, link);
-            cache->bytes -= node->bytes;
-            g_hash_table_remove(cache->nodes, &node->key);
-        }
-        link = before;
-    }
-}
-
-static struct node *node_new(const struct cache_key *key) {
-    struct node *node = g_new0(struct node, 1);
-    node->key = *key;
-    node->link.data = node;
-    return node;
-}
-
 struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMake make,
                               gconstpointer data) {
     g_mutex_lock(&cache->lock);
@@ -88,21 +67,29 @@ struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMa
             g_cond_wait(&cache->made, &cache->lock);
         g_queue_unlink(&cache->recent, &node->link);
     } else {
-        node = node_new(key);
-        node->users = 1;
+        node = g_new0(struct node, 1);
+        *node = (struct node){.key = *key, .users = 1, .link.data = node};
         g_hash_table_insert(cache->nodes, &node->key, node);
         g_mutex_unlock(&cache->lock);
-        gsize bytes = 0;
-        gpointer value = make(key, data, &bytes);
+        node->entry.value = make(key, data, &node->bytes);
         g_mutex_lock(&cache->lock);
-        node->entry.value = value;
-        node->bytes = bytes;
         node->ready = TRUE;
-        cache->bytes += bytes;
+        cache->bytes += node->bytes;
         g_cond_broadcast(&cache->made);
     }
     g_queue_push_head_link(&cache->recent, &node->link);
-    shrink(cache);
+    /* What nobody uses goes, the least recently used first. */
+    GList *last = cache->recent.tail;
+    while (last && cache->bytes > cache->limit) {
+        GList *before = last->prev;
+        struct node *old = last->data;
+        if (old->users == 0) {
+            g_queue_unlink(&cache->recent, last);
+            cache->bytes -= old->bytes;
+            g_hash_table_remove(cache->nodes, &old->key);
+        }
+        last = before;
+    }
     g_mutex_unlock(&cache->lock);
     return &node->entry;
 }

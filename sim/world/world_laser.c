@@ -1,7 +1,5 @@
 #include "world_private.h"
 
-#include <string.h>
-
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define REACH    4 /* standard deviations of the profile beyond which there is no light */
 
@@ -28,27 +26,13 @@ struct laser_list {
 struct laser_job {
     World *world;
     int camera, laser;
-    double turntable_deg, arc_deg;
+    double turntable_deg;
     struct light_pose pose;
 };
-
-static guint64 world_laser_bits(double value) {
-    guint64 word;
-    memcpy(&word, &value, sizeof word);
-    return word;
-}
 
 struct lit_vertex { /* angle of the sweep at a vertex, and irradiance then */
     float angle, irradiance;
 };
-
-static void vertex_surface(const struct vertex *from, struct surface *to) {
-    memset(to, 0, sizeof *to);
-    memcpy(to->p, from->p, sizeof from->p);
-    memcpy(to->n, from->n, sizeof from->n);
-    memcpy(to->ng, from->n, sizeof from->n);
-    to->albedo[CFA_GREEN] = (float)G_PI; /* makes scene_reflect() n·l */
-}
 
 static gpointer make_vertices(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct laser_job *job = data;
@@ -57,15 +41,9 @@ static gpointer make_vertices(const struct cache_key *key, gconstpointer data, g
     *ret_bytes = scene->n_vertices * sizeof(struct lit_vertex);
     struct lit_vertex *lit = g_malloc(*ret_bytes);
     struct surface surfaces[SCENE_BATCH];
-    const struct surface *pointers[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
     for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
-        int n = (int)MIN(SCENE_BATCH, scene->n_vertices - first);
-        for (int i = 0; i < n; i++) {
-            vertex_surface(&scene->vertices[first + (guint)i], &surfaces[i]);
-            pointers[i] = &surfaces[i];
-        }
-        scene_shadow(scene, laser.position_mm, pointers, n, blocked);
+        int n = scene_light_vertices(scene, first, laser.position_mm, surfaces, blocked);
         for (int i = 0; i < n; i++) {
             struct v3 p = v3(surfaces[i].p[0], surfaces[i].p[1], surfaces[i].p[2]);
             double e = blocked[i] ? 0 : optics_laser_peak(&laser, p);
@@ -87,11 +65,6 @@ struct laser_light { /* what a list is made with */
     GArray *shares; /* angle is in rad until they are sorted */
 };
 
-static enum cfa_colour pixel_colour(const struct optics_camera *camera, guint32 pixel) {
-    guint32 width = (guint32)camera->width;
-    return cfa_colour_at(camera->cfa, (int)(pixel % width), (int)(pixel / width));
-}
-
 static void world_laser_add_share(struct laser_light *light, double angle, double amplitude,
                                   guint32 pixel) {
     struct share share = {(float)angle, (float)amplitude, pixel};
@@ -99,56 +72,11 @@ static void world_laser_add_share(struct laser_light *light, double angle, doubl
         g_array_append_val(light->shares, share);
 }
 
-static void add_direct(struct laser_light *light, const struct view *view, guint first) {
-    struct surface surfaces[SCENE_BATCH];
-    const struct surface *pointers[SCENE_BATCH] = {NULL};
-    guint8 blocked[SCENE_BATCH];
-    const struct point *points = view->points + first;
-    int n = (int)MIN(SCENE_BATCH, view->n - first);
-    for (int i = 0; i < n; i++) {
-        world_unpack(&points[i], &surfaces[i]);
-        pointers[i] = &surfaces[i];
-    }
-    scene_shadow(&light->world->scene, light->laser.position_mm, pointers, n, blocked);
-    for (int i = 0; i < n; i++) {
-        if (blocked[i])
-            continue;
-        const struct surface *s = &surfaces[i];
-        struct v3 p = v3(s->p[0], s->p[1], s->p[2]);
-        enum cfa_colour colour = pixel_colour(light->camera, points[i].pixel);
-        double e = optics_laser_peak(&light->laser, p) * light->laser.colour[colour];
-        float f = scene_reflect(s, light->laser.position_mm, light->eye_mm, colour);
-        world_laser_add_share(light, optics_laser_angle(&light->laser, p),
-                              e * f * view->weights[points[i].pixel], points[i].pixel);
-    }
-}
-
 /* Light by one bounce is smooth: once a pixel, from the vertex nearest to its first sample. */
-static void add_bounce(struct laser_light *light, const struct point *point, float weight) {
-    const struct scene *scene = &light->world->scene;
-    struct surface unpacked;
-    world_unpack(point, &unpacked);
-    const struct surface *s = &unpacked;
-    const guint32 *corners = scene->triangles[s->triangle];
-    float w = 1 - s->u - s->v;
-    guint32 vertex = w >= s->u && w >= s->v ? corners[0] : s->u >= s->v ? corners[1] : corners[2];
-    enum cfa_colour colour = pixel_colour(light->camera, point->pixel);
-    double factor =
-        s->albedo[colour] * M_1_PI * weight * light->laser.colour[colour] / scene->n_gather;
-    const guint32 *gather = scene->gather + (gsize)vertex * (gsize)scene->n_gather;
-    for (int k = 0; k < scene->n_gather; k++) {
-        if (gather[k] == NO_TRIANGLE)
-            continue;
-        const struct lit_vertex *from = &light->vertices[gather[k]];
-        world_laser_add_share(light, from->angle,
-                              factor * from->irradiance * scene->vertices[gather[k]].albedo[colour],
-                              point->pixel);
-    }
-}
-
 static void add_bounces(struct laser_light *light, const struct view *view) {
+    const struct scene *scene = &light->world->scene;
     guint i = 0;
-    while (i < view->n && light->world->scene.n_gather > 0) {
+    while (i < view->n && scene->n_gather > 0) {
         const struct point *first = NULL;
         float weight = 0;
         guint32 pixel = view->points[i].pixel;
@@ -158,8 +86,22 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
             first = first ? first : &view->points[i];
             weight += view->weights[pixel];
         }
-        if (first)
-            add_bounce(light, first, weight);
+        if (!first)
+            continue;
+        struct surface s;
+        world_unpack(first, &s);
+        guint32 vertex = scene_nearest_vertex(scene, s.triangle, s.u, s.v);
+        enum cfa_colour colour = world_pixel_colour(light->camera, pixel);
+        double factor =
+            s.albedo[colour] * M_1_PI * weight * light->laser.colour[colour] / scene->n_gather;
+        const guint32 *gather = scene->gather + (gsize)vertex * (gsize)scene->n_gather;
+        for (int k = 0; k < scene->n_gather; k++) {
+            if (gather[k] == NO_TRIANGLE)
+                continue;
+            const struct lit_vertex *from = &light->vertices[gather[k]];
+            double albedo = scene->vertices[gather[k]].albedo[colour];
+            world_laser_add_share(light, from->angle, factor * from->irradiance * albedo, pixel);
+        }
     }
 }
 
@@ -198,8 +140,8 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
     const struct laser_job *job = data;
     World *world = job->world;
     struct cache_key vertices_key = {{CACHED_LASER_VERTICES, (guint64)job->laser,
-                                      world_laser_bits(job->pose.relative_rad),
-                                      world_laser_bits(job->pose.turntable_rad)}};
+                                      world_bits(job->pose.relative_rad),
+                                      world_bits(job->pose.turntable_rad)}};
     struct cache_entry *vertices = cache_get(world->cache, &vertices_key, make_vertices, job);
     struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
     const struct view *view = entry->value;
@@ -212,8 +154,24 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
         .vertices = vertices->value,
         .shares = shares,
     };
-    for (guint i = 0; i < view->n; i += SCENE_BATCH)
-        add_direct(&light, view, i);
+    struct v3 source = light.laser.position_mm;
+    struct surface surfaces[SCENE_BATCH];
+    guint8 blocked[SCENE_BATCH];
+    for (guint at = 0; at < view->n; at += SCENE_BATCH) {
+        int n = world_light_points(world, view, at, source, surfaces, blocked);
+        for (int i = 0; i < n; i++) {
+            if (blocked[i])
+                continue;
+            const struct surface *s = &surfaces[i];
+            struct v3 p = v3(s->p[0], s->p[1], s->p[2]);
+            guint32 pixel = view->points[at + (guint)i].pixel;
+            enum cfa_colour colour = world_pixel_colour(light.camera, pixel);
+            double e = optics_laser_peak(&light.laser, p) * light.laser.colour[colour];
+            float f = scene_reflect(s, source, light.eye_mm, colour);
+            world_laser_add_share(&light, optics_laser_angle(&light.laser, p),
+                                  e * f * view->weights[pixel], pixel);
+        }
+    }
     add_bounces(&light, view);
     cache_release(world->cache, entry);
     cache_release(world->cache, vertices);
@@ -223,11 +181,6 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
 /* exp(−x²/2) with a table over x², linear in between: errors below 2e-5. */
 #define PROFILE_STEPS 64
 static float profile_table[REACH * REACH * PROFILE_STEPS + 2];
-
-static void fill_profile(void) {
-    for (gsize i = 0; i < G_N_ELEMENTS(profile_table); i++)
-        profile_table[i] = (float)exp(-(double)i / PROFILE_STEPS / 2);
-}
 
 static void world_laser_add_cells(const struct laser_list *list, double at, float *rate) {
     double low = MAX(0, floor(at - REACH)), high = MIN(list->n_cells, floor(at + REACH) + 1);
@@ -250,17 +203,15 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
                      float *rate) {
     static gsize filled;
     if (g_once_init_enter(&filled)) {
-        fill_profile();
+        for (gsize i = 0; i < G_N_ELEMENTS(profile_table); i++)
+            profile_table[i] = (float)exp(-(double)i / PROFILE_STEPS / 2);
         g_once_init_leave(&filled, 1);
     }
-    struct laser_job job = {
-        world,          camera,
-        laser,          state->turntable_deg,
-        state->arc_deg, world_light_pose(world, state->arc_deg, state->turntable_deg)};
+    struct laser_job job = {world, camera, laser, state->turntable_deg,
+                            world_light_pose(world, state->arc_deg, state->turntable_deg)};
     double turntable_rad = world_relative_rad(state->turntable_deg, 0);
     struct cache_key key = {{CACHED_LASER_LIST | (guint64)camera << 8 | (guint64)laser << 16,
-                             world_laser_bits(turntable_rad),
-                             world_laser_bits(job.pose.relative_rad), 0}};
+                             world_bits(turntable_rad), world_bits(job.pose.relative_rad), 0}};
     struct cache_entry *entry = cache_get(world->cache, &key, make_list, &job);
     const struct laser_list *list = entry->value;
     double sigma = world->lasers[laser].sigma;

@@ -1,8 +1,6 @@
 #include "spread.h"
 #include "world_private.h"
 
-#include <string.h>
-
 #define RAD(deg)     ((deg) * (G_PI / 180))
 #define MOST_SAMPLES 64 /* of a pixel */
 
@@ -16,12 +14,6 @@ static double whole_turn(double deg) { /* 0 … 360, in steps of 1e-9 */
     double rest = fmod(deg, 360);
     double steps = rint((rest < 0 ? rest + 360 : rest) * 1e9);
     return steps >= 360e9 ? 0 : steps * 1e-9;
-}
-
-static guint64 world_light_bits(double value) {
-    guint64 word;
-    memcpy(&word, &value, sizeof word);
-    return word;
 }
 
 double world_relative_rad(double arc_deg, double turntable_deg) {
@@ -75,17 +67,10 @@ struct view_job {
     int camera;
     double turntable_deg;
     const struct spread *spread;
-};
-
-struct tracer { /* of one picture row */
-    struct v3 *rays;
+    struct v3 *rays; /* of one picture row, as what follows */
     struct surface *surfaces;
     gboolean *hit;
 };
-
-static float pixel_weight(const struct optics_camera *camera, int x, int y) {
-    return (float)optics_response(camera, x, y, cfa_colour_at(camera->cfa, x, y));
-}
 
 static void world_light_add_point(GArray *points, const struct surface *surface,
                                   enum cfa_colour colour, guint32 pixel) {
@@ -95,16 +80,16 @@ static void world_light_add_point(GArray *points, const struct surface *surface,
 }
 
 /* Turntable alone has no detail: one sample a pixel is as good as many. */
-static void world_light_add_pixel(const struct view_job *job, const struct tracer *row, int x,
-                                  int y, GArray *points, float *ret_weight) {
+static void world_light_add_pixel(const struct view_job *job, int x, int y, GArray *points,
+                                  float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;
-    const struct surface *surfaces = row->surfaces + x * n;
-    const gboolean *hit = row->hit + x * n;
+    const struct surface *surfaces = job->surfaces + x * n;
+    const gboolean *hit = job->hit + x * n;
     for (int i = 0; i < n; i++)
         sample += hit[i] && surfaces[i].triangle != NO_TRIANGLE;
     enum cfa_colour colour = cfa_colour_at(camera->cfa, x, y);
-    *ret_weight = pixel_weight(camera, x, y);
+    *ret_weight = (float)optics_response(camera, x, y, colour);
     guint32 pixel = (guint32)(y * camera->width + x);
     if (sample > 0) {
         *ret_weight /= (float)n;
@@ -122,15 +107,14 @@ static void world_light_add_pixel(const struct view_job *job, const struct trace
         world_light_add_point(points, &table, colour, pixel);
 }
 
-static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
+static void trace_row(const struct view_job *job, int y) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int aa = job->world->supersample, k = 0;
     const float *low = job->world->scene.low, *high = job->world->scene.high;
-    guint64 sample =
-        sample_hash(world_light_bits((double)low[0] + (double)high[1])) ^
-        sample_hash(world_light_bits((double)low[1] - (double)high[0] + (double)high[2]));
-    struct sample_random random = {sample_hash(world_light_bits(whole_turn(job->turntable_deg)) +
-                                               sample + (guint64)job->camera * 8191 +
+    guint64 sample = sample_hash(world_bits((double)low[0] + (double)high[1])) ^
+                     sample_hash(world_bits((double)low[1] - (double)high[0] + (double)high[2]));
+    struct sample_random random = {sample_hash(world_bits(whole_turn(job->turntable_deg)) + sample +
+                                               (guint64)job->camera * 8191 +
                                                (guint64)y * 0x9e3779b97f4a7c15u)};
     double at[2 * MOST_SAMPLES];
     for (int i = 0; i < aa * aa; i++) {
@@ -142,11 +126,11 @@ static void trace_row(const struct view_job *job, const struct tracer *row, int 
         if (camera->blur_px > 0)
             spread_pixel(job->spread, &random, aa, at);
         for (int i = 0; i < aa * aa; i++)
-            row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, x + at[2 * i],
+            job->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, x + at[2 * i],
                                        y + at[2 * i + 1]);
     }
     struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
-    scene_trace(&job->world->scene, eye, NULL, row->rays, k, row->surfaces, row->hit);
+    scene_trace(&job->world->scene, eye, NULL, job->rays, k, job->surfaces, job->hit);
 }
 
 static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
@@ -160,14 +144,16 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     g_autofree struct v3 *rays = g_new(struct v3, n);
     g_autofree struct surface *surfaces = g_new(struct surface, n);
     g_autofree gboolean *hit = g_new(gboolean, n);
-    struct tracer row = {rays, surfaces, hit};
+    job->rays = rays;
+    job->surfaces = surfaces;
+    job->hit = hit;
     gsize n_pixels = (gsize)camera->width * (gsize)camera->height;
     g_autofree float *weights = g_new(float, n_pixels);
     g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct point));
     for (int y = 0; y < camera->height; y++) {
-        trace_row(job, &row, y);
+        trace_row(job, y);
         for (int x = 0; x < camera->width; x++)
-            world_light_add_pixel(job, &row, x, y, points, &weights[y * camera->width + x]);
+            world_light_add_pixel(job, x, y, points, &weights[y * camera->width + x]);
     }
     gsize before = sizeof(struct view) + points->len * sizeof(struct point);
     *ret_bytes = before + n_pixels * sizeof(float);
@@ -181,9 +167,9 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
 }
 
 struct cache_entry *world_view(World *world, int camera, double turntable_deg) {
-    struct view_job job = {world, camera, turntable_deg, NULL};
+    struct view_job job = {.world = world, .camera = camera, .turntable_deg = turntable_deg};
     struct cache_key key = {
-        {CACHED_VIEW, (guint64)camera, world_light_bits(whole_turn(turntable_deg)), 0}};
+        {CACHED_VIEW, (guint64)camera, world_bits(whole_turn(turntable_deg)), 0}};
     return cache_get(world->cache, &key, make_view, &job);
 }
 
@@ -193,35 +179,6 @@ struct bounce_job {
     struct light_pose pose;
 };
 
-/* Direct irradiance at every vertex. */
-static float *light_vertices(const World *world, const struct optics_lamp *lamp) {
-    const struct scene *scene = &world->scene;
-    float *direct = g_new0(float, scene->n_vertices);
-    g_autofree struct surface *surfaces = g_new0(struct surface, SCENE_BATCH);
-    const struct surface *pointers[SCENE_BATCH] = {NULL};
-    guint8 blocked[SCENE_BATCH];
-    for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
-        int n = (int)MIN(SCENE_BATCH, scene->n_vertices - first);
-        for (int i = 0; i < n; i++) {
-            const struct vertex *from = &scene->vertices[first + (guint)i];
-            memcpy(surfaces[i].p, from->p, sizeof from->p);
-            memcpy(surfaces[i].n, from->n, sizeof from->n);
-            memcpy(surfaces[i].ng, from->n, sizeof from->n);
-            surfaces[i].albedo[CFA_GREEN] = (float)G_PI; /* makes scene_reflect() n·l */
-            pointers[i] = &surfaces[i];
-        }
-        scene_shadow(scene, lamp->position_mm, pointers, n, blocked);
-        for (int i = 0; i < n; i++) {
-            struct v3 p = v3(surfaces[i].p[0], surfaces[i].p[1], surfaces[i].p[2]);
-            if (!blocked[i])
-                direct[first + (guint)i] =
-                    (float)optics_lamp_irradiance(lamp, p) *
-                    scene_reflect(&surfaces[i], lamp->position_mm, lamp->position_mm, CFA_GREEN);
-        }
-    }
-    return direct;
-}
-
 static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct bounce_job *job = data;
     const struct scene *scene = &job->world->scene;
@@ -230,7 +187,19 @@ static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsi
     if (scene->n_gather == 0)
         return bounce;
     struct optics_lamp lamp = world_lamp_at(job->world, job->lamp, job->pose);
-    g_autofree float *direct = light_vertices(job->world, &lamp);
+    g_autofree float *direct = g_new0(float, scene->n_vertices); /* irradiance */
+    struct surface surfaces[SCENE_BATCH];
+    guint8 blocked[SCENE_BATCH];
+    for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
+        int n = scene_light_vertices(scene, first, lamp.position_mm, surfaces, blocked);
+        for (int i = 0; i < n; i++) {
+            const struct surface *s = &surfaces[i];
+            if (!blocked[i])
+                direct[first + (guint)i] =
+                    (float)optics_lamp_irradiance(&lamp, v3(s->p[0], s->p[1], s->p[2])) *
+                    scene_reflect(s, lamp.position_mm, lamp.position_mm, CFA_GREEN);
+        }
+    }
     float share = 1.0f / (float)scene->n_gather;
     const guint32 *gather = scene->gather;
     for (guint i = 0; i < scene->n_vertices; i++, gather += scene->n_gather) {
@@ -248,8 +217,8 @@ static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsi
 
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose) {
     struct bounce_job job = {world, lamp, pose};
-    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp, world_light_bits(pose.relative_rad),
-                             world_light_bits(pose.turntable_rad)}};
+    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp, world_bits(pose.relative_rad),
+                             world_bits(pose.turntable_rad)}};
     return cache_get(world->cache, &key, make_bounce, &job);
 }
 
@@ -268,61 +237,37 @@ struct picture_job {
     double turntable_deg, arc_deg;
 };
 
-struct lit { /* what shading a block of points needs */
-    const World *world;
-    const struct optics_camera *camera;
-    struct optics_lamp lamp;
-    struct v3 eye_mm;
-    const float *bounce;
-};
-
-static float point_radiance(const struct lit *lit, const struct surface *s, gboolean blocked,
-                            enum cfa_colour colour) {
-    float radiance = 0;
-    if (!blocked) {
-        float e = (float)optics_lamp_irradiance(&lit->lamp, v3(s->p[0], s->p[1], s->p[2]));
-        radiance = e * scene_reflect(s, lit->lamp.position_mm, lit->eye_mm, colour);
-    }
-    return radiance +
-           s->albedo[colour] * (float)M_1_PI * world_bounce_at(lit->world, lit->bounce, s, colour);
-}
-
-static void shade_block(const struct lit *lit, const struct view *view, guint first,
-                        float *picture) {
-    struct surface surfaces[SCENE_BATCH];
-    const struct surface *pointers[SCENE_BATCH] = {NULL};
-    guint8 blocked[SCENE_BATCH];
-    const struct point *points = view->points + first;
-    int n = (int)MIN(SCENE_BATCH, view->n - first);
-    for (int i = 0; i < n; i++) {
-        world_unpack(&points[i], &surfaces[i]);
-        pointers[i] = &surfaces[i];
-    }
-    scene_shadow(&lit->world->scene, lit->lamp.position_mm, pointers, n, blocked);
-    int width = lit->camera->width;
-    for (int i = 0; i < n; i++) {
-        int x = (int)points[i].pixel % width, y = (int)points[i].pixel / width;
-        enum cfa_colour colour = cfa_colour_at(lit->camera->cfa, x, y);
-        picture[points[i].pixel] +=
-            view->weights[points[i].pixel] * point_radiance(lit, &surfaces[i], blocked[i], colour);
-    }
-}
-
+/* Direct light and one bounce, of each point. */
 static gpointer world_light_make_picture(const struct cache_key *key, gconstpointer data,
                                          gsize *ret_bytes) {
     const struct picture_job *job = data;
     World *world = job->world;
     const struct optics_camera *camera = &world->cameras[job->camera];
     struct light_pose pose = world_light_pose(world, job->arc_deg, job->turntable_deg);
+    struct optics_lamp lamp = world_lamp_at(world, job->lamp, pose);
     struct cache_entry *bounce = world_bounce(world, job->lamp, pose);
     struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
     const struct view *view = entry->value;
-    struct lit lit = {world, camera, world_lamp_at(world, job->lamp, pose), view->eye_mm,
-                      bounce->value};
+    struct surface surfaces[SCENE_BATCH];
+    guint8 blocked[SCENE_BATCH];
     *ret_bytes = (gsize)camera->width * (gsize)camera->height * sizeof(float);
     float *picture = g_malloc0(*ret_bytes);
-    for (guint i = 0; i < view->n; i += SCENE_BATCH)
-        shade_block(&lit, view, i, picture);
+    for (guint first = 0; first < view->n; first += SCENE_BATCH) {
+        int n = world_light_points(world, view, first, lamp.position_mm, surfaces, blocked);
+        for (int i = 0; i < n; i++) {
+            const struct surface *s = &surfaces[i];
+            guint32 pixel = view->points[first + (guint)i].pixel;
+            enum cfa_colour colour = world_pixel_colour(camera, pixel);
+            float radiance = 0;
+            if (!blocked[i]) {
+                float e = (float)optics_lamp_irradiance(&lamp, v3(s->p[0], s->p[1], s->p[2]));
+                radiance = e * scene_reflect(s, lamp.position_mm, view->eye_mm, colour);
+            }
+            radiance += s->albedo[colour] * (float)M_1_PI *
+                        world_bounce_at(world, bounce->value, s, colour);
+            picture[pixel] += view->weights[pixel] * radiance;
+        }
+    }
     cache_release(world->cache, entry);
     cache_release(world->cache, bounce);
     return picture;
@@ -331,8 +276,8 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
 struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
                                        double arc_deg) {
     struct picture_job job = {world, camera, lamp, turntable_deg, arc_deg};
-    guint64 relative = world_light_bits(world_relative_rad(arc_deg, turntable_deg));
+    guint64 relative = world_bits(world_relative_rad(arc_deg, turntable_deg));
     struct cache_key key = {{CACHED_PICTURE | (guint64)camera << 8 | (guint64)lamp << 16,
-                             world_light_bits(whole_turn(turntable_deg)), relative, 0}};
+                             world_bits(whole_turn(turntable_deg)), relative, 0}};
     return cache_get(world->cache, &key, world_light_make_picture, &job);
 }

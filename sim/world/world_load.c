@@ -203,34 +203,6 @@ static struct v3 world_load_vector(const struct option_doubles *list) {
     return v3(list->values[0], list->values[1], list->values[2]);
 }
 
-static void make_arc(World *world, const struct world_options *all) {
-    struct sample_random random = device_random(all, 'a', 0);
-    struct optics_arc *arc = &world->arc;
-    arc->zero = RAD(all->arc_zero_deg * deviate(&random));
-    struct v3 lean = deviate3(&random), aside = deviate3(&random);
-    optics_arc_lean(arc, RAD(all->arc_tilt_deg * lean.x), RAD(all->arc_tilt_deg * lean.y));
-    arc->centre_mm = v3(all->arc_mm * aside.x, all->arc_mm * aside.y, 0);
-    arc->crooked = all->arc_tilt_deg > 0 || all->arc_mm > 0;
-}
-
-static void make_camera(World *world, const struct world_options *all,
-                        const struct camera_options *from) {
-    struct sample_random random = device_random(all, 'c', world->n_cameras);
-    struct optics_camera *camera = &world->cameras[world->n_cameras];
-    *camera = from->optics;
-    camera->cfa = (enum cfa)from->cfa;
-    camera->focal_px *= from->focal_scale;
-    camera->centre_x_px = (camera->width - 1) / 2.0 + from->centre_px.values[0];
-    camera->centre_y_px = (camera->height - 1) / 2.0 + from->centre_px.values[1];
-    for (int i = 0; i < 3; i++)
-        camera->colour[i] = from->colour.values[i];
-    optics_camera_place(camera, RAD(from->theta_deg), RAD(from->phi_deg), from->distance_mm);
-    camera->centre_mm = v3_mad(world_load_vector(&from->offset_mm), 1, camera->centre_mm);
-    camera->centre_mm = v3_mad(deviate3(&random), all->camera_mm, camera->centre_mm);
-    struct v3 turn = v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from->turn_deg));
-    optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
-}
-
 static gboolean load_camera(World *world, const struct world_options *all,
                             const struct config_section *section, GError **error) {
     struct camera_options from = {0};
@@ -247,30 +219,32 @@ static gboolean load_camera(World *world, const struct world_options *all,
         good = FALSE;
     }
     if (good) {
-        make_camera(world, all, &from);
+        struct sample_random random = device_random(all, 'c', world->n_cameras);
+        struct optics_camera *camera = &world->cameras[world->n_cameras];
+        *camera = from.optics;
+        camera->cfa = (enum cfa)from.cfa;
+        camera->focal_px *= from.focal_scale;
+        camera->centre_x_px = (camera->width - 1) / 2.0 + from.centre_px.values[0];
+        camera->centre_y_px = (camera->height - 1) / 2.0 + from.centre_px.values[1];
+        for (int i = 0; i < 3; i++)
+            camera->colour[i] = from.colour.values[i];
+        optics_camera_place(camera, RAD(from.theta_deg), RAD(from.phi_deg), from.distance_mm);
+        camera->centre_mm = v3_mad(world_load_vector(&from.offset_mm), 1, camera->centre_mm);
+        camera->centre_mm = v3_mad(deviate3(&random), all->camera_mm, camera->centre_mm);
+        struct v3 turn =
+            v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from.turn_deg));
+        optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
         world->camera_names[world->n_cameras++] = g_strdup(section->name);
     }
     options_clear(camera_table, &from);
     return good;
 }
 
-static void make_lamp(World *world, const struct world_options *all,
-                      const struct lamp_options *from) {
-    struct sample_random random = device_random(all, 'l', world->n_lamps);
-    struct optics_lamp *lamp = &world->lamps[world->n_lamps];
-    *lamp = from->optics;
-    double theta = RAD(from->theta_deg);
-    struct v3 out = v3(sin(theta), 0, cos(theta)), up = v3(-cos(theta), 0, sin(theta));
-    lamp->position_mm = v3_mad(out, from->distance_mm, world_load_vector(&from->offset_mm));
-    lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
-    double along = from->aim_deg.values[0] + all->lamp_deg * deviate(&random);
-    double across = from->aim_deg.values[1] + all->lamp_deg * deviate(&random);
-    struct v3 aim = v3(-out.x, -out.y, -out.z);
-    aim = v3_mad(up, tan(RAD(along)), aim);
-    lamp->aim = v3_norm(v3_mad(v3(0, 1, 0), tan(RAD(across)), aim));
-    lamp->intensity *= from->scale * (1 + all->lamp_pct / 100 * deviate(&random));
-    lamp->intensity = MAX(lamp->intensity, 0);
-    world->power[world->n_lamps].dead = from->dead;
+/* Directions at a polar angle of the arc at 0: outwards, and upwards along the arc. */
+static struct v3 world_load_on_arc(double theta_deg, struct v3 *ret_up) {
+    double theta = RAD(theta_deg);
+    *ret_up = v3(-cos(theta), 0, sin(theta));
+    return v3(sin(theta), 0, cos(theta));
 }
 
 static gboolean load_lamp(World *world, const struct world_options *all,
@@ -281,31 +255,23 @@ static gboolean load_lamp(World *world, const struct world_options *all,
     gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
                     check_count(section, "aim_deg", &from.aim_deg, 2, error);
     if (good) {
-        make_lamp(world, all, &from);
+        struct sample_random random = device_random(all, 'l', world->n_lamps);
+        struct optics_lamp *lamp = &world->lamps[world->n_lamps];
+        *lamp = from.optics;
+        struct v3 up, out = world_load_on_arc(from.theta_deg, &up);
+        lamp->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
+        lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
+        double along = from.aim_deg.values[0] + all->lamp_deg * deviate(&random);
+        double across = from.aim_deg.values[1] + all->lamp_deg * deviate(&random);
+        struct v3 aim = v3_mad(up, tan(RAD(along)), v3(-out.x, -out.y, -out.z));
+        lamp->aim = v3_norm(v3_mad(v3(0, 1, 0), tan(RAD(across)), aim));
+        lamp->intensity *= from.scale * (1 + all->lamp_pct / 100 * deviate(&random));
+        lamp->intensity = MAX(lamp->intensity, 0);
+        world->power[world->n_lamps].dead = from.dead;
         world->lamp_names[world->n_lamps++] = g_strdup(section->name);
     }
     options_clear(lamp_table, &from);
     return good;
-}
-
-static void make_laser(World *world, const struct world_options *all,
-                       const struct laser_options *from) {
-    struct sample_random random = device_random(all, 's', world->n_lasers);
-    struct optics_laser *laser = &world->lasers[world->n_lasers];
-    *laser = from->optics;
-    double theta = RAD(from->theta_deg);
-    struct v3 out = v3(sin(theta), 0, cos(theta)), up = v3(-cos(theta), 0, sin(theta));
-    laser->position_mm = v3_mad(out, from->distance_mm, world_load_vector(&from->offset_mm));
-    laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
-    double tilt = RAD(from->tilt_deg + all->laser_deg * deviate(&random));
-    double start = RAD(from->start_deg + all->laser_deg * deviate(&random));
-    laser->forward = v3(-out.x, -out.y, -out.z);
-    laser->axis = v3_mad(up, sin(tilt), v3(0, cos(tilt), 0));
-    laser->start = start;
-    laser->sigma = from->width_mm / (2 * sqrt(2 * G_LN2)) / from->distance_mm;
-    laser->fan = RAD(from->fan_deg);
-    for (int i = 0; i < 3; i++)
-        laser->colour[i] = from->colour.values[i];
 }
 
 static gboolean load_laser(World *world, const struct world_options *all,
@@ -316,7 +282,20 @@ static gboolean load_laser(World *world, const struct world_options *all,
     gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
                     check_count(section, "colour", &from.colour, 3, error);
     if (good) {
-        make_laser(world, all, &from);
+        struct sample_random random = device_random(all, 's', world->n_lasers);
+        struct optics_laser *laser = &world->lasers[world->n_lasers];
+        *laser = from.optics;
+        struct v3 up, out = world_load_on_arc(from.theta_deg, &up);
+        laser->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
+        laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
+        double tilt = RAD(from.tilt_deg + all->laser_deg * deviate(&random));
+        laser->start = RAD(from.start_deg + all->laser_deg * deviate(&random));
+        laser->forward = v3(-out.x, -out.y, -out.z);
+        laser->axis = v3_mad(up, sin(tilt), v3(0, cos(tilt), 0));
+        laser->sigma = from.width_mm / (2 * sqrt(2 * G_LN2)) / from.distance_mm;
+        laser->fan = RAD(from.fan_deg);
+        for (int i = 0; i < 3; i++)
+            laser->colour[i] = from.colour.values[i];
         world->laser_place[world->n_lasers] = world->n_lasers;
         world->laser_names[world->n_lasers++] = g_strdup(section->name);
     }
@@ -342,26 +321,6 @@ static const struct option mark_table[] = {
 };
 #undef AT
 
-static gboolean load_mark(World *world, const struct config_section *section, GError **error) {
-    struct mark_options from = {0};
-    if (!options_parse(mark_table, section, NULL, &from, error))
-        return FALSE;
-    float albedo[3];
-    sample_set_rgb(albedo, &from.albedo, 0.95f, 0.95f, 0.95f);
-    sample_add_post(world->mesh, from.x_mm, from.y_mm, from.z_mm, from.radius_mm, albedo);
-    options_clear(mark_table, &from);
-    return TRUE;
-}
-
-static gboolean world_load_load_marks(World *world, const Config *config, GError **error) {
-    gsize n = 0;
-    const struct config_section *sections = config_sections(config, &n);
-    for (gsize i = 0; i < n; i++)
-        if (g_str_equal(sections[i].class_name, "mark") && !load_mark(world, &sections[i], error))
-            return FALSE;
-    return TRUE;
-}
-
 static gboolean load_sample(World *world, const struct world_options *all, const Config *config,
                             GError **error) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -376,11 +335,25 @@ static gboolean load_sample(World *world, const struct world_options *all, const
         return FALSE;
     world->mesh = sample_new(section, &options, error);
     options_clear(sample_option_table, &options);
-    if (!world->mesh || !world_load_load_marks(world, config, error))
+    if (!world->mesh)
         return FALSE;
-    struct scene_settings settings = {all->n_gather, all->seed, all->table_albedo,
-                                      all->table_radius_mm};
-    scene_init(&world->scene, world->mesh, &settings);
+    gsize n = 0;
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++) {
+        struct mark_options mark = {0};
+        float albedo[3];
+        if (!g_str_equal(sections[i].class_name, "mark"))
+            continue;
+        if (!options_parse(mark_table, &sections[i], NULL, &mark, error))
+            return FALSE;
+        sample_set_rgb(albedo, &mark.albedo, 0.95f, 0.95f, 0.95f);
+        sample_add_post(world->mesh, mark.x_mm, mark.y_mm, mark.z_mm, mark.radius_mm, albedo);
+        options_clear(mark_table, &mark);
+    }
+    world->scene.n_gather = all->n_gather;
+    world->scene.table_albedo = (float)all->table_albedo;
+    world->scene.table_radius_mm = (float)all->table_radius_mm;
+    scene_init(&world->scene, world->mesh, all->seed);
     return TRUE;
 }
 
@@ -420,17 +393,6 @@ static gboolean load_section(World *world, const struct world_options *all,
     return FALSE;
 }
 
-static void set_options(World *world, const struct world_options *all) {
-    world->supersample = all->supersample;
-    world->noise = all->noise;
-    world->noise_seed = sample_hash((guint64)all->seed);
-    world->warm_up_s = all->warm_up_s;
-    world->warm_up_start = all->warm_up_start;
-    world->drift = all->drift_pct / 100;
-    world->drift_period_s = all->drift_period_s;
-    world->cache = cache_new((gsize)all->cache_mb << 20);
-}
-
 gboolean world_load(World *world, const char *path, GError **error) {
     g_autoptr(Config) config = config_load(path, error);
     if (!config)
@@ -441,8 +403,21 @@ gboolean world_load(World *world, const char *path, GError **error) {
         options_defaults(world_table, &all);
     else if (!options_parse(world_table, head, NULL, &all, error))
         return FALSE;
-    set_options(world, &all);
-    make_arc(world, &all);
+    world->supersample = all.supersample;
+    world->noise = all.noise;
+    world->noise_seed = sample_hash((guint64)all.seed);
+    world->warm_up_s = all.warm_up_s;
+    world->warm_up_start = all.warm_up_start;
+    world->drift = all.drift_pct / 100;
+    world->drift_period_s = all.drift_period_s;
+    world->cache = cache_new((gsize)all.cache_mb << 20);
+    struct sample_random random = device_random(&all, 'a', 0);
+    struct optics_arc *arc = &world->arc;
+    arc->zero = RAD(all.arc_zero_deg * deviate(&random));
+    struct v3 lean = deviate3(&random), aside = deviate3(&random);
+    optics_arc_lean(arc, RAD(all.arc_tilt_deg * lean.x), RAD(all.arc_tilt_deg * lean.y));
+    arc->centre_mm = v3(all.arc_mm * aside.x, all.arc_mm * aside.y, 0);
+    arc->crooked = all.arc_tilt_deg > 0 || all.arc_mm > 0;
     gsize n = 0;
     const struct config_section *sections = config_sections(config, &n);
     for (gsize i = 0; i < n; i++)

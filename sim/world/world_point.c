@@ -63,3 +63,12 @@ void world_unpack(const struct point *from, struct surface *ret) {
     ret->v = from->v * unit;
     ret->triangle = from->triangle;
 }
+
+int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
+                       struct surface *ret, guint8 *ret_blocked) {
+    int n = (int)MIN(SCENE_BATCH, view->n - first);
+    for (int i = 0; i < n; i++)
+        world_unpack(&view->points[first + (guint)i], &ret[i]);
+    scene_shadow(&world->scene, light_mm, ret, n, ret_blocked);
+    return n;
+}

@@ -7,6 +7,7 @@
 #include "world_cache.h"
 
 #include <embree3/rtcore.h>
+#include <string.h>
 
 #define NO_TRIANGLE G_MAXUINT32
 
@@ -65,13 +66,8 @@ struct surface { /* where a viewing ray meets sample or turntable; sample frame,
     float u, v;
 };
 
-struct scene_settings {
-    int n_gather;
-    int seed;
-    double table_albedo, table_radius_mm;
-};
-void scene_init(struct scene *scene, const struct mesh *mesh,
-                const struct scene_settings *settings);
+/* n_gather and table_… are set. */
+void scene_init(struct scene *scene, const struct mesh *mesh, int seed);
 void scene_clear(struct scene *scene);
 
 /* First surfaces along unit rays; FALSE in hit where there is none. eye_mm and directions in the
@@ -81,14 +77,29 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
 
 /* Whether surface points see a light: blocked[i] is set where not, be it that it is behind. */
 #define SCENE_BATCH 256
-void scene_shadow(const struct scene *scene, struct v3 light_mm,
-                  const struct surface *const *points, int n, guint8 *ret_blocked);
+void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
+                  int n, guint8 *ret_blocked);
+
+/* Up to SCENE_BATCH of the scene's vertices from first on, as white surfaces for which
+ * scene_reflect() is n·l in green, and whether they see a light. Returns how many. */
+int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
+                         struct surface *ret, guint8 *ret_blocked);
+
+/* The corner of a triangle that is nearest to a point with these barycentric coordinates. */
+guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
 /* n·l·(diffuse + gloss) for light from a point, seen from the eye: what makes radiance of E_⊥. */
 float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
                     enum cfa_colour colour);
 
 /* world_light.c */
+
+/* The bits of a number, for keys of the cache. */
+static inline guint64 world_bits(double value) {
+    guint64 word;
+    memcpy(&word, &value, sizeof word);
+    return word;
+}
 
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
@@ -129,6 +140,18 @@ struct cache_entry *world_view(World *world, int camera, double turntable_deg);
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
                 struct point *ret);
 void world_unpack(const struct point *from, struct surface *ret);
+
+/* Up to SCENE_BATCH points of a view from first on, and whether they see a light. Returns how many.
+ */
+int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
+                       struct surface *ret, guint8 *ret_blocked);
+
+/* Of the filter in front of a pixel, counted row by row. */
+static inline enum cfa_colour world_pixel_colour(const struct optics_camera *camera,
+                                                 guint32 pixel) {
+    guint32 width = (guint32)camera->width;
+    return cfa_colour_at(camera->cfa, (int)(pixel % width), (int)(pixel / width));
+}
 
 /* Irradiance by one bounce, R G B a vertex, for a lamp at full output. */
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);

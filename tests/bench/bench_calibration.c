@@ -3,15 +3,12 @@
  * own misalignments, lenses and noise. One JSON object with --json: of each figure the worst world,
  * of chi2 the mean.
  */
+#include "bench.h"
 #include "lib/calibration_fixture.h"
 
-#include "calibration_lights.h"
-#include "calibration_radiometry.h"
-#include "calibration_whole.h"
+#include "calibration_parts.h"
 
-#include <locale.h>
 #include <stdio.h>
-#include <time.h>
 
 static int n_cameras = 5, size_px = 192, n_stops = 20, n_seeds = 5, first_seed = 1,
            distance_mm = 400;
@@ -24,51 +21,14 @@ struct total {
     int done, pictures;
 };
 
-static double cpu_s(void) {
-    return (double)clock() / CLOCKS_PER_SEC;
-}
-
-static void show_cameras(const struct fixture *f, const struct calibration *calibration) {
-    const double azimuth = boards_azimuth_rad(f, &calibration->rig);
-    for (int c = 0; c < f->nominal.n_cameras; c++) {
-        const struct calibration_camera *camera = &calibration->cameras[c];
-        printf("  cam%d rms %.4f px, %d corners, distance ± %.4f %%, chi2 %.2f\n", c,
-               camera->residual_rms_px, camera->points,
-               100 * sqrt(camera->covariance[14][14]) / f->options.distance_mm,
-               boards_chi2(f, calibration, c, azimuth));
-    }
-}
-
-static void keep(struct total *total, const struct fixture_errors *e, double rms_px) {
-    struct fixture_errors *worst = &total->worst;
-    worst->point_px = MAX(worst->point_px, e->point_px);
-    worst->direction_deg = MAX(worst->direction_deg, e->direction_deg);
-    worst->distance_pct = MAX(worst->distance_pct, e->distance_pct);
-    worst->axis_mm = MAX(worst->axis_mm, e->axis_mm);
-    worst->axis_deg = MAX(worst->axis_deg, e->axis_deg);
-    total->rms_px = MAX(total->rms_px, rms_px);
-    total->chi2 += e->chi2;
-    total->chi2_low = total->done ? MIN(total->chi2_low, e->chi2) : e->chi2;
-    total->chi2_high = MAX(total->chi2_high, e->chi2);
-    total->done++;
-}
-
-static void tell(int seed, const struct fixture_errors *e, double rms_px, double cpu) {
-    if (!json)
-        printf("seed %d: rms %.4f px, points %.4f px, direction %.4f°, distance %.4f %%, axis %.4f "
-               "mm %.4f°, chi2 %.2f, %.1f s of processor\n",
-               seed, rms_px, e->point_px, e->direction_deg, e->distance_pct, e->axis_mm,
-               e->axis_deg, e->chi2, cpu);
-}
-
 static void calibrate(struct fixture *f, int seed, struct total *total) {
     const struct cameras_task task = {f->board, f->pictures, f->n_pictures, boards_read, NULL, f};
     g_autoptr(Calibration) calibration = calibration_new(&f->nominal);
     g_autoptr(GError) error = NULL;
-    const double begun = cpu_s();
+    const double begun = bench_cpu_s();
     const gint64 begun_us = g_get_monotonic_time();
     g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
-    const double cpu = cpu_s() - begun;
+    const double cpu = bench_cpu_s() - begun;
     total->cpu_s = MAX(total->cpu_s, cpu);
     total->real_s = MAX(total->real_s, (double)(g_get_monotonic_time() - begun_us) * 1e-6);
     total->pictures = f->n_pictures;
@@ -77,10 +37,32 @@ static void calibrate(struct fixture *f, int seed, struct total *total) {
         return;
     }
     const struct fixture_errors e = boards_compare(f, calibration);
-    keep(total, &e, result->rms_px);
-    tell(seed, &e, result->rms_px, cpu);
-    if (show)
-        show_cameras(f, calibration);
+    struct fixture_errors *worst = &total->worst;
+    worst->point_px = MAX(worst->point_px, e.point_px);
+    worst->direction_deg = MAX(worst->direction_deg, e.direction_deg);
+    worst->distance_pct = MAX(worst->distance_pct, e.distance_pct);
+    worst->axis_mm = MAX(worst->axis_mm, e.axis_mm);
+    worst->axis_deg = MAX(worst->axis_deg, e.axis_deg);
+    total->rms_px = MAX(total->rms_px, result->rms_px);
+    total->chi2 += e.chi2;
+    total->chi2_low = total->done ? MIN(total->chi2_low, e.chi2) : e.chi2;
+    total->chi2_high = MAX(total->chi2_high, e.chi2);
+    total->done++;
+    if (!json)
+        printf("seed %d: rms %.4f px, points %.4f px, direction %.4f°, distance %.4f %%, axis %.4f "
+               "mm %.4f°, chi2 %.2f, %.1f s of processor\n",
+               seed, result->rms_px, e.point_px, e.direction_deg, e.distance_pct, e.axis_mm,
+               e.axis_deg, e.chi2, cpu);
+    if (show) {
+        const double azimuth = boards_azimuth_rad(f, &calibration->rig);
+        for (int c = 0; c < f->nominal.n_cameras; c++) {
+            const struct calibration_camera *camera = &calibration->cameras[c];
+            printf("  cam%d rms %.4f px, %d corners, distance ± %.4f %%, chi2 %.2f\n", c,
+                   camera->residual_rms_px, camera->points,
+                   100 * sqrt(camera->covariance[14][14]) / f->options.distance_mm,
+                   boards_chi2(f, calibration, c, azimuth));
+        }
+    }
 }
 
 static void run(int seed, struct total *total) {
@@ -110,39 +92,35 @@ static void run(int seed, struct total *total) {
     boards_close(&f);
 }
 
-static char *cameras_json(const struct total *total) {
-    const struct fixture_errors *w = &total->worst;
+static gboolean refused;
+
+static char *measure_cameras(int n, gboolean tell) {
+    struct total total = {0};
+    for (int i = 0; i < n; i++)
+        run(first_seed + i, &total);
+    refused = total.done < n;
+    const struct fixture_errors *w = &total.worst;
     return g_strdup_printf(
         "{\"worlds\": %d, \"refused\": %d, \"cameras\": %d, \"pictures\": %d, "
         "\"distance_mm\": %d, \"reprojection_rms_px\": %.4f, \"points_rms_px\": %.4f, "
         "\"direction_deg\": %.4f, \"distance_pct\": %.4f, \"axis_mm\": %.4f, \"axis_deg\": %.4f, "
         "\"chi2\": %.3f, \"chi2_least\": %.3f, \"chi2_most\": %.3f, \"processor_s\": %.1f, "
         "\"real_s\": %.1f}",
-        n_seeds, n_seeds - total->done, n_cameras, total->pictures, distance_mm, total->rms_px,
-        w->point_px, w->direction_deg, w->distance_pct, w->axis_mm, w->axis_deg,
-        total->chi2 / MAX(total->done, 1), total->chi2_low, total->chi2_high, total->cpu_s,
-        total->real_s);
+        n, n - total.done, n_cameras, total.pictures, distance_mm, total.rms_px, w->point_px,
+        w->direction_deg, w->distance_pct, w->axis_mm, w->axis_deg, total.chi2 / MAX(total.done, 1),
+        total.chi2_low, total.chi2_high, total.cpu_s, total.real_s);
 }
 
 /* The whole of a rig of eight cameras, pictures of 192 px from half as many angles. */
-static char *whole(void) {
+static char *measure_whole(int n, gboolean tell) {
     struct total total = {0};
     n_cameras = 8;
     n_stops = 12;
     run(1, &total);
-    return bench_whole(total.cpu_s, total.pictures, !json);
-}
-
-static gboolean wanted(const char *part) {
-    return !only || g_str_equal(only, part);
-}
-
-static void add_part(GString *all, const char *part, const char *text) {
-    g_string_append_printf(all, "%s\"%s\": %s", all->len > 1 ? ", " : "", part, text);
+    return bench_whole(total.cpu_s, total.pictures, tell);
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
         {"cameras", 0, 0, G_OPTION_ARG_INT, &n_cameras, "Cameras, from 15° to 75°", "N"},
@@ -156,32 +134,23 @@ int main(int argc, char **argv) {
         {"show", 0, 0, G_OPTION_ARG_NONE, &show, "Tell more", NULL},
         {NULL},
     };
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
-    struct total total = {0};
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, NULL))
-        return 2;
-    setvbuf(stdout, NULL, _IOLBF, 0);
+    static const struct {
+        const char *name;
+        char *(*measure)(int n_seeds, gboolean tell); /* a JSON object, g_free() */
+    } parts[] = {{"cameras", measure_cameras},
+                 {"lights", bench_lights},
+                 {"radiometry", bench_radiometry},
+                 {"whole", measure_whole}};
     g_autoptr(GString) all = g_string_new("{");
-    if (wanted("cameras")) {
-        for (int i = 0; i < n_seeds; i++)
-            run(first_seed + i, &total);
-        g_autofree char *text = cameras_json(&total);
-        add_part(all, "cameras", text);
-    }
-    if (wanted("lights")) {
-        g_autofree char *text = bench_lights(n_seeds, !json);
-        add_part(all, "lights", text);
-    }
-    if (wanted("radiometry")) {
-        g_autofree char *text = bench_radiometry(n_seeds, !json);
-        add_part(all, "radiometry", text);
-    }
-    if (wanted("whole")) {
-        g_autofree char *text = whole();
-        add_part(all, "whole", text);
+    bench_parse(&argc, &argv, entries, NULL);
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    for (gsize i = 0; i < G_N_ELEMENTS(parts); i++) {
+        if (only && !g_str_equal(only, parts[i].name))
+            continue;
+        g_autofree char *text = parts[i].measure(n_seeds, !json);
+        g_string_append_printf(all, "%s\"%s\": %s", all->len > 1 ? ", " : "", parts[i].name, text);
     }
     if (json)
         printf("%s}\n", all->str);
-    return wanted("cameras") && total.done < n_seeds;
+    return refused;
 }

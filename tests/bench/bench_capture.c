@@ -5,10 +5,10 @@
  * ratio to plain write() and fsync() of as many in the same folder.
  * usage: bench_capture [--json] [FOLDER]
  */
+#include "bench.h"
 #include "capture/capture.h"
 
 #include <glib/gstdio.h>
-#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -38,17 +38,6 @@ struct result {
     double bytes, plain_s;
 };
 
-static void fatal(const GError *error) {
-    if (!error)
-        return;
-    fprintf(stderr, "bench_capture: %s\n", error->message);
-    exit(1);
-}
-
-static double now(void) {
-    return (double)g_get_monotonic_time() * 1e-6;
-}
-
 static char *read_task(const char *task, const char *name) {
     char *text = NULL;
     g_autofree char *path = g_build_filename("/proc/self/task", task, name, NULL);
@@ -76,20 +65,6 @@ static struct cpu cpu_now(void) {
     return cpu;
 }
 
-static struct cpu cpu_between(struct cpu a, struct cpu b) {
-    return (struct cpu){b.main_loop - a.main_loop, b.lanes - a.lanes, b.simulator - a.simulator,
-                        b.other - a.other};
-}
-
-static void write_plain(const char *path, const char *bytes, gsize n) {
-    FILE *file = fopen(path, "wb");
-    if (!file || fwrite(bytes, 1, n, file) != n || fflush(file) || fsync(fileno(file)))
-        perror(path);
-    if (file)
-        fclose(file);
-    g_remove(path);
-}
-
 /* Writes every file of a folder once more, plainly, and takes them all away. */
 static void write_again(const char *folder, const char *beside, struct result *to) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
@@ -100,9 +75,14 @@ static void write_again(const char *folder, const char *beside, struct result *t
         if (g_file_test(path, G_FILE_TEST_IS_DIR)) {
             write_again(path, beside, to);
         } else if (g_file_get_contents(path, &bytes, &n, NULL)) {
-            double start = now();
-            write_plain(beside, bytes, n);
-            to->plain_s += now() - start;
+            double start = bench_now_s();
+            FILE *file = fopen(beside, "wb");
+            if (!file || fwrite(bytes, 1, n, file) != n || fflush(file) || fsync(fileno(file)))
+                perror(beside);
+            if (file)
+                fclose(file);
+            g_remove(beside);
+            to->plain_s += bench_now_s() - start;
             to->bytes += (double)n;
             g_remove(path);
         }
@@ -116,31 +96,6 @@ static void on_event(Capture *capture, const char *level, const char *source, co
         fprintf(stderr, "bench_capture: %s: %s\n", source, message);
 }
 
-static void run(struct devices *devices, const struct session_conf *conf, const char *session,
-                struct result *ret) {
-    struct capture_callbacks callbacks = {.event = on_event};
-    struct capture_status status;
-    g_autoptr(GError) error = NULL;
-    double start = now();
-    Capture *capture = capture_start(devices, conf, session, &callbacks, &error);
-    fatal(error);
-    struct cpu before = cpu_now();
-    do {
-        g_main_context_iteration(NULL, TRUE);
-        capture_get_status(capture, &status);
-    } while (status.state < CAPTURE_PAUSED);
-    *ret = (struct result){.cpu = cpu_between(before, cpu_now()),
-                           .real_s = now() - start,
-                           .frames = status.frames,
-                           .cameras = devices->geometry.n_cameras};
-    gboolean done = status.state == CAPTURE_DONE;
-    if (!done)
-        fprintf(stderr, "bench_capture: not all was captured: %s\n", status.reason);
-    capture_free(capture);
-    if (!done)
-        exit(1);
-}
-
 static void bench(struct devices *devices, const char *folder, const char *kind, const char *rings,
                   struct result *ret) {
     struct session_conf conf = {0};
@@ -149,8 +104,27 @@ static void bench(struct devices *devices, const char *folder, const char *kind,
     g_autofree char *session = g_strdup_printf("%s/%s.session", folder, kind);
     g_autofree char *beside = g_build_filename(folder, "plain", NULL);
     session_conf_parse(&conf, text, kind, &error);
-    fatal(error);
-    run(devices, &conf, session, ret);
+    bench_check(error);
+    struct capture_callbacks callbacks = {.event = on_event};
+    struct capture_status status;
+    g_autoptr(GError) failure = NULL;
+    double start = bench_now_s();
+    Capture *capture = capture_start(devices, &conf, session, &callbacks, &failure);
+    bench_check(failure);
+    struct cpu before = cpu_now();
+    do {
+        g_main_context_iteration(NULL, TRUE);
+        capture_get_status(capture, &status);
+    } while (status.state < CAPTURE_PAUSED);
+    struct cpu after = cpu_now();
+    *ret = (struct result){.cpu = {after.main_loop - before.main_loop, after.lanes - before.lanes,
+                                   after.simulator - before.simulator, after.other - before.other},
+                           .real_s = bench_now_s() - start,
+                           .frames = status.frames,
+                           .cameras = devices->geometry.n_cameras};
+    if (status.state != CAPTURE_DONE)
+        bench_fail(1, "not all was captured: %s", status.reason);
+    capture_free(capture);
     write_again(session, beside, ret);
     session_conf_clear(&conf);
 }
@@ -169,18 +143,18 @@ static void print_result(const char *kind, const struct result *r, gboolean json
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    gboolean json = argc > 1 && strcmp(argv[1], "--json") == 0;
-    const char *in = argc > 1 + json ? argv[1 + json] : g_get_tmp_dir();
+    gboolean json = FALSE;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL}, {NULL}};
+    bench_parse(&argc, &argv, entries, "[FOLDER]");
+    const char *in = argc > 1 ? argv[1] : g_get_tmp_dir();
     g_autofree char *folder = g_build_filename(in, "bench_capture.XXXXXX", NULL);
     g_autoptr(GError) error = NULL;
     struct result lamps, lasers;
-    if (!g_mkdtemp(folder)) {
-        perror(folder);
-        return 1;
-    }
+    if (!g_mkdtemp(folder))
+        bench_fail(1, "%s: %s", folder, g_strerror(errno));
     struct devices *devices = devices_open(DEMO "rig.conf", &error);
-    fatal(error);
+    bench_check(error);
     bench(devices, folder, "lights", "preset = 12x5", &lamps);
     bench(devices, folder, "lasers", "rings = 15:2; 45:6", &lasers);
     devices_close(devices);

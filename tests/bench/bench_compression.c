@@ -1,19 +1,11 @@
 /* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
-#include "compression_disk.h"
-#include "compression_eigenmaps.h"
-#include "compression_fields.h"
-#include "compression_mdf.h"
-#include "compression_rate.h"
-#ifdef COMPRESS_MPI
-#include "compression_ranks.h"
-#endif
-#include "compression_resample.h"
+#include "bench.h"
+#include "compression_parts.h"
 #include "lpca/lpca.h"
 
 #include <cblas.h>
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -66,10 +58,6 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static double seconds_since(gint64 start) {
-    return (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
-}
-
 /* GFLOP/s. */
 static double peak(int threads) {
     const gsize n = (gsize)PEAK * PEAK;
@@ -79,10 +67,10 @@ static double peak(int threads) {
         a[i] = b[i] = 1 + (float)(i % 7);
     openblas_set_num_threads(threads);
     for (int i = 0; i < REPEATS; i++) {
-        const gint64 start = g_get_monotonic_time();
+        const double start = bench_now_s();
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, PEAK, PEAK, PEAK, 1, a, PEAK, b,
                     PEAK, 0, c, PEAK);
-        best = MIN(best, seconds_since(start));
+        best = MIN(best, bench_now_s() - start);
     }
     return 2e-9 * PEAK * PEAK * PEAK / best;
 }
@@ -146,7 +134,7 @@ static gboolean write_rows(const struct btf_matrix *btf) {
 /* How long each stage took, told apart by what it says of its progress. */
 #define MOST_STAGES 8
 struct stages {
-    gint64 last;
+    double last;
     int n;
     char names[MOST_STAGES][16];
     double seconds[MOST_STAGES];
@@ -155,8 +143,8 @@ struct stages {
 /* What was before the first word of a stage belongs to the one before. */
 static void note(const struct work_progress *progress, gpointer data) {
     struct stages *stages = data;
-    stages->seconds[stages->n - 1] += seconds_since(stages->last);
-    stages->last = g_get_monotonic_time();
+    stages->seconds[stages->n - 1] += bench_now_s() - stages->last;
+    stages->last = bench_now_s();
     if (g_str_equal(stages->names[stages->n - 1], progress->stage) || stages->n == MOST_STAGES)
         return;
     g_strlcpy(stages->names[stages->n++], progress->stage, sizeof stages->names[0]);
@@ -167,7 +155,7 @@ static void print_stages(const struct stages *stages) {
         printf(json ? ", \"%s_s\": %.3f" : "%s %.3f s, ", stages->names[i], stages->seconds[i]);
 }
 
-static int measure(const struct btf_matrix *btf, GError **error) {
+static void measure(const struct btf_matrix *btf, GError **error) {
     struct stages stages = {.n = 1, .names = {"sample"}};
     const struct lpca_options options = {.n_clusters = clusters,
                                          .n_components = components,
@@ -175,12 +163,12 @@ static int measure(const struct btf_matrix *btf, GError **error) {
                                          .work.data = &stages};
     const int threads = (int)g_get_num_processors();
     const double gflops = peak(threads);
-    const gint64 start = stages.last = g_get_monotonic_time();
+    const double start = stages.last = bench_now_s();
     struct lpca *lpca = lpca_compute(btf, &options, error);
-    const double time = seconds_since(start);
+    const double time = bench_now_s() - start;
     if (!lpca)
-        return 1;
-    stages.seconds[stages.n - 1] += seconds_since(stages.last);
+        return;
+    stages.seconds[stages.n - 1] += bench_now_s() - stages.last;
     const double share = needed_gflop(btf, lpca) / time / gflops;
     printf(json
                ? "{\"rows\": %zu, \"columns\": %zu, \"clusters\": %d, \"components\": %d, "
@@ -192,18 +180,11 @@ static int measure(const struct btf_matrix *btf, GError **error) {
     print_stages(&stages);
     puts(json ? "}" : "");
     lpca_free(lpca);
-    return 0;
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        fprintf(stderr, "%s\n", error->message);
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
     if (fields)
         return bench_fields(argv + 1, fits, json);
 #ifdef COMPRESS_MPI
@@ -224,13 +205,11 @@ int main(int argc, char **argv) {
         return ret;
     }
     struct btf_matrix *btf = session ? btf_matrix_read(session, NULL, &error) : synthetic();
-    int rc = 1;
-    if (btf && dump && !write_rows(btf))
-        fprintf(stderr, "%s: cannot be written\n", dump);
-    else if (btf)
-        rc = measure(btf, &error);
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
+    bench_check(error);
+    if (dump && !write_rows(btf))
+        bench_fail(1, "%s: cannot be written", dump);
+    measure(btf, &error);
+    bench_check(error);
     btf_matrix_free(btf);
-    return rc;
+    return 0;
 }

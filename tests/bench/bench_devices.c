@@ -6,12 +6,11 @@
  *
  * GigE Vision: from a trigger to the whole picture, against bare GVCP and GVSP on plain sockets.
  */
+#include "bench.h"
 #include "devices_gige.h"
-#include "quantile.h"
 
 #include "lib/modbus_rig.h"
 
-#include <locale.h>
 #include <modbus/modbus.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,62 +19,33 @@
 #define MOVES  40
 
 struct result {
-    double raw, line, start; /* µs, medians */
-    double raw_p99, line_p99, start_p99;
+    struct bench_times raw, line, start; /* µs */
 };
-
-static void check(GError *error) {
-    if (!error)
-        return;
-    fprintf(stderr, "bench_devices: %s\n", error->message);
-    exit(1);
-}
-
-static modbus_t *connect_raw(const VirtualModbus *device, gboolean rtu) {
-    const char *bus = virtual_modbus_bus(device);
-    modbus_t *raw = rtu ? modbus_new_rtu(bus, 115200, 'E', 8, 1)
-                        : modbus_new_tcp("127.0.0.1", atoi(strrchr(bus, ':') + 1));
-    modbus_set_slave(raw, RIG_UNIT);
-    if (modbus_connect(raw) != 0)
-        exit(1);
-    return raw;
-}
-
-static double time_raw(modbus_t *raw) {
-    guint16 value;
-    gint64 start = g_get_monotonic_time();
-    if (modbus_read_registers(raw, VIRTUAL_MODBUS_PLAIN, 1, &value) != 1)
-        exit(1);
-    return (double)(g_get_monotonic_time() - start);
-}
-
-static double time_line(ModbusBus *bus, const struct modbus_link *link) {
-    struct modbus_job job = {0};
-    GError *error = NULL;
-    modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
-    gint64 start = g_get_monotonic_time();
-    modbus_bus_do(bus, link, &job, 1000, &error);
-    check(error);
-    return (double)(g_get_monotonic_time() - start);
-}
 
 /* In turns, so that whatever else the machine does falls on both. */
 static void time_both(modbus_t *raw, ModbusBus *bus, const struct modbus_link *link,
                       struct result *ret) {
     static double raw_us[ROUNDS], line_us[ROUNDS];
     for (int i = 0; i < ROUNDS; i++) {
-        raw_us[i] = time_raw(raw);
-        line_us[i] = time_line(bus, link);
+        guint16 value;
+        gint64 start = g_get_monotonic_time();
+        if (modbus_read_registers(raw, VIRTUAL_MODBUS_PLAIN, 1, &value) != 1)
+            exit(1);
+        raw_us[i] = (double)(g_get_monotonic_time() - start);
+        struct modbus_job job = {0};
+        GError *error = NULL;
+        modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
+        gint64 begun = g_get_monotonic_time();
+        modbus_bus_do(bus, link, &job, 1000, &error);
+        bench_check(error);
+        line_us[i] = (double)(g_get_monotonic_time() - begun);
     }
-    ret->raw = quantile(raw_us, ROUNDS, 0.5);
-    ret->raw_p99 = quantile(raw_us, ROUNDS, 0.99);
-    ret->line = quantile(line_us, ROUNDS, 0.5);
-    ret->line_p99 = quantile(line_us, ROUNDS, 0.99);
+    ret->raw = bench_times(raw_us, ROUNDS);
+    ret->line = bench_times(line_us, ROUNDS);
 }
 
 static void count(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
-    if (error)
-        check(g_error_copy(error));
+    bench_check(error);
     ++*(int *)data;
 }
 
@@ -90,13 +60,12 @@ static void time_start(VirtualModbus *device, Axis *axis, Clock *clock, struct r
         GError *error = NULL;
         gint64 start = g_get_monotonic_time();
         axis_move(axis, i % 2 ? 0 : 5, &error);
-        check(error);
+        bench_check(error);
         conformance_wait(clock, &n, i + 2, 10);
         virtual_modbus_state(device, &state);
         us[i] = (double)(state.began_us - start);
     }
-    ret->start = quantile(us, MOVES, 0.5);
-    ret->start_p99 = quantile(us, MOVES, 0.99);
+    ret->start = bench_times(us, MOVES);
 }
 
 static struct result measure(gboolean rtu) {
@@ -104,21 +73,26 @@ static struct result measure(gboolean rtu) {
     g_autoptr(VirtualModbus) device = modbus_rig_device(rtu);
     /* A device of its own, since it serves one connection. */
     g_autoptr(VirtualModbus) other = modbus_rig_device(rtu);
-    modbus_t *raw = connect_raw(other, rtu);
+    const char *address = virtual_modbus_bus(other);
+    modbus_t *raw = rtu ? modbus_new_rtu(address, 115200, 'E', 8, 1)
+                        : modbus_new_tcp("127.0.0.1", atoi(strrchr(address, ':') + 1));
+    modbus_set_slave(raw, RIG_UNIT);
+    if (modbus_connect(raw) != 0)
+        exit(1);
     g_autoptr(Clock) clock = clock_new_real();
     GError *error = NULL;
     g_autofree char *text = modbus_rig_section(virtual_modbus_bus(device), "axis arc", RIG_AXIS);
     g_autoptr(Config) config = config_parse(text, "./bench.conf", &error);
-    check(error);
+    bench_check(error);
     const struct config_section *section = config_find(config, "axis", "arc");
     Axis *axis = axis_open(&modbus_axis_driver, section, NULL, clock, &error);
-    check(error);
+    bench_check(error);
     /* Shares the driver's line: its settings are the first member of the driver's struct. */
     const struct modbus_link *link = axis->device.priv;
     const struct device device_of_line = {
         .info = &modbus_axis_driver.info, .clock = clock, .section = section};
     ModbusBus *bus = modbus_bus_get(link, &device_of_line, &error);
-    check(error);
+    bench_check(error);
     time_both(raw, bus, link, &result);
     time_start(device, axis, clock, &result);
     modbus_bus_unref(bus);
@@ -129,47 +103,39 @@ static struct result measure(gboolean rtu) {
 }
 
 static void print(const char *name, const struct result *r, gboolean json) {
+    const double raw = r->raw.median, line = r->line.median, start = r->start.median;
     if (json)
         printf("\"%s\":{\"libmodbus_us\":%.1f,\"libmodbus_p99_us\":%.1f,\"line_us\":%.1f,"
                "\"line_p99_us\":%.1f,\"line_ratio\":%.2f,\"command_to_motion_us\":%.1f,"
-               "\"command_to_motion_p99_us\":%.1f,\"command_to_motion_ratio\":%.2f}",
-               name, r->raw, r->raw_p99, r->line, r->line_p99, r->line / r->raw, r->start,
-               r->start_p99, r->start / r->raw);
+               "\"command_to_motion_p99_us\":%.1f,\"command_to_motion_ratio\":%.2f},",
+               name, raw, r->raw.p99, line, r->line.p99, line / raw, start, r->start.p99,
+               start / raw);
     else
         printf("%s: libmodbus %.0f µs, through the line's thread %.0f µs (%.2f), move to motion "
                "%.0f µs (%.2f: target, read back, start)\n",
-               name, r->raw, r->line, r->line / r->raw, r->start, r->start / r->raw);
-}
-
-static void print_gige(const struct gige_latency *g, gboolean json) {
-    if (json)
-        printf("\"gige_1024x768\":{\"register_us\":%.1f,\"protocol_us\":%.1f,"
-               "\"protocol_p99_us\":%.1f,\"trigger_to_frame_us\":%.1f,"
-               "\"trigger_to_frame_p99_us\":%.1f,\"trigger_to_frame_ratio\":%.2f}",
-               g->register_us, g->protocol_us, g->protocol_p99_us, g->driver_us, g->driver_p99_us,
-               g->driver_us / g->protocol_us);
-    else
-        printf("gige, 1024 × 768 of 8 bits: a register %.0f µs, trigger to picture by the bare "
-               "protocol %.0f µs, by the driver %.0f µs (%.2f)\n",
-               g->register_us, g->protocol_us, g->driver_us, g->driver_us / g->protocol_us);
+               name, raw, line, line / raw, start, start / raw);
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    gboolean json = argc > 1 && g_str_equal(argv[1], "--json");
+    gboolean json = FALSE;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL}, {NULL}};
+    bench_parse(&argc, &argv, entries, NULL);
     struct result tcp = measure(FALSE), rtu = measure(TRUE);
-    struct gige_latency gige;
-    gige_latency(1024, 768, &gige);
-    if (json)
-        putchar('{');
+    struct gige_latency g;
+    gige_latency(1024, 768, &g);
+    const double protocol = g.protocol.median, driver = g.driver.median;
+    printf(json ? "{" : "");
     print("tcp", &tcp, json);
-    if (json)
-        putchar(',');
     print("rtu", &rtu, json);
     if (json)
-        putchar(',');
-    print_gige(&gige, json);
-    if (json)
-        puts("}");
+        printf("\"gige_1024x768\":{\"register_us\":%.1f,\"protocol_us\":%.1f,"
+               "\"protocol_p99_us\":%.1f,\"trigger_to_frame_us\":%.1f,"
+               "\"trigger_to_frame_p99_us\":%.1f,\"trigger_to_frame_ratio\":%.2f}}\n",
+               g.register_us, protocol, g.protocol.p99, driver, g.driver.p99, driver / protocol);
+    else
+        printf("gige, 1024 × 768 of 8 bits: a register %.0f µs, trigger to picture by the bare "
+               "protocol %.0f µs, by the driver %.0f µs (%.2f)\n",
+               g.register_us, protocol, driver, driver / protocol);
     return 0;
 }

@@ -5,6 +5,7 @@
  * not evenly spread. Each way mixes the measured directions themselves by the weights it finds; the
  * truth is the same mix by directions_weights().
  */
+#include "bench.h"
 #include "frame_time.h"
 #include "gl/direction_cube.h"
 #include "gl/direction_table.h"
@@ -13,7 +14,6 @@
 #include "shapes/scene.h"
 
 #include <epoxy/gl.h>
-#include <locale.h>
 #include <math.h>
 
 #define WIDTH  800
@@ -126,18 +126,6 @@ static gboolean make_rings(struct rings *r, GError **error) {
     return TRUE;
 }
 
-static guint measured_texture(const struct rings *r) {
-    float rgba[4 * 201] = {0};
-    for (int k = 0; k <= r->n; k++) {
-        rgba[4 * k] = (float)r->measured[k].x;
-        rgba[4 * k + 1] = (float)r->measured[k].y;
-        rgba[4 * k + 2] = (float)r->measured[k].z;
-    }
-    const guint texture = gpu_texture(GL_RGBA32F, r->n + 1, 1, 0);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, r->n + 1, 1, GL_RGBA, GL_FLOAT, rgba);
-    return texture;
-}
-
 struct way {
     const char *name;
     GLuint program;
@@ -180,18 +168,6 @@ static void judge(struct way *way, const struct rings *r, guint measured) {
     way->rms = sqrt(sum / (WIDTH * HEIGHT));
 }
 
-static void time_ways(struct way *ways, guint measured, int frames) {
-    g_autofree double *ms = g_new(double, WAYS *(gsize)frames);
-    for (int k = 0; k < frames; k++)
-        for (int way = 0; way < WAYS; way++) {
-            const double start = now_us();
-            draw(&ways[way], measured, 0.013 * k);
-            ms[way * frames + k] = (now_us() - start) * 1e-3;
-        }
-    for (int way = 0; way < WAYS; way++)
-        ways[way].ms = quantile(ms + (gsize)way * frames, frames, 0.5);
-}
-
 /* A whole picture of reflectance fields of two lobes on a torus, to compare that with. */
 static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, GError **error) {
     GRand *random = g_rand_new_with_seed(5);
@@ -223,19 +199,6 @@ static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, G
     return good;
 }
 
-static void tell(const struct way *ways, gboolean json) {
-    for (int k = 0; k < WAYS; k++)
-        g_print(json ? "%s{\"way\": \"%s\", \"rms\": %.6f, \"worst\": %.6f, \"ms\": %.2f, "
-                       "\"bytes\": %" G_GINT64_FORMAT "}"
-                     : "%s%s: directions off by %.6f RMS, %.6f at worst; %.2f ms for 800 × 600; "
-                       "%" G_GINT64_FORMAT " bytes",
-                k == 0 ? ""
-                : json ? ", "
-                       : "\n",
-                ways[k].name, ways[k].rms, ways[k].worst, ways[k].ms,
-                direction_textures_bytes(&ways[k].textures));
-}
-
 static gboolean bench(int frames, gboolean json, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     static struct rings rings;
@@ -253,13 +216,37 @@ static gboolean bench(int frames, gboolean json, GError **error) {
         {"the same, nearest cell", make_program(nearest),
          direction_table_new(rings.directions, FALSE)},
         {"cube maps", make_program(cube), direction_cube_new(rings.directions, FALSE)}};
-    const guint measured = measured_texture(&rings);
+    float rgba[4 * 201] = {0};
+    for (int k = 0; k <= rings.n; k++) {
+        rgba[4 * k] = (float)rings.measured[k].x;
+        rgba[4 * k + 1] = (float)rings.measured[k].y;
+        rgba[4 * k + 2] = (float)rings.measured[k].z;
+    }
+    const guint measured = gpu_texture(GL_RGBA32F, rings.n + 1, 1, 0);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, rings.n + 1, 1, GL_RGBA, GL_FLOAT, rgba);
     for (int k = 0; k < WAYS; k++)
         judge(&ways[k], &rings, measured);
-    time_ways(ways, measured, frames);
+    g_autofree double *times = g_new(double, WAYS *(gsize)frames);
+    for (int k = 0; k < frames; k++)
+        for (int way = 0; way < WAYS; way++) {
+            const double start = now_us();
+            draw(&ways[way], measured, 0.013 * k);
+            times[way * frames + k] = (now_us() - start) * 1e-3;
+        }
+    for (int way = 0; way < WAYS; way++)
+        ways[way].ms = bench_time_quantile(times + (gsize)way * frames, frames, 0.5);
     g_print(json ? "\"renderer\": \"%s\", \"directions\": %d, \"ways\": [" : "%s, %d directions\n",
             gpu_renderer(), rings.n);
-    tell(ways, json);
+    for (int k = 0; k < WAYS; k++)
+        g_print(json ? "%s{\"way\": \"%s\", \"rms\": %.6f, \"worst\": %.6f, \"ms\": %.2f, "
+                       "\"bytes\": %" G_GINT64_FORMAT "}"
+                     : "%s%s: directions off by %.6f RMS, %.6f at worst; %.2f ms for 800 × 600; "
+                       "%" G_GINT64_FORMAT " bytes",
+                k == 0 ? ""
+                : json ? ", "
+                       : "\n",
+                ways[k].name, ways[k].rms, ways[k].worst, ways[k].ms,
+                direction_textures_bytes(&ways[k].textures));
     double ms = 0;
     const gboolean good = gpu_check("the bench", error) && time_fields(&rings, frames, &ms, error);
     g_print(json ? "], \"fields_ms\": %.2f" : "\na torus of reflectance fields: %.2f ms\n", ms);
@@ -268,24 +255,19 @@ static gboolean bench(int frames, gboolean json, GError **error) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
     int frames = 15;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
         {NULL}};
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 1) {
-        g_printerr("bench_directions: %s\n", error ? error->message : "bad arguments");
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
+    if (frames < 1 || argc > 1)
+        bench_fail(2, "bad arguments");
     g_print("%s", json ? "{" : "");
-    const gboolean good = bench(frames, json, &error);
+    bench(frames, json, &error);
     g_print("%s", json ? "}\n" : "");
-    if (!good)
-        g_printerr("bench_directions: %s\n", error->message);
-    return good ? 0 : 1;
+    bench_check(error);
+    return 0;
 }

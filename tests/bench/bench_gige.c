@@ -6,9 +6,9 @@
  *
  * Frames of 8 bits, so that eight cameras at 30 Hz are 189 MB/s, more than one line of 1 Gbit/s.
  */
+#include "bench.h"
 #include "lib/gige_rig.h"
 
-#include <locale.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -105,31 +105,6 @@ static gboolean anybody_waits(const struct seat *seats) {
     return FALSE;
 }
 
-/* A tick that finds a camera still at work is late: the rate is not kept. */
-static void tick(struct seat *seats, struct tally *tally, guint64 shot) {
-    for (int i = 0; i < N_CAMERAS; i++) {
-        Camera *camera = seats[i].eye.camera;
-        if (camera_is_waiting(camera)) {
-            tally->late++;
-            continue;
-        }
-        tally->sent_us[i] = g_get_monotonic_time();
-        tally->triggered += camera_trigger(camera, shot, NULL);
-    }
-}
-
-static void run(struct seat *seats, struct tally *tally) {
-    gint64 begun = g_get_monotonic_time();
-    for (int n = 0; n < rate * seconds; n++) {
-        gint64 due = begun + (gint64)n * G_USEC_PER_SEC / rate;
-        double left_s = (double)(due - g_get_monotonic_time()) / 1e6;
-        conformance_pass(seats[0].eye.clock, MAX(left_s, 0));
-        tick(seats, tally, (guint64)n);
-    }
-    while (anybody_waits(seats))
-        g_main_context_iteration(NULL, TRUE);
-}
-
 static void print(struct seat *seats, const struct tally *tally) {
     guint64 resent = 0, packets = 0;
     for (int i = 0; i < N_CAMERAS; i++) {
@@ -151,21 +126,34 @@ static void print(struct seat *seats, const struct tally *tally) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    g_autoptr(GOptionContext) options = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
     struct seat seats[N_CAMERAS];
     struct tally tally = {0};
-    g_option_context_add_main_entries(options, entries, NULL);
-    if (!g_option_context_parse(options, &argc, &argv, &error) || rate < 1 || seconds < 1) {
-        g_printerr("bench_gige: %s\n", error ? error->message : "rate and seconds are at least 1");
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
+    if (rate < 1 || seconds < 1)
+        bench_fail(2, "rate and seconds are at least 1");
     painted = g_new(guint16, WIDTH * HEIGHT);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         painted[i] = (guint16)(i * 31 % 251);
     open_seats(seats, &tally);
-    run(seats, &tally);
+    gint64 begun = g_get_monotonic_time();
+    for (int n = 0; n < rate * seconds; n++) {
+        gint64 due = begun + (gint64)n * G_USEC_PER_SEC / rate;
+        double left_s = (double)(due - g_get_monotonic_time()) / 1e6;
+        conformance_pass(seats[0].eye.clock, MAX(left_s, 0));
+        /* A tick that finds a camera still at work is late: the rate is not kept. */
+        for (int i = 0; i < N_CAMERAS; i++) {
+            Camera *camera = seats[i].eye.camera;
+            if (camera_is_waiting(camera)) {
+                tally.late++;
+                continue;
+            }
+            tally.sent_us[i] = g_get_monotonic_time();
+            tally.triggered += camera_trigger(camera, ((guint64)n), NULL);
+        }
+    }
+    while (anybody_waits(seats))
+        g_main_context_iteration(NULL, TRUE);
     print(seats, &tally);
     for (int i = 0; i < N_CAMERAS; i++)
         eye_end(&seats[i].eye, NULL);

@@ -1,6 +1,7 @@
 /* Local PCA drawn by the pairs of measured directions (Schneider 2004 §5, the baseline), from a 3D
  * texture (§6) and on a grid of directions with simplices: time a frame, and how far the pictures
  * differ. On a torus of a material made up of glossy lobes on 81 × 81 directions, or of a file. */
+#include "bench.h"
 #include "frame_time.h"
 #include "gl/gpu.h"
 #include "lpca/lpca.h"
@@ -10,7 +11,6 @@
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 
-#include <locale.h>
 #include <math.h>
 
 #define TEXELS   64
@@ -154,31 +154,6 @@ static gboolean measure(struct lpca *lpca, Viewer *const *viewers, int frames, s
            compare(viewers, r, error);
 }
 
-static void tell_json(const struct result *r, gboolean first) {
-    static const char *const names[N_WAYS] = {"pairs", "revised", "grid"};
-    g_print("%s{\"components\": %d, \"grid\": %d, \"limit\": %.1f", first ? "" : ", ",
-            r->n_components, r->n_grid, LIMIT);
-    for (int k = 0; k < N_WAYS; k++)
-        g_print(", \"%s_ms\": %.2f, \"%s_gpu_bytes\": %" G_GINT64_FORMAT, names[k], r->ms[k],
-                names[k], r->bytes[k]);
-    for (int k = REVISED; k < N_WAYS; k++)
-        g_print(", \"%s_ratio\": %.3f, \"%s_rms_difference\": %.4f", names[k],
-                r->ms[PAIRS] / r->ms[k], names[k], r->difference[k]);
-    g_print("}");
-}
-
-static void tell_text(const struct result *r) {
-    static const char *const names[N_WAYS] = {"nine pairs", "3D texture", "packed simplices"};
-    g_print("c = %d, grid of %d\n", r->n_components, r->n_grid);
-    for (int k = 0; k < N_WAYS; k++) {
-        g_print("  %s: %.1f ms, %.1f MB", names[k], r->ms[k], (double)r->bytes[k] * 1e-6);
-        if (k > PAIRS)
-            g_print(", %.2f times as fast%s, RMS difference %.2f %%", r->ms[PAIRS] / r->ms[k],
-                    k == GRID ? " (limit 2)" : "", 100 * r->difference[k]);
-        g_print("\n");
-    }
-}
-
 static gboolean open_views(Viewer *viewers[N_WAYS], GError **error) {
     struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
     gboolean good = TRUE;
@@ -203,10 +178,31 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
         struct lpca *lpca =
             whole ? lpca_truncated(whole, MIN(r.n_components, whole->n_components)) : NULL;
         good = lpca && measure(lpca, viewers, frames, &r, error);
-        if (good && json)
-            tell_json(&r, k == 0);
-        else if (good)
-            tell_text(&r);
+        if (good && json) {
+            static const char *const keys[N_WAYS] = {"pairs", "revised", "grid"};
+            g_print("%s{\"components\": %d, \"grid\": %d, \"limit\": %.1f", (k == 0) ? "" : ", ",
+                    r.n_components, r.n_grid, LIMIT);
+            for (int way = 0; way < N_WAYS; way++)
+                g_print(", \"%s_ms\": %.2f, \"%s_gpu_bytes\": %" G_GINT64_FORMAT, keys[way],
+                        r.ms[way], keys[way], r.bytes[way]);
+            for (int way = REVISED; way < N_WAYS; way++)
+                g_print(", \"%s_ratio\": %.3f, \"%s_rms_difference\": %.4f", keys[way],
+                        r.ms[PAIRS] / r.ms[way], keys[way], r.difference[way]);
+            g_print("}");
+        } else if (good) {
+            static const char *const names[N_WAYS] = {"nine pairs", "3D texture",
+                                                      "packed simplices"};
+            g_print("c = %d, grid of %d\n", r.n_components, r.n_grid);
+            for (int way = 0; way < N_WAYS; way++) {
+                g_print("  %s: %.1f ms, %.1f MB", names[way], r.ms[way],
+                        (double)r.bytes[way] * 1e-6);
+                if (way > PAIRS)
+                    g_print(", %.2f times as fast%s, RMS difference %.2f %%",
+                            r.ms[PAIRS] / r.ms[way], way == GRID ? " (limit 2)" : "",
+                            100 * r.difference[way]);
+                g_print("\n");
+            }
+        }
         lpca_free(whole);
         lpca_free(lpca);
     }
@@ -217,22 +213,17 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
     int frames = 5;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 5", "N"},
         {NULL}};
-    g_autoptr(GOptionContext) context = g_option_context_new("[lpca.exr]");
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 2) {
-        g_printerr("bench_lpca_rendering: %s\n", error ? error->message : "bad arguments");
-        return 2;
-    }
-    if (bench(argc > 1 ? argv[1] : NULL, frames, json, &error))
-        return 0;
-    g_printerr("bench_lpca_rendering: %s\n", error->message);
-    return 1;
+    bench_parse(&argc, &argv, entries, "[lpca.exr]");
+    if (frames < 1 || argc > 2)
+        bench_fail(2, "bad arguments");
+    bench(argc > 1 ? argv[1] : NULL, frames, json, &error);
+    bench_check(error);
+    return 0;
 }

@@ -7,13 +7,10 @@
  * texel is at least --pixels pixels across, in the direction in which a view shortens it too. At an
  * edge means with a step of half a texel within one texel.
  */
+#include "bench.h"
 #include "mdf/mdf_views.h"
-#include "measurement_btf.h"
-#include "measurement_mdf.h"
-#include "measurement_peaks.h"
-#include "measurement_speed.h"
+#include "measurement_parts.h"
 
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -104,13 +101,6 @@ static const struct {
                {"mono", TRUE, FALSE},
                {"mono_quiet", TRUE, TRUE}};
 
-static void print_camera(const char *name, const struct bench_cell *cells) {
-    struct errors flat = group_errors(cells, FALSE), steep = group_errors(cells, TRUE);
-    printf(json ? ", \"%s\": [%.5f, %.5f, %.5f, %.5f]" : "  %-14s %6.2f /%6.2f   %6.2f /%6.2f\n",
-           name, flat.median * (json ? 1 : 100), flat.p95 * (json ? 1 : 100),
-           steep.median * (json ? 1 : 100), steep.p95 * (json ? 1 : 100));
-}
-
 static void print_cameras(struct bench_setup setup) {
     if (!json)
         printf("  %g pixels a texel, median / p95 in %%: to 60° (limits 1 / 4), 75° (2 / 8)\n",
@@ -121,7 +111,11 @@ static void print_cameras(struct bench_setup setup) {
         setup.mono = cameras[k].mono;
         setup.noise = !cameras[k].quiet;
         bench_btf(&setup, samples, cells, NULL);
-        print_camera(cameras[k].name, cells);
+        struct errors flat = group_errors(cells, FALSE), steep = group_errors(cells, TRUE);
+        printf(json ? ", \"%s\": [%.5f, %.5f, %.5f, %.5f]"
+                    : "  %-14s %6.2f /%6.2f   %6.2f /%6.2f\n",
+               cameras[k].name, flat.median * (json ? 1 : 100), flat.p95 * (json ? 1 : 100),
+               steep.median * (json ? 1 : 100), steep.p95 * (json ? 1 : 100));
         clear_cells(cells);
     }
 }
@@ -135,20 +129,6 @@ static void print_curve(struct bench_setup setup) {
             printf("%s{\"pixels\": %g", i ? ", " : "", all[i]);
         print_cameras(setup);
         printf(json ? "}" : "");
-    }
-    printf(json ? "]" : "");
-}
-
-static void print_table(struct bench_cell *cells) {
-    printf(json ? "\"view_light_median_p95\": ["
-                : "  rows: view 15 … 75°, columns: light 15 … 75°\n");
-    for (int i = 0; i < PAIRS; i++) {
-        double median = bench_quantile(cells[i].errors, 0.5);
-        double p95 = bench_quantile(cells[i].errors, 0.95);
-        if (json)
-            printf("%s[%.5f, %.5f]", i ? ", " : "", median, p95);
-        else
-            printf("%8.2f /%6.2f%s", 100 * median, 100 * p95, i % RIG_VIEWS < 4 ? "" : "\n");
     }
     printf(json ? "]" : "");
 }
@@ -183,32 +163,6 @@ struct agreement {
     gint64 measured, outliers, refuted, refuted_outliers;
 };
 
-static void compare_views(const struct bench_setup *setup, const struct bench_mdf *all,
-                          struct agreement *ret) {
-    struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
-                              bench_grid(setup).reference_mm};
-    struct mdf_eye eyes[RIG_VIEWS];
-    int n = setup->texels * setup->texels;
-    g_autofree guint16 *confirmed = g_new(guint16, n), *denied = g_new(guint16, n);
-    for (int v = 0; v < RIG_VIEWS; v++) {
-        memcpy(eyes[v].centre_mm, all[v].centre_mm, sizeof eyes[v].centre_mm);
-        eyes[v].distance = all[v].distance;
-    }
-    for (int v = 0; v < RIG_VIEWS; v++) {
-        mdf_views_compare(eyes, RIG_VIEWS, v, &plane, confirmed, denied);
-        for (int i = 0; i < n; i++) {
-            if (all[v].distance[i] < 0 || all[v].truth[i] < 0)
-                continue;
-            gboolean out = fabsf(all[v].distance[i] - all[v].truth[i]) > (float)setup->texel_mm;
-            gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
-            ret->measured++;
-            ret->outliers += out;
-            ret->refuted += refuted;
-            ret->refuted_outliers += refuted && out;
-        }
-    }
-}
-
 /* What one kind of texels' distances are worth. */
 struct worth {
     gint64 n, outliers;
@@ -228,33 +182,6 @@ struct settled {
     struct worth off_before, off_after, edge_before, edge_after, source[MDF_PREDICTED + 1], removed;
 };
 
-static void settle_view(const struct bench_setup *setup, const struct bench_mdf *m,
-                        const struct mdf_eye *eyes, int view, const struct mdf_plane *plane,
-                        struct settled *ret) {
-    const int n = setup->texels * setup->texels;
-    g_autofree float *mm = g_new(float, n);
-    g_autofree guint8 *source = g_new(guint8, n);
-    mdf_views_settle(eyes, RIG_VIEWS, view, plane, mm, source);
-    for (int i = 0; i < n; i++) {
-        const float before = m->distance[i], truth = m->truth[i];
-        ret->lit += m->lit[i] > 0;
-        ret->before += m->lit[i] > 0 && before >= 0;
-        ret->after[source[i]] += m->lit[i] > 0;
-        if (truth < 0)
-            continue;
-        if (before >= 0)
-            add_worth(m->edge[i] ? &ret->edge_before : &ret->off_before, before, truth,
-                      setup->texel_mm);
-        if (mm[i] >= 0)
-            add_worth(m->edge[i] ? &ret->edge_after : &ret->off_after, mm[i], truth,
-                      setup->texel_mm);
-        if (mm[i] >= 0)
-            add_worth(&ret->source[source[i]], mm[i], truth, setup->texel_mm);
-        if (before >= 0 && source[i] != MDF_MEASURED)
-            add_worth(&ret->removed, before, truth, setup->texel_mm);
-    }
-}
-
 static void print_worth(const char *name, const struct worth *w) {
     printf(json ? ", \"%s\": {\"n\": %" G_GINT64_FORMAT
                   ", \"outliers\": %.5f, \"rms_texels\": %.4f}"
@@ -273,8 +200,30 @@ static void print_settled(const struct bench_setup *setup, const struct bench_md
         eyes[v].other = all[v].other;
         eyes[v].lasers = all[v].lasers;
     }
-    for (int v = 0; v < RIG_VIEWS; v++)
-        settle_view(setup, &all[v], eyes, v, &plane, &s);
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        const int n = setup->texels * setup->texels;
+        g_autofree float *mm = g_new(float, n);
+        g_autofree guint8 *source = g_new(guint8, n);
+        mdf_views_settle(eyes, RIG_VIEWS, v, &plane, mm, source);
+        for (int i = 0; i < n; i++) {
+            const float before = all[v].distance[i], truth = all[v].truth[i];
+            s.lit += all[v].lit[i] > 0;
+            s.before += all[v].lit[i] > 0 && before >= 0;
+            s.after[source[i]] += all[v].lit[i] > 0;
+            if (truth < 0)
+                continue;
+            if (before >= 0)
+                add_worth(all[v].edge[i] ? &s.edge_before : &s.off_before, before, truth,
+                          setup->texel_mm);
+            if (mm[i] >= 0)
+                add_worth(all[v].edge[i] ? &s.edge_after : &s.off_after, mm[i], truth,
+                          setup->texel_mm);
+            if (mm[i] >= 0)
+                add_worth(&s.source[source[i]], mm[i], truth, setup->texel_mm);
+            if (before >= 0 && source[i] != MDF_MEASURED)
+                add_worth(&s.removed, before, truth, setup->texel_mm);
+        }
+    }
     printf(json ? ", \"mdf_settled\": {\"coverage_before\": %.5f, \"coverage_measured\": %.5f, "
                   "\"coverage_with_predicted\": %.5f"
                 : "  MDF settled between views: of lit texels %.4f measured before, %.4f after, "
@@ -310,13 +259,6 @@ static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *vi
         fprintf(stderr, "bench_measurement: %s\n", error->message);
 }
 
-static void draw_mdf_alone(const struct bench_setup *setup) {
-    struct bench_mdf view = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
-    bench_mdf(setup, SHOWN_VIEW, steps, &view);
-    draw_mdf(setup, &view);
-    clear_mdf(&view);
-}
-
 static void print_mdf(const struct bench_setup *setup) {
     struct bench_mdf all[RIG_VIEWS] = {0};
     struct agreement a = {0};
@@ -328,7 +270,28 @@ static void print_mdf(const struct bench_setup *setup) {
     }
     if (pictures)
         draw_mdf(setup, &all[SHOWN_VIEW]);
-    compare_views(setup, all, &a);
+    struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
+                              bench_grid(setup).reference_mm};
+    struct mdf_eye eyes[RIG_VIEWS];
+    int n = setup->texels * setup->texels;
+    g_autofree guint16 *confirmed = g_new(guint16, n), *denied = g_new(guint16, n);
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        memcpy(eyes[v].centre_mm, all[v].centre_mm, sizeof eyes[v].centre_mm);
+        eyes[v].distance = all[v].distance;
+    }
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        mdf_views_compare(eyes, RIG_VIEWS, v, &plane, confirmed, denied);
+        for (int i = 0; i < n; i++) {
+            if (all[v].distance[i] < 0 || all[v].truth[i] < 0)
+                continue;
+            gboolean out = fabsf(all[v].distance[i] - all[v].truth[i]) > (float)setup->texel_mm;
+            gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
+            a.measured++;
+            a.outliers += out;
+            a.refuted += refuted;
+            a.refuted_outliers += refuted && out;
+        }
+    }
     gint64 kept = a.measured - a.refuted, left = a.outliers - a.refuted_outliers;
     printf(json ? "], \"mdf_outliers\": %.5f, \"mdf_refuted\": %.5f, "
                   "\"mdf_outliers_unrefuted\": %.5f"
@@ -402,9 +365,12 @@ static void measure(const char *material) {
     printf(json ? "%s\"%s\": {" : "%s%s\n", json ? ", " : "", material);
     if (curve)
         print_curve(setup);
-    else if (pictures && only_mdf_pictures)
-        draw_mdf_alone(&setup);
-    else if (!no_mdf)
+    else if (pictures && only_mdf_pictures) {
+        struct bench_mdf view = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
+        bench_mdf(&setup, SHOWN_VIEW, steps, &view);
+        draw_mdf(&setup, &view);
+        clear_mdf(&view);
+    } else if (!no_mdf)
         print_mdf(&setup);
     if (!no_btf && !curve && !only_mdf_pictures) {
         struct session_grid grid = bench_grid(&setup);
@@ -415,7 +381,17 @@ static void measure(const char *material) {
         demo_btf_free(picture);
         print_group("btf_to_60deg", cells, FALSE);
         print_group("btf_75deg", cells, TRUE);
-        print_table(cells);
+        printf(json ? "\"view_light_median_p95\": ["
+                    : "  rows: view 15 … 75°, columns: light 15 … 75°\n");
+        for (int i = 0; i < PAIRS; i++) {
+            double median = bench_quantile(cells[i].errors, 0.5);
+            double p95 = bench_quantile(cells[i].errors, 0.95);
+            if (json)
+                printf("%s[%.5f, %.5f]", i ? ", " : "", median, p95);
+            else
+                printf("%8.2f /%6.2f%s", 100 * median, 100 * p95, i % RIG_VIEWS < 4 ? "" : "\n");
+        }
+        printf(json ? "]" : "");
     }
     printf(json ? "}" : "");
     fflush(stdout);
@@ -423,15 +399,9 @@ static void measure(const char *material) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     static const char *const materials[] = {"weave", "brick", "peanuts", "brushed"};
     g_autoptr(GError) error = NULL;
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        fprintf(stderr, "bench_measurement: %s\n", error->message);
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
     printf(json ? "{\"pixels_a_texel\": %g, " : "at least %g pixels a texel\n", pixels);
     print_peaks();
     print_speed();

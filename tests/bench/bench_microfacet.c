@@ -1,11 +1,11 @@
 /* Rotated microfacets (Kang & Cho 2011) on a torus of brushed metal: time a frame against plain
  * normal mapping, and how far the approximate rotation is from the exact one as the normal tilts.
  */
+#include "bench.h"
 #include "frame_time.h"
 #include "methods/microfacet.h"
 #include "shapes/scene.h"
 
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 
@@ -104,21 +104,6 @@ static void tell_tilts(const struct tilt *tilts, gboolean json) {
                 tilts[k].half_worst, tilts[k].ward_rms);
 }
 
-/* Of each rotation; ret_times: as long as none takes, which is the last. */
-static gboolean time_rotations(Viewer *viewer, const struct method *method, int frames,
-                               double ret_ms[METHOD_ROTATIONS], double ret_times[METHOD_ROTATIONS],
-                               GError **error) {
-    Viewer *views[METHOD_ROTATIONS];
-    struct viewer_settings settings[METHOD_ROTATIONS];
-    for (int way = 0; way < METHOD_ROTATIONS; way++) {
-        views[way] = viewer;
-        settings[way] = viewer_settings_default;
-        settings[way].style.rotation = (enum method_rotation)way;
-    }
-    return viewer_open(viewer, method, NULL, error) &&
-           time_in_turns(views, settings, METHOD_ROTATIONS, frames, ret_ms, ret_times, error);
-}
-
 static void tell_times(const char *name, const double *ms, const double *times, gboolean json,
                        gboolean first) {
     const double none = ms[METHOD_ROTATION_NONE], exact = ms[METHOD_ROTATION_EXACT];
@@ -141,7 +126,16 @@ static gboolean bench(int frames, gboolean json, GError **error) {
             gpu ? gpu_renderer() : "");
     for (int k = 0; good && k < MICROFACET_METHODS; k++) {
         double ms[METHOD_ROTATIONS] = {0}, times[METHOD_ROTATIONS] = {0};
-        good = time_rotations(viewer, &methods_microfacet[k], frames, ms, times, error);
+        /* Of each rotation; ret_times: as long as none takes, which is the last. */
+        Viewer *viewers[METHOD_ROTATIONS];
+        struct viewer_settings settings[METHOD_ROTATIONS];
+        for (int way = 0; way < METHOD_ROTATIONS; way++) {
+            viewers[way] = viewer;
+            settings[way] = viewer_settings_default;
+            settings[way].style.rotation = (enum method_rotation)way;
+        }
+        good = viewer_open(viewer, &methods_microfacet[k], NULL, error) &&
+               time_in_turns(viewers, settings, METHOD_ROTATIONS, frames, ms, times, error);
         if (good)
             tell_times(methods_microfacet[k].name, ms, times, json, k == 0);
     }
@@ -150,7 +144,6 @@ static gboolean bench(int frames, gboolean json, GError **error) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
     int frames = 15;
     g_autofree char *svg = NULL;
@@ -159,22 +152,20 @@ int main(int argc, char **argv) {
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
         {"plot", 0, 0, G_OPTION_ARG_FILENAME, &svg, "Draw the error over the tilt", "OUT.svg"},
         {NULL}};
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
     struct tilt tilts[STEPS];
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 1) {
-        g_printerr("bench_microfacet: %s\n", error ? error->message : "bad arguments");
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
+    if (frames < 1 || argc > 1)
+        bench_fail(2, "bad arguments");
     for (int k = 0; k < STEPS; k++)
         tilts[k] = measure_tilt(5.0 * k);
     g_print("%s", json ? "{" : "");
-    const gboolean good = bench(frames, json, &error) && (!svg || plot(svg, tilts));
+    const gboolean plotted = bench(frames, json, &error) && (!svg || plot(svg, tilts));
     g_print("%s", json ? "], \"tilts\": [" : "");
     tell_tilts(tilts, json);
     g_print("%s\n", json ? "]}" : "");
-    if (!good)
-        g_printerr("bench_microfacet: %s\n", error ? error->message : "the plot cannot be written");
-    return good ? 0 : 1;
+    bench_check(error);
+    if (!plotted)
+        bench_fail(1, "%s: the plot cannot be written", svg);
+    return 0;
 }

@@ -4,13 +4,13 @@
  * which --write-material also saves, to look at. So is the MDF: silhouettes, and silhouettes with
  * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF alone.
  */
+#include "bench.h"
 #include "eigenmaps/eigenmaps.h"
 #include "frame_time.h"
 #include "gl/gpu.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 
-#include <locale.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -40,28 +40,12 @@ static double exact_height(double x, double y) {
     return sqrt(best);
 }
 
-static void make_heights(void) {
-    for (int j = 0; j < FINE; j++)
-        for (int i = 0; i < FINE; i++)
-            heights[j][i] = exact_height((double)i / FINE, (double)j / FINE);
-}
-
 static double height_at(double x, double y) {
     double u = (x - floor(x)) * FINE, v = (y - floor(y)) * FINE;
     int i = (int)u % FINE, j = (int)v % FINE, right = (i + 1) % FINE, up = (j + 1) % FINE;
     double s = u - floor(u), t = v - floor(v);
     return (1.0 - t) * ((1.0 - s) * heights[j][i] + s * heights[j][right]) +
            t * ((1.0 - s) * heights[up][i] + s * heights[up][right]);
-}
-
-static void normal_at(double x, double y, double ret[3]) {
-    double e = 2.0 / FINE;
-    ret[0] = -DEPTH * (height_at(x + e, y) - height_at(x - e, y)) / (2.0 * e);
-    ret[1] = -DEPTH * (height_at(x, y + e) - height_at(x, y - e)) / (2.0 * e);
-    ret[2] = 1.0;
-    double length = sqrt(ret[0] * ret[0] + ret[1] * ret[1] + 1.0);
-    for (int k = 0; k < 3; k++)
-        ret[k] /= length;
 }
 
 static void unit(double theta_deg, double phi_deg, double ret[3]) {
@@ -119,7 +103,13 @@ static gboolean column(int view, float *ret, gpointer data, GError **error) {
             double x = (i + 0.5) / b->n, y = 1.0 - (j + 0.5) / b->n;
             double n[3];
             trace(v, &x, &y);
-            normal_at(x, y, n);
+            double e = 2.0 / FINE;
+            n[0] = -DEPTH * (height_at(x + e, y) - height_at(x - e, y)) / (2.0 * e);
+            n[1] = -DEPTH * (height_at(x, y + e) - height_at(x, y - e)) / (2.0 * e);
+            n[2] = 1.0;
+            double length = sqrt(n[0] * n[0] + n[1] * n[1] + 1.0);
+            for (int k = 0; k < 3; k++)
+                n[k] /= length;
             for (gsize light = 0; light < b->maps->layout.lights.n; light++)
                 shade(b, light, v, n, x, y, ret + 3 * (((gsize)light * b->n + j) * b->n + i));
         }
@@ -134,18 +124,6 @@ static float *ring_angles(gboolean theta, double offset_deg) {
     return angles;
 }
 
-static void find_shadows(struct bumps *b) {
-    b->visible = g_new(float, b->maps->layout.lights.n * b->n * b->n);
-    for (gsize light = 0; light < b->maps->layout.lights.n; light++) {
-        double l[3];
-        unit(b->maps->layout.lights.theta_deg[light], b->maps->layout.lights.phi_deg[light], l);
-        float *visible = b->visible + (gsize)light * b->n * b->n;
-        for (int j = 0; j < b->n; j++)
-            for (int i = 0; i < b->n; i++)
-                *visible++ = lit(l, (i + 0.5) / b->n, 1.0 - (j + 0.5) / b->n);
-    }
-}
-
 static struct eigenmaps *make_material(int n, double *ret_error, GError **error) {
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     maps->name = g_strdup("glazed bumps");
@@ -158,8 +136,19 @@ static struct eigenmaps *make_material(int n, double *ret_error, GError **error)
     maps->layout.lights.theta_deg = ring_angles(TRUE, 0.0);
     maps->layout.lights.phi_deg = ring_angles(FALSE, 15.0);
     struct bumps bumps = {n, maps, NULL};
-    make_heights();
-    find_shadows(&bumps);
+    for (int j = 0; j < FINE; j++)
+        for (int i = 0; i < FINE; i++)
+            heights[j][i] = exact_height((double)i / FINE, (double)j / FINE);
+    bumps.visible = g_new(float, bumps.maps->layout.lights.n *bumps.n *bumps.n);
+    for (gsize light = 0; light < bumps.maps->layout.lights.n; light++) {
+        double l[3];
+        unit(bumps.maps->layout.lights.theta_deg[light], bumps.maps->layout.lights.phi_deg[light],
+             l);
+        float *visible = bumps.visible + (gsize)light * bumps.n * bumps.n;
+        for (int j = 0; j < bumps.n; j++)
+            for (int i = 0; i < bumps.n; i++)
+                *visible++ = lit(l, (i + 0.5) / bumps.n, 1.0 - (j + 0.5) / bumps.n);
+    }
     gboolean good = eigenmaps_compute(maps, column, &bumps, ret_error, error);
     g_free(bumps.visible);
     if (good)
@@ -204,41 +193,6 @@ static const struct {
 
 static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
-static struct viewer_settings settings_of(int variant) {
-    struct viewer_settings s = viewer_settings_default;
-    s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
-    s.camera_elevation_deg = s.camera_fov_deg = 35.0;
-    s.plain = variant == PLAIN;
-    s.silhouettes = variant >= SILHOUETTES && variant <= SHADOWS;
-    s.shadows = variant >= SHADOWS;
-    s.visibility.way = variant == PEELED ? VISIBILITY_PEEL : VISIBILITY_AUTO;
-    return s;
-}
-
-static void report_text(const char *shape, const struct mesh *mesh, const double *ms) {
-    g_print("%s of %u triangles: eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n", shape,
-            mesh->n_indices / 3, ms[BTF], ms[PLAIN], ms[BTF] / ms[PLAIN]);
-    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
-        g_print("  %s %.2f ms, %.2f of eigen-maps alone%s\n", variants[v].name, ms[v],
-                ms[v] / ms[BTF],
-                variants[v].limit == 0                 ? ""
-                : ms[v] <= variants[v].limit * ms[BTF] ? ", as it should"
-                                                       : ": too slow");
-}
-
-static void report_json(const char *shape, const struct mesh *mesh, const double *ms) {
-    g_print("%s{\"shape\": \"%s\", \"triangles\": %u", shape == shapes[0] ? "" : ", ", shape,
-            mesh->n_indices / 3);
-    for (int v = 0; v < N_VARIANTS; v++)
-        g_print(", \"%s_ms\": %.2f", variants[v].name, ms[v]);
-    for (int v = SILHOUETTES; v < N_VARIANTS; v++) {
-        g_print(", \"%s_ratio\": %.3f", variants[v].name, ms[v] / ms[BTF]);
-        if (variants[v].limit > 0)
-            g_print(", \"%s_limit\": %.2f", variants[v].name, variants[v].limit);
-    }
-    g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
-}
-
 static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean json,
                         GError **error) {
     Viewer *viewers[N_VARIANTS];
@@ -246,15 +200,39 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean 
     double ms[N_VARIANTS];
     for (int v = 0; v < N_VARIANTS; v++) {
         viewers[v] = viewer;
-        settings[v] = settings_of(v);
+        struct viewer_settings s = viewer_settings_default;
+        s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
+        s.camera_elevation_deg = s.camera_fov_deg = 35.0;
+        s.plain = v == PLAIN;
+        s.silhouettes = v >= SILHOUETTES && v <= SHADOWS;
+        s.shadows = v >= SHADOWS;
+        s.visibility.way = v == PEELED ? VISIBILITY_PEEL : VISIBILITY_AUTO;
+        settings[v] = s;
     }
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
     const gboolean good = mesh != NULL && viewer_set_mesh(viewer, mesh, error) &&
                           time_in_turns(viewers, settings, N_VARIANTS, frames, ms, NULL, error);
-    if (good && json)
-        report_json(shape, mesh, ms);
-    else if (good)
-        report_text(shape, mesh, ms);
+    if (good && json) {
+        g_print("%s{\"shape\": \"%s\", \"triangles\": %u", shape == shapes[0] ? "" : ", ", shape,
+                mesh->n_indices / 3);
+        for (int k = 0; k < N_VARIANTS; k++)
+            g_print(", \"%s_ms\": %.2f", variants[k].name, ms[k]);
+        for (int k = SILHOUETTES; k < N_VARIANTS; k++) {
+            g_print(", \"%s_ratio\": %.3f", variants[k].name, ms[k] / ms[BTF]);
+            if (variants[k].limit > 0)
+                g_print(", \"%s_limit\": %.2f", variants[k].name, variants[k].limit);
+        }
+        g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
+    } else if (good) {
+        g_print("%s of %u triangles: eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n",
+                shape, mesh->n_indices / 3, ms[BTF], ms[PLAIN], ms[BTF] / ms[PLAIN]);
+        for (int k = SILHOUETTES; k < N_VARIANTS; k++)
+            g_print("  %s %.2f ms, %.2f of eigen-maps alone%s\n", variants[k].name, ms[k],
+                    ms[k] / ms[BTF],
+                    variants[k].limit == 0                 ? ""
+                    : ms[k] <= variants[k].limit * ms[BTF] ? ", as it should"
+                                                           : ": too slow");
+    }
     mesh_free(mesh);
     return good;
 }
@@ -287,7 +265,6 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_ALL, "");
     gboolean json = FALSE;
     int frames = 20, texels = 64;
     g_autofree char *write = NULL;
@@ -298,19 +275,18 @@ int main(int argc, char **argv) {
         {"write-material", 0, 0, G_OPTION_ARG_FILENAME, &write, "Save it, time nothing",
          "eigenmaps.exr"},
         {NULL}};
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || texels < 4) {
-        g_printerr("bench_rendering: %s\n", error != NULL ? error->message : "bad number");
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
+    if (frames < 1 || texels < 4)
+        bench_fail(2, "bad number");
     double residual;
     struct eigenmaps *maps = make_material(texels, &residual, &error);
-    gboolean good = maps != NULL && (write != NULL ? eigenmaps_write(write, maps, &error)
-                                                   : bench(maps, frames, residual, json, &error));
-    if (!good)
-        g_printerr("bench_rendering: %s\n", error->message);
+    bench_check(error);
+    if (write)
+        eigenmaps_write(write, maps, &error);
+    else
+        bench(maps, frames, residual, json, &error);
+    bench_check(error);
     eigenmaps_free(maps);
-    return good ? 0 : 1;
+    return 0;
 }

@@ -4,12 +4,9 @@
  * OpenCV; eight cameras' frames analysed as they come (--live), and stored (--store). Peers are in
  * peers/, and what they need in packages.txt.
  */
-#include "speed_live.h"
-#include "speed_memory.h"
-#include "speed_rectify.h"
-#include "speed_sweep.h"
+#include "bench.h"
+#include "speed_parts.h"
 
-#include <locale.h>
 #include <stdio.h>
 
 static gboolean json, no_sweep, no_rectify;
@@ -92,14 +89,8 @@ static void print_memory(void) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     g_autoptr(GError) error = NULL;
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
-    g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        fprintf(stderr, "bench_speed: %s\n", error->message);
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, NULL);
     printf(json ? "{" : "");
     if (memory_views > 0) /* first: a child begins with what its parent has */
         print_memory();

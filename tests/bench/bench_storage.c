@@ -2,6 +2,7 @@
  * How fast frames and rows reach the disk, against plain write() and fsync() of as many bytes to
  * the same folder in the same run. MB/s are of raw pixels (half), so that methods compare.
  */
+#include "bench.h"
 #include "exr/exr.h"
 #include "exr/exr_half.h"
 #include "lib/remove_tree.h"
@@ -9,7 +10,6 @@
 
 #include <fcntl.h>
 #include <glib/gstdio.h>
-#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -27,40 +27,16 @@ struct result {
     double ratio;                                        /* pixels to bytes on disk */
 };
 
-static double now(void) {
-    return (double)g_get_monotonic_time() * 1e-6;
-}
-
-static void fatal(GError *error) {
-    if (!error)
-        return;
-    fprintf(stderr, "bench_storage: %s\n", error->message);
-    exit(1);
-}
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static double median(double values[REPEATS]) {
-    qsort(values, REPEATS, sizeof *values, by_value);
-    return values[REPEATS / 2];
-}
-
 /* A frame as cameras give it: a smooth shape, texture, and shot noise of 12 bits. */
 static struct exr_file *make_frame(int width, int height) {
     static const char *const channels[] = {"B", "G", "R", NULL};
     struct exr_file *file = exr_file_new();
     struct exr_part *part = exr_part_new("frame", width, height, channels, EXR_HALF);
     GRand *rand = g_rand_new_with_seed(1);
-
     for (int c = 0; c < 3; c++)
         for (int i = 0; i < width * height; i++) {
             double x = i % width / (double)width, y = i / width / (double)height;
             double level = 1200 * (1 - x * y) * ((i % 8 < 4) ? 1 : 0.6) + 64;
-
             part->planes[c][i] =
                 (float)((level + g_rand_double_range(rand, -30, 30)) / 4096 * (c + 1));
         }
@@ -70,42 +46,38 @@ static struct exr_file *make_frame(int width, int height) {
 }
 
 static double write_raw(const char *path, const void *bytes, gsize size) {
-    double start = now();
+    double start = bench_now_s();
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-
     if (fd < 0 || write(fd, bytes, size) != (gssize)size || fsync(fd) != 0)
         exit(1);
     close(fd);
-    return now() - start;
+    return bench_now_s() - start;
 }
 
 static double read_raw(const char *path, void *bytes, gsize size) {
-    double start = now();
+    double start = bench_now_s();
     int fd = open(path, O_RDONLY | O_CLOEXEC);
-
     if (fd < 0 || read(fd, bytes, size) != (gssize)size)
         exit(1);
     close(fd);
-    return now() - start;
+    return bench_now_s() - start;
 }
 
 static double write_exr(const char *path, const struct exr_file *file, int method, gboolean sync) {
     GError *error = NULL;
-    double start = now();
-
+    double start = bench_now_s();
     exr_write(path, file, (enum exr_compression)method, sync, &error);
-    fatal(error);
-    return now() - start;
+    bench_check(error);
+    return bench_now_s() - start;
 }
 
 static double read_exr(const char *path) {
     GError *error = NULL;
-    double start = now();
+    double start = bench_now_s();
     struct exr_file *file = exr_read(path, &error);
-
-    fatal(error);
+    bench_check(error);
     exr_file_free(file);
-    return now() - start;
+    return bench_now_s() - start;
 }
 
 static struct result measure(int width, int height, int method) {
@@ -117,7 +89,6 @@ static struct result measure(int width, int height, int method) {
     double t[5][REPEATS];
     double mb = (double)size * 1e-6;
     gint64 on_disk = 0;
-
     for (int c = 0; c < 3; c++)
         exr_half_from_floats((guint16 *)(gpointer)(bytes + size / 3 * (gsize)c),
                              ((struct exr_part *)g_ptr_array_index(file->parts, 0))->planes[c],
@@ -136,11 +107,11 @@ static struct result measure(int width, int height, int method) {
     return (struct result){width,
                            height,
                            methods[method],
-                           mb / median(t[0]),
-                           mb / median(t[1]),
-                           mb / median(t[2]),
-                           mb / median(t[3]),
-                           mb / median(t[4]),
+                           mb / bench_time_quantile(t[0], REPEATS, 0.5),
+                           mb / bench_time_quantile(t[1], REPEATS, 0.5),
+                           mb / bench_time_quantile(t[2], REPEATS, 0.5),
+                           mb / bench_time_quantile(t[3], REPEATS, 0.5),
+                           mb / bench_time_quantile(t[4], REPEATS, 0.5),
                            (double)size / (double)on_disk};
 }
 
@@ -149,20 +120,18 @@ static double half_mb_per_s(gboolean to_half) {
     g_autofree float *floats = g_new0(float, N);
     g_autofree guint16 *halves = g_new0(guint16, N);
     double t[REPEATS];
-
     for (int i = 0; i < N; i++)
         floats[i] = (float)(i % 4096) / 4096;
     exr_half_from_floats(halves, floats, N);
     for (int i = 0; i < REPEATS; i++) {
-        double start = now();
-
+        double start = bench_now_s();
         if (to_half)
             exr_half_from_floats(halves, floats, N);
         else
             exr_half_to_floats(floats, halves, N);
-        t[i] = now() - start;
+        t[i] = bench_now_s() - start;
     }
-    return N * 2e-6 / median(t);
+    return N * 2e-6 / bench_time_quantile(t, REPEATS, 0.5);
 }
 
 static Session *make_session(const char *path) {
@@ -171,11 +140,10 @@ static Session *make_session(const char *path) {
     struct session_plan plan = {.grid = {64, 64, 50, 50, 5, 5}, .shots = shots, .n_shots = SHOTS};
     GError *error = NULL;
     Session *session;
-
     for (int i = 0; i < SHOTS; i++)
         shots[i] = (struct session_shot){.id = i + 1, .source = -1, .device = -1, .cameras = 31};
     session = session_create(path, "bench", &texts, &plan, &error);
-    fatal(error);
+    bench_check(error);
     return session;
 }
 
@@ -186,15 +154,12 @@ static double commits_per_s(void) {
     g_autofree char *sha256 = g_strnfill(64, '0');
     GError *error = NULL;
     double seconds = 0;
-
     for (int i = 1; i <= SHOTS; i++) {
         struct session_frame frames[5];
         double start;
-
         for (int c = 0; c < 5; c++) {
             g_autofree char *camera = g_strdup_printf("cam%d", c), *file = NULL;
             struct session_shot shot = {.id = i};
-
             frames[c] = (struct session_frame){.shot = i,
                                                .camera = c,
                                                .sha256 = sha256,
@@ -203,10 +168,10 @@ static double commits_per_s(void) {
             file = session_file(session, frames[c].path);
             g_file_set_contents(file, "x", 1, NULL);
         }
-        start = now();
+        start = bench_now_s();
         session_commit_shot(session, i, SHOT_DONE, frames, 5, NULL, &error);
-        seconds += now() - start;
-        fatal(error);
+        seconds += bench_now_s() - start;
+        bench_check(error);
         for (int c = 0; c < 5; c++)
             g_free(frames[c].path);
     }
@@ -219,12 +184,11 @@ static double syncs_per_s(void) {
     g_autofree char *path = g_build_filename(folder, "syncs", NULL);
     static const char page[4096];
     int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
-    double start = now(), seconds;
-
+    double start = bench_now_s(), seconds;
     for (int i = 0; i < SHOTS; i++)
         if (write(fd, page, sizeof page) != sizeof page || fsync(fd) != 0)
             exit(1);
-    seconds = now() - start;
+    seconds = bench_now_s() - start;
     close(fd);
     g_unlink(path);
     return SHOTS / seconds;
@@ -248,11 +212,9 @@ static void print_json(const struct result *r, gboolean last) {
 
 static void measure_exr(gboolean json) {
     static const int sizes[][2] = {{160, 160}, {1024, 768}};
-
     for (gsize s = 0; s < G_N_ELEMENTS(sizes); s++)
         for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
             struct result result = measure(sizes[s][0], sizes[s][1], method);
-
             if (json)
                 print_json(&result, s == G_N_ELEMENTS(sizes) - 1 && method == EXR_PIZ);
             else
@@ -262,7 +224,6 @@ static void measure_exr(gboolean json) {
 
 static void measure_rest(gboolean json) {
     double commits = commits_per_s(), syncs = syncs_per_s();
-
     printf(json ? "  \"half_from_float_mb_per_s\": %.0f,\n  \"half_to_float_mb_per_s\": %.0f,\n"
                   "  \"commits_per_s\": %.0f,\n  \"page_syncs_per_s\": %.0f,\n"
                   "  \"commits_to_syncs\": %.3f\n"
@@ -272,7 +233,6 @@ static void measure_rest(gboolean json) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
     g_autofree char *where = NULL;
     GOptionEntry entries[] = {
@@ -280,20 +240,10 @@ int main(int argc, char **argv) {
         {"directory", 'd', 0, G_OPTION_ARG_FILENAME, &where, "Measure this disk", "DIR"},
         {NULL},
     };
-    g_autoptr(GOptionContext) options = g_option_context_new("- measure storage");
-    GError *error = NULL;
-
-    g_option_context_add_main_entries(options, entries, NULL);
-    if (!g_option_context_parse(options, &argc, &argv, &error)) {
-        fprintf(stderr, "bench_storage: %s\n", error->message);
-        g_error_free(error);
-        return 2;
-    }
+    bench_parse(&argc, &argv, entries, "- measure storage");
     folder = g_build_filename(where ? where : g_get_tmp_dir(), "mesorig-bench-XXXXXX", NULL);
-    if (!g_mkdtemp(folder)) {
-        fprintf(stderr, "bench_storage: %s: cannot be made\n", folder);
-        return 1;
-    }
+    if (!g_mkdtemp(folder))
+        bench_fail(1, "%s: cannot be made", folder);
     fputs(json ? "{\n  \"exr\": [\n" : "", stdout);
     measure_exr(json);
     fputs(json ? "  ],\n" : "", stdout);

@@ -1,7 +1,7 @@
 /* How fast laser frames are absorbed, against copying them. */
+#include "bench.h"
 #include "frames/sweep.h"
 
-#include <locale.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,38 +12,37 @@
 #define FRAMES   192
 #define REPEATS  5
 
-static void fill(guint16 *pixels, int picture, GRand *random) {
-    for (int i = 0; i < WIDTH * HEIGHT; i++) {
-        int x = i % WIDTH, line = WIDTH * picture / PICTURES;
-        pixels[i] =
-            (guint16)(64 + g_rand_int_range(random, 0, 16) + (abs(x - line) < 8 ? 3000 : 0));
-    }
-}
-
 static double time_copy(guint16 *const *pictures, guint16 *to) {
-    gint64 start = g_get_monotonic_time();
+    double start = bench_now_s();
     for (int t = 0; t < FRAMES; t++) {
         memcpy(to, pictures[t % PICTURES], sizeof(guint16) * WIDTH * HEIGHT);
         __asm__ volatile("" : : "r"(to) : "memory");
     }
-    return (double)(g_get_monotonic_time() - start) / 1e6;
+    return bench_now_s() - start;
 }
 
 static double time_sweep(guint16 *const *pictures) {
     g_autoptr(Sweep) sweep = sweep_new(WIDTH, HEIGHT, FRAMES, 4095);
-    gint64 start = g_get_monotonic_time();
+    double start = bench_now_s();
     for (int t = 0; t < FRAMES; t++)
         sweep_add(sweep, pictures[t % PICTURES]);
-    return (double)(g_get_monotonic_time() - start) / 1e6;
+    return bench_now_s() - start;
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
+    gboolean json = FALSE;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL}, {NULL}};
+    bench_parse(&argc, &argv, entries, NULL);
     guint16 *pictures[PICTURES], *to = g_new0(guint16, WIDTH * HEIGHT);
     GRand *random = g_rand_new_with_seed(1);
     for (int i = 0; i < PICTURES; i++) {
         pictures[i] = g_new(guint16, WIDTH * HEIGHT);
-        fill(pictures[i], i, random);
+        for (int k = 0; k < WIDTH * HEIGHT; k++) {
+            int x = k % WIDTH, line = WIDTH * i / PICTURES;
+            pictures[i][k] =
+                (guint16)(64 + g_rand_int_range(random, 0, 16) + (abs(x - line) < 8 ? 3000 : 0));
+        }
     }
     double copy = G_MAXDOUBLE, sweep = G_MAXDOUBLE;
     for (int i = 0; i < REPEATS; i++) {
@@ -51,7 +50,7 @@ int main(int argc, char **argv) {
         sweep = MIN(sweep, time_sweep(pictures));
     }
     double megapixels = 1e-6 * WIDTH * HEIGHT * FRAMES;
-    gboolean json = argc > 1 && strcmp(argv[1], "--json") == 0;
+
     printf(json ? "{\"sweep_mpx_s\": %.0f, \"memcpy_mpx_s\": %.0f, \"ratio\": %.3f}\n"
                 : "sweep %.0f Mpx/s, memcpy %.0f Mpx/s, ratio %.3f\n",
            megapixels / sweep, megapixels / copy, copy / sweep);

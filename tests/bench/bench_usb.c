@@ -12,8 +12,8 @@
  * USB3 Vision: from a trigger to the whole picture of 1024 × 768, against the same by bare bulk
  * transfers.
  */
+#include "bench.h"
 #include "conformance/conformance.h"
-#include "quantile.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "usb/usb.h"
@@ -25,11 +25,9 @@
 #include "virtual/usb_tic.h"
 #include "virtual_cameras/v4l2.h"
 
-#include <locale.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <sys/resource.h>
 
 #define N_TRANSFERS 300
 #define N_MOVES     30
@@ -39,51 +37,22 @@
 #define HEIGHT      768
 #define EXPOSURE_US 2000
 
-static void check(GError *error) {
-    if (!error)
-        return;
-    fprintf(stderr, "bench_usb: %s\n", error->message);
-    exit(1);
-}
-
 static Config *section_of(const char *text, const struct config_section **ret) {
     GError *error = NULL;
     gsize n;
     Config *config = config_parse(text, "./bench.conf", &error);
-    check(error);
+    bench_check(error);
     *ret = config_sections(config, &n);
     return config;
 }
 
-/* µs, medians and 99th parts of a hundred. */
+/* µs; of the bare protocol and of the driver. */
 struct latency {
-    double raw, raw_p99, driver, driver_p99;
+    struct bench_times raw, driver;
 };
 
-static void time_transfers(struct latency *ret) {
-    static const guint16 products[] = {0x00b5, 0};
-    const struct usb_match match = {
-        .who = "bench", .vendor = 0x1ffb, .products = products, .interface_class = 0xff};
-    const struct usb_request request = {0xc0, 0xa1, 0, 0, NULL, 1};
-    double us[N_TRANSFERS];
-    guint8 answer[1];
-    GError *error = NULL;
-    UsbDevice *usb = usb_open(&match, NULL, NULL, &error);
-    check(error);
-    for (int i = 0; i < N_TRANSFERS; i++) {
-        gint64 start = g_get_monotonic_time();
-        usb_control_sync(usb, &request, answer, &error);
-        check(error);
-        us[i] = (double)(g_get_monotonic_time() - start);
-    }
-    usb_close(usb);
-    ret->raw = quantile(us, N_TRANSFERS, 0.5);
-    ret->raw_p99 = quantile(us, N_TRANSFERS, 0.99);
-}
-
 static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
-    if (error)
-        check(g_error_copy(error));
+    bench_check(error);
     ++*(int *)data;
 }
 
@@ -97,35 +66,49 @@ static struct latency measure_tic(Clock *clock) {
                                           &section);
     GError *error = NULL;
     int n = 0;
-    time_transfers(&latency);
+    static const guint16 products[] = {0x00b5, 0};
+    const struct usb_match match = {
+        .who = "bench", .vendor = 0x1ffb, .products = products, .interface_class = 0xff};
+    const struct usb_request request = {0xc0, 0xa1, 0, 0, NULL, 1};
+    double bare_us[N_TRANSFERS];
+    guint8 answer[1];
+    GError *failure = NULL;
+    UsbDevice *usb = usb_open(&match, NULL, NULL, &failure);
+    bench_check(failure);
+    for (int i = 0; i < N_TRANSFERS; i++) {
+        gint64 begun = g_get_monotonic_time();
+        usb_control_sync(usb, &request, answer, &failure);
+        bench_check(failure);
+        bare_us[i] = (double)(g_get_monotonic_time() - begun);
+    }
+    usb_close(usb);
+    latency.raw = bench_times(bare_us, N_TRANSFERS);
     g_autoptr(Axis) axis = axis_open(&tic_axis_driver, section, NULL, clock, &error);
-    check(error);
+    bench_check(error);
     axis_listen(axis, on_axis, &n);
     axis_home(axis, NULL);
     conformance_wait(clock, &n, 1, 10);
     for (int i = 0; i < N_MOVES; i++) {
         gint64 start = g_get_monotonic_time();
         axis_move(axis, i % 2 ? 0 : 5, &error);
-        check(error);
+        bench_check(error);
         while (virtual_tic_speed(tic) == 0)
             g_main_context_iteration(NULL, FALSE);
         us[i] = (double)(g_get_monotonic_time() - start);
         conformance_wait(clock, &n, i + 2, 10);
     }
-    latency.driver = quantile(us, N_MOVES, 0.5);
-    latency.driver_p99 = quantile(us, N_MOVES, 0.99);
+    latency.driver = bench_times(us, N_MOVES);
     return latency;
 }
 
 static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                     gpointer data) {
-    if (error)
-        check(g_error_copy(error));
+    bench_check(error);
     ++*(int *)data;
 }
 
 static struct latency measure_relay(Clock *clock, const struct latency *tic) {
-    struct latency latency = {.raw = tic->raw, .raw_p99 = tic->raw_p99};
+    struct latency latency = {.raw = tic->raw};
     double us[N_TRANSFERS];
     const struct config_section *section;
     g_autoptr(VirtualRelays) board = virtual_relays_new("USBRelay2", "LAMPS", 2, FALSE);
@@ -133,17 +116,16 @@ static struct latency measure_relay(Clock *clock, const struct latency *tic) {
     GError *error = NULL;
     int n = 0;
     g_autoptr(LampBank) bank = lamps_open(&usb_relays_driver, section, NULL, clock, &error);
-    check(error);
+    bench_check(error);
     lamps_listen(bank, on_lamp, &n);
     for (int i = 0; i < N_TRANSFERS; i++) {
         gint64 start = g_get_monotonic_time();
         lamps_set(bank, 0, i % 2 == 0, &error);
-        check(error);
+        bench_check(error);
         conformance_wait(clock, &n, i + 1, 10);
         us[i] = (double)(g_get_monotonic_time() - start);
     }
-    latency.driver = quantile(us, N_TRANSFERS, 0.5);
-    latency.driver_p99 = quantile(us, N_TRANSFERS, 0.99);
+    latency.driver = bench_times(us, N_TRANSFERS);
     return latency;
 }
 
@@ -194,26 +176,19 @@ static void open_eye(struct eye *eye, Clock *clock, int number) {
     const struct camera_settings settings = {EXPOSURE_US, 0};
     GError *error = NULL;
     *eye = (struct eye){.camera = camera_open(&v4l2_camera_driver, section, NULL, clock, &error)};
-    check(error);
+    bench_check(error);
     camera_listen(eye->camera, on_camera, eye);
     camera_configure(eye->camera, &settings, &error);
-    check(error);
+    bench_check(error);
     camera_arm(eye->camera, &error);
-    check(error);
+    bench_check(error);
 }
 
 static void trigger(struct eye *eye) {
     GError *error = NULL;
     eye->triggered_us = g_get_monotonic_time();
     camera_trigger(eye->camera, ++eye->shot, &error);
-    check(error);
-}
-
-static void take(struct eye *eye) {
-    int before = eye->n_frames + eye->n_lost;
-    trigger(eye);
-    while (eye->n_frames + eye->n_lost == before)
-        g_main_context_iteration(NULL, TRUE);
+    bench_check(error);
 }
 
 /* Bare ioctls: buffers are emptied, then the first one that began later is waited for. */
@@ -240,19 +215,18 @@ static void time_raw(struct latency *ret) {
     double us[N_PICTURES];
     GError *error = NULL;
     video_node_open(&node, "bench", "/dev/video0", NULL, &error);
-    check(error);
+    bench_check(error);
     video_setup_apply(&node, &wish, &setup, &error);
-    check(error);
+    bench_check(error);
     video_stream_start(&stream, &node, &setup, &error);
-    check(error);
+    bench_check(error);
     for (int i = 0; i < N_PICTURES; i++) {
         g_usleep((gulong)(i * 7 % 33) * 1000);
         us[i] = wait_raw(&node, &stream);
     }
     video_stream_stop(&stream, &node);
     video_node_close(&node);
-    ret->raw = quantile(us, N_PICTURES, 0.5);
-    ret->raw_p99 = quantile(us, N_PICTURES, 0.99);
+    ret->raw = bench_times(us, N_PICTURES);
 }
 
 static struct latency measure_camera(Clock *clock, double frame_rate) {
@@ -263,34 +237,22 @@ static struct latency measure_camera(Clock *clock, double frame_rate) {
     open_eye(&eye, clock, 0);
     for (int i = 0; i < N_PICTURES; i++) {
         conformance_pass(clock, i * 7 % 33 * 1e-3);
-        take(&eye);
+        int before = eye.n_frames + eye.n_lost;
+        trigger(&eye);
+        while (eye.n_frames + eye.n_lost == before)
+            g_main_context_iteration(NULL, TRUE);
         us[i] = (double)eye.took_us;
     }
     camera_close(eye.camera);
     time_raw(&latency); /* with the exposure that the driver has set */
-    latency.driver = quantile(us, N_PICTURES, 0.5);
-    latency.driver_p99 = quantile(us, N_PICTURES, 0.99);
+    latency.driver = bench_times(us, N_PICTURES);
     return latency;
-}
-
-static struct latency measure_u3v(Clock *clock) {
-    double raw[N_PICTURES], driver[N_PICTURES];
-    u3v_measure(clock, N_PICTURES, raw, driver);
-    return (struct latency){quantile(raw, N_PICTURES, 0.5), quantile(raw, N_PICTURES, 0.99),
-                            quantile(driver, N_PICTURES, 0.5), quantile(driver, N_PICTURES, 0.99)};
 }
 
 struct eight {
     double seconds, cpu_s;
     int n_frames, n_lost;
 };
-
-static double cpu_now(void) {
-    struct rusage usage;
-    getrusage(RUSAGE_SELF, &usage);
-    return (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
-           (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec) * 1e-6;
-}
 
 static struct eight measure_eight(Clock *clock, double frame_rate, double seconds) {
     VirtualV4l2 *devices[N_CAMERAS];
@@ -301,7 +263,7 @@ static struct eight measure_eight(Clock *clock, double frame_rate, double second
     for (int i = 0; i < N_CAMERAS; i++)
         open_eye(&eyes[i], clock, i);
     gint64 start = g_get_monotonic_time(), end = start + (gint64)(seconds * 1e6);
-    double cpu = cpu_now();
+    double cpu = bench_cpu_s();
     while (g_get_monotonic_time() < end) {
         for (int i = 0; i < N_CAMERAS; i++)
             if (!camera_is_waiting(eyes[i].camera) && camera_is_armed(eyes[i].camera))
@@ -309,7 +271,7 @@ static struct eight measure_eight(Clock *clock, double frame_rate, double second
         g_main_context_iteration(NULL, TRUE);
     }
     eight.seconds = (double)(g_get_monotonic_time() - start) * 1e-6;
-    eight.cpu_s = cpu_now() - cpu;
+    eight.cpu_s = bench_cpu_s() - cpu;
     for (int i = 0; i < N_CAMERAS; i++) {
         eight.n_frames += eyes[i].n_frames;
         eight.n_lost += eyes[i].n_lost;
@@ -325,11 +287,12 @@ static void print_latency(const char *name, const struct latency *l, gboolean js
     if (json)
         printf("%s\"%s\":{\"raw_us\":%.0f,\"raw_p99_us\":%.0f,\"driver_us\":%.0f,"
                "\"driver_p99_us\":%.0f,\"ratio\":%.3f}",
-               first ? "{" : ",", name, l->raw, l->raw_p99, l->driver, l->driver_p99,
-               l->driver / l->raw);
+               first ? "{" : ",", name, l->raw.median, l->raw.p99, l->driver.median, l->driver.p99,
+               l->driver.median / l->raw.median);
     else
         printf("%-22s bare %8.0f µs (p99 %8.0f), driver %8.0f µs (p99 %8.0f), %.2f times\n", name,
-               l->raw, l->raw_p99, l->driver, l->driver_p99, l->driver / l->raw);
+               l->raw.median, l->raw.p99, l->driver.median, l->driver.p99,
+               l->driver.median / l->raw.median);
 }
 
 static void print_eight(const char *name, const struct eight *e, gboolean json) {
@@ -345,7 +308,6 @@ static void print_eight(const char *name, const struct eight *e, gboolean json) 
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
     testbed_enter(argv);
     static gboolean json;
     static double seconds = 5;
@@ -354,16 +316,14 @@ int main(int argc, char **argv) {
         {"seconds", 0, 0, G_OPTION_ARG_DOUBLE, &seconds, "How long eight cameras run at each rate",
          "S"},
         {NULL}};
-    g_autoptr(GOptionContext) context =
-        g_option_context_new("- latencies of USB, V4L2 and USB3 Vision drivers");
-    GError *error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    g_option_context_parse(context, &argc, &argv, &error);
-    check(error);
+    bench_parse(&argc, &argv, entries, "- latencies of USB, V4L2 and USB3 Vision drivers");
     testbed_ref(); /* one for all: Aravis looks at the same USB as long as the process lives */
     g_autoptr(Clock) clock = clock_new_real();
     struct latency tic = measure_tic(clock), relay = measure_relay(clock, &tic);
-    struct latency camera = measure_camera(clock, 30), u3v = measure_u3v(clock);
+    struct latency camera = measure_camera(clock, 30);
+    double raw[N_PICTURES], driver[N_PICTURES];
+    u3v_measure(clock, N_PICTURES, raw, driver);
+    struct latency u3v = {bench_times(raw, N_PICTURES), bench_times(driver, N_PICTURES)};
     struct eight slow = measure_eight(clock, 15, seconds), fast = measure_eight(clock, 30, seconds);
     print_latency("tic_move", &tic, json, TRUE);
     print_latency("relay_switch", &relay, json, FALSE);

@@ -1,9 +1,9 @@
-#include "calibration_lights.h"
+#include "calibration_parts.h"
 
+#include "bench.h"
 #include "lib/lasers_scene.h"
 
 #include <stdio.h>
-#include <time.h>
 
 #define CAMERA_PX 0.01 /* across and down, standard deviations; bench_cameras finds 0.003 */
 
@@ -16,10 +16,6 @@ struct figures {
     double cpu_s;                                                 /* rendering too */
     int n;                                                        /* sights or points */
 };
-
-static double cpu_s(void) {
-    return (double)clock() / CLOCKS_PER_SEC;
-}
 
 static gboolean run_lamps(int kind, int seed, struct figures *ret) {
     struct scene *scene =
@@ -69,19 +65,6 @@ static gboolean run_laser(int seed, struct figures *ret) {
     return ok;
 }
 
-static void worst(struct figures *of, const struct figures *with) {
-    of->direction_deg = MAX(of->direction_deg, with->direction_deg);
-    of->distance_pct = MAX(of->distance_pct, with->distance_pct);
-    of->zero_deg = MAX(of->zero_deg, with->zero_deg);
-    of->axis_deg = MAX(of->axis_deg, with->axis_deg);
-    of->chi2 += with->chi2;
-    of->sheet_deg = MAX(of->sheet_deg, with->sheet_deg);
-    of->sheet_mm = MAX(of->sheet_mm, with->sheet_mm);
-    of->source_mm = MAX(of->source_mm, with->source_mm);
-    of->cpu_s += with->cpu_s;
-    of->n += with->n;
-}
-
 static char *figures_text(int kind, const struct figures *f, gboolean json) {
     const char *lamps = json ? "\"direction_deg\":%.4f,\"distance_pct\":%.3f,\"zero_deg\":%.4f,"
                                "\"axis_deg\":%.4f,\"chi2\":%.2f,\"sights\":%d,\"cpu_s\":%.1f"
@@ -100,32 +83,38 @@ static char *figures_text(int kind, const struct figures *f, gboolean json) {
 #pragma GCC diagnostic pop
 }
 
-static void run_kind(int kind, int n_seeds, gboolean tell, GString *json) {
-    struct figures all = {0};
-    int refused = 0;
-    for (int seed = 1; seed <= n_seeds; seed++) {
-        struct figures one = {0};
-        const double start = cpu_s();
-        if (!(kind == LASER ? run_laser(seed, &one) : run_lamps(kind, seed, &one))) {
-            refused++;
-            continue;
-        }
-        one.cpu_s = cpu_s() - start;
-        g_autofree char *text = figures_text(kind, &one, FALSE);
-        if (tell)
-            printf("%s, seed %d: %s\n", names[kind], seed, text);
-        worst(&all, &one);
-    }
-    all.chi2 /= MAX(n_seeds - refused, 1);
-    g_autofree char *text = figures_text(kind, &all, TRUE);
-    g_string_append_printf(json, "%s\"%s\":{\"seeds\":%d,\"refused\":%d,%s}",
-                           json->len > 1 ? "," : "", names[kind], n_seeds, refused, text);
-}
-
 char *bench_lights(int n_seeds, gboolean tell) {
     GString *json = g_string_new("{");
-    for (int kind = 0; kind < KINDS; kind++)
-        run_kind(kind, n_seeds, tell, json);
+    for (int kind = 0; kind < KINDS; kind++) {
+        struct figures all = {0};
+        int refused = 0;
+        for (int seed = 1; seed <= n_seeds; seed++) {
+            struct figures one = {0};
+            const double start = bench_cpu_s();
+            if (!(kind == LASER ? run_laser(seed, &one) : run_lamps(kind, seed, &one))) {
+                refused++;
+                continue;
+            }
+            one.cpu_s = bench_cpu_s() - start;
+            g_autofree char *text = figures_text(kind, &one, FALSE);
+            if (tell)
+                printf("%s, seed %d: %s\n", names[kind], seed, text);
+            all.direction_deg = MAX(all.direction_deg, one.direction_deg);
+            all.distance_pct = MAX(all.distance_pct, one.distance_pct);
+            all.zero_deg = MAX(all.zero_deg, one.zero_deg);
+            all.axis_deg = MAX(all.axis_deg, one.axis_deg);
+            all.chi2 += one.chi2;
+            all.sheet_deg = MAX(all.sheet_deg, one.sheet_deg);
+            all.sheet_mm = MAX(all.sheet_mm, one.sheet_mm);
+            all.source_mm = MAX(all.source_mm, one.source_mm);
+            all.cpu_s += one.cpu_s;
+            all.n += one.n;
+        }
+        all.chi2 /= MAX(n_seeds - refused, 1);
+        g_autofree char *text = figures_text(kind, &all, TRUE);
+        g_string_append_printf(json, "%s\"%s\":{\"seeds\":%d,\"refused\":%d,%s}",
+                               json->len > 1 ? "," : "", names[kind], n_seeds, refused, text);
+    }
     g_string_append_c(json, '}');
     world_fixture_clean();
     return g_string_free(json, FALSE);

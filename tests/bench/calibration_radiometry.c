@@ -1,5 +1,6 @@
-#include "calibration_radiometry.h"
+#include "calibration_parts.h"
 
+#include "bench.h"
 #include "lib/grey_fixture.h"
 
 #include <stdio.h>
@@ -12,10 +13,6 @@ struct figures {
     double calibrate_s, cpu_s; /* of all: tile to calibration; everything */
 };
 
-static double cpu_s(void) {
-    return (double)clock() / CLOCKS_PER_SEC;
-}
-
 /* Once more without the capture, for the time it takes. */
 static double calibrate_seconds(const char *folder) {
     g_autofree char *path = g_build_filename(folder, "tile.session", NULL);
@@ -23,21 +20,9 @@ static double calibrate_seconds(const char *folder) {
     g_autofree char *text = session_text(session, "calibration.conf", NULL);
     g_autoptr(Calibration) calibration = calibration_from_text(text, path, NULL);
     struct tile_result result;
-    double start = cpu_s();
+    double start = bench_cpu_s();
     g_assert_true(tile_session(session, calibration, &grey_tile, &result, NULL));
-    return cpu_s() - start;
-}
-
-static void measure_tile(int seed, struct figures *to) {
-    g_autofree char *folder = grey_folder();
-    g_autofree char *path = g_build_filename(folder, "calibration.conf", NULL);
-    struct tile_result result;
-    grey_calibrate(folder, seed, &result);
-    g_autoptr(Calibration) found = calibration_read(path, NULL);
-    grey_compare(found, &to->chi2);
-    to->quality = MAX(to->quality, result.quality);
-    to->calibrate_s += calibrate_seconds(folder);
-    radiometry_rig_remove(folder);
+    return bench_cpu_s() - start;
 }
 
 static gboolean notices(int seed, const char *camera, const char *turntable, const char *says) {
@@ -57,23 +42,31 @@ static void measure_check(int seed, struct figures *to) {
     to->alarms += notices(seed, NULL, "", "moved");
 }
 
-char *bench_radiometry(int n_seeds, gboolean verbose) {
+char *bench_radiometry(int n_seeds, gboolean tell) {
     struct figures f = {0};
-    double start = cpu_s();
+    double start = bench_cpu_s();
     for (int seed = 1; seed <= n_seeds; seed++) {
         double corrected = 100 * grey_error(seed, TRUE);
         double uncorrected = 100 * grey_error(seed, FALSE);
         f.worst_pct = MAX(f.worst_pct, corrected);
         f.worst_uncorrected_pct = MAX(f.worst_uncorrected_pct, uncorrected);
-        measure_tile(seed, &f);
+        g_autofree char *folder = grey_folder();
+        g_autofree char *path = g_build_filename(folder, "calibration.conf", NULL);
+        struct tile_result result;
+        grey_calibrate(folder, seed, &result);
+        g_autoptr(Calibration) found = calibration_read(path, NULL);
+        grey_compare(found, &f.chi2);
+        f.quality = MAX(f.quality, result.quality);
+        f.calibrate_s += calibrate_seconds(folder);
+        radiometry_rig_remove(folder);
         measure_check(seed, &f);
-        if (verbose)
+        if (tell)
             printf("radiometry, seed %d: grey scale within %.3f %% (uncorrected %.1f %%), "
                    "chi-square %.2f of %d so far, nudges %d/%d, slips %d/%d, false alarms %d\n",
                    seed, corrected, uncorrected, f.chi2.sum / f.chi2.n, f.chi2.n, f.nudges_noticed,
                    f.nudges, f.slips_noticed, f.slips, f.alarms);
     }
-    f.cpu_s = cpu_s() - start;
+    f.cpu_s = bench_cpu_s() - start;
     return g_strdup_printf(
         "{\"seeds\":%d,\"grey_worst_pct\":%.4f,\"grey_worst_uncorrected_pct\":%.3f,"
         "\"chi_square\":%.3f,\"chi_square_of\":%d,\"tile_quality_worst\":%.3f,"

@@ -1,30 +1,26 @@
-#include "calibration_whole.h"
+#include "calibration_parts.h"
 
+#include "bench.h"
 #define SCENE_CAMERAS 8
 #define SCENE_LAMPS   8
 #define SCENE_LASERS  2
 #include "lib/lasers_scene.h"
 
 #include <stdio.h>
-#include <time.h>
 
 #define ARCS   13 /* with two lasers: 26 positions */
 #define PIXELS 256
-
-static double cpu_s(void) {
-    return (double)clock() / CLOCKS_PER_SEC;
-}
 
 struct watch { /* pictures are rendered between what is timed */
     double cpu_s, since;
 };
 
 static void go_on(struct watch *watch) {
-    watch->since = cpu_s();
+    watch->since = bench_cpu_s();
 }
 
 static void halt(struct watch *watch) {
-    watch->cpu_s += cpu_s() - watch->since;
+    watch->cpu_s += bench_cpu_s() - watch->since;
 }
 
 struct poles {
@@ -36,22 +32,6 @@ struct poles {
     struct watch watch;
     int pictures;
 };
-
-static void take_view(struct poles *p, int camera, double turn_deg, double arc_deg) {
-    g_autoptr(GError) error = NULL;
-    go_on(&p->watch);
-    ShadowView *view =
-        shadow_view_new(&p->scene->rig, camera, SCENE_RAD(turn_deg), &p->target, p->maps[camera]);
-    halt(&p->watch);
-    g_ptr_array_add(p->views, view);
-    for (int lamp = 0; lamp < SCENE_LAMPS; lamp++) {
-        g_autoptr(Picture) picture = scene_picture(p->scene, camera, lamp, turn_deg, arc_deg, 8000);
-        go_on(&p->watch);
-        if (!shadow_view_add(view, picture, p->pictures++, lamp, SCENE_RAD(arc_deg), &error))
-            g_error("%s", error->message);
-        halt(&p->watch);
-    }
-}
 
 static void fit_lamps(struct poles *p) {
     ShadowView *const *views = (ShadowView *const *)p->views->pdata;
@@ -90,8 +70,24 @@ static double time_lamps(int *ret_pictures) {
         go_on(&p.watch);
         p.maps[c] = plate_map_new(&p.scene->rig.cameras[c], &p.target);
         halt(&p.watch);
-        for (int turn = 0; turn < poses.turns; turn++)
-            take_view(&p, c, scene_turn_deg(&poses, turn), scene_arc_deg(&poses, turn, 0));
+        for (int turn = 0; turn < poses.turns; turn++) {
+            double turn_deg = scene_turn_deg(&poses, turn);
+            double arc_deg = scene_arc_deg(&poses, turn, 0);
+            g_autoptr(GError) error = NULL;
+            go_on(&p.watch);
+            ShadowView *view =
+                shadow_view_new(&p.scene->rig, c, SCENE_RAD(turn_deg), &p.target, p.maps[c]);
+            halt(&p.watch);
+            g_ptr_array_add(p.views, view);
+            for (int lamp = 0; lamp < SCENE_LAMPS; lamp++) {
+                g_autoptr(Picture) picture =
+                    scene_picture(p.scene, c, lamp, turn_deg, arc_deg, 8000);
+                go_on(&p.watch);
+                if (!shadow_view_add(view, picture, p.pictures++, lamp, SCENE_RAD(arc_deg), &error))
+                    g_error("%s", error->message);
+                halt(&p.watch);
+            }
+        }
     }
     go_on(&p.watch);
     fit_lamps(&p);

@@ -1,5 +1,6 @@
-#include "compression_disk.h"
+#include "compression_parts.h"
 
+#include "bench.h"
 #include "lpca/lpca_private.h"
 
 #include <cblas.h>
@@ -59,7 +60,7 @@ static void print_stages(const struct stages *stages, double needed_s, gboolean 
     }
 }
 
-gboolean bench_fill(struct btf_matrix *btf, float (*value)(int, int, int, int), GError **error) {
+gboolean bench_fill(struct btf_matrix *btf, BenchValue value, GError **error) {
     const int texels = btf_layout_texels(&btf->layout);
     const gsize row = btf->layout.lights.n * 3;
     g_autofree float *view = g_new(float, (gsize)texels *row);
@@ -139,8 +140,8 @@ static void report(const struct btf_matrix *btf, const struct lpca *lpca,
     puts(json ? "}" : "and what it is of that in brackets");
 }
 
-int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int clusters,
-               int components, gboolean json) {
+int bench_disk(struct btf_matrix *like, BenchValue value, int clusters, int components,
+               gboolean json) {
     g_autoptr(GError) error = NULL;
     struct stages stages = {.n = 1, .names = {"sample"}};
     const struct lpca_options options = {.n_clusters = clusters,
@@ -163,7 +164,6 @@ int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int 
         }
     }
     lpca_free(lpca);
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
-    return error ? 1 : 0;
+    bench_check(error);
+    return 0;
 }

@@ -1,6 +1,6 @@
-#include "compression_eigenmaps.h"
+#include "compression_parts.h"
 
-#include "compression_disk.h"
+#include "bench.h"
 #include "eigenmaps/eigenmaps_codec.h"
 
 #include <stdio.h>
@@ -20,8 +20,7 @@ static gboolean measure(const struct btf_matrix *btf, enum eigenmaps_method meth
     return ok;
 }
 
-int bench_eigenmaps(struct btf_matrix *like, float (*value)(int, int, int, int), int columns,
-                    gboolean json) {
+int bench_eigenmaps(struct btf_matrix *like, BenchValue value, int columns, gboolean json) {
     g_autoptr(GError) error = NULL;
     double exact_s, randomised_s, exact, randomised;
     /* The sparing one first: memory only ever grows. */
@@ -41,7 +40,6 @@ int bench_eigenmaps(struct btf_matrix *like, float (*value)(int, int, int, int),
                 columns, TERMS, exact_s, exact, randomised_s, randomised, exact_s / randomised_s,
                 peak);
     }
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
-    return error ? 1 : 0;
+    bench_check(error);
+    return 0;
 }

@@ -1,6 +1,7 @@
-#include "compression_fields.h"
+#include "compression_parts.h"
 
 #include "base/direction.h"
+#include "bench.h"
 #include "lobes/lobes_private.h"
 
 #include <cminpack.h>
@@ -53,13 +54,6 @@ static void take_problems(struct problems *p, struct btf_matrix *btf, int n) {
     struct lobes_start *start = lobes_start_new(&p->fit);
     lobes_start_rows(start, 0, p->rows, p->n, p->starts);
     lobes_start_free(start);
-}
-
-static void problems_clear(struct problems *p) {
-    btf_matrix_free(p->btf);
-    g_free(p->lights);
-    g_free(p->rows);
-    g_free(p->starts);
 }
 
 static struct solver solve_batch(const struct problems *p) {
@@ -186,9 +180,9 @@ static gint64 count_overflows(const struct lobes *lobes) {
 static struct lobes *fit_model(const struct btf_matrix *btf, enum lobes_model model,
                                double *ret_seconds) {
     const struct lobes_options options = {.model = model};
-    const gint64 start = g_get_monotonic_time();
+    const double start = bench_now_s();
     struct lobes *lobes = lobes_compute(btf, &options, NULL);
-    *ret_seconds = (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
+    *ret_seconds = bench_now_s() - start;
     return lobes;
 }
 
@@ -241,10 +235,7 @@ int bench_fields(char *const *sessions, int fits, gboolean json) {
         g_autoptr(GError) error = NULL;
         struct problems problems = {0};
         struct btf_matrix *btf = btf_matrix_read(sessions[i], NULL, &error);
-        if (!btf) {
-            fprintf(stderr, "%s\n", error->message);
-            return 1;
-        }
+        bench_check(error);
         take_problems(&problems, btf, fits);
         printf(json ? "%s{\"name\": \"%s\", \"texels\": %zu, \"views\": %zu, \"lights\": %zu, "
                     : "%s%s: %zu texels, %zu views, %zu lights\n",
@@ -253,7 +244,10 @@ int bench_fields(char *const *sessions, int fits, gboolean json) {
         print_solvers(&problems, json);
         print_models(btf, json);
         printf(json ? "}" : "");
-        problems_clear(&problems);
+        btf_matrix_free(problems.btf);
+        g_free(problems.lights);
+        g_free(problems.rows);
+        g_free(problems.starts);
     }
     if (json)
         printf("]}\n");

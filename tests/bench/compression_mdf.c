@@ -1,6 +1,6 @@
 /* Ways to hold an MDF in fewer bytes: how many, at how many fetches, how far depths are off, and
  * how far outlines are that the viewer draws with them. */
-#include "compression_mdf.h"
+#include "compression_parts.h"
 
 #include "gl/gpu.h"
 #include "mdf_codecs/mdf_blocks.h"

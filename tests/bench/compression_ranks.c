@@ -1,4 +1,4 @@
-#include "compression_ranks.h"
+#include "compression_parts.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

@@ -1,5 +1,6 @@
-#include "compression_rate.h"
+#include "compression_parts.h"
 
+#include "bench.h"
 #include "lpca/lpca_pack.h"
 #include "lpca/lpca_private.h"
 
@@ -387,7 +388,6 @@ int bench_rate(char *const *sessions, int every, gboolean json) {
     }
     if (json)
         printf("]}\n");
-    if (error)
-        fprintf(stderr, "%s\n", error->message);
-    return error ? 1 : 0;
+    bench_check(error);
+    return 0;
 }

@@ -1,5 +1,6 @@
-#include "compression_resample.h"
+#include "compression_parts.h"
 
+#include "bench.h"
 #include "btf/triangulation.h"
 #include "lpca_codec/lpca_resample.h"
 
@@ -78,9 +79,9 @@ static double nine_pairs(const struct lpca *lpca, const struct btf_matrix *truth
 
 static void print_grid(const struct lpca *lpca, int n_grid, const struct btf_matrix *at,
                        const struct btf_matrix *between, double nine, gboolean json) {
-    const gint64 start = g_get_monotonic_time();
+    const double start = bench_now_s();
     struct lpca *grid = lpca_resample(lpca, n_grid, NULL);
-    const double seconds = (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
+    const double seconds = bench_now_s() - start;
     const double here = lpca_resample_error(grid, at, 0),
                  there = lpca_resample_error(grid, between, 0);
     printf(json ? "%s{\"grid\": %d, \"seconds\": %.2f, \"error\": %.5f, \"between\": %.5f, "
@@ -90,12 +91,12 @@ static void print_grid(const struct lpca *lpca, int n_grid, const struct btf_mat
     lpca_free(grid);
 }
 
-static gboolean measure(struct btf_matrix *at, struct btf_matrix *between, int clusters,
-                        int components, gboolean json, GError **error) {
+static void measure(struct btf_matrix *at, struct btf_matrix *between, int clusters, int components,
+                    gboolean json, GError **error) {
     const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
     struct lpca *lpca = at && between ? lpca_compute(at, &options, error) : NULL;
     if (!lpca)
-        return FALSE;
+        return;
     const double nine = nine_pairs(lpca, between);
     printf(json ? "{\"name\": \"%s\", \"error\": %.5f, \"nine_pairs_between\": %.5f, \"grids\": ["
                 : "%s: local PCA %.4f at the measured directions, %.4f between by nine pairs\n",
@@ -104,7 +105,6 @@ static gboolean measure(struct btf_matrix *at, struct btf_matrix *between, int c
         print_grid(lpca, n_grid, at, between, nine, json);
     printf(json ? "]}" : "");
     lpca_free(lpca);
-    return TRUE;
 }
 
 int bench_resample(char *const *sessions, int clusters, int components, gboolean json) {
@@ -115,13 +115,10 @@ int bench_resample(char *const *sessions, int clusters, int components, gboolean
         struct btf_matrix *at = btf_matrix_read(sessions[i], NULL, &error);
         struct btf_matrix *between = at ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
         printf(json && i ? ", " : "");
-        const gboolean ok = measure(at, between, clusters, components, json, &error);
+        measure(at, between, clusters, components, json, &error);
         btf_matrix_free(at);
         btf_matrix_free(between);
-        if (!ok) {
-            fprintf(stderr, "%s\n", error->message);
-            return 1;
-        }
+        bench_check(error);
     }
     if (json)
         printf("]}\n");

@@ -1,5 +1,5 @@
 #include "devices_gige.h"
-#include "quantile.h"
+#include "bench.h"
 
 #include "lib/gige_rig.h"
 
@@ -71,15 +71,17 @@ static void connect_bare(struct bare *bare, const char *address) {
         bind(bare->stream, (struct sockaddr *)&here, sizeof here) != 0 ||
         getsockname(bare->stream, (struct sockaddr *)&here, &size) != 0)
         g_error("bench: %s", g_strerror(errno));
-    ask(bare, 0x82, CONTROL, 2);
-    ask(bare, 0x82, STREAM_PORT, ntohs(here.sin_port));
-    ask(bare, 0x82, STREAM_IP, INADDR_LOOPBACK);
-    ask(bare, 0x82, PACKET_SIZE, PACKET);
-    ask(bare, 0x82, FORMAT, FORMAT_MONO_8);
-    ask(bare, 0x82, EXPOSURE, EXPOSURE_US);
-    ask(bare, 0x82, TRIGGER_FROM, 1);
-    ask(bare, 0x82, TRIGGER_MODE, 1);
-    ask(bare, 0x82, ACQUISITION, 1);
+    const guint32 settings[][2] = {{CONTROL, 2},
+                                   {STREAM_PORT, ntohs(here.sin_port)},
+                                   {STREAM_IP, INADDR_LOOPBACK},
+                                   {PACKET_SIZE, PACKET},
+                                   {FORMAT, FORMAT_MONO_8},
+                                   {EXPOSURE, EXPOSURE_US},
+                                   {TRIGGER_FROM, 1},
+                                   {TRIGGER_MODE, 1},
+                                   {ACQUISITION, 1}};
+    for (gsize i = 0; i < G_N_ELEMENTS(settings); i++)
+        ask(bare, 0x82, settings[i][0], settings[i][1]);
 }
 
 /* As quick as can be: making pictures is not what is measured. */
@@ -95,25 +97,6 @@ static VirtualGige *make_device(const char *serial, int width, int height) {
     if (!device)
         g_error("bench: %s", error->message);
     return device;
-}
-
-static double time_register(struct bare *bare) {
-    gint64 start = g_get_monotonic_time();
-    ask(bare, 0x80, CONTROL, 0);
-    return (double)(g_get_monotonic_time() - start);
-}
-
-/* Until the trailer is here, which comes last. */
-static double time_bare(struct bare *bare) {
-    guint8 packet[PACKET];
-    gint64 start = g_get_monotonic_time();
-    ask(bare, 0x82, TRIGGER, 1);
-    do {
-        wait_readable(bare->stream);
-        if (recv(bare->stream, packet, sizeof packet, 0) < 8)
-            g_error("bench: %s", g_strerror(errno));
-    } while (packet[4] != 2);
-    return (double)(g_get_monotonic_time() - start);
 }
 
 static double time_driver(struct eye *eye, guint64 shot) {
@@ -139,15 +122,24 @@ void gige_latency(int width, int height, struct gige_latency *ret) {
         g_error("bench: %s", error->message);
     time_driver(&eye, SHOTS); /* the first is slower */
     for (int i = 0; i < SHOTS; i++) {
-        registers[i] = time_register(&bare);
-        bare_us[i] = time_bare(&bare);
+        gint64 start = g_get_monotonic_time();
+        ask(&bare, 0x80, CONTROL, 0);
+        registers[i] = (double)(g_get_monotonic_time() - start);
+        /* Until the trailer is here, which comes last. */
+        guint8 packet[PACKET];
+        gint64 begun = g_get_monotonic_time();
+        ask(&bare, 0x82, TRIGGER, 1);
+        do {
+            wait_readable(bare.stream);
+            if (recv(bare.stream, packet, sizeof packet, 0) < 8)
+                g_error("bench: %s", g_strerror(errno));
+        } while (packet[4] != 2);
+        bare_us[i] = (double)(g_get_monotonic_time() - begun);
         driver_us[i] = time_driver(&eye, (guint64)i);
     }
-    ret->register_us = quantile(registers, SHOTS, 0.5);
-    ret->protocol_us = quantile(bare_us, SHOTS, 0.5);
-    ret->protocol_p99_us = quantile(bare_us, SHOTS, 0.99);
-    ret->driver_us = quantile(driver_us, SHOTS, 0.5);
-    ret->driver_p99_us = quantile(driver_us, SHOTS, 0.99);
+    ret->register_us = bench_time_quantile(registers, SHOTS, 0.5);
+    ret->protocol = bench_times(bare_us, SHOTS);
+    ret->driver = bench_times(driver_us, SHOTS);
     close(bare.control);
     close(bare.stream);
     eye_end(&eye, NULL);

@@ -1,8 +1,8 @@
 /* How long pictures take. */
 #pragma once
 
+#include "bench.h"
 #include "gl/gpu.h"
-#include "quantile.h"
 #include "scene/viewer.h"
 
 #include <string.h>
@@ -40,9 +40,9 @@ static inline gboolean time_in_turns(Viewer *const *viewers, const struct viewer
         g_autofree double *times = g_new(double, frames);
         for (int k = 0; k < frames; k++)
             times[k] = ms[v * frames + k] / ms[(n - 1) * frames + k];
-        ret_times[v] = quantile(times, frames, 0.5);
+        ret_times[v] = bench_time_quantile(times, frames, 0.5);
     }
     for (int v = 0; v < n; v++)
-        ret_ms[v] = quantile(ms + (gsize)v * frames, frames, 0.5);
+        ret_ms[v] = bench_time_quantile(ms + (gsize)v * frames, frames, 0.5);
     return good;
 }

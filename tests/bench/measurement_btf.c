@@ -1,4 +1,4 @@
-#include "measurement_btf.h"
+#include "measurement_parts.h"
 
 #include "capture/radiance.h"
 #include "exr/exr_half.h"
@@ -17,12 +17,6 @@ static const gint64 exposures_us[] = {4000, 16000, 64000};
 /* Texels lie turned in the pictures, as they do in a session. */
 static double turntable_deg(int view) {
     return 24.0 * view;
-}
-
-/* Between cameras at azimuth 0 and the lamp, one a pair: every sort of azimuth comes about. */
-static double arc_deg(int view, int lamp) {
-    static const double azimuths[] = {20, 75, 130, 200, 290};
-    return azimuths[(view + 2 * lamp) % 5] + turntable_deg(view);
 }
 
 static Frame *expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
@@ -60,10 +54,6 @@ static struct darks take_darks(World *world, int camera) {
     return darks;
 }
 
-static guint64 frame_key(int camera, int lamp, double arc) {
-    return ((guint64)camera * 16 + (guint64)lamp) * 4096 + (guint64)arc * 8;
-}
-
 /* What intake stores: merged, in half floats. */
 static float *take_mosaic(World *world, int camera, int lamp, double arc, const struct darks *darks,
                           int *ret_saturated) {
@@ -71,8 +61,9 @@ static float *take_mosaic(World *world, int camera, int lamp, double arc, const 
     state.lamp_output[lamp] = 1;
     Frame *frames[N_EXPOSURES];
     for (int e = 0; e < N_EXPOSURES; e++)
-        frames[e] = expose(world, camera, &state, exposures_us[e],
-                           frame_key(camera, lamp, arc) + (guint64)e);
+        frames[e] =
+            expose(world, camera, &state, exposures_us[e],
+                   (((guint64)camera * 16 + (guint64)lamp) * 4096 + (guint64)arc * 8) + (guint64)e);
     gsize n = (gsize)frames[0]->width * (gsize)frames[0]->height;
     float *mosaic = g_new(float, n);
     struct radiance_stats stats;
@@ -135,17 +126,6 @@ static gboolean is_shown(int view, int lamp) {
     return FALSE;
 }
 
-static void show(struct demo_btf *picture, const struct session_grid *grid, const float *rgb,
-                 const float *irradiance, const float *truth) {
-    static const char *const channels[] = {"B", "G", "R", NULL};
-    struct exr_part *part = exr_part_new("shown", grid->width, grid->height, channels, EXR_FLOAT);
-    for (int i = 0; i < grid->width * grid->height; i++)
-        for (int c = 0; c < 3; c++)
-            part->planes[2 - c][i] = rgb[3 * i + c] * (float)G_PI / irradiance[i];
-    demo_btf_add(picture, part, truth);
-    exr_part_free(part);
-}
-
 void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret,
                struct demo_btf *picture) {
     g_autoptr(GError) error = NULL;
@@ -166,7 +146,10 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
         g_assert_no_error(error);
         guide_by_all(world, view, &darks, rectify);
         for (int lamp = 0; lamp < RIG_VIEWS; lamp++) {
-            double arc = arc_deg(view, lamp);
+            /* Between cameras at azimuth 0 and the lamp, one a pair: every sort of azimuth comes
+             * about. */
+            static const double azimuths[] = {20, 75, 130, 200, 290};
+            double arc = azimuths[(view + 2 * lamp) % 5] + turntable_deg(view);
             struct bench_cell *cell = &ret[view * RIG_VIEWS + lamp];
             g_autofree float *mosaic =
                 take_mosaic(world, view, lamp, arc, &darks, &cell->saturated);
@@ -175,8 +158,16 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
                                irradiance);
             truth_btf(world, view, lamp, turntable_deg(view), arc, &truth_grid, truth_samples,
                       truth);
-            if (picture && is_shown(view, lamp))
-                show(picture, &grid, rgb, irradiance, truth);
+            if (picture && is_shown(view, lamp)) {
+                static const char *const channels[] = {"B", "G", "R", NULL};
+                struct exr_part *part =
+                    exr_part_new("shown", grid.width, grid.height, channels, EXR_FLOAT);
+                for (int k = 0; k < grid.width * grid.height; k++)
+                    for (int c = 0; c < 3; c++)
+                        part->planes[2 - c][k] = rgb[3 * k + c] * (float)G_PI / irradiance[k];
+                demo_btf_add(picture, part, truth);
+                exr_part_free(part);
+            }
             compare(rgb, irradiance, truth, n, setup->mono, cell->errors, cell->bias);
         }
         for (int e = 0; e < N_EXPOSURES; e++)

@@ -1,4 +1,4 @@
-#include "measurement_mdf.h"
+#include "measurement_parts.h"
 
 #include "capture/radiance.h"
 #include "frames/sweep.h"

@@ -1,4 +1,4 @@
-#include "measurement_peaks.h"
+#include "measurement_parts.h"
 
 #include "frames/sweep.h"
 

@@ -1,5 +1,7 @@
 #include "measurement_rig.h"
 
+#include "exr/exr.h"
+
 #include <glib/gstdio.h>
 #include <math.h>
 #include <unistd.h>
@@ -37,18 +39,6 @@ static struct picture picture_of(const struct bench_setup *setup, int camera) {
                             (int)(tall * a_mm) / 2 * 2 + 16};
 }
 
-static void write_cameras(const struct bench_setup *setup, GString *text) {
-    for (int i = 0; i < RIG_VIEWS; i++) {
-        struct picture picture = picture_of(setup, i);
-        g_string_append_printf(
-            text,
-            "[camera cam%d]\ntheta_deg = %g\ndistance_mm = %g\nwidth = %d\nheight = %d\n"
-            "focal_px = %.17g\nresponse = %g\nvignetting = %g\nk1 = %g\ncfa = %s\n",
-            i, bench_elevation_deg(i), CAMERA_MM, picture.width, picture.height, picture.focal_px,
-            RESPONSE, VIGNETTING, K1, setup->mono ? "mono" : "rggb");
-    }
-}
-
 static char *world_text(const struct bench_setup *setup) {
     GString *text = g_string_new(NULL);
     g_string_append_printf(text,
@@ -63,7 +53,15 @@ static char *world_text(const struct bench_setup *setup) {
                            : g_str_equal(setup->material, "brick")   ? 2.0
                                                                      : 1.2,
                            REFERENCE_MM);
-    write_cameras(setup, text);
+    for (int i = 0; i < RIG_VIEWS; i++) {
+        struct picture picture = picture_of(setup, i);
+        g_string_append_printf(
+            text,
+            "[camera cam%d]\ntheta_deg = %g\ndistance_mm = %g\nwidth = %d\nheight = %d\n"
+            "focal_px = %.17g\nresponse = %g\nvignetting = %g\nk1 = %g\ncfa = %s\n",
+            i, bench_elevation_deg(i), CAMERA_MM, picture.width, picture.height, picture.focal_px,
+            RESPONSE, VIGNETTING, K1, setup->mono ? "mono" : "rggb");
+    }
     for (int i = 0; i < RIG_VIEWS; i++)
         g_string_append_printf(text,
                                "[lamp lamp%d]\ntheta_deg = %g\ndistance_mm = %g\nexponent = 2\n"
@@ -119,4 +117,19 @@ struct session_grid bench_grid(const struct bench_setup *setup) {
 struct truth_grid bench_truth_grid(const struct bench_setup *setup) {
     double side = setup->texels * setup->texel_mm;
     return (struct truth_grid){setup->texels, setup->texels, side, side, REFERENCE_MM};
+}
+
+void bench_write_frame(const char *path, const struct rig_camera *camera) {
+    static const char *const channels[] = {"Y", NULL};
+    struct exr_part *part =
+        exr_part_new("radiance", camera->width, camera->height, channels, EXR_HALF);
+    struct exr_file *file = exr_file_new();
+    GRand *rand = g_rand_new_with_seed(1);
+    for (int i = 0; i < camera->width * camera->height; i++)
+        part->planes[0][i] = (float)(100 + i % camera->width * 0.5 + g_rand_double(rand) * 4);
+    g_rand_free(rand);
+    exr_set_string(part, "mesorig.cfa", "rggb");
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
+    exr_file_free(file);
 }

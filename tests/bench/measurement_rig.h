@@ -27,3 +27,7 @@ World *bench_world(const struct bench_setup *setup, GError **error);
 void bench_rig(const struct bench_setup *setup, struct rig *ret);
 struct session_grid bench_grid(const struct bench_setup *setup);
 struct truth_grid bench_truth_grid(const struct bench_setup *setup);
+
+/* A frame as capture stores it: noise over something smooth, neither easier nor harder to compress
+ * than a picture. */
+void bench_write_frame(const char *path, const struct rig_camera *camera);

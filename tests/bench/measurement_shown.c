@@ -37,16 +37,6 @@ static void surface_point(const struct shown *shown, const struct truth_grid *gr
     ret_mm[2] = at[2];
 }
 
-/* How far a point is from a sheet goes with cosine and sine of the angle it is swept to. */
-static double sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]) {
-    struct truth_sheet begun, quarter;
-    truth_laser_sheet(world, laser, arc_deg, 0, &begun);
-    truth_laser_sheet(world, laser, arc_deg, 90, &quarter);
-    return atan(-(dot(begun.normal, point_mm) - begun.offset_mm) /
-                (dot(quarter.normal, point_mm) - quarter.offset_mm)) *
-           180 / G_PI;
-}
-
 static int pixel_dn(struct shown *shown, int position, double angle_deg, gsize pixel) {
     const int laser = shown->positions->laser[position];
     struct world_state state = {.turntable_deg = shown->turntable_deg,
@@ -56,18 +46,6 @@ static int pixel_dn(struct shown *shown, int position, double angle_deg, gsize p
     world_expose(shown->world, shown->view, &state, shown->positions->exposure_us, 0, 0,
                  shown->pixels);
     return shown->pixels[pixel];
-}
-
-static gboolean shows(struct shown *shown, int position, const double point_mm[3]) {
-    double xy[2];
-    truth_project(shown->world, shown->view, point_mm, xy);
-    const int x = (int)lround(xy[0]), y = (int)lround(xy[1]);
-    g_assert(x >= 0 && y >= 0 && x < shown->sensor.width && y < shown->sensor.height);
-    const gsize pixel = (gsize)y * (gsize)shown->sensor.width + (gsize)x;
-    const double on = sweep_deg(shown->world, shown->positions->laser[position],
-                                shown->positions->arc_deg[position], point_mm);
-    return pixel_dn(shown, position, on, pixel) - pixel_dn(shown, position, on + FAR_DEG, pixel) >=
-           shown->positions->threshold_dn;
 }
 
 void bench_shown(const struct bench_setup *setup, int view, double turntable_deg,
@@ -96,7 +74,24 @@ void bench_shown(const struct bench_setup *setup, int view, double turntable_deg
             if (!asked[i] || !lit[i] || ret_shown[i])
                 continue;
             surface_point(&shown, &grid, (int)i, distance_mm[i], point_mm);
-            ret_shown[i] = shows(&shown, k, point_mm);
+            double xy[2];
+            truth_project(shown.world, shown.view, point_mm, xy);
+            const int x = (int)lround(xy[0]), y = (int)lround(xy[1]);
+            g_assert(x >= 0 && y >= 0 && x < shown.sensor.width && y < shown.sensor.height);
+            const gsize pixel = (gsize)y * (gsize)shown.sensor.width + (gsize)x;
+            /* How far a point is from a sheet goes with cosine and sine of the angle it is swept
+             * to. */
+            struct truth_sheet begun, quarter;
+            truth_laser_sheet(shown.world, shown.positions->laser[k], shown.positions->arc_deg[k],
+                              0, &begun);
+            truth_laser_sheet(shown.world, shown.positions->laser[k], shown.positions->arc_deg[k],
+                              90, &quarter);
+            const double on = atan(-(dot(begun.normal, point_mm) - begun.offset_mm) /
+                                   (dot(quarter.normal, point_mm) - quarter.offset_mm)) *
+                              180 / G_PI;
+            ret_shown[i] =
+                pixel_dn(&shown, k, on, pixel) - pixel_dn(&shown, k, on + FAR_DEG, pixel) >=
+                shown.positions->threshold_dn;
         }
     }
 }

@@ -1,4 +1,4 @@
-#include "measurement_speed.h"
+#include "measurement_parts.h"
 
 #include "exr/exr.h"
 #include "frames/rectify.h"
@@ -12,31 +12,15 @@ static double since_ms(gint64 start_us) {
     return (double)(g_get_monotonic_time() - start_us) / 1e3;
 }
 
-/* Noise over something smooth: neither easier nor harder to compress than a picture. */
-static char *write_frame(const struct rig_camera *camera) {
-    static const char *const channels[] = {"Y", NULL};
-    struct exr_part *part =
-        exr_part_new("radiance", camera->width, camera->height, channels, EXR_HALF);
-    GRand *random = g_rand_new_with_seed(1);
-    for (int i = 0; i < camera->width * camera->height; i++)
-        part->planes[0][i] = (float)(100 + i % camera->width * 0.5 + g_rand_double(random) * 4);
-    g_rand_free(random);
-    struct exr_file *file = exr_file_new();
-    exr_file_add(file, part);
-    char *path = NULL;
-    int fd = g_file_open_tmp("mesorig-bench-XXXXXX.exr", &path, NULL);
-    g_assert_cmpint(fd, >=, 0);
-    close(fd);
-    g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
-    exr_file_free(file);
-    return path;
-}
-
 struct bench_speed bench_speed(const struct bench_setup *setup, int view) {
     struct rig rig;
     bench_rig(setup, &rig);
     struct session_grid grid = bench_grid(setup);
-    g_autofree char *path = write_frame(&rig.cameras[view]);
+    g_autofree char *path = NULL;
+    int file = g_file_open_tmp("mesorig-bench-XXXXXX.exr", &path, NULL);
+    g_assert_cmpint(file, >=, 0);
+    close(file);
+    bench_write_frame(path, &rig.cameras[view]);
     g_autofree float *rgb = g_new(float, 3 * grid.width * grid.height);
     struct bench_speed speed = {0};
     gint64 start = g_get_monotonic_time();
@@ -44,9 +28,9 @@ struct bench_speed bench_speed(const struct bench_setup *setup, int view) {
     speed.prepare_ms = since_ms(start);
     for (int i = 0; i < FRAMES; i++) {
         start = g_get_monotonic_time();
-        struct exr_file *file = exr_read(path, NULL);
+        struct exr_file *read = exr_read(path, NULL);
         speed.decode_ms += since_ms(start) / FRAMES;
-        const float *mosaic = exr_part_plane(exr_file_part(file, "radiance"), "Y");
+        const float *mosaic = exr_part_plane(exr_file_part(read, "radiance"), "Y");
         start = g_get_monotonic_time();
         if (i == 0) {
             rectify_guide(rectify, mosaic);
@@ -55,7 +39,7 @@ struct bench_speed bench_speed(const struct bench_setup *setup, int view) {
         start = g_get_monotonic_time();
         rectify_apply(rectify, mosaic, rgb, NULL);
         speed.rectify_ms += since_ms(start) / FRAMES;
-        exr_file_free(file);
+        exr_file_free(read);
     }
     g_unlink(path);
     return speed;

@@ -1,8 +1,9 @@
 /* Cameras are a clock and 8-bit pictures: what comes from a network is not part of this. A frame
  * that is due while the intake is full, or for longer than a camera's buffers hold it, is dropped.
  */
-#include "speed_live.h"
+#include "speed_parts.h"
 
+#include "bench.h"
 #include "capture/intake.h"
 #include "lib/remove_tree.h"
 
@@ -10,7 +11,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #define CAMERAS   8
@@ -50,18 +50,6 @@ static void on_result(const struct intake_result *result, gpointer data) {
 static void on_room(gpointer data) {
 }
 
-static struct session_shot *new_shot(struct live *live) {
-    struct session_shot *shot = g_new0(struct session_shot, 1);
-    *shot = (struct session_shot){.id = live->shots->len + 1,
-                                  .kind = SHOT_SWEEP,
-                                  .cameras = (1u << CAMERAS) - 1,
-                                  .sweep_from_deg = -3,
-                                  .sweep_to_deg = 3,
-                                  .sweep_steps = STEPS};
-    g_ptr_array_add(live->shots, shot);
-    return shot;
-}
-
 /* As a driver unpacks Mono8 or Bayer8. */
 static Frame *unpack(const guint8 *from) {
     Frame *frame = frame_new(WIDTH, HEIGHT);
@@ -74,8 +62,16 @@ static Frame *unpack(const guint8 *from) {
 }
 
 static void take(struct live *live, gboolean drop) {
-    if (live->sub == 0)
-        new_shot(live);
+    if (live->sub == 0) {
+        struct session_shot *begun = g_new0(struct session_shot, 1);
+        *begun = (struct session_shot){.id = live->shots->len + 1,
+                                       .kind = SHOT_SWEEP,
+                                       .cameras = (1u << CAMERAS) - 1,
+                                       .sweep_from_deg = -3,
+                                       .sweep_to_deg = 3,
+                                       .sweep_steps = STEPS};
+        g_ptr_array_add(live->shots, begun);
+    }
     const struct session_shot *shot = live->shots->pdata[live->shots->len - 1];
     const gboolean last = live->sub == STEPS;
     for (int camera = 0; camera < CAMERAS; camera++) {
@@ -102,20 +98,6 @@ static gboolean tick(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-static void fill(struct live *live) {
-    GRand *rand = g_rand_new_with_seed(2);
-    live->dark = g_new0(guint8, PIXELS);
-    for (int k = 0; k < PICTURES; k++) {
-        live->pictures[k] = g_new(guint8, PIXELS);
-        for (gsize i = 0; i < PIXELS; i++) {
-            const double at = (double)(i % WIDTH) / WIDTH * PICTURES - k;
-            const double line = fabs(at) < 5 ? 200 * exp(-at * at / 2) : 0;
-            live->pictures[k][i] = (guint8)(g_rand_int_range(rand, 2, 8) + (int)line);
-        }
-    }
-    g_rand_free(rand);
-}
-
 static struct live *live_new(double seconds, gboolean store, const char *folder, int queue_mib) {
     struct live *live = g_new0(struct live, 1);
     live->ret.seconds = seconds;
@@ -139,7 +121,17 @@ static struct live *live_new(double seconds, gboolean store, const char *folder,
     live->conf.laser_threshold_dn = THRESHOLD;
     live->conf.dark_frames = 1;
     live->conf.keep_laser_frames = store;
-    fill(live);
+    GRand *rand = g_rand_new_with_seed(2);
+    live->dark = g_new0(guint8, PIXELS);
+    for (int k = 0; k < PICTURES; k++) {
+        live->pictures[k] = g_new(guint8, PIXELS);
+        for (gsize i = 0; i < PIXELS; i++) {
+            const double at = (double)(i % WIDTH) / WIDTH * PICTURES - k;
+            const double line = fabs(at) < 5 ? 200 * exp(-at * at / 2) : 0;
+            live->pictures[k][i] = (guint8)(g_rand_int_range(rand, 2, 8) + (int)line);
+        }
+    }
+    g_rand_free(rand);
     const struct intake_setup setup = {&live->devices, &live->conf, live->folder,
                                        (gsize)queue_mib << 20, NULL};
     const struct intake_hooks hooks = {on_result, on_room, live};
@@ -147,7 +139,17 @@ static struct live *live_new(double seconds, gboolean store, const char *folder,
     return live;
 }
 
-static void live_free(struct live *live) {
+struct speed_live speed_live(double seconds, gboolean store, const char *folder, int queue_mib) {
+    struct live *live = live_new(seconds, store, folder, queue_mib);
+    const double before_s = bench_cpu_s();
+    live->begun_us = g_get_monotonic_time();
+    const guint source = g_timeout_add(2, tick, live);
+    g_main_loop_run(live->loop);
+    g_source_remove(source);
+    struct speed_live ret = live->ret;
+    ret.seconds = (double)(g_get_monotonic_time() - live->begun_us) / G_USEC_PER_SEC;
+    ret.cores = (bench_cpu_s() - before_s) / ret.seconds;
+    ret.mb_s = 1e-6 * (double)ret.frames * (double)PIXELS / ret.seconds;
     intake_free(live->intake);
     remove_tree(live->folder);
     clock_unref(live->devices.clock);
@@ -158,26 +160,5 @@ static void live_free(struct live *live) {
     g_free(live->dark);
     g_free(live->folder);
     g_free(live);
-}
-
-static double processor_s(void) {
-    struct rusage usage;
-    getrusage(RUSAGE_SELF, &usage);
-    return (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
-           1e-6 * (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
-}
-
-struct speed_live speed_live(double seconds, gboolean store, const char *folder, int queue_mib) {
-    struct live *live = live_new(seconds, store, folder, queue_mib);
-    const double before_s = processor_s();
-    live->begun_us = g_get_monotonic_time();
-    const guint source = g_timeout_add(2, tick, live);
-    g_main_loop_run(live->loop);
-    g_source_remove(source);
-    struct speed_live ret = live->ret;
-    ret.seconds = (double)(g_get_monotonic_time() - live->begun_us) / G_USEC_PER_SEC;
-    ret.cores = (processor_s() - before_s) / ret.seconds;
-    ret.mb_s = 1e-6 * (double)ret.frames * (double)PIXELS / ret.seconds;
-    live_free(live);
     return ret;
 }

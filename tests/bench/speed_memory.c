@@ -1,5 +1,5 @@
 /* All frames are one file under many names: how large they are counts, not what is in them. */
-#include "speed_memory.h"
+#include "speed_parts.h"
 
 #include "calibration/calibration.h"
 #include "exr/exr.h"
@@ -18,21 +18,6 @@
 #define TEXELS 256
 #define LIGHTS 96
 #define CAMERA 2 /* at 45° */
-
-static void write_frame(const char *path, const struct rig_camera *camera) {
-    static const char *const channels[] = {"Y", NULL};
-    struct exr_part *part =
-        exr_part_new("radiance", camera->width, camera->height, channels, EXR_HALF);
-    struct exr_file *file = exr_file_new();
-    GRand *rand = g_rand_new_with_seed(1);
-    for (int i = 0; i < camera->width * camera->height; i++)
-        part->planes[0][i] = (float)(100 + i % camera->width * 0.5 + g_rand_double(rand) * 4);
-    g_rand_free(rand);
-    exr_set_string(part, "mesorig.cfa", "rggb");
-    exr_file_add(file, part);
-    g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
-    exr_file_free(file);
-}
 
 /* Lamps at as many places of the arc as it takes; as many turns of the table as there are views. */
 static void make_plan(const struct rig *rig, int views, struct session_plan *plan,
@@ -79,8 +64,12 @@ static void commit_all(Session *session, const struct session_plan *plan, const 
     g_assert_true(session_set_value(session, "state", "done", NULL));
 }
 
-/* A calibration file wants names. */
-static void name_all(struct rig *rig) {
+static void make_session(const char *path, const char *frame, int views) {
+    const struct bench_setup setup = {
+        .material = "weave", .texels = TEXELS, .texel_mm = 50.0 / TEXELS, .pixels_a_texel = 2};
+    struct rig *rig = g_new0(struct rig, 1);
+    bench_rig(&setup, rig);
+    /* A calibration file wants names. */
     g_strlcpy(rig->id, "bench", sizeof rig->id);
     for (int i = 0; i < rig->n_cameras; i++)
         g_snprintf(rig->cameras[i].name, RIG_NAME, "cam%d", i);
@@ -88,14 +77,6 @@ static void name_all(struct rig *rig) {
         g_snprintf(rig->lamps[i].name, RIG_NAME, "lamp%d", i);
     for (int i = 0; i < rig->n_lasers; i++)
         g_snprintf(rig->lasers[i].name, RIG_NAME, "laser%d", i);
-}
-
-static void make_session(const char *path, const char *frame, int views) {
-    const struct bench_setup setup = {
-        .material = "weave", .texels = TEXELS, .texel_mm = 50.0 / TEXELS, .pixels_a_texel = 2};
-    struct rig *rig = g_new0(struct rig, 1);
-    bench_rig(&setup, rig);
-    name_all(rig);
     g_autofree char *calibration = rig_to_text(rig);
     g_autofree struct session_direction *view = g_new0(struct session_direction, views);
     g_autofree struct session_direction *light = g_new0(struct session_direction, LIGHTS);
@@ -104,7 +85,7 @@ static void make_session(const char *path, const char *frame, int views) {
     const struct session_texts texts = {"", "", calibration, NULL};
     g_autoptr(GError) error = NULL;
     make_plan(rig, views, &plan, view, light, shot);
-    write_frame(frame, &rig->cameras[CAMERA]);
+    bench_write_frame(frame, &rig->cameras[CAMERA]);
     g_autoptr(Session) session = session_create(path, "memory", &texts, &plan, &error);
     if (!session)
         g_error("%s", error->message);
@@ -112,8 +93,13 @@ static void make_session(const char *path, const char *frame, int views) {
     g_free(rig);
 }
 
-/* In a process of its own, of which the kernel tells what it took. */
-static struct speed_memory process(const char *path, int views) {
+struct speed_memory speed_memory(int views, const char *folder) {
+    g_autofree char *own = g_build_filename(folder, "bench-memory-XXXXXX", NULL);
+    g_assert_nonnull(g_mkdtemp(own));
+    g_autofree char *path = g_build_filename(own, "memory.session", NULL);
+    g_autofree char *frame = g_build_filename(own, "frame.exr", NULL);
+    make_session(path, frame, views);
+    /* In a process of its own, of which the kernel tells what it took. */
     const gint64 begun_us = g_get_monotonic_time();
     const pid_t child = fork();
     struct rusage usage;
@@ -128,22 +114,13 @@ static struct speed_memory process(const char *path, int views) {
         _exit(!ok);
     }
     const gboolean ended = child > 0 && wait4(child, &status, 0, &usage) == child;
-    return (struct speed_memory){.peak_mib = ended ? (double)usage.ru_maxrss / 1024 : 0,
-                                 .seconds =
-                                     (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC,
-                                 .texels = TEXELS,
-                                 .views = views,
-                                 .lights = LIGHTS,
-                                 .ok = ended && status == 0};
-}
-
-struct speed_memory speed_memory(int views, const char *folder) {
-    g_autofree char *own = g_build_filename(folder, "bench-memory-XXXXXX", NULL);
-    g_assert_nonnull(g_mkdtemp(own));
-    g_autofree char *path = g_build_filename(own, "memory.session", NULL);
-    g_autofree char *frame = g_build_filename(own, "frame.exr", NULL);
-    make_session(path, frame, views);
-    const struct speed_memory ret = process(path, views);
+    const struct speed_memory ret = (struct speed_memory){
+        .peak_mib = ended ? (double)usage.ru_maxrss / 1024 : 0,
+        .seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC,
+        .texels = TEXELS,
+        .views = views,
+        .lights = LIGHTS,
+        .ok = ended && status == 0};
     remove_tree(own);
     return ret;
 }

@@ -1,10 +1,9 @@
 /* What is looked at is a flat print, known by formula, so that a texel's mean is, too. */
-#include "speed_rectify.h"
+#include "speed_parts.h"
 
 #include "exr/exr.h"
 #include "frames/rectify.h"
 #include "measurement_rig.h"
-#include "speed_sweep.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -74,23 +73,6 @@ static void expose(struct scene *scene) {
     }
 }
 
-static void know(struct scene *scene) {
-    for (gsize i = 0; i < scene->n_texels * LIGHTS; i++) {
-        const int light = (int)(i / scene->n_texels), texel = (int)(i % scene->n_texels);
-        for (int colour = 0; colour < 3; colour++) {
-            double sum = 0;
-            for (int k = 0; k < EXACT * EXACT; k++) {
-                const int x = texel % TEXELS * EXACT + k % EXACT;
-                const int y = texel / TEXELS * EXACT + k / EXACT;
-                const double column = (x + 0.5) / EXACT, row = (y + 0.5) / EXACT;
-                sum += radiance((column - TEXELS / 2.0) * TEXEL_MM, (TEXELS / 2.0 - row) * TEXEL_MM,
-                                colour, light);
-            }
-            scene->truth[3 * i + (gsize)colour] = (float)(sum / (EXACT * EXACT));
-        }
-    }
-}
-
 static struct scene *scene_new(void) {
     const struct bench_setup setup = {
         .material = "weave", .texels = TEXELS, .texel_mm = TEXEL_MM, .pixels_a_texel = 2};
@@ -105,14 +87,21 @@ static struct scene *scene_new(void) {
     scene->mosaics = g_new(float, scene->n_pixels *LIGHTS);
     scene->truth = g_new(float, scene->n_texels * 3 * LIGHTS);
     expose(scene);
-    know(scene);
+    for (gsize i = 0; i < scene->n_texels * LIGHTS; i++) {
+        const int light = (int)(i / scene->n_texels), texel = (int)(i % scene->n_texels);
+        for (int colour = 0; colour < 3; colour++) {
+            double sum = 0;
+            for (int k = 0; k < EXACT * EXACT; k++) {
+                const int x = texel % TEXELS * EXACT + k % EXACT;
+                const int y = texel / TEXELS * EXACT + k / EXACT;
+                const double column = (x + 0.5) / EXACT, row = (y + 0.5) / EXACT;
+                sum += radiance((column - TEXELS / 2.0) * TEXEL_MM, (TEXELS / 2.0 - row) * TEXEL_MM,
+                                colour, light);
+            }
+            scene->truth[3 * i + (gsize)colour] = (float)(sum / (EXACT * EXACT));
+        }
+    }
     return scene;
-}
-
-static void scene_free(struct scene *scene) {
-    g_free(scene->mosaics);
-    g_free(scene->truth);
-    g_free(scene);
 }
 
 static double since_ms(gint64 begun_us) {
@@ -238,6 +227,8 @@ struct speed_rectify speed_rectify(void) {
     ret.decode_ms = decode_ms(scene);
     rectify_all(scene, &ret);
     run_opencv(scene, &ret);
-    scene_free(scene);
+    g_free(scene->mosaics);
+    g_free(scene->truth);
+    g_free(scene);
     return ret;
 }

@@ -1,4 +1,4 @@
-#include "speed_sweep.h"
+#include "speed_parts.h"
 
 #include "frames/sweep.h"
 
@@ -54,17 +54,6 @@ double speed_number(const char *json, const char *name) {
     return at ? g_ascii_strtod(at + strlen(key), NULL) : 0;
 }
 
-/* A line that goes across the picture once, of another brightness in every pixel, with noise. */
-static void fill(guint16 *pixels, int time, GRand *rand) {
-    for (gsize i = 0; i < PIXELS; i++) {
-        const double at = (double)(i % WIDTH) / WIDTH * FRAMES - time;
-        const double dn =
-            fabs(at) < 6 ? (500 + (double)(i * 7919 % 3000)) * exp(-at * at / (2 * SIGMA * SIGMA))
-                         : 0;
-        pixels[i] = (guint16)(64 + g_rand_int_range(rand, 0, 16) + lround(dn));
-    }
-}
-
 static double time_copy(const guint16 *frames, guint16 *to) {
     const gint64 begun_us = speed_now_us();
     for (gsize t = 0; t < FRAMES; t++) {
@@ -87,20 +76,6 @@ static Sweep *time_sweep(const guint16 *frames, int together, double *ret_least_
     return sweep;
 }
 
-static void compare(const float *ours, const float *theirs, struct speed_sweep *ret) {
-    double squares = 0;
-    gsize both = 0, agree = 0;
-    for (gsize i = 0; i < PIXELS; i++) {
-        agree += (ours[i] >= 0) == (theirs[i] >= 0);
-        if (ours[i] < 0 || theirs[i] < 0)
-            continue;
-        squares += pow((double)ours[i] - (double)theirs[i], 2);
-        both++;
-    }
-    ret->numpy_rms_frames = both ? sqrt(squares / (double)both) : -1;
-    ret->numpy_agree = (double)agree / (double)PIXELS;
-}
-
 /* Millions of pixels a second; 0: not known. */
 static double rate(double seconds) {
     return seconds > 0 ? 1e-6 * (double)(PIXELS * FRAMES) / seconds : 0;
@@ -120,8 +95,20 @@ static void run_numpy(const guint16 *frames, const float *peak, struct speed_swe
     ret->samples_mpx_s = rate(speed_number(out, "samples"));
     ret->to_peaks_mpx_s = rate(speed_number(out, "to_peaks"));
     if (out && g_file_get_contents(peaks, &theirs, &length, NULL) &&
-        length == PIXELS * sizeof(float))
-        compare(peak, (const float *)(gconstpointer)theirs, ret);
+        length == PIXELS * sizeof(float)) {
+        const float *numpy = (const float *)(gconstpointer)theirs;
+        double squares = 0;
+        gsize both = 0, agree = 0;
+        for (gsize i = 0; i < PIXELS; i++) {
+            agree += (peak[i] >= 0) == (numpy[i] >= 0);
+            if (peak[i] < 0 || numpy[i] < 0)
+                continue;
+            squares += pow((double)peak[i] - (double)numpy[i], 2);
+            both++;
+        }
+        ret->numpy_rms_frames = both ? sqrt(squares / (double)both) : -1;
+        ret->numpy_agree = (double)agree / (double)PIXELS;
+    }
     g_unlink(in);
     g_unlink(peaks);
     g_rmdir(folder);
@@ -132,8 +119,18 @@ struct speed_sweep speed_sweep(void) {
     g_autofree float *peak = g_new(float, PIXELS), *width = g_new(float, PIXELS);
     g_autofree float *intensity = g_new(float, PIXELS);
     GRand *rand = g_rand_new_with_seed(1);
-    for (int t = 0; t < FRAMES; t++)
-        fill(frames + (gsize)t * PIXELS, t, rand);
+    for (int t = 0; t < FRAMES; t++) {
+        /* A line that goes across the picture once, of another brightness in every pixel, with
+         * noise. */
+        guint16 *pixels = frames + (gsize)t * PIXELS;
+        for (gsize k = 0; k < PIXELS; k++) {
+            const double at = (double)(k % WIDTH) / WIDTH * FRAMES - t;
+            const double dn = fabs(at) < 6 ? (500 + (double)(k * 7919 % 3000)) *
+                                                 exp(-at * at / (2 * SIGMA * SIGMA))
+                                           : 0;
+            pixels[k] = (guint16)(64 + g_rand_int_range(rand, 0, 16) + lround(dn));
+        }
+    }
     g_rand_free(rand);
     double copy = G_MAXDOUBLE, some = G_MAXDOUBLE, single = G_MAXDOUBLE, finish = G_MAXDOUBLE;
     for (int i = 0; i < REPEATS; i++) {

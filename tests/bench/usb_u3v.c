@@ -55,34 +55,6 @@ static void write_register(libusb_device_handle *handle, guint64 address, guint3
         fail("a register was not written");
 }
 
-static double shoot_bare(libusb_device_handle *handle, guint8 *picture) {
-    guint8 head[64];
-    gint64 begun = g_get_monotonic_time();
-    write_register(handle, TRIGGER, 1);
-    bulk(handle, 0x82, head, sizeof head);
-    if (bulk(handle, 0x82, picture, WIDTH * HEIGHT) != WIDTH * HEIGHT)
-        fail("half a picture came");
-    bulk(handle, 0x82, head, sizeof head);
-    return (double)(g_get_monotonic_time() - begun);
-}
-
-static void time_bare(int n, double *ret_us) {
-    libusb_context *context;
-    g_autofree guint8 *picture = g_malloc(WIDTH * HEIGHT);
-    if (libusb_init(&context))
-        fail("no libusb");
-    libusb_device_handle *handle = libusb_open_device_with_vid_pid(context, 0x1d50, 0x60ff);
-    if (!handle || libusb_claim_interface(handle, 0) || libusb_claim_interface(handle, 1))
-        fail("it cannot be opened by hand");
-    write_register(handle, STREAM_CONTROL, 1);
-    write_register(handle, ACQUISITION, 1);
-    for (int i = 0; i < n; i++)
-        ret_us[i] = shoot_bare(handle, picture);
-    write_register(handle, ACQUISITION, 0);
-    libusb_close(handle);
-    libusb_exit(context);
-}
-
 struct seen {
     int n;
     gint64 came_us;
@@ -134,5 +106,26 @@ void u3v_measure(Clock *clock, int n, double *ret_raw_us, double *ret_driver_us)
         ret_driver_us[i] = (double)(seen.came_us - begun);
     }
     camera_close(camera);
-    time_bare(n, ret_raw_us);
+    libusb_context *context;
+    g_autofree guint8 *picture = g_malloc(WIDTH * HEIGHT);
+    if (libusb_init(&context))
+        fail("no libusb");
+    libusb_device_handle *handle = libusb_open_device_with_vid_pid(context, 0x1d50, 0x60ff);
+    if (!handle || libusb_claim_interface(handle, 0) || libusb_claim_interface(handle, 1))
+        fail("it cannot be opened by hand");
+    write_register(handle, STREAM_CONTROL, 1);
+    write_register(handle, ACQUISITION, 1);
+    for (int i = 0; i < n; i++) {
+        guint8 head[64];
+        gint64 begun_bare = g_get_monotonic_time();
+        write_register(handle, TRIGGER, 1);
+        bulk(handle, 0x82, head, sizeof head);
+        if (bulk(handle, 0x82, picture, WIDTH * HEIGHT) != WIDTH * HEIGHT)
+            fail("half a picture came");
+        bulk(handle, 0x82, head, sizeof head);
+        ret_raw_us[i] = (double)(g_get_monotonic_time() - begun_bare);
+    }
+    write_register(handle, ACQUISITION, 0);
+    libusb_close(handle);
+    libusb_exit(context);
 }

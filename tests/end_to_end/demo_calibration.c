@@ -19,15 +19,6 @@ static double apart_deg(struct vec3 a, struct vec3 b) {
     return FIXTURE_DEG(atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b)));
 }
 
-static void compare_cameras(const struct comparing *c, struct demo_errors *ret) {
-    const struct fixture_errors errors = boards_compare(&c->fixture, c->found);
-    ret->camera_px = errors.point_px;
-    ret->camera_deg = errors.direction_deg;
-    ret->camera_pct = errors.distance_pct;
-    ret->axis_mm = errors.axis_mm;
-    ret->axis_deg = errors.axis_deg;
-}
-
 static void compare_lamps(const struct comparing *c, struct demo_errors *ret) {
     const struct rig *rig = &c->found->rig;
     double cross = 0, dot = 0;
@@ -117,27 +108,28 @@ static void compare_light(const struct comparing *c, struct demo_errors *ret) {
     ret->light_worst = g_array_index(errors, double, errors->len - 1);
 }
 
-static struct comparing comparing(World *world, const struct calibration *found) {
-    struct comparing c = {.world = world, .found = found};
-    c.fixture.worlds[0] = world;
-    c.fixture.nominal = found->rig;
-    c.azimuth_rad = boards_azimuth_rad(&c.fixture, &found->rig);
+static struct comparing comparing(World *world, const struct rig *rig) {
+    struct comparing c = {.world = world, .fixture.worlds = {world}, .fixture.nominal = *rig};
+    c.azimuth_rad = boards_azimuth_rad(&c.fixture, rig);
     return c;
 }
 
 void demo_errors_of(World *world, const struct calibration *calibration,
                     const struct demo_step *steps, int n, struct demo_errors *ret) {
-    const struct comparing c = comparing(world, calibration);
+    struct comparing c = comparing(world, &calibration->rig);
+    c.found = calibration;
     *ret = (struct demo_errors){0};
-    compare_cameras(&c, ret);
+    const struct fixture_errors errors = boards_compare(&c.fixture, c.found);
+    ret->camera_px = errors.point_px;
+    ret->camera_deg = errors.direction_deg;
+    ret->camera_pct = errors.distance_pct;
+    ret->axis_mm = errors.axis_mm;
+    ret->axis_deg = errors.axis_deg;
     compare_lamps(&c, ret);
     compare_sheets(&c, steps, n, ret);
     compare_light(&c, ret);
 }
 
 double demo_azimuth_rad(World *world, const struct rig *rig) {
-    struct comparing c = {.world = world};
-    c.fixture.worlds[0] = world;
-    c.fixture.nominal = *rig;
-    return boards_azimuth_rad(&c.fixture, rig);
+    return comparing(world, rig).azimuth_rad;
 }

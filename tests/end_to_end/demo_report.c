@@ -104,41 +104,36 @@ static int lasers_of_view(const struct report *report, const struct session_dire
     return n;
 }
 
-/* What other views predict is not measured, so that it counts as nothing here. */
-static void add_mdf_view(struct mdf_sums *sums, const float *measured, const float *from,
-                         const float *truth, const guint8 *edge, const guint8 *seen, int n,
-                         double texel_mm) {
-    for (int i = 0; i < n; i++) {
-        gboolean known = measured[i] >= 0 && (int)from[i] != MDF_PREDICTED;
-        sums->texels++;
-        sums->seen += seen[i] > 0;
-        sums->covered += seen[i] > 0 && known;
-        if (!known)
-            continue;
-        const float error = fabsf(measured[i] - truth[i]);
-        sums->squares_all += (double)error * error;
-        sums->n_all++;
-        sums->outliers += error > texel_mm;
-        if (edge[i])
-            continue;
-        sums->squares += (double)error * error;
-        sums->n++;
-        g_array_append_val(sums->errors, error);
-    }
-}
-
 static void compare_mdf_view(struct report *report, guint v, const float *truth, const guint8 *edge,
                              const guint8 *seen) {
     const struct session_direction *view = g_ptr_array_index(report->views, v);
     g_autofree char *name = g_strdup_printf("view_%04d", view->index);
+    const double texel_mm = report->grid.width_mm / report->grid.width;
     for (int k = 0; k < report->n_kinds; k++) {
         const struct exr_part *part = exr_file_part(report->products[k].mdf, name);
         const float *measured = part ? exr_part_plane(part, "D") : NULL;
         const float *from = part ? exr_part_plane(part, "P") : NULL;
-        if (measured && from)
-            add_mdf_view(&report->products[k].sums, measured, from, truth, edge, seen,
-                         report->grid.width * report->grid.height,
-                         report->grid.width_mm / report->grid.width);
+        struct mdf_sums *sums = &report->products[k].sums;
+        if (measured && from) {
+            /* What other views predict is not measured, so that it counts as nothing here. */
+            for (int i = 0; i < report->grid.width * report->grid.height; i++) {
+                gboolean known = measured[i] >= 0 && (int)from[i] != MDF_PREDICTED;
+                sums->texels++;
+                sums->seen += seen[i] > 0;
+                sums->covered += seen[i] > 0 && known;
+                if (!known)
+                    continue;
+                const float error = fabsf(measured[i] - truth[i]);
+                sums->squares_all += (double)error * error;
+                sums->n_all++;
+                sums->outliers += error > texel_mm;
+                if (edge[i])
+                    continue;
+                sums->squares += (double)error * error;
+                sums->n++;
+                g_array_append_val(sums->errors, error);
+            }
+        }
     }
 }
 
@@ -182,19 +177,6 @@ static const struct session_shot *find_lamp_shot(const struct report *report,
     return NULL;
 }
 
-static void compare_btf(struct products *products, const struct exr_part *part,
-                        const struct session_direction *view, const float *truth) {
-    const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
-                              exr_part_plane(part, "B")};
-    for (int t = 0; t < part->width * part->height; t++)
-        for (int c = 0; c < 3; c++) {
-            const float exact = truth[t * 3 + c];
-            const float relative_error = fabsf(planes[c][t] - exact) / MAX(exact, 0.02f);
-            g_array_append_val(view->theta_deg > 60 ? products->steep : products->errors,
-                               relative_error);
-        }
-}
-
 static gboolean measure_btf_pair(struct report *report, const struct session_direction *view,
                                  const struct session_direction *light, const float *truth,
                                  gboolean draw, GError **error) {
@@ -205,7 +187,16 @@ static gboolean measure_btf_pair(struct report *report, const struct session_dir
         struct exr_part *part = exr_read_part(path, name, error);
         if (!part)
             return FALSE;
-        compare_btf(&report->products[k], part, view, truth);
+        const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
+                                  exr_part_plane(part, "B")};
+        for (int t = 0; t < part->width * part->height; t++)
+            for (int c = 0; c < 3; c++) {
+                const float exact = truth[t * 3 + c];
+                const float relative_error = fabsf(planes[c][t] - exact) / MAX(exact, 0.02f);
+                g_array_append_val(view->theta_deg > 60 ? report->products[k].steep
+                                                        : report->products[k].errors,
+                                   relative_error);
+            }
         if (k == CALIBRATED && draw && demo_btf_add(report->picture, part, truth))
             g_printerr("%s: column %d, view from theta %g, phi %g, light from %g, %g degrees\n",
                        btf_png, demo_btf_columns(report->picture), view->theta_deg, view->phi_deg,
@@ -376,15 +367,6 @@ static void report_calibration(struct report *report, const double figures[KINDS
              figures[NOMINAL][figure_rows[i].figure], figures[CALIBRATED][figure_rows[i].figure]);
 }
 
-static void report_figures(struct report *report) {
-    double figures[KINDS][FIGURES] = {{0}};
-    for (int k = 0; k < report->n_kinds; k++)
-        sum_up(report, &report->products[k], figures[k]);
-    for (int i = 0; i < FIGURES; i++)
-        add_number(report->json, figure_names[i], figures[CALIBRATED][i]);
-    report_calibration(report, figures);
-}
-
 static void report_counts(struct report *report) {
     int done = 0;
     for (guint i = 0; i < report->shots->len; i++)
@@ -492,7 +474,12 @@ int main(int argc, char **argv) {
         ok = measure_mdf(&report, &error) && measure_btf(&report, &error);
     }
     if (ok) {
-        report_figures(&report);
+        double figures[KINDS][FIGURES] = {{0}};
+        for (int k = 0; k < report.n_kinds; k++)
+            sum_up(&report, &report.products[k], figures[k]);
+        for (int i = 0; i < FIGURES; i++)
+            add_number(report.json, figure_names[i], figures[CALIBRATED][i]);
+        report_calibration(&report, figures);
         if (facts)
             g_string_append_printf(report.json, "  %s,\n", facts);
         g_string_truncate(report.json, report.json->len - 2);

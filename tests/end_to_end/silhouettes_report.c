@@ -72,19 +72,6 @@ static gboolean measure(const struct options *o, Displaced *displaced, Viewer *v
     return TRUE;
 }
 
-static void report(const struct options *o, int u, int v, const struct scores *scores) {
-    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "mdf"};
-    if (o->json)
-        printf("{\"tiles\": \"%dx%d\"", u, v);
-    else
-        printf("%dx%d\n", u, v);
-    for (int way = 0; way < N_WAYS; way++)
-        printf(o->json ? ", \"%s\": {\"outline\": %.4f, \"shadow\": %.4f}"
-                       : "  %-10s outline %.4f  shadow on the floor %.4f\n",
-               names[way], overlap_share(&scores[way].outline), overlap_share(&scores[way].shadow));
-    printf(o->json ? "}" : "");
-}
-
 /* Diffuse: direct light, and ambient as the viewer adds it. */
 static gboolean make_picture(const struct options *o, Displaced *displaced, Viewer *view,
                              const struct viewer_settings *s, GError **error) {
@@ -135,7 +122,16 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
     struct scores scores[N_WAYS];
     if (!measure(o, displaced, view, &s, scores, error))
         return FALSE;
-    report(o, u, v, scores);
+    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "mdf"};
+    if (o->json)
+        printf("{\"tiles\": \"%dx%d\"", u, v);
+    else
+        printf("%dx%d\n", u, v);
+    for (int way = 0; way < N_WAYS; way++)
+        printf(o->json ? ", \"%s\": {\"outline\": %.4f, \"shadow\": %.4f}"
+                       : "  %-10s outline %.4f  shadow on the floor %.4f\n",
+               names[way], overlap_share(&scores[way].outline), overlap_share(&scores[way].shadow));
+    printf(o->json ? "}" : "");
     return TRUE;
 }
 

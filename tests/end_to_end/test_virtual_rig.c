@@ -15,14 +15,6 @@
 #define SMALL  SOURCE_DIR "/tests/small/"
 #define BIN(x) BUILD_DIR "/bin/" x
 
-static char *text_of(const char *path) {
-    char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
-    return text;
-}
-
 static void runs(const char *program, ...) G_GNUC_NULL_TERMINATED;
 static void runs(const char *program, ...) {
     va_list arguments;
@@ -53,30 +45,12 @@ static char *first_line(GSubprocess *process) {
     return g_data_input_stream_read_line(in, NULL, NULL, NULL);
 }
 
-/* The same rig, with other noise. */
-static void capture_simulated(const char *name, const char *seed) {
-    g_autofree char *rig = twin_path("rig.conf"), *world = twin_path("world.conf");
-    g_autofree char *session = twin_path(name);
-    g_autofree char *rig_text = text_of(SMALL "rig.conf"), *text = text_of(SMALL "world.conf");
-    g_auto(GStrv) parts = g_strsplit(text, "seed = 7", 2);
-    g_assert_nonnull(parts[1]);
-    g_autofree char *changed = g_strconcat(parts[0], "seed = ", seed, parts[1], NULL);
-    g_assert_true(g_file_set_contents(rig, rig_text, -1, NULL));
-    g_assert_true(g_file_set_contents(world, changed, -1, NULL));
-    runs(BIN("mesorig"), "capture", rig, SMALL "session.conf", "-o", session, NULL);
-    runs(BIN("mesorig"), "process", session, NULL);
-}
-
-/* Its socket is there when it has opened the rig. What it says is told if that fails. */
-static GSubprocess *starts_daemon(const char *rig, const char *address, const char *socket) {
-    g_autofree char *says = twin_path("daemon.log");
-    GSubprocess *daemon =
-        process_start(G_SUBPROCESS_FLAGS_NONE, says,
-                      (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", rig, NULL});
-    for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(10000);
-    g_autofree char *said = text_of(says);
-    if (!g_file_test(socket, G_FILE_TEST_EXISTS))
+/* What it says is told if it does not listen. */
+static GSubprocess *starts_daemon(const char *rig, const char *address) {
+    g_autofree char *says = twin_path("daemon.log"), *said = NULL;
+    GSubprocess *daemon = twin_start_daemon(G_SUBPROCESS_FLAGS_NONE, says, rig, address);
+    g_assert_true(g_file_get_contents(says, &said, NULL, NULL));
+    if (!g_file_test(address + strlen("unix:path="), G_FILE_TEST_EXISTS))
         g_error("mesorigd does not listen: %s", said);
     return daemon;
 }
@@ -90,7 +64,7 @@ static void capture_virtual(const char *name) {
     g_autofree char *said = first_line(devices);
     g_assert_nonnull(strstr(said, "{\"section\":\"camera cam30\",\"driver\":\"aravis\""));
     g_assert_nonnull(strstr(said, "{\"section\":\"axis arc\",\"driver\":\"modbus-axis\""));
-    GSubprocess *daemon = starts_daemon(rig, address, socket);
+    GSubprocess *daemon = starts_daemon(rig, address);
     runs(BIN("mesorig"), "capture", "--address", address, rig, SMALL "session.conf", "-o", session,
          NULL);
     runs(BIN("mesorig"), "process", session, NULL);
@@ -101,25 +75,8 @@ static void capture_virtual(const char *name) {
 
 static void through_real_protocols(void) {
     capture_virtual("virtual.session");
-    capture_simulated("simulated.session", "7");
-    capture_simulated("other.session", "8");
     g_assert_cmpfloat(twin_value("virtual.session", "frames"), ==, 144);
-    g_assert_cmpfloat(twin_value("virtual.session", "retakes"), ==, 0);
-    static const struct {
-        const char *folder;
-        gboolean holes;
-    } kinds[] = {{"frames", FALSE}, {"products/btf", FALSE}, {"products", TRUE}};
-    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
-        struct difference noise =
-            twin_compare("simulated.session", "other.session", kinds[i].folder, kinds[i].holes);
-        struct difference real =
-            twin_compare("simulated.session", "virtual.session", kinds[i].folder, kinds[i].holes);
-        g_assert_cmpfloat(noise.rms, >, 0);
-        g_assert_cmpfloat(real.rms, >, 0); /* other noise */
-        g_assert_cmpfloat(real.rms, <, 1.4 * noise.rms);
-        g_assert_cmpfloat(fabs(real.systematic), <, noise.rms);
-        g_assert_cmpfloat(real.seen_differently, <, noise.seen_differently + 0.05);
-    }
+    twin_assert_noise_alone("virtual.session");
 }
 
 struct mishap { /* a session, and what happens to a camera in it */
@@ -192,7 +149,7 @@ static void abandoned(void) {
         mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
         g_assert_no_error(error);
         g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
-        g_autoptr(GSubprocess) daemon = starts_daemon(path, address, socket);
+        g_autoptr(GSubprocess) daemon = starts_daemon(path, address);
         mishap.capture =
             starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
                    "capture", "--address", address, path, conf, "-o", session, NULL);
@@ -231,7 +188,7 @@ static void mishaps(void) {
     virtual_rig_fail_cameras(mishap.rig, &faults);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
     write_short_session(conf);
-    GSubprocess *daemon = starts_daemon(path, address, socket);
+    GSubprocess *daemon = starts_daemon(path, address);
     mishap.capture =
         starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
                "capture", "--address", address, path, conf, "-o", session, NULL);
