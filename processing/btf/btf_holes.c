@@ -26,7 +26,7 @@ static gboolean btf_holes_fill(float *const *planes, int n, int width, int heigh
 int btf_fill_holes(float *const *planes, int n, int width, int height) {
     const int pixels = width * height;
     g_autofree int *holes = g_new(int, pixels);
-    g_autofree gint8 *known = g_new(gint8, pixels);
+    g_autofree gint8 *known = g_new0(gint8, pixels);
     int all = 0;
     g_return_val_if_fail(n <= 8, -1);
     for (int i = 0; i < pixels; i++) {

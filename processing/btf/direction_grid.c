@@ -156,7 +156,7 @@ static void add_equation(int n_grid, const float *direction, double weight, cons
 }
 
 static float *grid_directions(int n_grid) {
-    float *ret = g_new(float, 3 * n_grid * n_grid);
+    float *ret = g_new0(float, 3 * n_grid * n_grid);
     for (int i = 0; i < n_grid * n_grid; i++) {
         const int column = i % n_grid, row = i / n_grid;
         direction_grid_direction(column / (n_grid - 1.0), row / (n_grid - 1.0),
