@@ -12,8 +12,15 @@
 
 #define LEAST_ANGLE                                                                                \
     0.03                /* least sine of the angle between ray and sheet: below it depth is noise */
-#define ABOVE_MM    0.5 /* points may lie this far above the reference plane */
-#define BELOW_MM    1.0 /* and this far below the deepest structure */
+/* Distances of two sweeps this close agree: a share of a texel, for what a texel's surface differs
+ * within it, or of what a sweep's frame is deep, as peaks of the faintest lines are known to a
+ * tenth of a frame. */
+#define TEXEL_SHARE 0.128
+#define FRAME_SHARE 0.1
+/* In such tolerances, points may lie this far above the reference plane, and below the deepest
+ * structure. */
+#define ABOVE       5
+#define BELOW       10
 #define SEEN_SHARE  0.6f /* share of the pixels around a texel that must see the line */
 #define LIVE_SHARE  0.25 /* of the peaks in the best phase of the colour filter */
 #define FAINT       0.5  /* of the brightest line at a texel: such a line has half weight */
@@ -34,6 +41,7 @@ struct MdfView {
                            brightest and by the second pulse; −1: none */
     struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* n_texels × 2 candidates; mm < 0: none */
     double weight[MDF_MAX_SWEEPS];
+    double texel_mm;
 };
 
 MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
@@ -51,7 +59,8 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->x_px = g_new(float, view->n_texels);
     view->y_px = g_new(float, view->n_texels);
     double slant = view->centre_mm.z / vec3_length(view->centre_mm);
-    view->agreement_mm = (float)(grid->width_mm / grid->width / MAX(slant, 0.1));
+    view->texel_mm = grid->width_mm / grid->width;
+    view->agreement_mm = (float)(view->texel_mm / MAX(slant, 0.1));
     for (gsize i = 0; i < n_pixels; i++) {
         struct vec3 ray = rig_pixel_ray(camera, (int)(i % camera->width), (int)(i / camera->width));
         view->ray[3 * i] = (float)ray.x;
@@ -100,10 +109,25 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
+/* max(TEXEL_SHARE · texel, FRAME_SHARE · depth of a frame). From one frame to the next the sheet
+ * turns by step_rad: at a range R from the source it moves by step · R, and by step · R / |n·r|
+ * along a ray r; here along the one through the middle of the texels. */
+static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sweep) {
+    const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
+    const struct vec3 ray = vec3_unit(vec3_sub(middle, view->centre_mm));
+    const double sweep_rad = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, middle);
+    const struct rig_plane sheet =
+        rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
+    const double range = vec3_length(
+        vec3_sub(middle, rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad)));
+    const double sine = MAX(fabs(vec3_dot(sheet.normal, ray)), LEAST_ANGLE);
+    return MAX(TEXEL_SHARE * view->texel_mm, FRAME_SHARE * fabs(sweep->step_rad) * range / sine);
+}
+
 /* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
  * a grazing intersection, or a point outside of the volume. */
-static float intersect(const MdfView *view, const struct laser_sweep *sweep, float peak,
-                       gsize pixel) {
+static float intersect(const MdfView *view, const struct laser_sweep *sweep, double tolerance_mm,
+                       float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
     const float *r = view->ray + 3 * pixel;
@@ -114,7 +138,7 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, flo
         return -1;
     double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
-    if (!(height < ABOVE_MM) || !(height > -view->grid.depth_mm - BELOW_MM))
+    if (!(height < ABOVE * tolerance_mm) || !(height > -view->grid.depth_mm - BELOW * tolerance_mm))
         return -1;
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
@@ -131,13 +155,14 @@ static int phase_of(int x, int y) {
 
 /* Intersects all pixels' rays with the sheets of their peaks (pixel_mm), and finds the phases that
  * have them. */
-static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep) {
+static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep,
+                                 double tolerance_mm) {
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
     for (gsize i = 0; i < (gsize)width * (gsize)view->camera.height; i++) {
-        view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
+        view->pixel_mm[0][i] = intersect(view, sweep, tolerance_mm, sweep->peak[i], i);
         if (sweep->second_peak)
-            view->pixel_mm[1][i] = intersect(view, sweep, sweep->second_peak[i], i);
+            view->pixel_mm[1][i] = intersect(view, sweep, tolerance_mm, sweep->second_peak[i], i);
         seen[phase_of((int)i % width, (int)i / width)] += view->pixel_mm[0][i] >= 0;
     }
     for (int k = 0; k < 4; k++)
@@ -245,7 +270,8 @@ static struct side take_side(const MdfView *view, struct nears *all) {
 
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    struct phases phases = find_phases(view, sweep);
+    const double tolerance_mm = mdf_tolerance_mm(view, sweep);
+    struct phases phases = find_phases(view, sweep, tolerance_mm);
     struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
@@ -263,7 +289,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
         if (!(side[1].share >= SEEN_SHARE * near.all))
             side[1] = (struct side){.mm = -1};
         for (int k = 0; k < 2; k++)
-            texels[2 * i + k] = (struct mdf_candidate){.mm = side[k].mm, .dn = side[k].dn};
+            texels[2 * i + k] = (struct mdf_candidate){
+                .mm = side[k].mm, .dn = side[k].dn, .tolerance_mm = (float)tolerance_mm};
         seen += texels[2 * i].mm >= 0;
     }
     view->weight[view->n_sweeps] =

@@ -16,7 +16,7 @@
 
 /* Version of the method: it increases whenever the same sweeps give other values. Products of an
  * older version are made again. */
-#define MDF_METHOD 7
+#define MDF_METHOD 8
 
 typedef struct MdfView MdfView;
 

@@ -4,11 +4,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define AGREEMENT 0.1 /* mm: candidates of two lasers this close always agree */
-#define MOST      256 /* candidates */
+#define MOST 256 /* candidates */
 
 /* Support of a distance: Σ over sweeps of max over its candidates of weight · exp(−½ ((mm_i − mm)
- * / AGREEMENT)²). */
+ * / tolerance_i)²). */
 static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
     double sum = 0, best = 0;
     for (int i = 0; i < n; i++) {
@@ -16,7 +15,7 @@ static double support_of(const struct mdf_candidate *candidates, int n, double m
             sum += best;
             best = 0;
         }
-        double off = (candidates[i].mm - mm) / AGREEMENT;
+        double off = (candidates[i].mm - mm) / candidates[i].tolerance_mm;
         best = MAX(best, candidates[i].weight * exp(-0.5 * off * off));
     }
     return sum + best;
@@ -91,9 +90,8 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
         deviation[i].mm = (float)fabs(candidates[i].mm - mode);
     }
     double spread = 1.4826 * weighted_median(deviation, one_each);
-    double limit = MAX(3 * spread, AGREEMENT);
     for (int i = 0; i < one_each; i++)
-        if (fabs(candidates[i].mm - mode) <= limit)
+        if (fabs(candidates[i].mm - mode) <= MAX(3 * spread, candidates[i].tolerance_mm))
             candidates[kept++] = candidates[i];
     return kept < least ? nothing : mdf_merge_mean_of(candidates, kept);
 }

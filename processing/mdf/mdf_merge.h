@@ -5,8 +5,9 @@
 #pragma once
 
 struct mdf_candidate {
-    float mm, dn; /* distance; height of the pulse in DN */
-    int sweep;    /* at most one of a sweep's candidates is right */
+    float mm, dn;       /* distance; height of the pulse in DN */
+    float tolerance_mm; /* > 0: others this close always agree with it */
+    int sweep;          /* at most one of a sweep's candidates is right */
     double weight;
 };
 

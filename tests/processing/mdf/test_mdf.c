@@ -35,6 +35,7 @@ struct world {
     struct pinhole pinhole;
     struct surface surface;
     double turntable;
+    double scale; /* of rig and texels: 1 is 1.5 mm a texel */
     float peak[SIDE * SIDE], width[SIDE * SIDE], intensity[SIDE * SIDE];
 };
 
@@ -76,6 +77,8 @@ static void add(MdfView *view, const struct world *world, const struct line_lase
 static double expected_mm(const struct world *world, int texel) {
     double p[3] = {-15 + (texel % 20 + 0.5) * 1.5, 15 - ((double)(texel / 20) + 0.5) * 1.5, 5};
     double eye[3], ray[3];
+    for (int i = 0; i < 3; i++)
+        p[i] *= world->scale;
     analytic_turn(p, world->turntable, p);
     pinhole_eye(&world->pinhole, eye);
     double length = sqrt(pow(p[0] - eye[0], 2) + pow(p[1] - eye[1], 2) + pow(p[2] - eye[2], 2));
@@ -88,7 +91,7 @@ static double expected_mm(const struct world *world, int texel) {
 static void add_all(MdfView *view, struct world *world, double noise) {
     GRand *random = g_rand_new_with_seed(5);
     for (int i = 0; i < 12; i++) {
-        struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+        struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480 * world->scale};
         double arc = (15 + 37 * i) * DEGREE;
         sweep(world, &laser, arc, noise, random);
         add(view, world, &laser, arc);
@@ -103,7 +106,12 @@ struct errors {
 
 static struct errors measure(struct world *world, double noise) {
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    struct session_grid scaled = grid;
+    scaled.width_mm *= world->scale;
+    scaled.height_mm *= world->scale;
+    scaled.reference_mm *= world->scale;
+    scaled.depth_mm *= world->scale;
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &scaled);
     add_all(view, world, noise);
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
     mdf_view_merge(view, mm, n, s);
@@ -129,6 +137,7 @@ static struct world *new_world(double theta_deg, double turntable_deg, struct su
     world->pinhole = (struct pinhole){SIDE, SIDE, theta_deg * DEGREE, 650, 1600};
     world->turntable = turntable_deg * DEGREE;
     world->surface = surface;
+    world->scale = 1;
     return world;
 }
 
@@ -154,6 +163,29 @@ static void test_noise(void) {
     g_test_message("RMS %.4f mm", errors.rms);
     g_assert_cmpint(errors.missing, ==, 0);
     g_assert_cmpfloat(errors.rms, <, 0.05);
+}
+
+/* Rig, texels and a surface with a step, whose upper part rises above the reference plane, at half
+ * and at ten times the size: as many texels are measured, and their errors have grown as much. */
+static void test_scale(void) {
+    static const double scales[] = {1, 0.5, 10};
+    struct errors first = {0};
+    for (guint i = 0; i < G_N_ELEMENTS(scales); i++) {
+        const double scale = scales[i];
+        const struct surface surface = {3.5 * scale, 0.02, 0.01, 1.5 * scale, 0.2 * scale};
+        g_autofree struct world *world = new_world(30, 20, surface);
+        world->scale = scale;
+        world->pinhole.distance_mm *= scale;
+        const struct errors errors = measure(world, 0.1);
+        if (i == 0)
+            first = errors;
+        g_test_message("scale %g: %d missing, RMS %.5f, worst %.4f, by up to %d", scale,
+                       errors.missing, errors.rms / scale, errors.worst / scale, errors.most);
+        g_assert_cmpint(errors.missing, ==, first.missing);
+        g_assert_cmpint(errors.most, ==, first.most);
+        g_assert_cmpfloat_with_epsilon(errors.rms / scale, first.rms, 1e-3 * first.rms);
+    }
+    g_assert_cmpint(first.missing, <, N_TEXELS / 50);
 }
 
 struct merged {
@@ -402,6 +434,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/mdf/planes", test_planes);
     g_test_add_func("/mdf/noise", test_noise);
+    g_test_add_func("/mdf/scale", test_scale);
     g_test_add_func("/mdf/step", test_step);
     g_test_add_func("/mdf/outliers", test_outliers);
     g_test_add_func("/mdf/not-numbers", test_not_numbers);
