@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/robust.h"
 #include "frames/rectify.h"
 #include "mdf_merge.h"
 
@@ -27,6 +28,9 @@
 #define CONFIRM     2    /* neighbouring texels that must have the same distance */
 #define CLOSE       0.2f /* factor of the agreement tolerance for smooth continuation */
 #define MANY_SWEEPS 4    /* from this number of sweeps on, one alone is not sufficient */
+/* Mean square of a texel's roughness over that of linear interpolation between points a texel
+ * apart, κ / 2 · x (h − x) with x anywhere: 20.5 on a dome, 22.5 on a fold of curvature κ. */
+#define BETWEEN 21
 
 struct MdfView {
     struct rig_camera camera;
@@ -321,6 +325,59 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
+/* Mean square of what a texel's distance m is off the middle of two opposite neighbours a and b,
+ * Σ ((a + b) / 2 − m)² / pairs over the (up to four) pairs. On a plane it is 1.5 σ² of the noise of
+ * single texels; at a step, about the square of half of it. −1: no pair has both. */
+static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
+    static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+    const int width = view->grid.width, height = view->grid.height;
+    const int column = texel % width, row = texel / width;
+    double squares = 0;
+    int n = 0;
+    for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
+        const int right = pairs[k].right, down = pairs[k].down;
+        if (column < right || column + right >= width || row < abs(down) ||
+            row + abs(down) >= height)
+            continue;
+        const double a = distance[texel - down * width - right];
+        const double b = distance[texel + down * width + right];
+        if (a < 0 || b < 0)
+            continue;
+        squares += pow(0.5 * (a + b) - distance[texel], 2);
+        n++;
+    }
+    return n > 0 ? squares / n : -1;
+}
+
+/* Adds to the standard errors σ what the scatter of sweeps does not show. With r² a texel's
+ * roughness:
+ *   - All sweeps read a curved surface between the same pixels, and share that error:
+ *     σ² + (r² − 1.5 σ²) / BETWEEN.
+ *   - Nothing repeats what one sweep alone saw, but the surface around says how far values stray
+ *     there: (r² + median r² of the view) / 1.5 (the median, as r² may be small by chance). Without
+ *     neighbours it is the largest step from texel to texel that one surface takes. */
+static void mdf_complete_errors(const MdfView *view, const float *distance, const float *sweeps,
+                                float *error_mm) {
+    g_autofree double *rough = g_new(double, view->n_texels);
+    g_autofree double *known = g_new(double, view->n_texels);
+    int n = 0;
+    for (int i = 0; i < view->n_texels; i++) {
+        rough[i] = distance[i] >= 0 ? mdf_roughness_mm2(view, distance, i) : -1;
+        if (rough[i] >= 0)
+            known[n++] = rough[i];
+    }
+    const double typical = n > 0 ? robust_median(known, n) : 0;
+    for (int i = 0; i < view->n_texels; i++) {
+        if (sweeps[i] == 1)
+            error_mm[i] =
+                rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
+        if (sweeps[i] < 2)
+            continue;
+        const double square = pow((double)error_mm[i], 2);
+        error_mm[i] = (float)sqrt(square + MAX(rough[i] - 1.5 * square, 0) / BETWEEN);
+    }
+}
+
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1, width = view->grid.width;
@@ -355,6 +412,7 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;
     }
+    mdf_complete_errors(view, ret_distance, ret_n, ret_error);
 }
 
 /* Merges the candidates that do not agree with the accepted distance. */

@@ -14,7 +14,7 @@ struct mdf_candidate {
 struct mdf_merged {
     float mm;       /* −1: unknown */
     int n;          /* number of sweeps averaged */
-    float error_mm; /* standard error; −1: fewer than two sweeps */
+    float error_mm; /* standard error by their scatter; −1: fewer than two sweeps */
 };
 
 /* candidates: those of a sweep are consecutive; they are reordered. least: with fewer agreeing

@@ -1,5 +1,6 @@
 #include "mdf/mdf.h"
 
+#include "base/robust.h"
 #include "frames/rectify.h"
 #include "lib/analytic.h"
 
@@ -165,6 +166,43 @@ static void test_noise(void) {
     g_assert_cmpfloat(errors.rms, <, 0.05);
 }
 
+struct merged {
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+};
+
+/* Error bars are right when twelve or five lasers have seen a plane: the median of
+ * ((mm − truth) / s)² is that of the square of Student's t with one degree of freedom less. */
+static void test_error_bars(void) {
+    enum { DRAWS = 6 };
+    static const struct {
+        int lasers, from;
+        double median;
+    } cases[] = {{12, 0, 0.486}, {5, 3, 0.549}};
+    struct merged m;
+    for (guint c = 0; c < G_N_ELEMENTS(cases); c++) {
+        g_autofree struct world *world = new_world(30, 20, (struct surface){2, 0.05, 0});
+        struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+        double squares[DRAWS * N_TEXELS];
+        int n = 0;
+        for (guint32 draw = 0; draw < DRAWS; draw++) {
+            g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+            g_autoptr(GRand) random = g_rand_new_with_seed(draw);
+            for (int i = cases[c].from; i < cases[c].from + cases[c].lasers; i++) {
+                struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+                sweep(world, &laser, (15 + 37 * i) * DEGREE, 0.1, random);
+                add(view, world, &laser, (15 + 37 * i) * DEGREE);
+            }
+            mdf_view_merge(view, m.mm, m.n, m.s);
+            for (int i = 0; i < N_TEXELS; i++)
+                squares[n++] = pow((m.mm[i] - expected_mm(world, i)) / (double)m.s[i], 2);
+        }
+        const double median = robust_median(squares, n);
+        g_test_message("%d lasers: median %.3f of %.3f", cases[c].lasers, median, cases[c].median);
+        g_assert_cmpfloat(median, >, 0.8 * cases[c].median);
+        g_assert_cmpfloat(median, <, 1.25 * cases[c].median);
+    }
+}
+
 /* Rig, texels and a surface with a step, whose upper part rises above the reference plane, at half
  * and at ten times the size: as many texels are measured, and their errors have grown as much. */
 static void test_scale(void) {
@@ -187,10 +225,6 @@ static void test_scale(void) {
     }
     g_assert_cmpint(first.missing, <, N_TEXELS / 50);
 }
-
-struct merged {
-    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
-};
 
 /* Elevations from theta_deg in steps of 5° (three of them) or none, azimuths in steps of
  * arc_step_deg. */
@@ -344,7 +378,7 @@ static void test_continued(void) {
             continue;
         g_assert_cmpfloat_with_epsilon(merged->mm[i], expected_mm(world, i), 0.05);
         alone += merged->n[i] == 1;
-        g_assert_true(merged->n[i] > 1 || merged->s[i] == -1);
+        g_assert_true(merged->s[i] > 0 && merged->s[i] < 1.5);
     }
     g_assert_cmpint(alone, >, 0);
 }
@@ -370,7 +404,7 @@ static void test_unseen(void) {
     int seen = 0;
     for (int i = 0; i < N_TEXELS; i++) {
         g_assert_true(mm[i] == -1 || fabs(mm[i] - expected_mm(world, i)) < 0.01);
-        g_assert_cmpfloat(s[i], ==, -1);
+        g_assert_true(mm[i] >= 0 ? s[i] > 0 : s[i] == -1);
         seen += mm[i] >= 0;
     }
     g_assert_cmpint(seen, >, N_TEXELS * 2 / 5);
@@ -434,6 +468,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/mdf/planes", test_planes);
     g_test_add_func("/mdf/noise", test_noise);
+    g_test_add_func("/mdf/error-bars", test_error_bars);
     g_test_add_func("/mdf/scale", test_scale);
     g_test_add_func("/mdf/step", test_step);
     g_test_add_func("/mdf/outliers", test_outliers);
