@@ -27,7 +27,7 @@
 #define FAINT       0.5  /* of the brightest line at a texel: such a line has half weight */
 #define CONFIRM     2    /* neighbouring texels that must have the same distance */
 #define CLOSE       0.2f /* factor of the agreement tolerance for smooth continuation */
-#define MANY_SWEEPS 4    /* from this number of sweeps on, one alone is not sufficient */
+#define MANY_SWEEPS 4    /* from this number of sweeps on, one is not believed against others */
 /* Mean square of a texel's roughness over that of linear interpolation between points a texel
  * apart, κ / 2 · x (h − x) with x anywhere: 20.5 on a dome, 22.5 on a fold of curvature κ. */
 #define BETWEEN 21
@@ -115,22 +115,27 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
 
 /* max(TEXEL_SHARE · texel, FRAME_SHARE · depth of a frame). From one frame to the next the sheet
  * turns by step_rad: at a range R from the source it moves by step · R, and by step · R / |n·r|
- * along a ray r; here along the one through the middle of the texels. */
-static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sweep) {
+ * along a ray r; here along the one through the middle of the texels. ret_height_mm: with step · R
+ * alone, as sweeps that tell little of heights must not put points far outside of the sample. */
+static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sweep,
+                               double *ret_height_mm) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
     const struct vec3 ray = vec3_unit(vec3_sub(middle, view->centre_mm));
+    const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const double sweep_rad = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, middle);
     const struct rig_plane sheet =
         rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
-    const double range = vec3_length(
-        vec3_sub(middle, rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad)));
     const double sine = MAX(fabs(vec3_dot(sheet.normal, ray)), LEAST_ANGLE);
-    return MAX(TEXEL_SHARE * view->texel_mm, FRAME_SHARE * fabs(sweep->step_rad) * range / sine);
+    const double texel_mm = TEXEL_SHARE * view->texel_mm;
+    const double frame_mm =
+        FRAME_SHARE * fabs(sweep->step_rad) * vec3_length(vec3_sub(middle, source));
+    *ret_height_mm = MAX(texel_mm, frame_mm);
+    return MAX(texel_mm, frame_mm / sine);
 }
 
 /* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
  * a grazing intersection, or a point outside of the volume. */
-static float intersect(const MdfView *view, const struct laser_sweep *sweep, double tolerance_mm,
+static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
@@ -142,7 +147,7 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
         return -1;
     double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
-    if (!(height < ABOVE * tolerance_mm) || !(height > -view->grid.depth_mm - BELOW * tolerance_mm))
+    if (!(height < ABOVE * height_mm) || !(height > -view->grid.depth_mm - BELOW * height_mm))
         return -1;
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
@@ -159,14 +164,13 @@ static int phase_of(int x, int y) {
 
 /* Intersects all pixels' rays with the sheets of their peaks (pixel_mm), and finds the phases that
  * have them. */
-static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep,
-                                 double tolerance_mm) {
+static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep, double height_mm) {
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
     for (gsize i = 0; i < (gsize)width * (gsize)view->camera.height; i++) {
-        view->pixel_mm[0][i] = intersect(view, sweep, tolerance_mm, sweep->peak[i], i);
+        view->pixel_mm[0][i] = intersect(view, sweep, height_mm, sweep->peak[i], i);
         if (sweep->second_peak)
-            view->pixel_mm[1][i] = intersect(view, sweep, tolerance_mm, sweep->second_peak[i], i);
+            view->pixel_mm[1][i] = intersect(view, sweep, height_mm, sweep->second_peak[i], i);
         seen[phase_of((int)i % width, (int)i / width)] += view->pixel_mm[0][i] >= 0;
     }
     for (int k = 0; k < 4; k++)
@@ -274,8 +278,9 @@ static struct side take_side(const MdfView *view, struct nears *all) {
 
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    const double tolerance_mm = mdf_tolerance_mm(view, sweep);
-    struct phases phases = find_phases(view, sweep, tolerance_mm);
+    double height_mm;
+    const double tolerance_mm = mdf_tolerance_mm(view, sweep, &height_mm);
+    struct phases phases = find_phases(view, sweep, height_mm);
     struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
@@ -378,9 +383,30 @@ static void mdf_complete_errors(const MdfView *view, const float *distance, cons
     }
 }
 
+/* Keeps the candidates that continue the surface of at least CONFIRM neighbouring texels. Returns
+ * their number. */
+static int mdf_keep_continuing(const MdfView *view, const float *sure, int texel,
+                               struct mdf_candidate *candidates, int n) {
+    const int width = view->grid.width, height = view->grid.height;
+    int kept = 0;
+    for (int c = 0; c < n; c++) {
+        int agree = 0;
+        for (int k = 0; k < 9; k++) {
+            const int column = texel % width + k % 3 - 1, row = texel / width + k / 3 - 1;
+            if (column < 0 || row < 0 || column >= width || row >= height)
+                continue;
+            const float near = sure[row * width + column];
+            agree += near >= 0 && fabsf(near - candidates[c].mm) <= CLOSE * view->agreement_mm;
+        }
+        if (agree >= CONFIRM)
+            candidates[kept++] = candidates[c];
+    }
+    return kept;
+}
+
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
-    int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1, width = view->grid.width;
+    const int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
     g_autofree float *sure = g_new(float, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
         int n = mdf_collect(view, i, candidates);
@@ -389,25 +415,19 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;
     }
-    /* Where too few laser positions agree, a candidate is accepted if it continues the surface of
-     * at least CONFIRM neighbouring texels. */
+    /* Where too few laser positions agree, those candidates count that continue the surface around.
+     * If there are none, a single sweep's brightest is believed, as nothing contradicts it; several
+     * sweeps' contradict each other. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;
-        int n = mdf_collect(view, i, candidates), kept = 0;
-        for (int c = 0; c < n; c++) {
-            int agree = 0;
-            for (int k = 0; k < 9; k++) {
-                int column = i % width + k % 3 - 1, row = i / width + k / 3 - 1;
-                if (column < 0 || row < 0 || column >= width || row >= view->grid.height)
-                    continue;
-                float near = sure[row * width + column];
-                agree += near >= 0 && fabsf(near - candidates[c].mm) <= CLOSE * view->agreement_mm;
-            }
-            if (agree >= CONFIRM)
-                candidates[kept++] = candidates[c];
-        }
-        struct mdf_merged merged = mdf_merge(candidates, kept, 1);
+        int n = mdf_collect(view, i, candidates);
+        const gboolean alone = n > 0 && candidates[0].sweep == candidates[n - 1].sweep;
+        const struct mdf_candidate first = candidates[0];
+        n = mdf_keep_continuing(view, sure, i, candidates, n);
+        if (n == 0 && alone)
+            candidates[n++] = first;
+        struct mdf_merged merged = mdf_merge(candidates, n, 1);
         ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;

@@ -430,12 +430,68 @@ static void hide_others(struct world *world, int laser) {
         world->peak[i] = -1;
 }
 
-/* Of many sweeps one alone saw something: a reflection more likely than the surface. */
+/* Of many sweeps one alone saw something: nothing contradicts it, so that it is believed, and said
+ * to be one. */
 static void test_alone(void) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &five, NULL, hide_others);
+    assert_surface(world, merged, 0.05);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_true(merged->n[i] == 1 && merged->s[i] > 0);
+}
+
+static void raise_second(struct world *world, int laser) {
+    world->surface.height = laser == 1 ? 3.5 : 2;
+}
+
+static void hide_from_third(struct world *world, int laser) {
+    for (int i = 0; i < SIDE * SIDE && laser > 1; i++)
+        world->peak[i] = -1;
+}
+
+/* Two alone saw something, each something else: neither is believed. */
+static void test_contradicted(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
+    g_autofree struct merged *merged = merge(world, &five, raise_second, hide_from_third);
     for (int i = 0; i < N_TEXELS; i++)
         g_assert_true(merged->mm[i] == -1 && merged->n[i] == 0 && merged->s[i] == -1);
+}
+
+/* A step that one laser alone reaches on its far side, with noise: the error bars of what it alone
+ * saw hold the errors there, and are larger than those of what all saw. */
+static void test_alone_error(void) {
+    static const struct lasers six = {6, 45, 0, 75, 50};
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.1, 0, 0.4, 0.2});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    g_autoptr(GRand) random = g_rand_new_with_seed(3);
+    struct merged m;
+    for (int i = 0; i < six.n; i++) {
+        struct line_laser laser = {six.theta_deg * DEGREE, 480};
+        const double arc = (six.arc_deg + six.arc_step_deg * i) * DEGREE;
+        sweep(world, &laser, arc, 0.1, random);
+        for (int k = 0; k < SIDE * SIDE && i > 0; k++)
+            if (k % SIDE >= SIDE / 2)
+                world->peak[k] = -1;
+        add(view, world, &laser, arc);
+    }
+    mdf_view_merge(view, m.mm, m.n, m.s);
+    double squares[2] = {0}, errors[2] = {0};
+    int n[2] = {0};
+    for (int i = 0; i < N_TEXELS; i++) {
+        if (m.n[i] == 0)
+            continue;
+        const int alone = m.n[i] == 1;
+        squares[alone] += pow((m.mm[i] - expected_mm(world, i)) / (double)m.s[i], 2);
+        errors[alone] += (double)m.s[i];
+        n[alone]++;
+    }
+    g_test_message("%d alone: chi-square %.2f, error bars %.3f mm; of %d others %.3f mm", n[1],
+                   squares[1] / n[1], errors[1] / n[1], n[0], errors[0] / n[0]);
+    g_assert_cmpint(n[1], >, N_TEXELS / 3);
+    g_assert_cmpfloat(squares[1] / n[1], <, 1.5);
+    g_assert_cmpfloat(squares[1] / n[1], >, 0.2);
+    g_assert_cmpfloat(errors[1] / n[1], >, 2 * errors[0] / n[0]);
 }
 
 /* Peaks that would put the surface above the reference plane or below the turntable. */
@@ -479,6 +535,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/unseen", test_unseen);
     g_test_add_func("/mdf/one-phase", test_one_phase);
     g_test_add_func("/mdf/alone", test_alone);
+    g_test_add_func("/mdf/alone-error", test_alone_error);
+    g_test_add_func("/mdf/contradicted", test_contradicted);
     g_test_add_func("/mdf/impossible-heights", test_impossible_heights);
     g_test_add_func("/mdf/weight", test_weight);
     return g_test_run();
