@@ -22,7 +22,7 @@
  * structure. */
 #define ABOVE       5
 #define BELOW       10
-#define SEEN_SHARE  0.6f /* share of the pixels around a texel that must see the line */
+#define SEEN_SHARE  0.75f /* share of the pixels around a texel that must see the line */
 #define LIVE_SHARE  0.25 /* of the peaks in the best phase of the colour filter */
 #define FAINT       0.5  /* of the brightest line at a texel: such a line has half weight */
 #define CONFIRM     2    /* neighbouring texels that must have the same distance */

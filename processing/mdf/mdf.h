@@ -16,7 +16,7 @@
 
 /* Version of the method: it increases whenever the same sweeps give other values. Products of an
  * older version are made again. */
-#define MDF_METHOD 10
+#define MDF_METHOD 11
 
 typedef struct MdfView MdfView;
 

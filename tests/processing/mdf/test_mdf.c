@@ -281,6 +281,37 @@ static void test_step(void) {
     g_assert_cmpint(wrong, <=, 20); /* one texel a row, at the edge */
 }
 
+/* Beside a step, on ground that no laser reaches: hardly a texel takes the height of the step,
+ * which some of the pixels around it see. */
+static void test_beside_step(void) {
+    enum { EDGES = 15 };
+    static struct merged m;
+    int wrong = 0;
+    for (int e = 0; e < EDGES; e++) {
+        g_autofree struct world *world = new_world(5, 20, (struct surface){1, 0, 0, 3, 0.1 * e});
+        struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+        g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+        double ray[3];
+        for (int i = 0; i < 6; i++) {
+            struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+            sweep(world, &laser, 60 * i * DEGREE, 0, NULL);
+            for (int k = 0; k < SIDE * SIDE; k++) {
+                double eye[3];
+                pinhole_eye(&world->pinhole, eye);
+                pinhole_ray(&world->pinhole, k % SIDE, (double)(k / SIDE), ray);
+                if (eye[2] + ray[2] * meet_turned(world, ray) < 2)
+                    world->peak[k] = -1;
+            }
+            add(view, world, &laser, 60 * i * DEGREE);
+        }
+        mdf_view_merge(view, m.mm, m.n, m.s);
+        for (int i = 0; i < N_TEXELS; i++)
+            wrong += m.mm[i] >= 0 && expected_mm(world, i) > 2.5;
+    }
+    g_test_message("%d wrong along %d steps of 20 texels", wrong, EDGES);
+    g_assert_cmpint(wrong, <=, 2);
+}
+
 static void reflect_a_third(struct world *world, int i) {
     world->surface.height = i % 3 == 1 ? 0.3 + 0.2 * i : 2;
 }
@@ -527,6 +558,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/error-bars", test_error_bars);
     g_test_add_func("/mdf/scale", test_scale);
     g_test_add_func("/mdf/step", test_step);
+    g_test_add_func("/mdf/beside-step", test_beside_step);
     g_test_add_func("/mdf/outliers", test_outliers);
     g_test_add_func("/mdf/not-numbers", test_not_numbers);
     g_test_add_func("/mdf/faint", test_faint);
