@@ -7,7 +7,7 @@
 #include "base/robust.h"
 #include "laser_frames.h"
 
-#define MARK_MM      0.5 /* margin around fiducials, beyond their radius */
+#define MARK_SHARE   0.25 /* of a fiducial's radius: margin around it */
 #define LEAST_PIXELS 64  /* with a peak, that a sweep needs */
 #define LEAST_FRAME  6   /* that a frame needs */
 #define ROUNDS       6
@@ -83,7 +83,7 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
 }
 
 /* Whether the camera at eye sees the reference face at a point of the plane (both in the sample
- * frame): not the sample's hole, nor a fiducial with a margin of MARK_MM, nor behind the sample. */
+ * frame): not the sample's hole, nor a fiducial with its margin, nor behind the sample. */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
@@ -93,7 +93,7 @@ static gboolean shows_plane(const struct rig *rig, const struct laser_reference 
     for (int i = 0; i < rig->n_fiducials; i++) {
         const struct rig_fiducial *mark = &rig->fiducials[i];
         const double x = point.x - mark->centre_mm.x, y = point.y - mark->centre_mm.y;
-        if (hypot(x, y) < mark->radius_mm + MARK_MM + fabs(mark->centre_mm.z))
+        if (hypot(x, y) < (1 + MARK_SHARE) * mark->radius_mm + fabs(mark->centre_mm.z))
             return FALSE;
     }
     return !is_behind(reference, point, eye);

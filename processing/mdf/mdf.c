@@ -7,19 +7,30 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/robust.h"
 #include "frames/rectify.h"
 #include "mdf_merge.h"
 
 #define LEAST_ANGLE                                                                                \
     0.03                /* least sine of the angle between ray and sheet: below it depth is noise */
-#define ABOVE_MM    0.5 /* points may lie this far above the reference plane */
-#define BELOW_MM    1.0 /* and this far below the deepest structure */
-#define SEEN_SHARE  0.6f /* share of the pixels around a texel that must see the line */
+/* Distances of two sweeps this close agree: a share of a texel, for what a texel's surface differs
+ * within it, or of what a sweep's frame is deep, as peaks of the faintest lines are known to a
+ * tenth of a frame. */
+#define TEXEL_SHARE 0.128
+#define FRAME_SHARE 0.1
+/* In such tolerances, points may lie this far above the reference plane, and below the deepest
+ * structure. */
+#define ABOVE       5
+#define BELOW       10
+#define SEEN_SHARE  0.75f /* share of the pixels around a texel that must see the line */
 #define LIVE_SHARE  0.25 /* of the peaks in the best phase of the colour filter */
 #define FAINT       0.5  /* of the brightest line at a texel: such a line has half weight */
 #define CONFIRM     2    /* neighbouring texels that must have the same distance */
 #define CLOSE       0.2f /* factor of the agreement tolerance for smooth continuation */
-#define MANY_SWEEPS 4    /* from this number of sweeps on, one alone is not sufficient */
+#define MANY_SWEEPS 4    /* from this number of sweeps on, one is not believed against others */
+/* Mean square of a texel's roughness over that of linear interpolation between points a texel
+ * apart, κ / 2 · x (h − x) with x anywhere: 20.5 on a dome, 22.5 on a fold of curvature κ. */
+#define BETWEEN 21
 
 struct MdfView {
     struct rig_camera camera;
@@ -34,6 +45,7 @@ struct MdfView {
                            brightest and by the second pulse; −1: none */
     struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* n_texels × 2 candidates; mm < 0: none */
     double weight[MDF_MAX_SWEEPS];
+    double texel_mm;
 };
 
 MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
@@ -51,7 +63,8 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->x_px = g_new(float, view->n_texels);
     view->y_px = g_new(float, view->n_texels);
     double slant = view->centre_mm.z / vec3_length(view->centre_mm);
-    view->agreement_mm = (float)(grid->width_mm / grid->width / MAX(slant, 0.1));
+    view->texel_mm = grid->width_mm / grid->width;
+    view->agreement_mm = (float)(view->texel_mm / MAX(slant, 0.1));
     for (gsize i = 0; i < n_pixels; i++) {
         struct vec3 ray = rig_pixel_ray(camera, (int)(i % camera->width), (int)(i / camera->width));
         view->ray[3 * i] = (float)ray.x;
@@ -100,10 +113,30 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
+/* max(TEXEL_SHARE · texel, FRAME_SHARE · depth of a frame). From one frame to the next the sheet
+ * turns by step_rad: at a range R from the source it moves by step · R, and by step · R / |n·r|
+ * along a ray r; here along the one through the middle of the texels. ret_height_mm: with step · R
+ * alone, as sweeps that tell little of heights must not put points far outside of the sample. */
+static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sweep,
+                               double *ret_height_mm) {
+    const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
+    const struct vec3 ray = vec3_unit(vec3_sub(middle, view->centre_mm));
+    const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
+    const double sweep_rad = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, middle);
+    const struct rig_plane sheet =
+        rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
+    const double sine = MAX(fabs(vec3_dot(sheet.normal, ray)), LEAST_ANGLE);
+    const double texel_mm = TEXEL_SHARE * view->texel_mm;
+    const double frame_mm =
+        FRAME_SHARE * fabs(sweep->step_rad) * vec3_length(vec3_sub(middle, source));
+    *ret_height_mm = MAX(texel_mm, frame_mm);
+    return MAX(texel_mm, frame_mm / sine);
+}
+
 /* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
  * a grazing intersection, or a point outside of the volume. */
-static float intersect(const MdfView *view, const struct laser_sweep *sweep, float peak,
-                       gsize pixel) {
+static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
+                       float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
     const float *r = view->ray + 3 * pixel;
@@ -114,7 +147,7 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, flo
         return -1;
     double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
-    if (!(height < ABOVE_MM) || !(height > -view->grid.depth_mm - BELOW_MM))
+    if (!(height < ABOVE * height_mm) || !(height > -view->grid.depth_mm - BELOW * height_mm))
         return -1;
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
@@ -131,13 +164,13 @@ static int phase_of(int x, int y) {
 
 /* Intersects all pixels' rays with the sheets of their peaks (pixel_mm), and finds the phases that
  * have them. */
-static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep) {
+static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep, double height_mm) {
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
     for (gsize i = 0; i < (gsize)width * (gsize)view->camera.height; i++) {
-        view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
+        view->pixel_mm[0][i] = intersect(view, sweep, height_mm, sweep->peak[i], i);
         if (sweep->second_peak)
-            view->pixel_mm[1][i] = intersect(view, sweep, sweep->second_peak[i], i);
+            view->pixel_mm[1][i] = intersect(view, sweep, height_mm, sweep->second_peak[i], i);
         seen[phase_of((int)i % width, (int)i / width)] += view->pixel_mm[0][i] >= 0;
     }
     for (int k = 0; k < 4; k++)
@@ -245,7 +278,9 @@ static struct side take_side(const MdfView *view, struct nears *all) {
 
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    struct phases phases = find_phases(view, sweep);
+    double height_mm;
+    const double tolerance_mm = mdf_tolerance_mm(view, sweep, &height_mm);
+    struct phases phases = find_phases(view, sweep, height_mm);
     struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
@@ -263,7 +298,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
         if (!(side[1].share >= SEEN_SHARE * near.all))
             side[1] = (struct side){.mm = -1};
         for (int k = 0; k < 2; k++)
-            texels[2 * i + k] = (struct mdf_candidate){.mm = side[k].mm, .dn = side[k].dn};
+            texels[2 * i + k] = (struct mdf_candidate){
+                .mm = side[k].mm, .dn = side[k].dn, .tolerance_mm = (float)tolerance_mm};
         seen += texels[2 * i].mm >= 0;
     }
     view->weight[view->n_sweeps] =
@@ -294,9 +330,83 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
+/* Mean square of what a texel's distance m is off the middle of two opposite neighbours a and b,
+ * Σ ((a + b) / 2 − m)² / pairs over the (up to four) pairs. On a plane it is 1.5 σ² of the noise of
+ * single texels; at a step, about the square of half of it. −1: no pair has both. */
+static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
+    static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+    const int width = view->grid.width, height = view->grid.height;
+    const int column = texel % width, row = texel / width;
+    double squares = 0;
+    int n = 0;
+    for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
+        const int right = pairs[k].right, down = pairs[k].down;
+        if (column < right || column + right >= width || row < abs(down) ||
+            row + abs(down) >= height)
+            continue;
+        const double a = distance[texel - down * width - right];
+        const double b = distance[texel + down * width + right];
+        if (a < 0 || b < 0)
+            continue;
+        squares += pow(0.5 * (a + b) - distance[texel], 2);
+        n++;
+    }
+    return n > 0 ? squares / n : -1;
+}
+
+/* Adds to the standard errors σ what the scatter of sweeps does not show. With r² a texel's
+ * roughness:
+ *   - All sweeps read a curved surface between the same pixels, and share that error:
+ *     σ² + (r² − 1.5 σ²) / BETWEEN.
+ *   - Nothing repeats what one sweep alone saw, but the surface around says how far values stray
+ *     there: (r² + median r² of the view) / 1.5 (the median, as r² may be small by chance). Without
+ *     neighbours it is the largest step from texel to texel that one surface takes. */
+static void mdf_complete_errors(const MdfView *view, const float *distance, const float *sweeps,
+                                float *error_mm) {
+    g_autofree double *rough = g_new(double, view->n_texels);
+    g_autofree double *known = g_new(double, view->n_texels);
+    int n = 0;
+    for (int i = 0; i < view->n_texels; i++) {
+        rough[i] = distance[i] >= 0 ? mdf_roughness_mm2(view, distance, i) : -1;
+        if (rough[i] >= 0)
+            known[n++] = rough[i];
+    }
+    const double typical = n > 0 ? robust_median(known, n) : 0;
+    for (int i = 0; i < view->n_texels; i++) {
+        if (sweeps[i] == 1)
+            error_mm[i] =
+                rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
+        if (sweeps[i] < 2)
+            continue;
+        const double square = pow((double)error_mm[i], 2);
+        error_mm[i] = (float)sqrt(square + MAX(rough[i] - 1.5 * square, 0) / BETWEEN);
+    }
+}
+
+/* Keeps the candidates that continue the surface of at least CONFIRM neighbouring texels. Returns
+ * their number. */
+static int mdf_keep_continuing(const MdfView *view, const float *sure, int texel,
+                               struct mdf_candidate *candidates, int n) {
+    const int width = view->grid.width, height = view->grid.height;
+    int kept = 0;
+    for (int c = 0; c < n; c++) {
+        int agree = 0;
+        for (int k = 0; k < 9; k++) {
+            const int column = texel % width + k % 3 - 1, row = texel / width + k / 3 - 1;
+            if (column < 0 || row < 0 || column >= width || row >= height)
+                continue;
+            const float near = sure[row * width + column];
+            agree += near >= 0 && fabsf(near - candidates[c].mm) <= CLOSE * view->agreement_mm;
+        }
+        if (agree >= CONFIRM)
+            candidates[kept++] = candidates[c];
+    }
+    return kept;
+}
+
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
-    int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1, width = view->grid.width;
+    const int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
     g_autofree float *sure = g_new(float, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
         int n = mdf_collect(view, i, candidates);
@@ -305,29 +415,24 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;
     }
-    /* Where too few laser positions agree, a candidate is accepted if it continues the surface of
-     * at least CONFIRM neighbouring texels. */
+    /* Where too few laser positions agree, those candidates count that continue the surface around.
+     * If there are none, a single sweep's brightest is believed, as nothing contradicts it; several
+     * sweeps' contradict each other. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;
-        int n = mdf_collect(view, i, candidates), kept = 0;
-        for (int c = 0; c < n; c++) {
-            int agree = 0;
-            for (int k = 0; k < 9; k++) {
-                int column = i % width + k % 3 - 1, row = i / width + k / 3 - 1;
-                if (column < 0 || row < 0 || column >= width || row >= view->grid.height)
-                    continue;
-                float near = sure[row * width + column];
-                agree += near >= 0 && fabsf(near - candidates[c].mm) <= CLOSE * view->agreement_mm;
-            }
-            if (agree >= CONFIRM)
-                candidates[kept++] = candidates[c];
-        }
-        struct mdf_merged merged = mdf_merge(candidates, kept, 1);
+        int n = mdf_collect(view, i, candidates);
+        const gboolean alone = n > 0 && candidates[0].sweep == candidates[n - 1].sweep;
+        const struct mdf_candidate first = candidates[0];
+        n = mdf_keep_continuing(view, sure, i, candidates, n);
+        if (n == 0 && alone)
+            candidates[n++] = first;
+        struct mdf_merged merged = mdf_merge(candidates, n, 1);
         ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         ret_error[i] = merged.error_mm;
     }
+    mdf_complete_errors(view, ret_distance, ret_n, ret_error);
 }
 
 /* Merges the candidates that do not agree with the accepted distance. */

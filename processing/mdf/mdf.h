@@ -16,7 +16,7 @@
 
 /* Version of the method: it increases whenever the same sweeps give other values. Products of an
  * older version are made again. */
-#define MDF_METHOD 7
+#define MDF_METHOD 11
 
 typedef struct MdfView MdfView;
 
@@ -28,9 +28,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
 /* Adds a sweep, at most MDF_MAX_SWEEPS. Returns the number of texels that it saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
-/* Merges all sweeps. Results of n_texels each: the distance in mm (−1: unknown; with four sweeps
- * or more also where only one saw the texel, unless its value continues the surface around), the
- * number of laser positions averaged, and the standard error in mm (−1: fewer than two). */
+/* Merges all sweeps. Results of n_texels each: the distance in mm (−1: unknown: no sweep saw the
+ * texel; or, with four sweeps or more, those that did contradict each other, and none continues the
+ * surface around), the number of laser positions averaged, and the standard error in mm (−1:
+ * unknown texels): from the scatter of the positions and the roughness of the surface around; of
+ * what one position alone saw, from the latter. */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* The second most likely distance of each texel: one that a single position saw and that was not

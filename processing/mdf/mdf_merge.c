@@ -4,11 +4,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define AGREEMENT 0.1 /* mm: candidates of two lasers this close always agree */
-#define MOST      256 /* candidates */
+#define MOST 256 /* candidates */
 
 /* Support of a distance: Σ over sweeps of max over its candidates of weight · exp(−½ ((mm_i − mm)
- * / AGREEMENT)²). */
+ * / tolerance_i)²). */
 static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
     double sum = 0, best = 0;
     for (int i = 0; i < n; i++) {
@@ -16,7 +15,7 @@ static double support_of(const struct mdf_candidate *candidates, int n, double m
             sum += best;
             best = 0;
         }
-        double off = (candidates[i].mm - mm) / AGREEMENT;
+        double off = (candidates[i].mm - mm) / candidates[i].tolerance_mm;
         best = MAX(best, candidates[i].weight * exp(-0.5 * off * off));
     }
     return sum + best;
@@ -43,24 +42,24 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
     return samples[n - 1].mm;
 }
 
-/* Weighted mean m = Σ w x / Σ w with the standard error √(Σ w (x − m)² / Σ w / (n_eff − 1)),
- * n_eff = (Σ w)² / Σ w². */
+/* Weighted mean m = Σ w x / Σ w with the standard error √(Σ w² (x − m)² / (1 − w / Σ w)) / Σ w.
+ * This holds whether or not the weights are the inverse variances: sweeps at flat angles to the
+ * line of sight scatter more than their weights say. (1 − w / Σ w makes up for what x itself moves
+ * m.) */
 static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, int n) {
-    double weights = 0, squares = 0, sum = 0, scatter = 0;
+    double weights = 0, sum = 0, scatter = 0;
     for (int i = 0; i < n; i++) {
         weights += samples[i].weight;
-        squares += samples[i].weight * samples[i].weight;
         sum += samples[i].weight * samples[i].mm;
     }
     if (!(weights > 0))
         return (struct mdf_merged){-1, 0, -1};
-    double mean = sum / weights, effective = weights * weights / squares;
-    for (int i = 0; i < n; i++)
-        scatter += samples[i].weight * pow(samples[i].mm - mean, 2);
-    struct mdf_merged merged = {(float)mean, n, -1};
-    if (n > 1)
-        merged.error_mm = (float)sqrt(scatter / weights / MAX(effective - 1, 1e-6));
-    return merged;
+    const double mean = sum / weights;
+    for (int i = 0; i < n; i++) {
+        const double share = samples[i].weight / weights;
+        scatter += pow(share * (samples[i].mm - mean), 2) / MAX(1 - share, 1e-6);
+    }
+    return (struct mdf_merged){(float)mean, n, n > 1 ? (float)sqrt(scatter) : -1};
 }
 
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
@@ -91,9 +90,8 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
         deviation[i].mm = (float)fabs(candidates[i].mm - mode);
     }
     double spread = 1.4826 * weighted_median(deviation, one_each);
-    double limit = MAX(3 * spread, AGREEMENT);
     for (int i = 0; i < one_each; i++)
-        if (fabs(candidates[i].mm - mode) <= limit)
+        if (fabs(candidates[i].mm - mode) <= MAX(3 * spread, candidates[i].tolerance_mm))
             candidates[kept++] = candidates[i];
     return kept < least ? nothing : mdf_merge_mean_of(candidates, kept);
 }

@@ -5,15 +5,16 @@
 #pragma once
 
 struct mdf_candidate {
-    float mm, dn; /* distance; height of the pulse in DN */
-    int sweep;    /* at most one of a sweep's candidates is right */
+    float mm, dn;       /* distance; height of the pulse in DN */
+    float tolerance_mm; /* > 0: others this close always agree with it */
+    int sweep;          /* at most one of a sweep's candidates is right */
     double weight;
 };
 
 struct mdf_merged {
     float mm;       /* −1: unknown */
     int n;          /* number of sweeps averaged */
-    float error_mm; /* standard error; −1: fewer than two sweeps */
+    float error_mm; /* standard error by their scatter; −1: fewer than two sweeps */
 };
 
 /* candidates: those of a sweep are consecutive; they are reordered. least: with fewer agreeing

@@ -17,11 +17,10 @@
  *                                  "O" what else it may have seen (mdf_view_other()); −1: nothing
  *                                  "P" where D is from: 0 nowhere, 1 it is M, 2 it is O, 3
  *                                  predicted by other views, not measured (mdf_views_settle())
- *                                  "S" standard error of M, mm; −1: fewer than two positions
- *                                attributes view.theta_deg view.phi_deg view.centre_mm (v3d: the
- *                                camera, sample frame) reference_mm texel_mm, and lines.*: what the
- *                                laser's line around the sample says of the calibration
- *                                (mdf_lines.h)
+ *                                  "S" standard error of M, mm (mdf_view_merge()); −1: M is not
+ * known attributes view.theta_deg view.phi_deg view.centre_mm (v3d: the camera, sample frame)
+ * reference_mm texel_mm, and lines.*: what the laser's line around the sample says of the
+ * calibration (mdf_lines.h)
  *
  *   products/eigenmaps.exr       see eigenmaps.h
  *

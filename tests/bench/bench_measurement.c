@@ -19,10 +19,12 @@
 #define PAIRS      (RIG_VIEWS * RIG_VIEWS)
 #define STEEP_DEG  60 /* beyond it another limit holds */
 #define SHOWN_VIEW 2  /* from 45°, of the MDF's pictures */
+#define NORMAL_MEDIAN 0.4549 /* of the square of a standard normal deviate */
 
 static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
-static int steps = 64;
+static int steps = 64, every = 1;
+static double relief_mm;
 static gboolean json, quiet, mono, curve, no_btf, no_mdf, only_mdf_pictures;
 static char *only, *pictures;
 
@@ -38,7 +40,9 @@ static const GOptionEntry entries[] = {
     {"steps", 0, 0, G_OPTION_ARG_INT, &steps, "Frames a laser sweep (64)", "N"},
     {"no-btf", 0, 0, G_OPTION_ARG_NONE, &no_btf, "Leave the BTF out", NULL},
     {"no-mdf", 0, 0, G_OPTION_ARG_NONE, &no_mdf, "Leave the MDF out", NULL},
-    {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material", "KIND"},
+    {"every", 0, 0, G_OPTION_ARG_INT, &every, "Only every N-th of the 26 laser positions (1)", "N"},
+    {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material, or another kind of sample", "KIND"},
+    {"relief", 0, 0, G_OPTION_ARG_DOUBLE, &relief_mm, "Its relief, instead of its own", "MM"},
     {"pictures", 0, 0, G_OPTION_ARG_FILENAME, &pictures,
      "Also draw BTFs and MDFs, measured and true, into DIR/btf_KIND.png and DIR/mdf_KIND.png",
      "DIR"},
@@ -141,21 +145,40 @@ static double rms(double squares, gint64 n) {
     return n > 0 ? sqrt(squares / (double)n) : 0;
 }
 
+/* χ² of error bars a texel: mean ((d − truth) / σ)², and its median over that of a normal deviate's
+ * square, which a few large errors do not move; both are 1 where error bars are right. */
+static void print_chi2(const char *name, GArray *chi2) {
+    double sum = 0;
+    for (guint i = 0; i < chi2->len; i++)
+        sum += (double)g_array_index(chi2, float, i);
+    if (chi2->len > 0)
+        printf(json ? ", \"%s\": [%u, %.3f, %.3f]" : " %s of %u texels: mean %.2f, median %.3f;",
+               name, chi2->len, sum / chi2->len, bench_quantile(chi2, 0.5) / NORMAL_MEDIAN);
+}
+
 static void print_view(int view, struct bench_mdf *m) {
     printf(
         json ? "%s{\"view_deg\": %.0f, \"rms_texels\": %.4f, \"median_texels\": %.4f, "
                "\"mean_texels\": %.4f, \"edge_texels\": %.4f, \"edge_rms_texels\": %.4f, "
                "\"coverage\": %.4f, \"coverage_of_shown\": %.4f, \"dark\": %" G_GINT64_FORMAT
-               ", \"outliers\": %.4f, \"outliers_with_edges\": %.4f}"
+               ", \"outliers\": %.4f, \"outliers_with_edges\": %.4f"
              : "%s  MDF from %.0f°: rms %.4f texels, median %.4f, mean %+.4f; %.3f of texels at "
                "edges, rms there %.3f; %.4f of what is lit covered, %.4f of what also shows (dark: "
-               "%" G_GINT64_FORMAT "); outliers %.4f, with edges %.4f\n",
+               "%" G_GINT64_FORMAT "); outliers %.4f, with edges %.4f\n   ",
         json && view ? ", " : "", bench_elevation_deg(view), rms(m->squares, m->measured),
         bench_quantile(m->errors, 0.5), m->sum / (double)MAX(m->measured, 1),
         part(m->edges, m->edges + m->measured), rms(m->edge_squares, m->edges),
         part(m->covered, m->seen), part(m->covered, m->seen - m->dark), m->dark,
         part(m->outliers, m->measured),
         part(m->outliers + m->edge_outliers, m->edges + m->measured));
+    print_chi2("chi2", m->chi2);
+    print_chi2("edge_chi2", m->edge_chi2);
+    print_chi2("alone_chi2", m->alone_chi2);
+    printf(json ? ", \"alone\": %" G_GINT64_FORMAT
+                  ", \"alone_outliers\": %.4f, \"alone_rms_texels\": %.4f}"
+                : "\n    seen by one position alone: %" G_GINT64_FORMAT
+                  " texels, outliers %.4f, rms %.3f\n",
+           m->alone, part(m->alone_outliers, m->alone), rms(m->alone_squares, m->alone));
 }
 
 /* What the views say of each other's outliers, those at edges included. */
@@ -240,16 +263,6 @@ static void print_settled(const struct bench_setup *setup, const struct bench_md
     printf(json ? "}" : "");
 }
 
-static void clear_mdf(struct bench_mdf *view) {
-    g_array_unref(view->errors);
-    g_free(view->distance);
-    g_free(view->other);
-    g_free(view->lasers);
-    g_free(view->truth);
-    g_free(view->edge);
-    g_free(view->lit);
-}
-
 static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *view) {
     g_autoptr(GError) error = NULL;
     g_autofree char *name = g_strdup_printf("mdf_%s.png", setup->material);
@@ -260,12 +273,12 @@ static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *vi
 }
 
 static void print_mdf(const struct bench_setup *setup) {
-    struct bench_mdf all[RIG_VIEWS] = {0};
+    struct bench_mdf all[RIG_VIEWS];
     struct agreement a = {0};
     printf(json ? "\"mdf\": [" : "");
     for (int view = 0; view < RIG_VIEWS; view++) {
-        all[view].errors = g_array_new(FALSE, FALSE, sizeof(float));
-        bench_mdf(setup, view, steps, &all[view]);
+        bench_mdf_init(&all[view]);
+        bench_mdf(setup, view, steps, every, &all[view]);
         print_view(view, &all[view]);
     }
     if (pictures)
@@ -300,9 +313,8 @@ static void print_mdf(const struct bench_setup *setup) {
            part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept));
     print_settled(setup, all);
     printf(json && !no_btf ? ", " : "");
-    for (int view = 0; view < RIG_VIEWS; view++) {
-        clear_mdf(&all[view]);
-    }
+    for (int view = 0; view < RIG_VIEWS; view++)
+        bench_mdf_clear(&all[view]);
 }
 
 /* 96 steps over 50 mm give σ = 0.7 frames; finer steps, slanted surfaces and wide lines give more.
@@ -353,6 +365,7 @@ static void draw(const char *material, const struct demo_btf *picture) {
 
 static void measure(const char *material) {
     struct bench_setup setup = {.material = material,
+                                .relief_mm = relief_mm,
                                 .texels = texels,
                                 .texel_mm = 50.0 / 64,
                                 .pixels_a_texel = pixels,
@@ -366,10 +379,11 @@ static void measure(const char *material) {
     if (curve)
         print_curve(setup);
     else if (pictures && only_mdf_pictures) {
-        struct bench_mdf view = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
-        bench_mdf(&setup, SHOWN_VIEW, steps, &view);
+        struct bench_mdf view;
+        bench_mdf_init(&view);
+        bench_mdf(&setup, SHOWN_VIEW, steps, every, &view);
         draw_mdf(&setup, &view);
-        clear_mdf(&view);
+        bench_mdf_clear(&view);
     } else if (!no_mdf)
         print_mdf(&setup);
     if (!no_btf && !curve && !only_mdf_pictures) {
@@ -402,12 +416,17 @@ int main(int argc, char **argv) {
     static const char *const materials[] = {"weave", "brick", "peanuts", "brushed"};
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, NULL);
+    if (every < 1) {
+        fprintf(stderr, "bench_measurement: --every is %d, and must be 1 or more\n", every);
+        return 2;
+    }
     printf(json ? "{\"pixels_a_texel\": %g, " : "at least %g pixels a texel\n", pixels);
     print_peaks();
     print_speed();
-    for (gsize i = 0; i < G_N_ELEMENTS(materials); i++)
-        if (!only || g_str_equal(only, materials[i]))
-            measure(materials[i]);
+    for (gsize i = 0; !only && i < G_N_ELEMENTS(materials); i++)
+        measure(materials[i]);
+    if (only)
+        measure(only);
     printf(json ? "}\n" : "");
     return 0;
 }

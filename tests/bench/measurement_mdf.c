@@ -69,26 +69,57 @@ static void take_sweep(World *world, int camera, double turntable_deg,
     sweep_finish_both(sweep, THRESHOLD_DN, &first, &second);
 }
 
-static void compare(const struct bench_setup *setup, const float *measured, const float *truth,
-                    const guint8 *edge, const guint8 *seen, struct bench_mdf *ret) {
+void bench_mdf_init(struct bench_mdf *mdf) {
+    *mdf = (struct bench_mdf){.errors = g_array_new(FALSE, FALSE, sizeof(float)),
+                              .chi2 = g_array_new(FALSE, FALSE, sizeof(float)),
+                              .edge_chi2 = g_array_new(FALSE, FALSE, sizeof(float)),
+                              .alone_chi2 = g_array_new(FALSE, FALSE, sizeof(float))};
+}
+
+void bench_mdf_clear(struct bench_mdf *mdf) {
+    GArray *const arrays[] = {mdf->errors, mdf->chi2, mdf->edge_chi2, mdf->alone_chi2};
+    for (gsize i = 0; i < G_N_ELEMENTS(arrays); i++)
+        g_array_unref(arrays[i]);
+    g_free(mdf->distance);
+    g_free(mdf->other);
+    g_free(mdf->lasers);
+    g_free(mdf->truth);
+    g_free(mdf->edge);
+    g_free(mdf->lit);
+}
+
+/* error_mm: the texels' error bars; below 0: none. */
+static void compare(const struct bench_setup *setup, const float *truth, const float *error_mm,
+                    struct bench_mdf *ret) {
     for (int i = 0; i < setup->texels * setup->texels; i++) {
+        const gboolean known = ret->distance[i] >= 0;
         ret->texels++;
-        ret->seen += seen[i] > 0;
-        ret->covered += seen[i] > 0 && measured[i] >= 0;
-        if (measured[i] < 0 || truth[i] < 0)
+        ret->seen += ret->lit[i] > 0;
+        ret->covered += ret->lit[i] > 0 && known;
+        if (!known || truth[i] < 0)
             continue;
-        double error = (measured[i] - truth[i]) / setup->texel_mm;
-        float size = (float)fabs(error);
-        if (edge[i]) {
+        const double off_mm = (double)(ret->distance[i] - truth[i]),
+                     error = off_mm / setup->texel_mm;
+        const gboolean out = fabs(error) > 1, alone = ret->lasers[i] == 1;
+        const float size = (float)fabs(error), chi2 = (float)pow(off_mm / (double)error_mm[i], 2);
+        if (error_mm[i] > 0) {
+            g_array_append_val(ret->edge[i] ? ret->edge_chi2 : ret->chi2, chi2);
+            if (alone)
+                g_array_append_val(ret->alone_chi2, chi2);
+        }
+        ret->alone += alone;
+        ret->alone_outliers += alone && out;
+        ret->alone_squares += alone ? error * error : 0;
+        if (ret->edge[i]) {
             ret->edges++;
             ret->edge_squares += error * error;
-            ret->edge_outliers += size > 1;
+            ret->edge_outliers += out;
             continue;
         }
         ret->measured++;
         ret->squares += error * error;
         ret->sum += error;
-        ret->outliers += size > 1;
+        ret->outliers += out;
         g_array_append_val(ret->errors, size);
     }
 }
@@ -107,7 +138,8 @@ static gint64 count_dark(const struct bench_setup *setup, int view, double turnt
     return dark;
 }
 
-void bench_mdf(const struct bench_setup *setup, int view, int steps, struct bench_mdf *ret) {
+void bench_mdf(const struct bench_setup *setup, int view, int steps, int every,
+               struct bench_mdf *ret) {
     g_autoptr(GError) error = NULL;
     g_autoptr(World) world = bench_world(setup, &error);
     g_assert_no_error(error);
@@ -123,8 +155,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     g_autofree float *second_peak = g_new(float, n_pixels), *second = g_new(float, n_pixels);
     struct planes planes = {peak, width, intensity, second_peak, second};
     double arcs[POSITIONS];
-    int lasers[POSITIONS];
-    for (int i = 0; i < POSITIONS; i++) {
+    int lasers[POSITIONS], positions_used = 0;
+    for (int i = 0; i < POSITIONS; i += every) {
         struct position position = position_at(i);
         double from, to;
         find_range(&rig, &grid, &position, RAD(turntable_deg), &from, &to);
@@ -140,8 +172,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
                                     .second_peak = second_peak,
                                     .second_intensity = second};
         mdf_view_add(mdf, &sweep);
-        arcs[i] = position.arc_deg;
-        lasers[i] = position.laser;
+        arcs[positions_used] = position.arc_deg;
+        lasers[positions_used++] = position.laser;
     }
     int n = grid.width * grid.height;
     g_autofree float *distance = g_new(float, n), *count = g_new(float, n);
@@ -151,8 +183,7 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     ret->other = g_new(float, n);
     mdf_view_other(mdf, distance, ret->other);
     truth_mdf(world, view, turntable_deg, &truth_grid, truth, edge);
-    truth_laser_seen(world, view, turntable_deg, &truth_grid, arcs, lasers, POSITIONS, seen);
-    compare(setup, distance, truth, edge, seen, ret);
+    truth_laser_seen(world, view, turntable_deg, &truth_grid, arcs, lasers, positions_used, seen);
     struct vec3 centre = rig_turn(rig_camera_centre_mm(&rig.cameras[view]), -RAD(turntable_deg));
     memcpy(ret->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof ret->centre_mm);
     ret->distance = g_steal_pointer(&distance);
@@ -160,6 +191,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     ret->lasers = g_steal_pointer(&count);
     ret->edge = g_steal_pointer(&edge);
     ret->lit = g_steal_pointer(&seen);
-    const struct bench_positions positions = {arcs, lasers, POSITIONS, EXPOSURE_US, THRESHOLD_DN};
+    compare(setup, ret->truth, spread, ret);
+    const struct bench_positions positions = {arcs, lasers, positions_used, EXPOSURE_US,
+                                              THRESHOLD_DN};
     ret->dark += count_dark(setup, view, turntable_deg, &positions, ret);
 }

@@ -48,7 +48,8 @@ static char *world_text(const struct bench_setup *setup) {
                            "base_mm = 0.8\nrelief_mm = %g\ntop_mm = %g\nperiod_mm = 6.25\n",
                            setup->noise ? "yes" : "no", setup->supersample, setup->gather_rays,
                            setup->material, SAMPLE_MM, SAMPLE_MM,
-                           g_str_equal(setup->material, "brushed")   ? 0.3
+                           setup->relief_mm > 0                      ? setup->relief_mm
+                           : g_str_equal(setup->material, "brushed") ? 0.3
                            : g_str_equal(setup->material, "peanuts") ? 3.6
                            : g_str_equal(setup->material, "brick")   ? 2.0
                                                                      : 1.2,

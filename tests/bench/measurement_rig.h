@@ -12,7 +12,8 @@
 #define RIG_VIEWS 5 /* also lamps and lasers: one at each elevation of 15, 30, 45, 60, 75° */
 
 struct bench_setup {
-    const char *material; /* kind of the sample: weave, brick, peanuts, brushed */
+    const char *material; /* kind of the sample: weave, brick, peanuts, brushed; or another */
+    double relief_mm;     /* 0: what that kind has here */
     int texels;
     double texel_mm;
     double pixels_a_texel; /* across, in the direction in which a view shortens it */

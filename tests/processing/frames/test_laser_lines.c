@@ -359,6 +359,35 @@ static void test_region(void) {
                                    0.15 * hidden);
 }
 
+/* A rig of half and of ten times the size: as many pixels show the face beside a fiducial. */
+static void test_region_scale(void) {
+    static const double scales[] = {1, 0.5, 10};
+    g_autoptr(TestSweep) sweep = new_sweep();
+    int first = 0;
+    for (guint i = 0; i < G_N_ELEMENTS(scales); i++) {
+        const double k = scales[i];
+        struct rig rig = rig_of(sweep);
+        struct laser_reference scaled = flat;
+        scaled.plane_mm *= k;
+        scaled.hole_mm[0] *= k;
+        scaled.hole_mm[1] *= k;
+        scaled.top_mm *= k;
+        scaled.radius_mm *= k;
+        struct vec3 *shift = &rig.cameras[0].translation_mm;
+        *shift = vec3_scale(*shift, k);
+        rig.n_fiducials = 1;
+        rig.fiducials[0] =
+            (struct rig_fiducial){.centre_mm = vec3(0, 22 * k, k), .radius_mm = 2 * k};
+        g_autoptr(LaserRegion) region = laser_region_new(&rig, &rig.cameras[0], 0, &scaled);
+        const int pixels = laser_region_pixels(region);
+        if (i == 0)
+            first = pixels;
+        g_test_message("scale %g: %d pixels", k, pixels);
+        g_assert_cmpint(abs(pixels - first), <=, 4); /* those on a border */
+    }
+    g_assert_cmpint(first, >, 1000);
+}
+
 static void test_text(void) {
     static const char *const bad[] = {"",           "1;2;3;4",    "1;2;3;4;5;6", "1;2;3;4;nan",
                                       "a;2;3;4;5",  "1;2;3;-4;5", "1;2;;4;5",    "1;2;3;4;inf",
@@ -386,6 +415,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/laser-lines/astray", test_astray);
     g_test_add_func("/laser-lines/nothing", test_nothing);
     g_test_add_func("/laser-lines/region", test_region);
+    g_test_add_func("/laser-lines/region-scale", test_region_scale);
     g_test_add_func("/laser-lines/text", test_text);
     return g_test_run();
 }

@@ -1,5 +1,6 @@
 #include "mdf/mdf.h"
 
+#include "base/robust.h"
 #include "frames/rectify.h"
 #include "lib/analytic.h"
 
@@ -35,6 +36,7 @@ struct world {
     struct pinhole pinhole;
     struct surface surface;
     double turntable;
+    double scale; /* of rig and texels: 1 is 1.5 mm a texel */
     float peak[SIDE * SIDE], width[SIDE * SIDE], intensity[SIDE * SIDE];
 };
 
@@ -76,6 +78,8 @@ static void add(MdfView *view, const struct world *world, const struct line_lase
 static double expected_mm(const struct world *world, int texel) {
     double p[3] = {-15 + (texel % 20 + 0.5) * 1.5, 15 - ((double)(texel / 20) + 0.5) * 1.5, 5};
     double eye[3], ray[3];
+    for (int i = 0; i < 3; i++)
+        p[i] *= world->scale;
     analytic_turn(p, world->turntable, p);
     pinhole_eye(&world->pinhole, eye);
     double length = sqrt(pow(p[0] - eye[0], 2) + pow(p[1] - eye[1], 2) + pow(p[2] - eye[2], 2));
@@ -88,7 +92,7 @@ static double expected_mm(const struct world *world, int texel) {
 static void add_all(MdfView *view, struct world *world, double noise) {
     GRand *random = g_rand_new_with_seed(5);
     for (int i = 0; i < 12; i++) {
-        struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+        struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480 * world->scale};
         double arc = (15 + 37 * i) * DEGREE;
         sweep(world, &laser, arc, noise, random);
         add(view, world, &laser, arc);
@@ -103,7 +107,12 @@ struct errors {
 
 static struct errors measure(struct world *world, double noise) {
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
-    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    struct session_grid scaled = grid;
+    scaled.width_mm *= world->scale;
+    scaled.height_mm *= world->scale;
+    scaled.reference_mm *= world->scale;
+    scaled.depth_mm *= world->scale;
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &scaled);
     add_all(view, world, noise);
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
     mdf_view_merge(view, mm, n, s);
@@ -129,6 +138,7 @@ static struct world *new_world(double theta_deg, double turntable_deg, struct su
     world->pinhole = (struct pinhole){SIDE, SIDE, theta_deg * DEGREE, 650, 1600};
     world->turntable = turntable_deg * DEGREE;
     world->surface = surface;
+    world->scale = 1;
     return world;
 }
 
@@ -159,6 +169,62 @@ static void test_noise(void) {
 struct merged {
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
 };
+
+/* Error bars are right when twelve or five lasers have seen a plane: the median of
+ * ((mm − truth) / s)² is that of the square of Student's t with one degree of freedom less. */
+static void test_error_bars(void) {
+    enum { DRAWS = 6 };
+    static const struct {
+        int lasers, from;
+        double median;
+    } cases[] = {{12, 0, 0.486}, {5, 3, 0.549}};
+    struct merged m;
+    for (guint c = 0; c < G_N_ELEMENTS(cases); c++) {
+        g_autofree struct world *world = new_world(30, 20, (struct surface){2, 0.05, 0});
+        struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+        double squares[DRAWS * N_TEXELS];
+        int n = 0;
+        for (guint32 draw = 0; draw < DRAWS; draw++) {
+            g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+            g_autoptr(GRand) random = g_rand_new_with_seed(draw);
+            for (int i = cases[c].from; i < cases[c].from + cases[c].lasers; i++) {
+                struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+                sweep(world, &laser, (15 + 37 * i) * DEGREE, 0.1, random);
+                add(view, world, &laser, (15 + 37 * i) * DEGREE);
+            }
+            mdf_view_merge(view, m.mm, m.n, m.s);
+            for (int i = 0; i < N_TEXELS; i++)
+                squares[n++] = pow((m.mm[i] - expected_mm(world, i)) / (double)m.s[i], 2);
+        }
+        const double median = robust_median(squares, n);
+        g_test_message("%d lasers: median %.3f of %.3f", cases[c].lasers, median, cases[c].median);
+        g_assert_cmpfloat(median, >, 0.8 * cases[c].median);
+        g_assert_cmpfloat(median, <, 1.25 * cases[c].median);
+    }
+}
+
+/* Rig, texels and a surface with a step, whose upper part rises above the reference plane, at half
+ * and at ten times the size: as many texels are measured, and their errors have grown as much. */
+static void test_scale(void) {
+    static const double scales[] = {1, 0.5, 10};
+    struct errors first = {0};
+    for (guint i = 0; i < G_N_ELEMENTS(scales); i++) {
+        const double scale = scales[i];
+        const struct surface surface = {3.5 * scale, 0.02, 0.01, 1.5 * scale, 0.2 * scale};
+        g_autofree struct world *world = new_world(30, 20, surface);
+        world->scale = scale;
+        world->pinhole.distance_mm *= scale;
+        const struct errors errors = measure(world, 0.1);
+        if (i == 0)
+            first = errors;
+        g_test_message("scale %g: %d missing, RMS %.5f, worst %.4f, by up to %d", scale,
+                       errors.missing, errors.rms / scale, errors.worst / scale, errors.most);
+        g_assert_cmpint(errors.missing, ==, first.missing);
+        g_assert_cmpint(errors.most, ==, first.most);
+        g_assert_cmpfloat_with_epsilon(errors.rms / scale, first.rms, 1e-3 * first.rms);
+    }
+    g_assert_cmpint(first.missing, <, N_TEXELS / 50);
+}
 
 /* Elevations from theta_deg in steps of 5° (three of them) or none, azimuths in steps of
  * arc_step_deg. */
@@ -213,6 +279,37 @@ static void test_step(void) {
         wrong += fabs(mm[i] - expected_mm(world, i)) > 0.2;
     }
     g_assert_cmpint(wrong, <=, 20); /* one texel a row, at the edge */
+}
+
+/* Beside a step, on ground that no laser reaches: hardly a texel takes the height of the step,
+ * which some of the pixels around it see. */
+static void test_beside_step(void) {
+    enum { EDGES = 15 };
+    static struct merged m;
+    int wrong = 0;
+    for (int e = 0; e < EDGES; e++) {
+        g_autofree struct world *world = new_world(5, 20, (struct surface){1, 0, 0, 3, 0.1 * e});
+        struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+        g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+        double ray[3];
+        for (int i = 0; i < 6; i++) {
+            struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+            sweep(world, &laser, 60 * i * DEGREE, 0, NULL);
+            for (int k = 0; k < SIDE * SIDE; k++) {
+                double eye[3];
+                pinhole_eye(&world->pinhole, eye);
+                pinhole_ray(&world->pinhole, k % SIDE, (double)(k / SIDE), ray);
+                if (eye[2] + ray[2] * meet_turned(world, ray) < 2)
+                    world->peak[k] = -1;
+            }
+            add(view, world, &laser, 60 * i * DEGREE);
+        }
+        mdf_view_merge(view, m.mm, m.n, m.s);
+        for (int i = 0; i < N_TEXELS; i++)
+            wrong += m.mm[i] >= 0 && expected_mm(world, i) > 2.5;
+    }
+    g_test_message("%d wrong along %d steps of 20 texels", wrong, EDGES);
+    g_assert_cmpint(wrong, <=, 2);
 }
 
 static void reflect_a_third(struct world *world, int i) {
@@ -312,7 +409,7 @@ static void test_continued(void) {
             continue;
         g_assert_cmpfloat_with_epsilon(merged->mm[i], expected_mm(world, i), 0.05);
         alone += merged->n[i] == 1;
-        g_assert_true(merged->n[i] > 1 || merged->s[i] == -1);
+        g_assert_true(merged->s[i] > 0 && merged->s[i] < 1.5);
     }
     g_assert_cmpint(alone, >, 0);
 }
@@ -338,7 +435,7 @@ static void test_unseen(void) {
     int seen = 0;
     for (int i = 0; i < N_TEXELS; i++) {
         g_assert_true(mm[i] == -1 || fabs(mm[i] - expected_mm(world, i)) < 0.01);
-        g_assert_cmpfloat(s[i], ==, -1);
+        g_assert_true(mm[i] >= 0 ? s[i] > 0 : s[i] == -1);
         seen += mm[i] >= 0;
     }
     g_assert_cmpint(seen, >, N_TEXELS * 2 / 5);
@@ -364,12 +461,68 @@ static void hide_others(struct world *world, int laser) {
         world->peak[i] = -1;
 }
 
-/* Of many sweeps one alone saw something: a reflection more likely than the surface. */
+/* Of many sweeps one alone saw something: nothing contradicts it, so that it is believed, and said
+ * to be one. */
 static void test_alone(void) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &five, NULL, hide_others);
+    assert_surface(world, merged, 0.05);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_true(merged->n[i] == 1 && merged->s[i] > 0);
+}
+
+static void raise_second(struct world *world, int laser) {
+    world->surface.height = laser == 1 ? 3.5 : 2;
+}
+
+static void hide_from_third(struct world *world, int laser) {
+    for (int i = 0; i < SIDE * SIDE && laser > 1; i++)
+        world->peak[i] = -1;
+}
+
+/* Two alone saw something, each something else: neither is believed. */
+static void test_contradicted(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
+    g_autofree struct merged *merged = merge(world, &five, raise_second, hide_from_third);
     for (int i = 0; i < N_TEXELS; i++)
         g_assert_true(merged->mm[i] == -1 && merged->n[i] == 0 && merged->s[i] == -1);
+}
+
+/* A step that one laser alone reaches on its far side, with noise: the error bars of what it alone
+ * saw hold the errors there, and are larger than those of what all saw. */
+static void test_alone_error(void) {
+    static const struct lasers six = {6, 45, 0, 75, 50};
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.1, 0, 0.4, 0.2});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    g_autoptr(GRand) random = g_rand_new_with_seed(3);
+    struct merged m;
+    for (int i = 0; i < six.n; i++) {
+        struct line_laser laser = {six.theta_deg * DEGREE, 480};
+        const double arc = (six.arc_deg + six.arc_step_deg * i) * DEGREE;
+        sweep(world, &laser, arc, 0.1, random);
+        for (int k = 0; k < SIDE * SIDE && i > 0; k++)
+            if (k % SIDE >= SIDE / 2)
+                world->peak[k] = -1;
+        add(view, world, &laser, arc);
+    }
+    mdf_view_merge(view, m.mm, m.n, m.s);
+    double squares[2] = {0}, errors[2] = {0};
+    int n[2] = {0};
+    for (int i = 0; i < N_TEXELS; i++) {
+        if (m.n[i] == 0)
+            continue;
+        const int alone = m.n[i] == 1;
+        squares[alone] += pow((m.mm[i] - expected_mm(world, i)) / (double)m.s[i], 2);
+        errors[alone] += (double)m.s[i];
+        n[alone]++;
+    }
+    g_test_message("%d alone: chi-square %.2f, error bars %.3f mm; of %d others %.3f mm", n[1],
+                   squares[1] / n[1], errors[1] / n[1], n[0], errors[0] / n[0]);
+    g_assert_cmpint(n[1], >, N_TEXELS / 3);
+    g_assert_cmpfloat(squares[1] / n[1], <, 1.5);
+    g_assert_cmpfloat(squares[1] / n[1], >, 0.2);
+    g_assert_cmpfloat(errors[1] / n[1], >, 2 * errors[0] / n[0]);
 }
 
 /* Peaks that would put the surface above the reference plane or below the turntable. */
@@ -402,7 +555,10 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/mdf/planes", test_planes);
     g_test_add_func("/mdf/noise", test_noise);
+    g_test_add_func("/mdf/error-bars", test_error_bars);
+    g_test_add_func("/mdf/scale", test_scale);
     g_test_add_func("/mdf/step", test_step);
+    g_test_add_func("/mdf/beside-step", test_beside_step);
     g_test_add_func("/mdf/outliers", test_outliers);
     g_test_add_func("/mdf/not-numbers", test_not_numbers);
     g_test_add_func("/mdf/faint", test_faint);
@@ -411,6 +567,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/unseen", test_unseen);
     g_test_add_func("/mdf/one-phase", test_one_phase);
     g_test_add_func("/mdf/alone", test_alone);
+    g_test_add_func("/mdf/alone-error", test_alone_error);
+    g_test_add_func("/mdf/contradicted", test_contradicted);
     g_test_add_func("/mdf/impossible-heights", test_impossible_heights);
     g_test_add_func("/mdf/weight", test_weight);
     return g_test_run();
