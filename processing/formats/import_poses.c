@@ -280,6 +280,8 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     ret->n_lights = (int)set.lights->len;
     ret->n_lasers = (int)set.lasers->len;
     ret->n_shots = (int)set.shots->len;
+    g_free(set.first);
+    g_free(set.in_colour);
     g_array_unref(set.rows);
     g_array_unref(set.views);
     g_array_unref(set.lights);

@@ -13,8 +13,9 @@
  *   sweep_deg       of sweeps, how far the laser has turned; evenly spaced
  *
  * A picture's white (1) is 4095 DN, which the calibration's responses are for. Grey pictures are of
- * a grey camera, or mosaics if a colour filter is named. Each pixel of a colour picture becomes
- * four of a mosaic, and the camera in the session has twice as many each way.
+ * a grey camera, or mosaics if a colour filter is named. Of a picture in colour all three channels
+ * are kept (colour filter "rgb" of rectify.h). Of one view all pictures for the BTF are grey, or
+ * all are in colour; those of its sweeps may be either.
  *
  * Every light must be there for every view of the BTF. In a sweep one picture in ten may be
  * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are

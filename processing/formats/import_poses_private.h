@@ -19,25 +19,21 @@ struct import_row {
     int view, shot; /* indices */
 };
 
-/* Properties of a camera's first picture. */
-struct import_camera {
-    gboolean seen, doubled; /* doubled: its pictures are in colour */
-    int width, height;      /* of pictures */
-};
-
 struct import_set {
     const struct import_poses *wish;
     const char *table;
     GArray *rows; /* of struct import_row, in order of shot, camera, sweep_deg */
     struct calibration *known;
-    struct import_camera cameras[RIG_MAX_CAMERAS];
     GArray *views, *lights, *lasers; /* of struct session_direction */
+    const struct import_row **first; /* of each view, its first picture for the BTF */
+    gboolean *in_colour;             /* of each view, whether that one is in colour */
     GArray *shots;                   /* of struct session_shot */
     Session *session;
     struct import_poses_result *ret;
 };
 
-/* Reads the first picture of each camera and adapts the calibration to it. */
+/* Reads the first picture of each view and of each camera's sweeps, so that a picture of the wrong
+ * size is found before any is written. */
 gboolean import_frames_prepare(struct import_set *set, GError **error);
 
 /* Determines range and steps of each sweep for the plan. */

@@ -1,0 +1,184 @@
+/*
+ * Pictures of somebody else's rig, made by the formulas of lib/foreign_rig.h, through “mesorig
+ * import poses” and “mesorig process”. The BTF of a matt print is known: ρ cos θ_l of each texel.
+ */
+#include "formats/import_poses.h"
+
+#include "lib/foreign_rig.h"
+#include "lib/process.h"
+#include "lib/session_fixture.h"
+
+#define TEXELS   24
+#define WIDTH_MM 36.0
+#define DEGREE   (G_PI / 180)
+#define HEAD     "file,camera,lamp,turntable_deg,arc_deg,exposure_ms\n"
+#define ROUNDED  0.002 /* relative, of a half float that was made of half floats */
+#define PLANE_MM 4.0
+
+static const struct work quietly = {0};
+static const struct session_grid grid = {TEXELS, TEXELS, WIDTH_MM, WIDTH_MM, PLANE_MM, 5};
+static const struct pinhole camera = {96, 96, 30 * DEGREE, 650, 1100};
+static const struct arc_lamp lamp = {40 * DEGREE, 500, 400};
+
+static char *new_folder(void) {
+    char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
+    g_assert_nonnull(g_mkdtemp(template));
+    return template;
+}
+
+/* The rig, as its builder would write it down: no distortion, no vignetting. */
+static char *write_nominal(const char *dir) {
+    struct rig rig = {.id = "foreign", .n_cameras = 1, .n_lamps = 1};
+    rig.arc_radius_mm = 600;
+    rig.cameras[0] = pinhole_to_rig(&camera, "cam");
+    rig.lamps[0] = arc_lamp_to_rig(&lamp, "lamp");
+    g_autofree char *text = rig_to_text(&rig);
+    char *path = g_build_filename(dir, "nominal.conf", NULL);
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+    return path;
+}
+
+static void write_exr(const char *dir, const char *name, const float *planes, int n_planes) {
+    static const char *const grey[] = {"Y", NULL}, *const bgr[] = {"B", "G", "R", NULL};
+    const int n = camera.width * camera.height;
+    g_autofree char *path = g_build_filename(dir, name, NULL);
+    g_autoptr(ExrFile) file = exr_file_new();
+    struct exr_part *part =
+        exr_part_new("picture", camera.width, camera.height, n_planes == 1 ? grey : bgr, EXR_FLOAT);
+    for (int c = 0; c < n_planes; c++)
+        memcpy(part->planes[n_planes - 1 - c], planes + c * n, sizeof(float) * (gsize)n);
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+}
+
+/* Imports a table's rows beside the pictures in a folder. */
+static gboolean import_rows(const char *dir, const char *rows, const char *path, GError **error) {
+    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
+    g_autofree char *nominal = write_nominal(dir);
+    const struct import_poses poses = {
+        .table = table, .calibration = nominal, .cfa = "mono", .grid = grid, .threshold_dn = 40};
+    struct import_poses_result result;
+    g_assert_true(g_file_set_contents(table, rows, -1, NULL));
+    return import_poses(path, &poses, &quietly, &result, error);
+}
+
+/* The part of view 0 and light 0. */
+static struct exr_part *btf_of(const char *dir, const char *rows) {
+    static int number;
+    g_autoptr(GError) error = NULL;
+    g_autofree char *name = g_strdup_printf("s%d", number++), *path = session_fixture_path(name);
+    g_autofree char *file = g_build_filename(path, "products/btf/view_0000.exr", NULL);
+    import_rows(dir, rows, path, &error);
+    g_assert_no_error(error);
+    g_free(process_mesorig(0, "process %s --json", path));
+    struct exr_part *part = exr_read_part(file, "light_0000", &error);
+    g_assert_no_error(error);
+    return part;
+}
+
+/* cos θ of the lamp over a point of the print, for a turntable at 0. */
+static double lamp_cosine(double x_mm, double y_mm) {
+    const double l[3] = {lamp.distance_mm * sin(lamp.theta) - x_mm, -y_mm,
+                         lamp.distance_mm * cos(lamp.theta) - PLANE_MM};
+    return l[2] / sqrt(analytic_dot(l, l));
+}
+
+#define SLOPE 0.15 /* of the edge: dx/dy */
+static const double left_of[3] = {0.2, 0.7, 0.1}, right_of[3] = {0.8, 0.3, 0.6};
+
+static double edge_at(double y_mm) {
+    return 1.3 + SLOPE * y_mm;
+}
+
+static double edge_print(double x_mm, double y_mm, int c) {
+    return x_mm < edge_at(y_mm) ? left_of[c] : right_of[c];
+}
+
+static double smooth_print(double x_mm, double y_mm, int c) {
+    return 0.4 + 0.2 * sin(0.3 * x_mm + c) * cos(0.25 * y_mm);
+}
+
+static float *render(double (*print)(double, double, int), double exposure_ms) {
+    const struct foreign_scene scene = {.plane_mm = PLANE_MM, .print = print};
+    const struct foreign_shot shot = {&camera, &lamp, 0, 0, exposure_ms, 16};
+    return foreign_render(&scene, &shot);
+}
+
+/* Where the edge is in a row of texels: of each the share that has the value of the left side,
+ * v = ρ cos θ, counts as its width. */
+static double edge_of_row(const float *values, int row, int c) {
+    const double texel_mm = WIDTH_MM / TEXELS, y = WIDTH_MM / 2 - (row + 0.5) * texel_mm;
+    double edge = -WIDTH_MM / 2;
+    for (int i = 0; i < TEXELS; i++) {
+        const double x = -WIDTH_MM / 2 + (i + 0.5) * texel_mm;
+        const double rho = (double)values[row * TEXELS + i] / lamp_cosine(x, y);
+        edge += texel_mm * (rho - right_of[c]) / (left_of[c] - right_of[c]);
+    }
+    return edge;
+}
+
+/* A sharp edge of two colours lies where it was printed, in each channel. A pixel is 0.6 mm. */
+static void test_edge(void) {
+    g_autofree char *dir = new_folder();
+    g_autofree float *planes = render(edge_print, 1);
+    static const char *const names[] = {"R", "G", "B"};
+    double worst = 0, apart = 0;
+    write_exr(dir, "edge.exr", planes, 3);
+    g_autoptr(ExrPart) part = btf_of(dir, HEAD "edge.exr,cam,lamp,0,0,1\n");
+    for (int row = 0; row < TEXELS; row++) {
+        const double wanted = edge_at(WIDTH_MM / 2 - (row + 0.5) * WIDTH_MM / TEXELS);
+        double at[3];
+        for (int c = 0; c < 3; c++) {
+            at[c] = edge_of_row(exr_part_plane(part, names[c]), row, c);
+            worst = MAX(worst, fabs(at[c] - wanted));
+        }
+        apart = MAX(apart, MAX(fabs(at[0] - at[1]), fabs(at[2] - at[1])));
+    }
+    g_test_message("edge: at most %.4f mm off, channels at most %.4f mm apart", worst, apart);
+    g_assert_cmpfloat(worst, <, 0.02);
+    g_assert_cmpfloat(apart, <, 0.02);
+}
+
+/* A picture whose channels are equal gives what the grey picture gives, and a picture in colour
+ * what its formula says. */
+static void test_grey(void) {
+    g_autofree char *dir = new_folder();
+    g_autofree float *planes = render(smooth_print, 1);
+    const gsize n = (gsize)camera.width * (gsize)camera.height;
+    static const char *const names[] = {"R", "G", "B"};
+    write_exr(dir, "colour.exr", planes, 3);
+    g_autoptr(ExrPart) colour = btf_of(dir, HEAD "colour.exr,cam,lamp,0,0,1\n");
+    for (int c = 0; c < 3; c++) {
+        g_autofree float *equal = g_new(float, 3 * n);
+        const float *const seen = exr_part_plane(colour, names[c]);
+        for (gsize k = 0; k < 3; k++)
+            memcpy(equal + k * n, planes + (gsize)c * n, sizeof(float) * n);
+        write_exr(dir, "equal.exr", equal, 3);
+        write_exr(dir, "grey.exr", equal, 1);
+        g_autoptr(ExrPart) a = btf_of(dir, HEAD "equal.exr,cam,lamp,0,0,1\n");
+        g_autoptr(ExrPart) b = btf_of(dir, HEAD "grey.exr,cam,lamp,0,0,1\n");
+        for (int i = 0; i < TEXELS * TEXELS; i++) {
+            const double texel_mm = WIDTH_MM / TEXELS, x = (i % TEXELS + 0.5) * texel_mm - 18,
+                         y = 18 - ((double)(i / TEXELS) + 0.5) * texel_mm;
+            const double wanted = smooth_print(x, y, c) * lamp_cosine(x, y);
+            g_assert_cmpfloat_with_epsilon((double)seen[i], wanted, 0.003);
+            for (int k = 0; k < 3; k++) {
+                const double grey = (double)exr_part_plane(b, names[k])[i];
+                g_assert_cmpfloat_with_epsilon((double)exr_part_plane(a, names[k])[i], grey,
+                                               ROUNDED * grey);
+                g_assert_cmpfloat_with_epsilon((double)seen[i], grey, ROUNDED * grey);
+            }
+        }
+    }
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
+    g_test_add_func("/foreign_rig/edge", test_edge);
+    g_test_add_func("/foreign_rig/grey", test_grey);
+    const int status = g_test_run();
+    remove_tree(session_fixture_folder);
+    g_free(session_fixture_folder);
+    return status;
+}
