@@ -20,29 +20,10 @@ static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
 }
 
-/* A picture of the camera's size; NULL: error. */
-static struct import_picture *read_picture(const struct import_set *set,
-                                           const struct import_row *row, GError **error) {
-    const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
-    g_autoptr(GError) found = NULL;
-    g_autoptr(ImportPicture) picture = import_picture_read(row->path, &found);
-    if (!picture) {
-        data_error_set(set->table, row->line, error, "%s", found->message);
-        return NULL;
-    }
-    if (picture->width == camera->width && picture->height == camera->height)
-        return g_steal_pointer(&picture);
-    data_error_set(set->table, row->line, error,
-                   "%s has %d × %d pixels, camera %s has %d × %d in %s", row->name, picture->width,
-                   picture->height, camera->name, camera->width, camera->height,
-                   set->wish->calibration);
-    return NULL;
-}
-
 /* A picture for the BTF: of one view all are grey, or all are in colour. */
 static struct import_picture *read_lamp(const struct import_set *set, const struct import_row *row,
                                         GError **error) {
-    g_autoptr(ImportPicture) picture = read_picture(set, row, error);
+    g_autoptr(ImportPicture) picture = import_coding_picture(set, row, error);
     const struct import_row **first = &set->first[row->view];
     if (!picture)
         return NULL;
@@ -69,7 +50,7 @@ gboolean import_frames_prepare(struct import_set *set, GError **error) {
         if (row->sweep ? swept[row->camera] : set->first[row->view] != NULL)
             continue;
         g_autoptr(ImportPicture) picture =
-            row->sweep ? read_picture(set, row, error) : read_lamp(set, row, error);
+            row->sweep ? import_coding_picture(set, row, error) : read_lamp(set, row, error);
         if (!picture)
             return FALSE;
         swept[row->camera] |= row->sweep;
@@ -115,29 +96,39 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
                            "%zu of the %zu pixels of %s are not numbers", bad, n, row->name);
 }
 
+/* Number of pixels that are saturated in one colour or more. */
+static int import_frames_saturated(const struct import_picture *picture) {
+    int n = 0;
+    for (int i = 0; i < picture->width * picture->height; i++) {
+        const float *rgb = picture->rgb + 3 * (gsize)i;
+        n += (double)MAX(MAX(rgb[0], rgb[1]), rgb[2]) >= SATURATION;
+    }
+    return n;
+}
+
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
     static const char *const grey[] = {"Y", NULL}, *const bgr[] = {"B", "G", "R", NULL};
     g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
     if (!picture)
         return FALSE;
+    const int saturated = import_frames_saturated(picture);
+    if (!import_coding_flatten(set, row, picture, error))
+        return FALSE;
     const char *const *channels = picture->grey ? grey : bgr;
     g_autoptr(ExrPart) part =
         new_part(set, row, "radiance", channels, EXR_HALF, picture->grey ? set->wish->cfa : "rgb");
     const gsize n = (gsize)part->width * (gsize)part->height;
     gsize bad = 0;
-    int saturated = 0;
     for (gsize i = 0; i < n; i++) {
-        gboolean good = TRUE, full = FALSE;
+        gboolean good = TRUE;
         for (gsize c = 0; channels[c]; c++) {
             const float value = picture->rgb[3 * i + (picture->grey ? c : 2 - c)];
             good &= isfinite(value);
-            full |= (double)value >= SATURATION;
             part->planes[c][i] =
                 isfinite(value) ? value * IMPORT_WHITE_DN / (float)row->exposure_ms : NAN;
         }
         bad += !good;
-        saturated += full;
     }
     exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
     exr_set_double(part, "mesorig.dark_dn", 0);
@@ -249,7 +240,7 @@ static gboolean feed_all(const struct import_set *set, const struct run *run, st
     g_autofree float *picture = g_new0(float, to->n);
     for (int k = 0, row = 0; k < run->steps; k++) {
         if (!run->missing[k]) {
-            g_autoptr(ImportPicture) read = read_picture(set, &run->rows[row], error);
+            g_autoptr(ImportPicture) read = import_coding_picture(set, &run->rows[row], error);
             gsize bad = 0;
             if (!read)
                 return FALSE;

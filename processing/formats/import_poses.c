@@ -68,7 +68,8 @@ static gboolean import_poses_read_row(const struct import_set *set, const TextTa
         !text_table_number(table, index, columns->arc, 0, &row->arc_deg, error) ||
         !text_table_number(table, index, columns->exposure, 1, &row->exposure_ms, error) ||
         !text_table_number(table, index, columns->sweep, NAN, &row->sweep_deg, error) ||
-        !read_devices(set, table, columns, index, row, error))
+        !read_devices(set, table, columns, index, row, error) ||
+        !import_coding_read(set, table, index, folder, row, error))
         return FALSE;
     if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
         return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
@@ -80,7 +81,9 @@ static gboolean import_poses_read_row(const struct import_set *set, const TextTa
 }
 
 static void clear_row(gpointer data) {
-    g_free(((struct import_row *)data)->path);
+    struct import_row *row = data;
+    g_free(row->path);
+    g_free(row->coding.flat_path);
 }
 
 static gboolean import_poses_read_rows(struct import_set *set, const TextTable *table,
@@ -265,6 +268,8 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     struct import_set set = {.wish = poses,
                              .table = poses->table,
                              .ret = ret,
+                             .flats = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
+                                                            (GDestroyNotify)import_picture_free),
                              .rows = g_array_new(FALSE, FALSE, sizeof(struct import_row)),
                              .views = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
                              .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
@@ -280,6 +285,7 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     ret->n_lights = (int)set.lights->len;
     ret->n_lasers = (int)set.lasers->len;
     ret->n_shots = (int)set.shots->len;
+    g_hash_table_unref(set.flats);
     g_free(set.first);
     g_free(set.in_colour);
     g_array_unref(set.rows);

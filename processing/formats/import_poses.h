@@ -11,6 +11,11 @@
  *   arc_deg         0 likewise: of the arc that lamps and lasers stand on
  *   exposure_ms     1 likewise
  *   sweep_deg       of sweeps, how far the laser has turned; evenly spaced
+ *   black_level     what a pixel shows without light, a number of the file; 0 if it says nothing
+ *   bits            of a number: white is 2^bits − 1; all that the file has
+ *   transfer        linear or srgb; srgb of files of 8 bits, else linear
+ *   flat_field      a picture of an even surface, coded likewise, which those for the BTF are
+ *                   divided by; it is 1 around its middle
  *
  * A picture's white (1) is 4095 DN, which the calibration's responses are for. Grey pictures are of
  * a grey camera, or mosaics if a colour filter is named. Of a picture in colour all three channels

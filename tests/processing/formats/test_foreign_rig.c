@@ -26,11 +26,14 @@ static char *new_folder(void) {
     return template;
 }
 
-/* The rig, as its builder would write it down: no distortion, no vignetting. */
+static double vignetting;
+
+/* The rig, as its builder would write it down: without distortion. */
 static char *write_nominal(const char *dir) {
     struct rig rig = {.id = "foreign", .n_cameras = 1, .n_lamps = 1};
     rig.arc_radius_mm = 600;
     rig.cameras[0] = pinhole_to_rig(&camera, "cam");
+    rig.cameras[0].vignetting = vignetting;
     rig.lamps[0] = arc_lamp_to_rig(&lamp, "lamp");
     g_autofree char *text = rig_to_text(&rig);
     char *path = g_build_filename(dir, "nominal.conf", NULL);
@@ -172,11 +175,130 @@ static void test_grey(void) {
     }
 }
 
+/* How a picture is coded in a PNG: n = round(black + T⁻¹(v · flat) · (white − black)). */
+static const struct coding {
+    const char *columns, *values;
+    int bits, file_bits, black;
+    gboolean srgb;
+    double falls; /* the flat field is 1 − falls · (r / half the width)², r from the middle */
+} codings[] = {
+    {"", "", 8, 8, 0, TRUE, 0},
+    {"", "", 16, 16, 0, FALSE, 0},
+    {",transfer", ",linear", 8, 8, 0, FALSE, 0},
+    {",transfer", ",srgb", 16, 16, 0, TRUE, 0},
+    {",black_level", ",4096", 16, 16, 4096, FALSE, 0},
+    {",bits,black_level", ",12,256", 12, 16, 256, FALSE, 0},
+    {",bits,black_level,transfer", ",14,64,srgb", 14, 16, 64, TRUE, 0},
+    {",flat_field", ",flat.png", 16, 16, 0, FALSE, 0.4},
+    {",flat_field,bits,black_level", ",flat.png,12,200", 12, 16, 200, FALSE, 0.25},
+    {",flat_field,transfer", ",flat.png,srgb", 8, 8, 0, TRUE, 0.3},
+};
+
+static double fall_off(const struct coding *coding, int pixel) {
+    const double x = pixel % camera.width - 0.5 * (camera.width - 1),
+                 y = (double)(pixel / camera.width) - 0.5 * (camera.height - 1);
+    return 1 - coding->falls * (x * x + y * y) / (0.25 * camera.width * camera.width);
+}
+
+/* planes NULL: the flat field, which is half as bright as white in red, and less in the others. */
+static void write_coded(const struct coding *coding, const char *dir, const char *name,
+                        const float *planes) {
+    const int n = camera.width * camera.height, white = (1 << coding->bits) - 1;
+    g_autofree guint16 *codes = g_new(guint16, 3 * n);
+    g_autofree char *path = g_build_filename(dir, name, NULL);
+    for (int i = 0; i < 3 * n; i++) {
+        const double v = fall_off(coding, i / 3) *
+                         (planes ? (double)planes[i % 3 * n + i / 3] : 0.5 / (1 + i % 3));
+        const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+        codes[i] =
+            (guint16)lround(coding->black + (coding->srgb ? s : v) * (white - coding->black));
+    }
+    foreign_write_png(path, codes, camera.width, camera.height, 3, coding->file_bits);
+}
+
+/* Whatever the coding, the BTF is what the formula says; of flat fields, for which the middle of a
+ * picture is 1, up to the mean of the fall-off around it. */
+static void test_coding(gconstpointer data) {
+    const struct coding *coding = data;
+    static const char *const names[] = {"R", "G", "B"};
+    g_autofree char *dir = new_folder();
+    g_autofree float *planes = render(smooth_print, 1);
+    g_autofree char *rows =
+        g_strdup_printf("file,camera,lamp%s\na.png,cam,lamp%s\n", coding->columns, coding->values);
+    double sum = 0;
+    write_coded(coding, dir, "a.png", planes);
+    write_coded(coding, dir, "flat.png", NULL);
+    g_autoptr(ExrPart) part = btf_of(dir, rows);
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < TEXELS * TEXELS; i++) {
+            const double texel_mm = WIDTH_MM / TEXELS, x = (i % TEXELS + 0.5) * texel_mm - 18,
+                         y = 18 - ((double)(i / TEXELS) + 0.5) * texel_mm;
+            const double wanted = smooth_print(x, y, c) * lamp_cosine(x, y);
+            const double off = (double)exr_part_plane(part, names[c])[i] - wanted;
+            sum += off * off / (3 * TEXELS * TEXELS);
+            g_assert_cmpfloat(fabs(off), <, coding->file_bits == 8 ? 0.009 : 0.004);
+        }
+    g_test_message("%s%s: RMS error %.5f of a mean of 0.3", coding->columns, coding->values,
+                   sqrt(sum));
+    g_assert_cmpfloat(sqrt(sum), <, coding->file_bits == 8 ? 0.003 : 0.0015);
+}
+
+static void assert_refused(const char *dir, const char *rows, const char *what) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = session_fixture_path("refused");
+    g_assert_false(import_rows(dir, rows, path, &error));
+    g_assert_nonnull(error);
+    assert_has(error->message, what);
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+static void test_bad_coding(void) {
+    g_autofree char *dir = new_folder(), *small = g_build_filename(dir, "small.png", NULL);
+    g_autofree float *planes = render(smooth_print, 1);
+    const guint16 codes[3] = {1, 2, 3};
+    write_exr(dir, "f.exr", planes, 3);
+    write_exr(dir, "grey.exr", planes, 1);
+    write_coded(&codings[0], dir, "a.png", planes);
+    write_coded(&codings[1], dir, "b.png", planes);
+    foreign_write_png(small, codes, 1, 1, 3, 8);
+#define CODED(columns) "file,camera,lamp," columns "\n"
+    assert_refused(dir, CODED("black_level") "a.png,cam,lamp,-1\n",
+                   "poses.csv:2: a black_level of -1 is below 0");
+    assert_refused(dir, CODED("black_level") "a.png,cam,lamp,x\n", "“x” in column black_level");
+    assert_refused(dir, CODED("black_level") "a.png,cam,lamp,255\n",
+                   "poses.csv:2: a black_level of 255 is not below white, 255 in a.png");
+    assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n", "not below white, 1 in f.exr");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12.5\n", "bits of 12.5 are not valid");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,17\n", "bits of 17 are not valid");
+    assert_refused(dir, CODED("bits") "a.png,cam,lamp,12\n",
+                   "bits is 12, but the numbers of a.png have 8");
+    assert_refused(dir, CODED("bits") "f.exr,cam,lamp,12\n",
+                   "bits is 12, but f.exr holds floating-point numbers");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12\n", "but 12 bits end at 4095");
+    assert_refused(dir, CODED("transfer") "a.png,cam,lamp,gamma\n",
+                   "a transfer of “gamma” is not known; choose from: linear, srgb");
+    assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,no.png\n",
+                   "poses.csv:2: there is no flat field /");
+    assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,small.png\n",
+                   "small.png has 1 × 1 pixels, camera cam has 96 × 96");
+    assert_refused(dir, CODED("flat_field") "grey.exr,cam,lamp,f.exr\n",
+                   "grey.exr is grey, its flat field");
+    vignetting = 0.1;
+    assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,b.png\n",
+                   "describes the vignetting of camera cam, too; leave out one of them");
+    vignetting = 0;
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
     g_test_add_func("/foreign_rig/edge", test_edge);
     g_test_add_func("/foreign_rig/grey", test_grey);
+    for (gsize i = 0; i < G_N_ELEMENTS(codings); i++) {
+        g_autofree char *name = g_strdup_printf("/foreign_rig/coding/%d", (int)i);
+        g_test_add_data_func(name, &codings[i], test_coding);
+    }
+    g_test_add_func("/foreign_rig/coding/bad", test_bad_coding);
     const int status = g_test_run();
     remove_tree(session_fixture_folder);
     g_free(session_fixture_folder);
