@@ -10,7 +10,8 @@
 #define LARGEST_MM 10000
 
 static char *output, *region, *calibration, *sample, *cfa, *edge;
-static double texel_mm, reference_mm, depth_mm, threshold_dn = 40;
+static double texel_mm, reference_mm, depth_mm, threshold_dn = 40, same_light_deg;
+static gboolean target;
 static int texels = 64;
 
 static const GOptionEntry entries[] = {
@@ -30,6 +31,10 @@ static const GOptionEntry entries[] = {
      "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
      "poses: the least peak of a sweep, of 4095 (40)", "DN"},
+    {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
+     "poses: lamps within this of a direction of the sample are one light (0: none)", "DEG"},
+    {"target", 0, 0, G_OPTION_ARG_NONE, &target,
+     "poses: of a calibration target: views need not have every light", NULL},
     {NULL},
 };
 
@@ -131,7 +136,9 @@ static int run_poses(const struct call *call, GError **error) {
     struct poses_job job = {.poses = {.table = call->arguments[1],
                                       .calibration = calibration,
                                       .cfa = cfa ? cfa : "mono",
-                                      .threshold_dn = threshold_dn}};
+                                      .threshold_dn = threshold_dn,
+                                      .same_light_deg = same_light_deg,
+                                      .target = target}};
     double seconds = 0;
     if (!calibration)
         return cli_usage(command,
@@ -139,6 +146,9 @@ static int run_poses(const struct call *call, GError **error) {
     if (!parse_grid(&job.poses.grid))
         return cli_usage(command, "--sample needs WIDTHxHEIGHT in mm, --texels 1 to 8192, --depth "
                                   "millimetres");
+    if (!(same_light_deg >= 0 && same_light_deg <= 45))
+        return cli_usage(command, "--same-light=%g is out of range: 0 to 45 degrees",
+                         same_light_deg);
     if (!g_strv_contains(filters, job.poses.cfa))
         return cli_usage(command, "there is no --cfa=%s; choose from: mono, rggb, bggr, grbg, gbrg",
                          cfa);

@@ -22,7 +22,11 @@
  * are kept (colour filter "rgb" of rectify.h). Of one view all pictures for the BTF are grey, or
  * all are in colour; those of its sweeps may be either.
  *
- * Every light must be there for every view of the BTF. In a sweep one picture in ten may be
+ * Every light must be there for every view of the BTF, unless the pictures show a calibration
+ * target. A light is a lamp at an angle of the arc against the sample; where lamps stand still and
+ * the sample turns, same_light_deg makes those one light that lie in one direction of the sample.
+ * It then has the direction of the first of them in the plan, and the BTF's files say where each
+ * lamp was. In a sweep one picture in ten may be
  * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are
  * no numbers are holes. Any thread.
  */
@@ -41,7 +45,9 @@ struct import_poses {
     const char *cfa;                 /* of grey pictures: "mono", "rggb" … */
     struct session_grid grid;
     enum import_edge edge;
-    double threshold_dn; /* least height of a peak */
+    double threshold_dn;   /* least height of a peak */
+    double same_light_deg; /* lamps whose directions differ by no more are one light; 0: none */
+    gboolean target;       /* pictures of a calibration target: views need not have all lights */
 };
 
 struct import_poses_result {

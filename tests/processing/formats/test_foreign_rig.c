@@ -28,13 +28,25 @@ static char *new_folder(void) {
 
 static double vignetting;
 
+/* Lamps that stand around the turntable, not quite a quarter of a turn apart. */
+#define LAMPS 4
+static const double azimuths_deg[LAMPS] = {0, 90.4, 180, 269.7};
+
 /* The rig, as its builder would write it down: without distortion. */
 static char *write_nominal(const char *dir) {
-    struct rig rig = {.id = "foreign", .n_cameras = 1, .n_lamps = 1};
+    struct rig rig = {.id = "foreign", .n_cameras = 1, .n_lamps = 1 + LAMPS};
     rig.arc_radius_mm = 600;
     rig.cameras[0] = pinhole_to_rig(&camera, "cam");
     rig.cameras[0].vignetting = vignetting;
     rig.lamps[0] = arc_lamp_to_rig(&lamp, "lamp");
+    for (int i = 1; i <= LAMPS; i++) {
+        const double a = azimuths_deg[i - 1] * DEGREE;
+        g_autofree char *name = g_strdup_printf("lamp%d", i);
+        rig.lamps[i] = arc_lamp_to_rig(&lamp, name);
+        rig.lamps[i].position_mm =
+            vec3(lamp.distance_mm * sin(lamp.theta) * cos(a),
+                 lamp.distance_mm * sin(lamp.theta) * sin(a), lamp.distance_mm * cos(lamp.theta));
+    }
     g_autofree char *text = rig_to_text(&rig);
     char *path = g_build_filename(dir, "nominal.conf", NULL);
     g_assert_true(g_file_set_contents(path, text, -1, NULL));
@@ -54,26 +66,42 @@ static void write_exr(const char *dir, const char *name, const float *planes, in
     g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
 }
 
+static double same_light_deg;
+static gboolean target;
+static struct import_poses_result result;
+
 /* Imports a table's rows beside the pictures in a folder. */
 static gboolean import_rows(const char *dir, const char *rows, const char *path, GError **error) {
     g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
     g_autofree char *nominal = write_nominal(dir);
-    const struct import_poses poses = {
-        .table = table, .calibration = nominal, .cfa = "mono", .grid = grid, .threshold_dn = 40};
-    struct import_poses_result result;
+    const struct import_poses poses = {.table = table,
+                                       .calibration = nominal,
+                                       .cfa = "mono",
+                                       .grid = grid,
+                                       .threshold_dn = 40,
+                                       .same_light_deg = same_light_deg,
+                                       .target = target};
     g_assert_true(g_file_set_contents(table, rows, -1, NULL));
     return import_poses(path, &poses, &quietly, &result, error);
 }
 
-/* The part of view 0 and light 0. */
-static struct exr_part *btf_of(const char *dir, const char *rows) {
+/* A processed session; g_free(). */
+static char *session_of(const char *dir, const char *rows) {
     static int number;
     g_autoptr(GError) error = NULL;
-    g_autofree char *name = g_strdup_printf("s%d", number++), *path = session_fixture_path(name);
-    g_autofree char *file = g_build_filename(path, "products/btf/view_0000.exr", NULL);
+    g_autofree char *name = g_strdup_printf("s%d", number++);
+    char *path = session_fixture_path(name);
     import_rows(dir, rows, path, &error);
     g_assert_no_error(error);
     g_free(process_mesorig(0, "process %s --json", path));
+    return path;
+}
+
+/* The part of view 0 and light 0. */
+static struct exr_part *btf_of(const char *dir, const char *rows) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = session_of(dir, rows);
+    g_autofree char *file = g_build_filename(path, "products/btf/view_0000.exr", NULL);
     struct exr_part *part = exr_read_part(file, "light_0000", &error);
     g_assert_no_error(error);
     return part;
@@ -289,6 +317,93 @@ static void test_bad_coding(void) {
     vignetting = 0;
 }
 
+/* cos θ of a lamp at an azimuth of the sample frame, over a point of the print. */
+static double light_cosine(double azimuth, double x_mm, double y_mm) {
+    double at[3] = {lamp.distance_mm * sin(lamp.theta), 0,
+                    lamp.distance_mm * cos(lamp.theta) - PLANE_MM};
+    analytic_turn(at, azimuth, at);
+    at[0] -= x_mm;
+    at[1] -= y_mm;
+    return at[2] / sqrt(analytic_dot(at, at));
+}
+
+/* Three angles of the turntable, four lamps that do not turn with it. Each texel of each view and
+ * light is what the formula says of the lamp that was on, which its part names. */
+static void test_turntable(void) {
+    static const double turns_deg[] = {0, 90, 180};
+    static const char *const names[] = {"R", "G", "B"};
+    g_autofree char *dir = new_folder();
+    g_autoptr(GString) rows = g_string_new("file,camera,lamp,turntable_deg\n");
+    const struct foreign_scene scene = {.plane_mm = PLANE_MM, .print = smooth_print};
+    for (gsize t = 0; t < G_N_ELEMENTS(turns_deg); t++)
+        for (int k = 0; k < LAMPS; k++) {
+            const struct foreign_shot shot = {
+                &camera, &lamp, azimuths_deg[k] * DEGREE, turns_deg[t] * DEGREE, 1, 4};
+            g_autofree char *name = g_strdup_printf("t%d_l%d.exr", (int)t, k);
+            g_autofree float *planes = foreign_render(&scene, &shot);
+            write_exr(dir, name, planes, 3);
+            g_string_append_printf(rows, "%s,cam,lamp%d,%g\n", name, k + 1, turns_deg[t]);
+        }
+    assert_refused(dir, rows->str, "say how exactly with --same-light");
+    same_light_deg = 60;
+    assert_refused(dir, rows->str, "give less to --same-light");
+    same_light_deg = 1;
+    g_autofree char *path = session_of(dir, rows->str);
+    same_light_deg = 0;
+    g_assert_cmpint(result.n_views, ==, 3);
+    g_assert_cmpint(result.n_lights, ==, LAMPS);
+    double worst = 0;
+    for (int view = 0; view < 3; view++) {
+        g_autofree char *file = g_strdup_printf("%s/products/btf/view_%04d.exr", path, view);
+        g_autoptr(ExrFile) exr = exr_read(file, NULL);
+        g_assert_true(exr && exr->parts->len == LAMPS);
+        for (int light = 0; light < LAMPS; light++) {
+            const struct exr_part *part = exr->parts->pdata[light];
+            double phi_deg;
+            g_assert_true(exr_get_double(part, "light.phi_deg", &phi_deg, NULL));
+            /* The lamp whose place it is: the nearest in the sample frame of this view. */
+            double azimuth = 0, least = 360;
+            for (int k = 0; k < LAMPS; k++) {
+                const double off =
+                    fabs(remainder(azimuths_deg[k] - turns_deg[view] - phi_deg, 360));
+                azimuth = off < least ? azimuths_deg[k] - turns_deg[view] : azimuth;
+                least = MIN(least, off);
+            }
+            g_assert_cmpfloat(least, <, 1);
+            for (int i = 0; i < 3 * TEXELS * TEXELS; i++) {
+                const int texel = i / 3;
+                const double texel_mm = WIDTH_MM / TEXELS;
+                const double x = (texel % TEXELS + 0.5) * texel_mm - 18,
+                             y = 18 - ((double)(texel / TEXELS) + 0.5) * texel_mm;
+                const double wanted =
+                    smooth_print(x, y, i % 3) * light_cosine(azimuth * DEGREE, x, y);
+                worst =
+                    MAX(worst, fabs((double)exr_part_plane(part, names[i % 3])[texel] - wanted));
+            }
+        }
+    }
+    g_test_message("turntable: at most %.5f off", worst);
+    g_assert_cmpfloat(worst, <, 0.004);
+}
+
+/* Pictures of a target under one lamp at several angles of the turntable make a session without a
+ * BTF, with a frame a picture. */
+static void test_target(void) {
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("target");
+    g_autofree float *planes = render(smooth_print, 1);
+    g_autoptr(GError) error = NULL;
+    static const char *const rows = "file,camera,lamp,turntable_deg\n"
+                                    "a.exr,cam,lamp,0\na.exr,cam,lamp,20\na.exr,cam,lamp,40\n";
+    write_exr(dir, "a.exr", planes, 3);
+    assert_refused(dir, rows, "--target is for pictures of a calibration target");
+    target = TRUE;
+    import_rows(dir, rows, path, &error);
+    target = FALSE;
+    g_assert_no_error(error);
+    g_assert_cmpint(result.n_views, ==, 3);
+    g_assert_cmpint(result.n_frames, ==, 3);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
@@ -299,6 +414,8 @@ int main(int argc, char **argv) {
         g_test_add_data_func(name, &codings[i], test_coding);
     }
     g_test_add_func("/foreign_rig/coding/bad", test_bad_coding);
+    g_test_add_func("/foreign_rig/turntable", test_turntable);
+    g_test_add_func("/foreign_rig/target", test_target);
     const int status = g_test_run();
     remove_tree(session_fixture_folder);
     g_free(session_fixture_folder);
