@@ -3,6 +3,7 @@
 #include "import_poses_private.h"
 
 #include "base/data_error.h"
+#include "nominal.h"
 
 #include <math.h>
 #include <string.h>
@@ -309,7 +310,7 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     g_autoptr(TextTable) table = text_table_read(poses->table, error);
     *ret = (struct import_poses_result){0};
     g_array_set_clear_func(set.rows, clear_row);
-    const gboolean ok = table && (set.known = calibration_read(poses->calibration, error)) &&
+    const gboolean ok = table && (set.known = nominal_read(poses->calibration, error)) &&
                         import_poses_read_rows(&set, table, error) &&
                         import_poses_make(&set, path, work, error);
     ret->n_views = (int)set.views->len;

@@ -1,7 +1,7 @@
 /*
  * A folder of pictures with a table that says from where each was taken and how it was lit, and a
- * calibration file, made into a session as a capture would have left it; “mesorig process” makes
- * BTF and MDF of it.
+ * calibration file or nominal values (nominal.h), made into a session as a capture would have left
+ * it; “mesorig process” makes BTF and MDF of it.
  *
  * The table (text_table.h) has a row a picture:
  *   file            beside the table, or in a folder below; JPEG, PNG, TIFF or EXR

@@ -3,6 +3,7 @@
  * import poses” and “mesorig process”. The BTF of a matt print is known: ρ cos θ_l of each texel.
  */
 #include "formats/import_poses.h"
+#include "formats/nominal.h"
 
 #include "lib/foreign_rig.h"
 #include "lib/process.h"
@@ -404,6 +405,100 @@ static void test_target(void) {
     g_assert_cmpint(result.n_frames, ==, 3);
 }
 
+/* The same rig in a file of nominal values. */
+static void test_nominal(void) {
+    static const char *const text = "[rig]\nid = foreign\n"
+                                    "[camera cam]\nwidth = 96\nheight = 96\nfocal_px = 1100\n"
+                                    "eye_mm = 325; 0; 562.9165124598851\nresponse = 6000\n"
+                                    "[camera turned]\nwidth = 96\nheight = 96\nfocal_px = 1100\n"
+                                    "eye_mm = 325; 0; 562.9165124598851\nturn_deg = 90\n"
+                                    "[lamp lamp]\nintensity = 400\n"
+                                    "position_mm = 321.3938048432697; 0; 383.0222215594890\n"
+                                    "[laser laser]\nposition_mm = 300; 0; 400\naxis = 0; 2; 0\n";
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    const struct rig_camera wanted = pinhole_to_rig(&camera, "cam");
+    const struct rig_lamp lit = arc_lamp_to_rig(&lamp, "lamp");
+    const struct line_laser line = {atan2(300, 400), 500};
+    const struct rig_laser sheet = line_laser_to_rig(&line, "laser");
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+    g_autoptr(Calibration) known = nominal_read(path, &error);
+    g_assert_no_error(error);
+    const struct rig *rig = &known->rig;
+    g_assert_cmpint(rig->n_cameras + rig->n_lamps + rig->n_lasers, ==, 4);
+    g_assert_cmpfloat_with_epsilon(vec3_length(vec3_sub(rig->lamps[0].aim, lit.aim)), 0, 1e-9);
+    g_assert_cmpfloat_with_epsilon(
+        vec3_length(vec3_sub(rig->lamps[0].position_mm, lit.position_mm)), 0, 1e-9);
+    g_assert_cmpfloat_with_epsilon(vec3_length(vec3_sub(rig->lasers[0].normal, sheet.normal)), 0,
+                                   1e-9);
+    /* A point that the level camera shows at (x, y), the one turned clockwise shows at (y, 95 − x).
+     */
+    for (int i = 0; i < 27; i++) {
+        const double p[3] = {10 * (i % 3 - 1), 10 * (i / 3 % 3 - 1), 10.0 * (i / 9)};
+        double x, y, at_x, at_y, turned_x, turned_y;
+        pinhole_project(&camera, p, &x, &y);
+        g_assert_true(rig_project(&rig->cameras[0], vec3(p[0], p[1], p[2]), &at_x, &at_y));
+        g_assert_true(rig_project(&rig->cameras[1], vec3(p[0], p[1], p[2]), &turned_x, &turned_y));
+        g_assert_cmpfloat_with_epsilon(at_x, x, 1e-9);
+        g_assert_cmpfloat_with_epsilon(at_y, y, 1e-9);
+        g_assert_cmpfloat_with_epsilon(turned_x, y, 1e-9);
+        g_assert_cmpfloat_with_epsilon(turned_y, 95 - x, 1e-9);
+    }
+    g_assert_cmpfloat(rig->cameras[0].response, ==, wanted.response);
+}
+
+static void test_bad_nominal(void) {
+    static const struct {
+        const char *text, *what;
+    } bad[] = {
+        {"[camera c]\nwidth = 9\n", "nominal.conf:1: [camera c] height: it is missing"},
+        {"[camera c]\nwidth = ?\n", "nominal.conf:2: [camera c] width: “?” is not a number"},
+        {"[camera c]\nwidth = 0\n",
+         "nominal.conf:2: [camera c] width: 0 is out of range: 1 to 65536"},
+        {"[camera c]\nwide = 9\n", "nominal.conf:2: [camera c] wide: a camera has no such key"},
+        {"[camera c]\nwidth = 9\nheight = 9\nfocal_px = 9\neye_mm = 1; 2\n",
+         "nominal.conf:5: [camera c] eye_mm: “1; 2” is not three numbers x; y; z"},
+        {"[camera c]\nwidth = 9\nheight = 9\nfocal_px = 9\neye_mm = 0; 0; 0\n",
+         "eye_mm: it is less than 1 mm from target_mm"},
+        {"[world]\n[camera c]\n", "nominal.conf:1: [world]"},
+        {"[laser l]\nposition_mm = 0; 0; 9\naxis = 0; 0; 1\n[camera c]\n",
+         "nominal.conf:3: [laser l] axis: it is 0 or points"},
+    };
+    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_autoptr(GError) error = NULL;
+        g_assert_true(g_file_set_contents(path, bad[i].text, -1, NULL));
+        g_assert_null(nominal_read(path, &error));
+        g_assert_nonnull(error);
+        assert_has(error->message, bad[i].what);
+    }
+}
+
+/* What the template leaves open is named; filled in, the pictures are imported with it. */
+static void test_template(void) {
+    g_autofree char *dir = new_folder(), *table = g_build_filename(dir, "poses.csv", NULL);
+    g_autofree char *path = g_build_filename(dir, "to_fill.conf", NULL), *text = NULL;
+    g_autofree char *path_out = session_fixture_path("filled");
+    g_autofree float *planes = render(smooth_print, 1);
+    write_exr(dir, "a.exr", planes, 3);
+    g_assert_true(g_file_set_contents(table, "file,camera,lamp\na.exr,cam,lamp\n", -1, NULL));
+    g_free(process_mesorig(0, "import poses %s --template -o %s", table, path));
+    g_autofree char *again = process_mesorig(1, "import poses %s --template -o %s", table, path);
+    assert_has(again, "exists already");
+    g_autofree char *open =
+        process_mesorig(1, "import poses %s -c %s -s 36x36 -o %s", table, path, path_out);
+    assert_has(open, "focal_px: “?” is not a number");
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    assert_has(text, "width = 96\n");
+    g_autoptr(GString) filled = g_string_new(text);
+    g_string_replace(filled, "focal_px = ?", "focal_px = 1100", 0);
+    g_string_replace(filled, "eye_mm = ?", "eye_mm = 325; 0; 562.9", 0);
+    g_string_replace(filled, "position_mm = ?", "position_mm = 321.4; 0; 383", 0);
+    g_assert_true(g_file_set_contents(path, filled->str, -1, NULL));
+    g_free(process_mesorig(0, "import poses %s -c %s -s 36x36 --reference 4 -o %s", table, path,
+                           path_out));
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
@@ -416,6 +511,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/foreign_rig/coding/bad", test_bad_coding);
     g_test_add_func("/foreign_rig/turntable", test_turntable);
     g_test_add_func("/foreign_rig/target", test_target);
+    g_test_add_func("/foreign_rig/nominal", test_nominal);
+    g_test_add_func("/foreign_rig/nominal/bad", test_bad_nominal);
+    g_test_add_func("/foreign_rig/nominal/template", test_template);
     const int status = g_test_run();
     remove_tree(session_fixture_folder);
     g_free(session_fixture_folder);
