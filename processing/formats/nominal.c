@@ -246,8 +246,10 @@ static void nominal_append(GString *text, const struct nominal_kind *kind, const
         }
         if (*key->help)
             g_string_append_printf(text, "# %s\n", key->help);
-        g_string_append_printf(text, "%s%s = %s\n", strcmp(value, "nan") == 0 ? "# " : "",
-                               key->name, strcmp(value, "nan") == 0 ? "" : value);
+        if (strcmp(value, "nan") == 0)
+            g_string_append_printf(text, "# %s =\n", key->name);
+        else
+            g_string_append_printf(text, "%s = %s\n", key->name, value);
     }
 }
 

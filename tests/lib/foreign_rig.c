@@ -58,16 +58,41 @@ static void foreign_radiance(const struct foreign_scene *scene, const double *ey
     }
 }
 
+/* Positions of camera and lamp in the sample frame. */
+static void foreign_places(const struct foreign_shot *shot, double *eye, double *lamp) {
+    lamp[0] = shot->lamp->distance_mm * sin(shot->lamp->theta);
+    lamp[1] = 0;
+    lamp[2] = shot->lamp->distance_mm * cos(shot->lamp->theta);
+    pinhole_eye(shot->camera, eye);
+    analytic_turn(eye, -shot->turntable, eye);
+    analytic_turn(lamp, shot->arc - shot->turntable, lamp);
+}
+
+gboolean foreign_clear(const struct foreign_scene *scene, const struct foreign_shot *shot,
+                       double x_mm, double y_mm) {
+    const double p[3] = {x_mm, y_mm, scene->plane_mm};
+    double to[2][3];
+    foreign_places(shot, to[0], to[1]);
+    for (int k = 0; k < 2; k++) {
+        int sphere;
+        for (int i = 0; i < 3; i++)
+            to[k][i] -= p[i];
+        const double length = sqrt(analytic_dot(to[k], to[k]));
+        for (int i = 0; i < 3; i++)
+            to[k][i] /= length;
+        if (foreign_hit(scene, p, to[k], 1e-6, &sphere) > 0)
+            return FALSE;
+    }
+    return TRUE;
+}
+
 float *foreign_render(const struct foreign_scene *scene, const struct foreign_shot *shot) {
     const struct pinhole *camera = shot->camera;
     const int n = camera->width * camera->height, k = shot->samples;
     const double scale = RESPONSE * shot->exposure_ms / 1000 / WHITE_DN / (k * k);
     float *planes = g_new(float, 3 * n);
-    double eye[3], lamp[3] = {shot->lamp->distance_mm * sin(shot->lamp->theta), 0,
-                              shot->lamp->distance_mm * cos(shot->lamp->theta)};
-    pinhole_eye(camera, eye);
-    analytic_turn(eye, -shot->turntable, eye);
-    analytic_turn(lamp, shot->arc - shot->turntable, lamp);
+    double eye[3], lamp[3];
+    foreign_places(shot, eye, lamp);
     for (int pixel = 0; pixel < n; pixel++) {
         double sum[3] = {0};
         for (int i = 0; i < k * k; i++) {

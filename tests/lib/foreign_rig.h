@@ -32,6 +32,10 @@ struct foreign_shot {
  * planes of R, G and B, each pixel the mean over its area; g_free(). */
 float *foreign_render(const struct foreign_scene *scene, const struct foreign_shot *shot);
 
+/* Whether a point of the print is lit, and seen by the camera. */
+gboolean foreign_clear(const struct foreign_scene *scene, const struct foreign_shot *shot,
+                       double x_mm, double y_mm);
+
 /* A PNG of 8 or 16 bits: height × width × channels (1 or 3) codes. */
 void foreign_write_png(const char *path, const guint16 *codes, int width, int height, int channels,
                        int bits);

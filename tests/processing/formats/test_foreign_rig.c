@@ -499,6 +499,133 @@ static void test_template(void) {
                            path_out));
 }
 
+static double check_print(double x_mm, double y_mm, int c) {
+    static const double squares[2][3] = {{0.7, 0.25, 0.15}, {0.15, 0.3, 0.6}};
+    return squares[(int)(floor((x_mm - 0.5) / 6) + floor((y_mm - 0.5) / 6)) & 1][c];
+}
+
+static const struct foreign_sphere ball = {{6, -4, PLANE_MM + 2}, 2, {0.8, 0.8, 0.2}};
+static const struct foreign_scene tutorial = {PLANE_MM, check_print, &ball, 1};
+static const double tutorial_turns_deg[] = {0, 90, 180};
+
+/* The pictures and the table of docs/foreign-rig.md. */
+static void write_tutorial(const char *dir) {
+    const struct coding coding = {NULL, NULL, 12, 16, 256, FALSE, 0.25};
+    g_autoptr(GString) rows =
+        g_string_new("file,camera,lamp,turntable_deg,exposure_ms,bits,black_level,flat_field\n");
+    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
+    for (gsize t = 0; t < G_N_ELEMENTS(tutorial_turns_deg); t++)
+        for (int k = 0; k < LAMPS; k++) {
+            const struct foreign_shot shot = {
+                &camera, &lamp, azimuths_deg[k] * DEGREE, tutorial_turns_deg[t] * DEGREE, 1, 8};
+            g_autofree char *name =
+                g_strdup_printf("t%03.0f_l%d.png", tutorial_turns_deg[t], k + 1);
+            g_autofree float *planes = foreign_render(&tutorial, &shot);
+            write_coded(&coding, dir, name, planes);
+            g_string_append_printf(rows, "%s,cam,lamp%d,%g,1,12,256,flat.png\n", name, k + 1,
+                                   tutorial_turns_deg[t]);
+        }
+    write_coded(&coding, dir, "flat.png", NULL);
+    g_assert_true(g_file_set_contents(table, rows->str, -1, NULL));
+}
+
+/* The nominal values that its reader fills in, and what two mistakes in them cost. */
+static const struct nominal {
+    const char *focal, *eye, *what;
+} nominals[] = {{"focal_px = 1100", "eye_mm = 325; 0; 562.9", "as it is"},
+                {"focal_px = 1100", "eye_mm = 325; 3; 562.9", "lens 3 mm aside, aimed again"},
+                {"focal_px = 1111", "eye_mm = 325; 0; 562.9", "focal length 1 % too long"}};
+
+static char *fill_template(const char *dir, const struct nominal *nominal) {
+    static const char *const names[] = {"lamp1", "lamp2", "lamp3", "lamp4"};
+    g_autofree char *path = g_build_filename(dir, "nominal.conf", NULL), *text = NULL;
+    g_remove(path);
+    g_free(process_mesorig(0, "import poses %s/poses.csv --template -o %s", dir, path));
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_autoptr(GString) filled = g_string_new(text);
+    g_string_replace(filled, "focal_px = ?", nominal->focal, 1);
+    g_string_replace(filled, "eye_mm = ?", nominal->eye, 1);
+    g_string_replace(filled, "response = 1000", "response = 6000", 1);
+    g_string_replace(filled, "intensity = 1\n", "intensity = 400\n", 0);
+    for (gsize k = 0; k < LAMPS; k++) {
+        const double r = lamp.distance_mm * sin(lamp.theta), a = azimuths_deg[k] * DEGREE;
+        g_autofree char *at = g_strdup_printf("position_mm = %.1f; %.1f; %.1f", r * cos(a),
+                                              r * sin(a), lamp.distance_mm * cos(lamp.theta));
+        g_assert_nonnull(strstr(filled->str, names[k]));
+        g_string_replace(filled, "position_mm = ?", at, 1);
+    }
+    g_assert_null(strchr(strstr(filled->str, "[rig]"), '?'));
+    g_assert_true(g_file_set_contents(path, filled->str, -1, NULL));
+    return g_steal_pointer(&path);
+}
+
+/* Adds squared errors of one picture's texels that show nothing but lit print: against the mean of
+ * ρ cos θ over the texel. */
+static void add_errors(const struct exr_part *part, const struct foreign_shot *shot, double *sum,
+                       int *n) {
+    static const char *const names[] = {"R", "G", "B"};
+    const double texel_mm = WIDTH_MM / TEXELS;
+    for (int texel = 0; texel < TEXELS * TEXELS; texel++) {
+        double wanted[3] = {0};
+        gboolean clear = TRUE;
+        for (int i = 0; i < 64; i++) {
+            const double x = (texel % TEXELS + (i % 8 + 0.5) / 8) * texel_mm - WIDTH_MM / 2;
+            const double y =
+                WIDTH_MM / 2 - ((double)(texel / TEXELS) + ((double)(i / 8) + 0.5) / 8) * texel_mm;
+            clear = clear && foreign_clear(&tutorial, shot, x, y);
+            for (int c = 0; c < 3; c++)
+                wanted[c] +=
+                    check_print(x, y, c) * light_cosine(shot->arc - shot->turntable, x, y) / 64;
+        }
+        for (int c = 0; clear && c < 3; c++)
+            *sum += pow((double)exr_part_plane(part, names[c])[texel] - wanted[c], 2);
+        *n += clear ? 3 : 0;
+    }
+}
+
+/* The steps of docs/foreign-rig.md; returns the RMS error over what shows nothing but lit print. */
+static double tutorial_error(const char *dir, const struct nominal *values) {
+    g_autofree char *nominal = fill_template(dir, values);
+    g_autofree char *name = g_strdup_printf("tutorial%d.session", (int)(values - nominals));
+    g_autofree char *path = session_fixture_path(name);
+    double sum = 0;
+    int n = 0;
+    g_free(process_mesorig(0,
+                           "import poses %s/poses.csv -c %s --sample 36x36 --texels %d "
+                           "--reference 4 --same-light 1 -o %s",
+                           dir, nominal, TEXELS, path));
+    g_free(process_mesorig(0, "process %s", path));
+    for (int view = 0; view < 3; view++) {
+        g_autofree char *file = g_strdup_printf("%s/products/btf/view_%04d.exr", path, view);
+        g_autoptr(ExrFile) exr = exr_read(file, NULL);
+        g_assert_true(exr && exr->parts->len == LAMPS);
+        for (int light = 0; light < LAMPS; light++) {
+            /* In the first view lamp k is light k; each further one is a quarter of a turn on. */
+            const int k = (light + view) % LAMPS;
+            const struct foreign_shot shot = {
+                &camera, &lamp, azimuths_deg[k] * DEGREE, tutorial_turns_deg[view] * DEGREE, 1, 8};
+            add_errors(exr->parts->pdata[light], &shot, &sum, &n);
+        }
+    }
+    g_assert_cmpint(n, >, 3 * TEXELS * TEXELS * 3 * LAMPS * 9 / 10);
+    g_test_message("%s: RMS error %.4f over %d values", values->what, sqrt(sum / n), n);
+    return sqrt(sum / n);
+}
+
+/* The figures in docs/foreign-rig.md. FOREIGN_RIG=DIR keeps the pictures there instead. */
+static void test_tutorial(void) {
+    const char *kept = g_getenv("FOREIGN_RIG");
+    g_autofree char *dir = kept ? g_strdup(kept) : new_folder();
+    g_mkdir_with_parents(dir, 0777);
+    write_tutorial(dir);
+    if (kept)
+        return;
+    const double right = tutorial_error(dir, &nominals[0]);
+    g_assert_cmpfloat(right, <, 0.02);
+    for (gsize i = 1; i < G_N_ELEMENTS(nominals); i++)
+        g_assert_cmpfloat(tutorial_error(dir, &nominals[i]), >, 1.2 * right);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
@@ -514,6 +641,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/foreign_rig/nominal", test_nominal);
     g_test_add_func("/foreign_rig/nominal/bad", test_bad_nominal);
     g_test_add_func("/foreign_rig/nominal/template", test_template);
+    g_test_add_func("/foreign_rig/tutorial", test_tutorial);
     const int status = g_test_run();
     remove_tree(session_fixture_folder);
     g_free(session_fixture_folder);
