@@ -96,43 +96,52 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
                            "%zu of the %zu pixels of %s are not numbers", bad, n, row->name);
 }
 
-/* Number of pixels that are saturated in one colour or more. */
-static int import_frames_saturated(const struct import_picture *picture) {
-    int n = 0;
-    for (int i = 0; i < picture->width * picture->height; i++) {
-        const float *rgb = picture->rgb + 3 * (gsize)i;
-        n += (double)MAX(MAX(rgb[0], rgb[1]), rgb[2]) >= SATURATION;
+/* Whether each pixel is saturated in one colour or more; g_free(). */
+static guint8 *import_frames_saturated(const struct import_picture *picture, int *ret_n) {
+    const gsize n = (gsize)picture->width * (gsize)picture->height;
+    guint8 *saturated = g_new0(guint8, n);
+    *ret_n = 0;
+    for (gsize i = 0; i < n; i++) {
+        const float *rgb = picture->rgb + 3 * i;
+        saturated[i] = (double)MAX(MAX(rgb[0], rgb[1]), rgb[2]) >= SATURATION;
+        *ret_n += saturated[i];
     }
-    return n;
+    return saturated;
 }
 
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
-    static const char *const grey[] = {"Y", NULL}, *const bgr[] = {"B", "G", "R", NULL};
+    /* Of a grey picture, and of one in colour; with a further channel if any pixel is saturated. */
+    static const char *const names[2][2][5] = {{{"Y"}, {"Y", "saturated"}},
+                                               {{"B", "G", "R"}, {"B", "G", "R", "saturated"}}};
     g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
     if (!picture)
         return FALSE;
-    const int saturated = import_frames_saturated(picture);
+    int n_saturated;
+    g_autofree guint8 *saturated = import_frames_saturated(picture, &n_saturated);
     if (!import_coding_flatten(set, row, picture, error))
         return FALSE;
-    const char *const *channels = picture->grey ? grey : bgr;
+    const char *const *channels = names[!picture->grey][n_saturated > 0];
+    const gsize n_colours = picture->grey ? 1 : 3;
     g_autoptr(ExrPart) part =
         new_part(set, row, "radiance", channels, EXR_HALF, picture->grey ? set->wish->cfa : "rgb");
     const gsize n = (gsize)part->width * (gsize)part->height;
     gsize bad = 0;
     for (gsize i = 0; i < n; i++) {
         gboolean good = TRUE;
-        for (gsize c = 0; channels[c]; c++) {
+        for (gsize c = 0; c < n_colours; c++) {
             const float value = picture->rgb[3 * i + (picture->grey ? c : 2 - c)];
             good &= isfinite(value);
             part->planes[c][i] =
                 isfinite(value) ? value * IMPORT_WHITE_DN / (float)row->exposure_ms : NAN;
         }
         bad += !good;
+        if (n_saturated > 0)
+            part->planes[n_colours][i] = saturated[i];
     }
     exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
     exr_set_double(part, "mesorig.dark_dn", 0);
-    exr_set_int(part, "mesorig.saturated", saturated);
+    exr_set_int(part, "mesorig.saturated", n_saturated);
     exr_set_string(part, "mesorig.unit", "DN/ms");
     return check_numbers(set, row, bad, n, error) &&
            import_frames_write_part(set, row, g_steal_pointer(&part), ret, error);

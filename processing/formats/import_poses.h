@@ -20,7 +20,7 @@
  * A picture's white (1) is 4095 DN, which the calibration's responses are for. Grey pictures are of
  * a grey camera, or mosaics if a colour filter is named. Of a picture in colour all three channels
  * are kept (colour filter "rgb" of rectify.h). Of one view all pictures for the BTF are grey, or
- * all are in colour; those of its sweeps may be either.
+ * all are in colour; those of its sweeps may be either. Saturated pixels become lower bounds.
  *
  * Every light must be there for every view of the BTF, unless the pictures show a calibration
  * target. A light is a lamp at an angle of the arc against the sample; where lamps stand still and

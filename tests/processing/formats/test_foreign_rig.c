@@ -2,6 +2,7 @@
  * Pictures of somebody else's rig, made by the formulas of lib/foreign_rig.h, through “mesorig
  * import poses” and “mesorig process”. The BTF of a matt print is known: ρ cos θ_l of each texel.
  */
+#include "btf/btf.h"
 #include "formats/import_poses.h"
 #include "formats/nominal.h"
 
@@ -115,6 +116,12 @@ static double lamp_cosine(double x_mm, double y_mm) {
     return l[2] / sqrt(analytic_dot(l, l));
 }
 
+/* The point of the middle of texel i. */
+static void middle_of(int i, double *ret_x, double *ret_y) {
+    *ret_x = (i % TEXELS + 0.5) * WIDTH_MM / TEXELS - WIDTH_MM / 2;
+    *ret_y = WIDTH_MM / 2 - ((double)(i / TEXELS) + 0.5) * WIDTH_MM / TEXELS;
+}
+
 #define SLOPE 0.15 /* of the edge: dx/dy */
 static const double left_of[3] = {0.2, 0.7, 0.1}, right_of[3] = {0.8, 0.3, 0.6};
 
@@ -190,8 +197,8 @@ static void test_grey(void) {
         g_autoptr(ExrPart) a = btf_of(dir, HEAD "equal.exr,cam,lamp,0,0,1\n");
         g_autoptr(ExrPart) b = btf_of(dir, HEAD "grey.exr,cam,lamp,0,0,1\n");
         for (int i = 0; i < TEXELS * TEXELS; i++) {
-            const double texel_mm = WIDTH_MM / TEXELS, x = (i % TEXELS + 0.5) * texel_mm - 18,
-                         y = 18 - ((double)(i / TEXELS) + 0.5) * texel_mm;
+            double x, y;
+            middle_of(i, &x, &y);
             const double wanted = smooth_print(x, y, c) * lamp_cosine(x, y);
             g_assert_cmpfloat_with_epsilon((double)seen[i], wanted, 0.003);
             for (int k = 0; k < 3; k++) {
@@ -200,6 +207,31 @@ static void test_grey(void) {
                                                ROUNDED * grey);
                 g_assert_cmpfloat_with_epsilon((double)seen[i], grey, ROUNDED * grey);
             }
+        }
+    }
+}
+
+/* A picture in which green is too bright left of the edge: there the BTF has lower bounds, grey or
+ * in colour, and nowhere else. */
+static void test_saturated(void) {
+    g_autofree char *dir = new_folder();
+    g_autofree float *planes = render(edge_print, 3);
+    const int n = camera.width * camera.height;
+    for (int i = 0; i < 3 * n; i++)
+        planes[i] = MIN(planes[i] * (i / n == 1 ? 1 : 0.3f), 1.0f);
+    write_exr(dir, "colour.exr", planes, 3);
+    write_exr(dir, "grey.exr", planes + n, 1);
+    static const char *const rows[] = {HEAD "colour.exr,cam,lamp,0,0,3\n",
+                                       HEAD "grey.exr,cam,lamp,0,0,3\n"};
+    for (gsize k = 0; k < G_N_ELEMENTS(rows); k++) {
+        g_autoptr(ExrPart) part = btf_of(dir, rows[k]);
+        const float *mark = exr_part_plane(part, "mark");
+        g_assert_nonnull(mark);
+        for (int i = 0; i < TEXELS * TEXELS; i++) {
+            double x, y;
+            middle_of(i, &x, &y);
+            if (fabs(x - edge_at(y)) > 2) /* the edge itself lies in a texel and its pixels */
+                g_assert_cmpint((int)mark[i], ==, x < edge_at(y) ? BTF_FLAG_BOUND : 0);
         }
     }
 }
@@ -260,8 +292,8 @@ static void test_coding(gconstpointer data) {
     g_autoptr(ExrPart) part = btf_of(dir, rows);
     for (int c = 0; c < 3; c++)
         for (int i = 0; i < TEXELS * TEXELS; i++) {
-            const double texel_mm = WIDTH_MM / TEXELS, x = (i % TEXELS + 0.5) * texel_mm - 18,
-                         y = 18 - ((double)(i / TEXELS) + 0.5) * texel_mm;
+            double x, y;
+            middle_of(i, &x, &y);
             const double wanted = smooth_print(x, y, c) * lamp_cosine(x, y);
             const double off = (double)exr_part_plane(part, names[c])[i] - wanted;
             sum += off * off / (3 * TEXELS * TEXELS);
@@ -631,6 +663,7 @@ int main(int argc, char **argv) {
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
     g_test_add_func("/foreign_rig/edge", test_edge);
     g_test_add_func("/foreign_rig/grey", test_grey);
+    g_test_add_func("/foreign_rig/saturated", test_saturated);
     for (gsize i = 0; i < G_N_ELEMENTS(codings); i++) {
         g_autofree char *name = g_strdup_printf("/foreign_rig/coding/%d", (int)i);
         g_test_add_data_func(name, &codings[i], test_coding);
