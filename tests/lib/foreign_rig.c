@@ -94,11 +94,12 @@ float *foreign_render(const struct foreign_scene *scene, const struct foreign_sh
     double eye[3], lamp[3];
     foreign_places(shot, eye, lamp);
     for (int pixel = 0; pixel < n; pixel++) {
+        const int column = pixel % camera->width, row = pixel / camera->width;
         double sum[3] = {0};
         for (int i = 0; i < k * k; i++) {
+            const int across = i % k, down = i / k;
             double d[3];
-            pinhole_ray(camera, pixel % camera->width - 0.5 + (i % k + 0.5) / k,
-                        (double)(pixel / camera->width) - 0.5 + ((double)(i / k) + 0.5) / k, d);
+            pinhole_ray(camera, column - 0.5 + (across + 0.5) / k, row - 0.5 + (down + 0.5) / k, d);
             analytic_turn(d, -shot->turntable, d);
             foreign_radiance(scene, eye, d, lamp, shot->lamp->intensity, sum);
         }

@@ -118,8 +118,9 @@ static double lamp_cosine(double x_mm, double y_mm) {
 
 /* The point of the middle of texel i. */
 static void middle_of(int i, double *ret_x, double *ret_y) {
-    *ret_x = (i % TEXELS + 0.5) * WIDTH_MM / TEXELS - WIDTH_MM / 2;
-    *ret_y = WIDTH_MM / 2 - ((double)(i / TEXELS) + 0.5) * WIDTH_MM / TEXELS;
+    const int column = i % TEXELS, row = i / TEXELS;
+    *ret_x = (column + 0.5) * WIDTH_MM / TEXELS - WIDTH_MM / 2;
+    *ret_y = WIDTH_MM / 2 - (row + 0.5) * WIDTH_MM / TEXELS;
 }
 
 #define SLOPE 0.15 /* of the edge: dx/dy */
@@ -256,8 +257,8 @@ static const struct coding {
 };
 
 static double fall_off(const struct coding *coding, int pixel) {
-    const double x = pixel % camera.width - 0.5 * (camera.width - 1),
-                 y = (double)(pixel / camera.width) - 0.5 * (camera.height - 1);
+    const int column = pixel % camera.width, row = pixel / camera.width;
+    const double x = column - 0.5 * (camera.width - 1), y = row - 0.5 * (camera.height - 1);
     return 1 - coding->falls * (x * x + y * y) / (0.25 * camera.width * camera.width);
 }
 
@@ -405,9 +406,8 @@ static void test_turntable(void) {
             g_assert_cmpfloat(least, <, 1);
             for (int i = 0; i < 3 * TEXELS * TEXELS; i++) {
                 const int texel = i / 3;
-                const double texel_mm = WIDTH_MM / TEXELS;
-                const double x = (texel % TEXELS + 0.5) * texel_mm - 18,
-                             y = 18 - ((double)(texel / TEXELS) + 0.5) * texel_mm;
+                double x, y;
+                middle_of(texel, &x, &y);
                 const double wanted =
                     smooth_print(x, y, i % 3) * light_cosine(azimuth * DEGREE, x, y);
                 worst =
@@ -466,7 +466,8 @@ static void test_nominal(void) {
     /* A point that the level camera shows at (x, y), the one turned clockwise shows at (y, 95 − x).
      */
     for (int i = 0; i < 27; i++) {
-        const double p[3] = {10 * (i % 3 - 1), 10 * (i / 3 % 3 - 1), 10.0 * (i / 9)};
+        const int column = i % 3 - 1, row = i / 3 % 3 - 1, layer = i / 9;
+        const double p[3] = {10 * column, 10 * row, 10 * layer};
         double x, y, at_x, at_y, turned_x, turned_y;
         pinhole_project(&camera, p, &x, &y);
         g_assert_true(rig_project(&rig->cameras[0], vec3(p[0], p[1], p[2]), &at_x, &at_y));
@@ -601,9 +602,11 @@ static void add_errors(const struct exr_part *part, const struct foreign_shot *s
         double wanted[3] = {0};
         gboolean clear = TRUE;
         for (int i = 0; i < 64; i++) {
-            const double x = (texel % TEXELS + (i % 8 + 0.5) / 8) * texel_mm - WIDTH_MM / 2;
-            const double y =
-                WIDTH_MM / 2 - ((double)(texel / TEXELS) + ((double)(i / 8) + 0.5) / 8) * texel_mm;
+            const int across = i % 8, down = i / 8;
+            double x, y;
+            middle_of(texel, &x, &y);
+            x += ((across + 0.5) / 8 - 0.5) * texel_mm;
+            y -= ((down + 0.5) / 8 - 0.5) * texel_mm;
             clear = clear && foreign_clear(&tutorial, shot, x, y);
             for (int c = 0; c < 3; c++)
                 wanted[c] +=
