@@ -70,8 +70,8 @@ cv::Mat to_bytes(const picture *from) {
     return bytes;
 }
 
-/* Copies all channels in order; 8-bit values are made linear (sRGB). */
-void fill(float *to, const cv::Mat &from) {
+/* Copies all channels in order; 8-bit values are made linear (sRGB). codes: as they are. */
+void fill(float *to, const cv::Mat &from, bool codes = false) {
     std::array<float, 256> table{};
     for (gsize i = 0; i < 256; i++) {
         const double v = (double)i / 255.0;
@@ -79,7 +79,11 @@ void fill(float *to, const cv::Mat &from) {
     }
     for (int y = 0; y < from.rows; y++)
         for (int x = 0; x < from.cols * from.channels(); x++)
-            if (from.depth() == CV_8U)
+            if (codes && from.depth() == CV_8U)
+                *to++ = from.ptr<guint8>(y)[x];
+            else if (codes && from.depth() == CV_16U)
+                *to++ = from.ptr<guint16>(y)[x];
+            else if (from.depth() == CV_8U)
                 *to++ = table[from.ptr<guint8>(y)[x]];
             else if (from.depth() == CV_16U)
                 *to++ = (float)from.ptr<guint16>(y)[x] / 65535;
@@ -194,8 +198,9 @@ struct picture *vision_read(const char *path, GError **error) {
     return ret;
 }
 
-gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                            float **ret_rgb, GError **error) {
+/* ret_bits: as vision_read_codes(); null: values, as vision_read_colour(). */
+static gboolean read_in_colour(const char *path, int *ret_width, int *ret_height,
+                               gboolean *ret_grey, int *ret_bits, float **ret_rgb, GError **error) {
     gsize length = 0;
     g_autofree char *text = read_picture(path, &length, error);
     if (!text)
@@ -211,7 +216,9 @@ gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, g
         *ret_height = bgr.rows;
         *ret_rgb = g_new(float, 3 * n);
         float *to = *ret_rgb;
-        fill(to, bgr);
+        fill(to, bgr, ret_bits != nullptr);
+        if (ret_bits)
+            *ret_bits = bgr.depth() == CV_8U ? 8 : bgr.depth() == CV_16U ? 16 : 0;
         if (*ret_grey) /* triples the values in place, from the last one on */
             for (gsize i = n; i-- > 0;)
                 to[3 * i] = to[3 * i + 1] = to[3 * i + 2] = to[i];
@@ -220,6 +227,16 @@ gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, g
                 std::swap(to[3 * i], to[3 * i + 2]);
         return true;
     });
+}
+
+gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
+                            float **ret_rgb, GError **error) {
+    return read_in_colour(path, ret_width, ret_height, ret_grey, nullptr, ret_rgb, error);
+}
+
+gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
+                           int *ret_bits, float **ret_rgb, GError **error) {
+    return read_in_colour(path, ret_width, ret_height, ret_grey, ret_bits, ret_rgb, error);
 }
 
 int vision_dictionary(const char *name, int *ret_markers) {

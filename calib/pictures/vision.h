@@ -26,6 +26,11 @@ struct picture *vision_read(const char *path, GError **error);
 gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
                             float **ret_rgb, GError **error);
 
+/* The same without a conversion: the numbers in the file. ret_bits: 8 or 16 of each number; 0: it
+ * is a floating-point number. */
+gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
+                           int *ret_bits, float **ret_rgb, GError **error);
+
 /* A dictionary of markers by its lower-case name without "DICT_": "4x4_50" … "7x7_1000",
  * "aruco_original". Returns the number of cells across without the black border; 0: unknown name.
  */

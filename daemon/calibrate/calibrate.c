@@ -3,6 +3,7 @@
 
 #include "command/work.h"
 #include "exr/exr.h"
+#include "session/inputs.h"
 
 #include <math.h>
 #include <string.h>
@@ -184,12 +185,10 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
     const char *cfa = NULL;
     struct exr_part *part =
         calibrate_check_sum(frame, error) ? exr_read_part(frame->path, "radiance", error) : NULL;
-    const float *plane = part ? exr_part_plane(part, "Y") : NULL;
+    const float *plane = part ? input_mosaic(frame->path, part, &cfa, error) : NULL;
     g_autoptr(Picture) picture = NULL;
 
-    if (part && !plane)
-        g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING, "%s: there is no channel Y", frame->path);
-    if (plane && exr_get_string(part, "mesorig.cfa", &cfa, error)) {
+    if (plane) {
         picture = picture_new(frame->path, frame->sha256, part->width, part->height);
         memcpy(picture->values, plane, sizeof(float) * (gsize)part->width * (gsize)part->height);
         if (!picture_balance(picture, cfa)) {

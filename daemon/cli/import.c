@@ -2,6 +2,7 @@
 #include "command/cli.h"
 #include "command/work.h"
 #include "formats/import_poses.h"
+#include "formats/nominal.h"
 #include "plan/report.h"
 
 #include <stdio.h>
@@ -10,14 +11,16 @@
 #define LARGEST_MM 10000
 
 static char *output, *region, *calibration, *sample, *cfa, *edge;
-static double texel_mm, reference_mm, depth_mm, threshold_dn = 40;
+static double texel_mm, reference_mm, depth_mm, threshold_dn = 40, same_light_deg;
+static gboolean target, template;
 static int texels = 64;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"texel", 't', 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
     {"region", 'r', 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
-    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration, "poses: the rig's", "FILE"},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
+     "poses: of the rig, or its nominal values", "FILE"},
     {"sample", 's', 0, G_OPTION_ARG_STRING, &sample, "poses: the sample's size in mm",
      "WIDTHxHEIGHT"},
     {"texels", 'n', 0, G_OPTION_ARG_INT, &texels, "poses: texels across (64)", "N"},
@@ -30,6 +33,12 @@ static const GOptionEntry entries[] = {
      "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
      "poses: the least peak of a sweep, of 4095 (40)", "DN"},
+    {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
+     "poses: lamps within this of a direction of the sample are one light (0: none)", "DEG"},
+    {"target", 0, 0, G_OPTION_ARG_NONE, &target,
+     "poses: of a calibration target: views need not have every light", NULL},
+    {"template", 0, 0, G_OPTION_ARG_NONE, &template,
+     "poses: write a file of nominal values to fill in, for -c, and import nothing", NULL},
     {NULL},
 };
 
@@ -124,6 +133,24 @@ static gboolean parse_grid(struct session_grid *ret) {
     return ret->height >= 1 && ret->height <= 8192;
 }
 
+/* Writes the file of nominal values that -o names, which must not exist. */
+static int write_template(const struct call *call, GError **error) {
+    g_autofree char *text = nominal_template(call->arguments[1], error);
+    if (!text)
+        return CLI_FAILED;
+    if (g_file_test(output, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_EXIST,
+                    "%s: exists already; take another name", output);
+        return CLI_FAILED;
+    }
+    if (!g_file_set_contents(output, text, -1, error))
+        return CLI_FAILED;
+    record_string(call->record, "file", output);
+    record_say(call->record, "%s: fill in what says ?, and give it to import poses with -c\n",
+               output);
+    return CLI_DONE;
+}
+
 static int run_poses(const struct call *call, GError **error) {
     static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
     static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
@@ -131,14 +158,22 @@ static int run_poses(const struct call *call, GError **error) {
     struct poses_job job = {.poses = {.table = call->arguments[1],
                                       .calibration = calibration,
                                       .cfa = cfa ? cfa : "mono",
-                                      .threshold_dn = threshold_dn}};
+                                      .threshold_dn = threshold_dn,
+                                      .same_light_deg = same_light_deg,
+                                      .target = target}};
     double seconds = 0;
+    if (template)
+        return write_template(call, error);
     if (!calibration)
         return cli_usage(command,
-                         "no calibration of cameras and lamps is given: give --calibration FILE");
+                         "no calibration of cameras and lamps is given: give --calibration FILE, "
+                         "which --template writes to be filled in");
     if (!parse_grid(&job.poses.grid))
         return cli_usage(command, "--sample needs WIDTHxHEIGHT in mm, --texels 1 to 8192, --depth "
                                   "millimetres");
+    if (!(same_light_deg >= 0 && same_light_deg <= 45))
+        return cli_usage(command, "--same-light=%g is out of range: 0 to 45 degrees",
+                         same_light_deg);
     if (!g_strv_contains(filters, job.poses.cfa))
         return cli_usage(command, "there is no --cfa=%s; choose from: mono, rggb, bggr, grbg, gbrg",
                          cfa);

@@ -98,7 +98,7 @@ static void btf_to_reflectance(const struct btf_view *view, const struct btf_lig
 
 /* The frame of a light; all 0 if it is missing. */
 struct mosaic {
-    guint16 *half; /* n_pixels half floats */
+    guint16 *half; /* n_values half floats */
     guint8 *bound; /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
     float shorter; /* values from here on come from shorter exposures; 0: there are none */
     int saturated; /* number of saturated pixels; −1: unknown */
@@ -107,8 +107,9 @@ struct mosaic {
 /* The frames of a view. */
 struct mosaics {
     struct mosaic *lights;
-    double *sum; /* over all lights: the guide */
+    double *sum; /* n_values, over all lights: the guide */
     gsize n_pixels;
+    gsize n_values; /* of a frame: n_pixels, or of "rgb" three planes of them; from the first one */
     char *cfa;
 };
 
@@ -158,33 +159,54 @@ static void btf_load_saturation(const struct exr_part *frame, gsize n_pixels, st
         to->bound[k] = saturated[k] != 0;
 }
 
-/* Loads one light's frame and adds its finite pixels to the guide. */
+/* Stores a frame's planes as half floats, and adds their finite values to the guide. */
+static gboolean btf_store_planes(const struct input *input, const struct exr_part *frame, guint i,
+                                 struct mosaics *to, GError **error) {
+    static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"R", "G", "B", NULL};
+    const char *const *channels = strcmp(to->cfa, "rgb") == 0 ? rgb : grey;
+    const gsize n = to->n_pixels;
+    to->n_values = channels == rgb ? 3 * n : n;
+    to->sum = to->sum ? to->sum : g_new0(double, to->n_values);
+    guint16 *half = to->lights[i].half = g_new(guint16, to->n_values);
+    double *sum = to->sum;
+    for (; *channels; channels++, half += n, sum += n) {
+        const float *plane = exr_part_plane(frame, *channels);
+        if (!plane)
+            return data_error_fail(input->path, 0, error,
+                                   "part %s has no channel %s, although its colour filter is %s",
+                                   frame->name, *channels, to->cfa);
+        exr_half_from_floats(half, plane, n);
+        for (gsize k = 0; k < n; k++)
+            sum[k] += isfinite(plane[k]) ? (double)plane[k] : 0;
+    }
+    return TRUE;
+}
+
+/* Loads one light's frame. */
 static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                                 GError **error) {
-    static const char *const channels[] = {"Y", NULL};
+    static const char *const any[] = {NULL};
     const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
-    struct exr_part *frame = input_read(input, channels, error);
-    const gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error);
-    if (ok) {
-        const float *mosaic = exr_part_plane(frame, "Y");
+    struct exr_part *frame = input_read(input, any, error);
+    const gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error) &&
+                        btf_store_planes(input, frame, i, to, error);
+    if (ok)
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
-        to->lights[i].half = g_new(guint16, to->n_pixels);
-        exr_half_from_floats(to->lights[i].half, mosaic, to->n_pixels);
-        for (gsize k = 0; k < to->n_pixels; k++)
-            to->sum[k] += isfinite(mosaic[k]) ? (double)mosaic[k] : 0;
-    }
     exr_part_free(frame);
     return ok;
 }
 
 /* Sets the flags of n texels: on input whether each is a hole, on output bits of enum btf_flag. */
 static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, const float *values,
-                          gsize n_pixels, gsize n, guint8 *flags) {
-    g_autofree guint8 *pixels = g_new(guint8, n_pixels), *found = g_new(guint8, n);
-    for (gsize k = 0; k < n_pixels; k++)
-        pixels[k] = mosaic->bound && mosaic->bound[k]                     ? BTF_FLAG_BOUND
-                    : mosaic->shorter > 0 && values[k] >= mosaic->shorter ? BTF_FLAG_SHORTER
-                                                                          : 0;
+                          const struct mosaics *mosaics, gsize n, guint8 *flags) {
+    const gsize n_pixels = mosaics->n_pixels;
+    g_autofree guint8 *pixels = g_new0(guint8, n_pixels), *found = g_new(guint8, n);
+    for (gsize k = 0; mosaic->shorter > 0 && k < mosaics->n_values; k++)
+        if (values[k] >= mosaic->shorter)
+            pixels[k % n_pixels] = BTF_FLAG_SHORTER;
+    for (gsize k = 0; mosaic->bound && k < n_pixels; k++)
+        if (mosaic->bound[k])
+            pixels[k] = BTF_FLAG_BOUND;
     rectify_flags(rectify, pixels, found);
     for (gsize k = 0; k < n; k++)
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
@@ -196,9 +218,9 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
     const struct mosaic *mosaic = &mosaics->lights[i];
     const gsize n = btf_texels(view);
-    g_autofree float *rgb = g_new(float, 3 * n), *values = g_new(float, mosaics->n_pixels);
+    g_autofree float *rgb = g_new(float, 3 * n), *values = g_new(float, mosaics->n_values);
     g_autofree guint8 *flags = g_new(guint8, n);
-    exr_half_to_floats(values, mosaic->half, mosaics->n_pixels);
+    exr_half_to_floats(values, mosaic->half, mosaics->n_values);
     const int holes = rectify_apply(rectify, values, rgb, flags);
     if (holes > MOST_HOLES * (double)n) {
         g_set_error(
@@ -207,7 +229,7 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
             light->input.path, holes, n);
         return NULL;
     }
-    btf_set_flags(rectify, mosaic, values, mosaics->n_pixels, n, flags);
+    btf_set_flags(rectify, mosaic, values, mosaics, n, flags);
     struct exr_part *part = btf_light_part(view, light, flags);
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
@@ -244,8 +266,8 @@ static Rectify *btf_load_mosaics(const struct btf_view *view, struct mosaics *to
                                    &view->grid, error);
     if (!rectify)
         return NULL;
-    g_autofree float *guide = g_new(float, to->n_pixels);
-    for (gsize i = 0; i < to->n_pixels; i++)
+    g_autofree float *guide = g_new(float, to->n_values);
+    for (gsize i = 0; i < to->n_values; i++)
         guide[i] = (float)to->sum[i];
     rectify_guide(rectify, guide);
     return rectify;
@@ -256,9 +278,8 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     const guint n = view->lights->len;
     const gsize n_pixels = (gsize)view->camera->width * (gsize)view->camera->height;
     g_autofree struct mosaic *lights = g_new0(struct mosaic, n);
-    g_autofree double *sum = g_new0(double, n_pixels);
     g_autofree struct exr_part **parts = g_new0(struct exr_part *, n);
-    struct mosaics mosaics = {lights, sum, n_pixels, NULL};
+    struct mosaics mosaics = {.lights = lights, .n_pixels = n_pixels};
     struct exr_file *file = exr_file_new();
     g_autoptr(Rectify) rectify = btf_load_mosaics(view, &mosaics, cancellable, error);
     gboolean ok = rectify != NULL;
@@ -277,6 +298,7 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     for (guint i = 0; i < n; i++)
         btf_clear_mosaic(&lights[i]);
     g_free(mosaics.cfa);
+    g_free(mosaics.sum);
     exr_file_free(file);
     return ok;
 }

@@ -20,73 +20,47 @@ static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
 }
 
-static gboolean import_frames_check_size(const struct import_set *set, const struct import_row *row,
-                                         const struct import_picture *picture, GError **error) {
-    const struct import_camera *seen = &set->cameras[row->camera];
-    const char *camera = set->known->rig.cameras[row->camera].name;
-    if (picture->width != seen->width || picture->height != seen->height)
-        return data_error_fail(set->table, row->line, error,
-                               "%s has %d × %d pixels, camera %s has %d × %d", row->name,
-                               picture->width, picture->height, camera, seen->width, seen->height);
-    if (picture->grey == seen->doubled)
-        return data_error_fail(set->table, row->line, error,
-                               "%s is %s, the first picture of camera %s is not", row->name,
-                               picture->grey ? "grey" : "in colour", camera);
-    return TRUE;
+/* A picture for the BTF: of one view all are grey, or all are in colour. */
+static struct import_picture *read_lamp(const struct import_set *set, const struct import_row *row,
+                                        GError **error) {
+    g_autoptr(ImportPicture) picture = import_coding_picture(set, row, error);
+    const struct import_row **first = &set->first[row->view];
+    if (!picture)
+        return NULL;
+    if (!*first) {
+        *first = row;
+        set->in_colour[row->view] = !picture->grey;
+    }
+    if (picture->grey != set->in_colour[row->view])
+        return g_steal_pointer(&picture);
+    data_error_set(set->table, row->line, error,
+                   "%s is %s, but %s (line %d) of the same view is not; give all pictures for the "
+                   "BTF that camera %s takes at turntable_deg %g the same kind",
+                   row->name, picture->grey ? "grey" : "in colour", (*first)->name, (*first)->line,
+                   set->known->rig.cameras[row->camera].name, row->turntable_deg);
+    return NULL;
 }
 
 gboolean import_frames_prepare(struct import_set *set, GError **error) {
+    gboolean swept[RIG_MAX_CAMERAS] = {FALSE};
+    set->first = g_new0(const struct import_row *, set->views->len);
+    set->in_colour = g_new0(gboolean, set->views->len);
     for (guint i = 0; i < set->rows->len; i++) {
         const struct import_row *row = row_at(set, i);
-        struct import_camera *seen = &set->cameras[row->camera];
-        struct rig_camera *camera = &set->known->rig.cameras[row->camera];
-        g_autoptr(GError) found = NULL;
-        if (seen->seen)
+        if (row->sweep ? swept[row->camera] : set->first[row->view] != NULL)
             continue;
-        g_autoptr(ImportPicture) picture = import_picture_read(row->path, &found);
+        g_autoptr(ImportPicture) picture =
+            row->sweep ? import_coding_picture(set, row, error) : read_lamp(set, row, error);
         if (!picture)
-            return data_error_fail(set->table, row->line, error, "%s", found->message);
-        *seen = (struct import_camera){TRUE, !picture->grey, camera->width, camera->height};
-        if (!import_frames_check_size(set, row, picture, error))
             return FALSE;
-        /* The centres of the new pixels lie a quarter of a pixel to both sides of the old ones. */
-        if (seen->doubled) {
-            camera->width *= 2;
-            camera->height *= 2;
-            camera->fx_px *= 2;
-            camera->fy_px *= 2;
-            camera->cx_px = 2 * camera->cx_px + 0.5;
-            camera->cy_px = 2 * camera->cy_px + 0.5;
-        }
+        swept[row->camera] |= row->sweep;
     }
     return TRUE;
 }
 
-/* A picture's mosaic in DN: the grey picture itself, or 2 × 2 pixels (R G, G B) for each colour
- * pixel. */
-static float *read_mosaic(const struct import_set *set, const struct import_row *row,
-                          GError **error) {
-    g_autoptr(GError) found = NULL;
-    g_autoptr(ImportPicture) picture = import_picture_read(row->path, &found);
-    if (!picture)
-        data_error_set(set->table, row->line, error, "%s", found->message);
-    if (!picture || !import_frames_check_size(set, row, picture, error))
-        return NULL;
-    const gsize width = (gsize)picture->width, height = (gsize)picture->height;
-    const gsize side = picture->grey ? 1 : 2;
-    float *mosaic = g_new0(float, side *side *width *height);
-    for (gsize y = 0; y < side * height; y++)
-        for (gsize x = 0; x < side * width; x++) {
-            const float *from = picture->rgb + 3 * (y / side * width + x / side);
-            const gsize colour = picture->grey ? 0 : (x & 1) + (y & 1);
-            mosaic[y * side * width + x] = from[colour] * IMPORT_WHITE_DN;
-        }
-    return mosaic;
-}
-
 static struct exr_part *new_part(const struct import_set *set, const struct import_row *row,
-                                 const char *name, const char *const *channels,
-                                 enum exr_type type) {
+                                 const char *name, const char *const *channels, enum exr_type type,
+                                 const char *cfa) {
     const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
     g_autofree char *exposure = g_strdup_printf("%.0f", row->exposure_ms * 1e3);
     struct exr_part *part = exr_part_new(name, camera->width, camera->height, channels, type);
@@ -94,8 +68,7 @@ static struct exr_part *new_part(const struct import_set *set, const struct impo
     exr_set_int(part, "mesorig.shot", row->shot + 1);
     exr_set_double(part, "mesorig.turntable_deg", row->turntable_deg);
     exr_set_double(part, "mesorig.arc_deg", row->arc_deg);
-    exr_set_string(part, "mesorig.cfa",
-                   set->cameras[row->camera].doubled ? "rggb" : set->wish->cfa);
+    exr_set_string(part, "mesorig.cfa", cfa);
     exr_set_string(part, "mesorig.exposures_us", exposure);
     return part;
 }
@@ -123,24 +96,52 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
                            "%zu of the %zu pixels of %s are not numbers", bad, n, row->name);
 }
 
+/* Whether each pixel is saturated in one colour or more; g_free(). */
+static guint8 *import_frames_saturated(const struct import_picture *picture, int *ret_n) {
+    const gsize n = (gsize)picture->width * (gsize)picture->height;
+    guint8 *saturated = g_new0(guint8, n);
+    *ret_n = 0;
+    for (gsize i = 0; i < n; i++) {
+        const float *rgb = picture->rgb + 3 * i;
+        saturated[i] = (double)MAX(MAX(rgb[0], rgb[1]), rgb[2]) >= SATURATION;
+        *ret_n += saturated[i];
+    }
+    return saturated;
+}
+
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
-    static const char *const channels[] = {"Y", NULL};
-    g_autofree float *mosaic = read_mosaic(set, row, error);
-    if (!mosaic)
+    /* Of a grey picture, and of one in colour; with a further channel if any pixel is saturated. */
+    static const char *const names[2][2][5] = {{{"Y"}, {"Y", "saturated"}},
+                                               {{"B", "G", "R"}, {"B", "G", "R", "saturated"}}};
+    g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
+    if (!picture)
         return FALSE;
-    g_autoptr(ExrPart) part = new_part(set, row, "radiance", channels, EXR_HALF);
+    int n_saturated;
+    g_autofree guint8 *saturated = import_frames_saturated(picture, &n_saturated);
+    if (!import_coding_flatten(set, row, picture, error))
+        return FALSE;
+    const char *const *channels = names[!picture->grey][n_saturated > 0];
+    const gsize n_colours = picture->grey ? 1 : 3;
+    g_autoptr(ExrPart) part =
+        new_part(set, row, "radiance", channels, EXR_HALF, picture->grey ? set->wish->cfa : "rgb");
     const gsize n = (gsize)part->width * (gsize)part->height;
     gsize bad = 0;
-    int saturated = 0;
     for (gsize i = 0; i < n; i++) {
-        bad += !isfinite(mosaic[i]);
-        saturated += (double)mosaic[i] >= SATURATION * IMPORT_WHITE_DN;
-        part->planes[0][i] = isfinite(mosaic[i]) ? mosaic[i] / (float)row->exposure_ms : NAN;
+        gboolean good = TRUE;
+        for (gsize c = 0; c < n_colours; c++) {
+            const float value = picture->rgb[3 * i + (picture->grey ? c : 2 - c)];
+            good &= isfinite(value);
+            part->planes[c][i] =
+                isfinite(value) ? value * IMPORT_WHITE_DN / (float)row->exposure_ms : NAN;
+        }
+        bad += !good;
+        if (n_saturated > 0)
+            part->planes[n_colours][i] = saturated[i];
     }
     exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
     exr_set_double(part, "mesorig.dark_dn", 0);
-    exr_set_int(part, "mesorig.saturated", saturated);
+    exr_set_int(part, "mesorig.saturated", n_saturated);
     exr_set_string(part, "mesorig.unit", "DN/ms");
     return check_numbers(set, row, bad, n, error) &&
            import_frames_write_part(set, row, g_steal_pointer(&part), ret, error);
@@ -241,20 +242,22 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
 }
 
 /* Reads the pictures; one that is missing is replaced by the previous one, and values that are not
- * numbers become 0. */
+ * numbers become 0. Of a pixel in colour the brightest of the three counts: a laser lights one of
+ * them, and what saturates is the brightest. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);
     for (int k = 0, row = 0; k < run->steps; k++) {
         if (!run->missing[k]) {
-            g_autofree float *mosaic = read_mosaic(set, &run->rows[row], error);
+            g_autoptr(ImportPicture) read = import_coding_picture(set, &run->rows[row], error);
             gsize bad = 0;
-            if (!mosaic)
+            if (!read)
                 return FALSE;
             for (gsize i = 0; i < to->n; i++) {
-                const gboolean good = isfinite(mosaic[i]);
+                const float *rgb = read->rgb + 3 * i, dn = MAX(MAX(rgb[0], rgb[1]), rgb[2]);
+                const gboolean good = isfinite(rgb[0]) && isfinite(rgb[1]) && isfinite(rgb[2]);
                 bad += !good;
-                picture[i] = good ? mosaic[i] : 0;
+                picture[i] = good ? dn * IMPORT_WHITE_DN : 0;
             }
             if (!check_numbers(set, &run->rows[row++], bad, to->n, error))
                 return FALSE;
@@ -278,7 +281,7 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
                                    const struct feed *fed) {
     static const char *const channels[] = {"intensity",   "peak",  "second_intensity",
                                            "second_peak", "width", NULL};
-    struct exr_part *part = new_part(set, run->rows, "sweep", channels, EXR_FLOAT);
+    struct exr_part *part = new_part(set, run->rows, "sweep", channels, EXR_FLOAT, set->wish->cfa);
     exr_set_string(part, "mesorig.laser", set->known->rig.lasers[run->rows->device].name);
     exr_set_string(part, "mesorig.unit", "DN");
     exr_set_double(part, "sweep.from_deg", run->sweep_from_deg);

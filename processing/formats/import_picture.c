@@ -59,19 +59,33 @@ static struct import_picture *import_picture_read_exr(const char *path, GError *
     return picture;
 }
 
-struct import_picture *import_picture_read(const char *path, GError **error) {
+/* ret_bits: NULL for linear values. */
+static struct import_picture *import_picture_read_any(const char *path, int *ret_bits,
+                                                      GError **error) {
     g_autoptr(GError) found = NULL;
     struct import_picture *picture = NULL;
     if (has_end(path, (const char *const[]){".exr", NULL})) {
         picture = import_picture_read_exr(path, &found);
+        if (ret_bits)
+            *ret_bits = 0;
     } else {
         picture = g_new0(struct import_picture, 1);
-        if (!vision_read_colour(path, &picture->width, &picture->height, &picture->grey,
-                                &picture->rgb, &found))
+        if (!(ret_bits ? vision_read_codes(path, &picture->width, &picture->height, &picture->grey,
+                                           ret_bits, &picture->rgb, &found)
+                       : vision_read_colour(path, &picture->width, &picture->height, &picture->grey,
+                                            &picture->rgb, &found)))
             g_clear_pointer(&picture, import_picture_free);
     }
     if (!picture)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s",
                     found ? found->message : "it cannot be read");
     return picture;
+}
+
+struct import_picture *import_picture_read(const char *path, GError **error) {
+    return import_picture_read_any(path, NULL, error);
+}
+
+struct import_picture *import_picture_read_codes(const char *path, int *ret_bits, GError **error) {
+    return import_picture_read_any(path, ret_bits, error);
 }

@@ -3,6 +3,7 @@
 #include "import_poses_private.h"
 
 #include "base/data_error.h"
+#include "nominal.h"
 
 #include <math.h>
 #include <string.h>
@@ -68,7 +69,8 @@ static gboolean import_poses_read_row(const struct import_set *set, const TextTa
         !text_table_number(table, index, columns->arc, 0, &row->arc_deg, error) ||
         !text_table_number(table, index, columns->exposure, 1, &row->exposure_ms, error) ||
         !text_table_number(table, index, columns->sweep, NAN, &row->sweep_deg, error) ||
-        !read_devices(set, table, columns, index, row, error))
+        !read_devices(set, table, columns, index, row, error) ||
+        !import_coding_read(set, table, index, folder, row, error))
         return FALSE;
     if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
         return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
@@ -80,7 +82,9 @@ static gboolean import_poses_read_row(const struct import_set *set, const TextTa
 }
 
 static void clear_row(gpointer data) {
-    g_free(((struct import_row *)data)->path);
+    struct import_row *row = data;
+    g_free(row->path);
+    g_free(row->coding.flat_path);
 }
 
 static gboolean import_poses_read_rows(struct import_set *set, const TextTable *table,
@@ -135,26 +139,37 @@ static double import_poses_radians(double deg) {
     return deg * G_PI / 180;
 }
 
-/* Index of a view, light or laser position: that of the device and angle in the list, or a new one.
- * at_mm: the device in the rig frame; its angles are those seen from the centre of the reference
- * plane, in the sample frame. */
-static int direction_index(const struct import_set *set, GArray *list, int device,
-                           double turntable_deg, struct vec3 at_mm, double sample_deg) {
+/* Direction of a device at_mm in the rig frame, seen from the centre of the reference plane in the
+ * sample frame. */
+static struct vec3 import_poses_direction(const struct import_set *set, struct vec3 at_mm,
+                                          double turntable_deg) {
+    at_mm.z -= set->wish->grid.reference_mm;
+    return vec3_unit(rig_turn(at_mm, -import_poses_radians(turntable_deg)));
+}
+
+/* Index of a view, light or laser position in the list: that of the same device at the same angle,
+ * or one whose direction is at most within_deg away, or a new one. */
+static int direction_index(GArray *list, int device, double turntable_deg, struct vec3 direction,
+                           double within_deg) {
+    const double least = cos(import_poses_radians(within_deg));
+    double theta, phi;
     for (guint i = 0; i < list->len; i++) {
         const struct session_direction *known = &g_array_index(list, struct session_direction, i);
-        if (known->device == device &&
-            import_poses_steps(known->turntable_deg) == import_poses_steps(turntable_deg))
+        if ((known->device == device &&
+             import_poses_steps(known->turntable_deg) == import_poses_steps(turntable_deg)) ||
+            (within_deg > 0 &&
+             vec3_dot(direction, rig_direction(import_poses_radians(known->theta_deg),
+                                               import_poses_radians(known->phi_deg))) >= least))
             return (int)i;
     }
-    struct session_direction direction = {
-        .index = (int)list->len, .device = device, .turntable_deg = turntable_deg};
-    double theta, phi;
-    at_mm.z -= set->wish->grid.reference_mm;
-    rig_angles(rig_turn(at_mm, -import_poses_radians(sample_deg)), &theta, &phi);
-    direction.theta_deg = theta * 180 / G_PI;
-    direction.phi_deg = phi * 180 / G_PI;
-    g_array_append_val(list, direction);
-    return direction.index;
+    rig_angles(direction, &theta, &phi);
+    const struct session_direction added = {.index = (int)list->len,
+                                            .device = device,
+                                            .turntable_deg = turntable_deg,
+                                            .theta_deg = theta * 180 / G_PI,
+                                            .phi_deg = phi * 180 / G_PI};
+    g_array_append_val(list, added);
+    return added.index;
 }
 
 /* Lights and laser positions are distinguished by their angle relative to the sample. */
@@ -164,8 +179,10 @@ static int import_poses_source_of(struct import_set *set, const struct import_ro
     const struct vec3 at_mm =
         row->sweep ? rig_laser_position_mm(&rig->arc, &rig->lasers[row->device], arc_rad)
                    : rig_lamp_position_mm(&rig->arc, &rig->lamps[row->device], arc_rad);
-    return direction_index(set, row->sweep ? set->lasers : set->lights, row->device,
-                           row->arc_deg - row->turntable_deg, at_mm, row->turntable_deg);
+    return direction_index(row->sweep ? set->lasers : set->lights, row->device,
+                           row->arc_deg - row->turntable_deg,
+                           import_poses_direction(set, at_mm, row->turntable_deg),
+                           row->sweep ? 0 : set->wish->same_light_deg);
 }
 
 static void make_shots(struct import_set *set) {
@@ -173,9 +190,9 @@ static void make_shots(struct import_set *set) {
     const struct import_row *before = NULL;
     for (guint i = 0; i < set->rows->len; i++) {
         struct import_row *row = &g_array_index(set->rows, struct import_row, i);
-        row->view = direction_index(set, set->views, row->camera, row->turntable_deg,
-                                    rig_camera_centre_mm(&set->known->rig.cameras[row->camera]),
-                                    row->turntable_deg);
+        const struct vec3 eye_mm = rig_camera_centre_mm(&set->known->rig.cameras[row->camera]);
+        row->view = direction_index(set->views, row->camera, row->turntable_deg,
+                                    import_poses_direction(set, eye_mm, row->turntable_deg), 0);
         if (!before || compare_shots(before, row) != 0) {
             const struct session_shot shot = {.id = set->shots->len + 1,
                                               .kind = row->sweep ? SHOT_SWEEP : SHOT_LAMP,
@@ -206,31 +223,49 @@ static gboolean check_double(const struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Each view with a picture for the BTF needs one under every light. */
+static gboolean import_poses_fail_missing(const struct import_set *set,
+                                          const struct session_direction *view,
+                                          const struct session_direction *light, GError **error) {
+    return data_error_fail(
+        set->table, 0, error,
+        "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g, or one "
+        "in its direction; every view needs every light. If lamps that do not turn with the sample "
+        "take each other's places, say how exactly with --same-light; --target is for pictures of "
+        "a calibration target, without a BTF",
+        set->known->rig.cameras[view->device].name, view->turntable_deg,
+        set->known->rig.lamps[light->device].name,
+        remainder(light->turntable_deg + view->turntable_deg, 360));
+}
+
+/* Each view with a picture for the BTF needs one under every light, and no two. */
 static gboolean check_lights(const struct import_set *set, GError **error) {
     const guint n_views = set->views->len, n_lights = set->lights->len;
-    g_autofree gboolean *there = g_new0(gboolean, MAX(n_views * n_lights, 1));
+    if (set->wish->target)
+        return TRUE;
+    g_autofree const struct import_row **there =
+        g_new0(const struct import_row *, MAX(n_views * n_lights, 1));
     g_autofree gboolean *any = g_new0(gboolean, MAX(n_views, 1));
     for (guint i = 0; i < set->rows->len; i++) {
         const struct import_row *row = &g_array_index(set->rows, struct import_row, i);
         const guint view = (guint)row->view;
+        if (row->sweep)
+            continue;
         const int light = g_array_index(set->shots, struct session_shot, row->shot).source;
-        if (!row->sweep)
-            there[view * n_lights + (guint)light] = any[view] = TRUE;
+        const struct import_row **other = &there[view * n_lights + (guint)light];
+        if (*other)
+            return data_error_fail(set->table, row->line, error,
+                                   "%s shows the view of %s (line %d) under a lamp whose direction "
+                                   "is within %g° of that one's; give less to --same-light",
+                                   row->name, (*other)->name, (*other)->line,
+                                   set->wish->same_light_deg);
+        *other = row;
+        any[view] = TRUE;
     }
-    for (guint i = 0; i < n_views * n_lights; i++) {
-        const struct session_direction *view =
-            &g_array_index(set->views, struct session_direction, i / n_lights);
-        const struct session_direction *light =
-            &g_array_index(set->lights, struct session_direction, i % n_lights);
+    for (guint i = 0; i < n_views * n_lights; i++)
         if (any[i / n_lights] && !there[i])
-            return data_error_fail(
-                set->table, 0, error,
-                "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g",
-                set->known->rig.cameras[view->device].name, view->turntable_deg,
-                set->known->rig.lamps[light->device].name,
-                remainder(light->turntable_deg + view->turntable_deg, 360));
-    }
+            return import_poses_fail_missing(
+                set, &g_array_index(set->views, struct session_direction, i / n_lights),
+                &g_array_index(set->lights, struct session_direction, i % n_lights), error);
     return TRUE;
 }
 
@@ -265,6 +300,8 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     struct import_set set = {.wish = poses,
                              .table = poses->table,
                              .ret = ret,
+                             .flats = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
+                                                            (GDestroyNotify)import_picture_free),
                              .rows = g_array_new(FALSE, FALSE, sizeof(struct import_row)),
                              .views = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
                              .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
@@ -273,13 +310,16 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     g_autoptr(TextTable) table = text_table_read(poses->table, error);
     *ret = (struct import_poses_result){0};
     g_array_set_clear_func(set.rows, clear_row);
-    const gboolean ok = table && (set.known = calibration_read(poses->calibration, error)) &&
+    const gboolean ok = table && (set.known = nominal_read(poses->calibration, error)) &&
                         import_poses_read_rows(&set, table, error) &&
                         import_poses_make(&set, path, work, error);
     ret->n_views = (int)set.views->len;
     ret->n_lights = (int)set.lights->len;
     ret->n_lasers = (int)set.lasers->len;
     ret->n_shots = (int)set.shots->len;
+    g_hash_table_unref(set.flats);
+    g_free(set.first);
+    g_free(set.in_colour);
     g_array_unref(set.rows);
     g_array_unref(set.views);
     g_array_unref(set.lights);

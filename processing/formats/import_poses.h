@@ -1,7 +1,7 @@
 /*
  * A folder of pictures with a table that says from where each was taken and how it was lit, and a
- * calibration file, made into a session as a capture would have left it; “mesorig process” makes
- * BTF and MDF of it.
+ * calibration file or nominal values (nominal.h), made into a session as a capture would have left
+ * it; “mesorig process” makes BTF and MDF of it.
  *
  * The table (text_table.h) has a row a picture:
  *   file            beside the table, or in a folder below; JPEG, PNG, TIFF or EXR
@@ -11,12 +11,22 @@
  *   arc_deg         0 likewise: of the arc that lamps and lasers stand on
  *   exposure_ms     1 likewise
  *   sweep_deg       of sweeps, how far the laser has turned; evenly spaced
+ *   black_level     what a pixel shows without light, a number of the file; 0 if it says nothing
+ *   bits            of a number: white is 2^bits − 1; all that the file has
+ *   transfer        linear or srgb; srgb of files of 8 bits, else linear
+ *   flat_field      a picture of an even surface, coded likewise, which those for the BTF are
+ *                   divided by; it is 1 around its middle
  *
  * A picture's white (1) is 4095 DN, which the calibration's responses are for. Grey pictures are of
- * a grey camera, or mosaics if a colour filter is named. Each pixel of a colour picture becomes
- * four of a mosaic, and the camera in the session has twice as many each way.
+ * a grey camera, or mosaics if a colour filter is named. Of a picture in colour all three channels
+ * are kept (colour filter "rgb" of rectify.h). Of one view all pictures for the BTF are grey, or
+ * all are in colour; those of its sweeps may be either. Saturated pixels become lower bounds.
  *
- * Every light must be there for every view of the BTF. In a sweep one picture in ten may be
+ * Every light must be there for every view of the BTF, unless the pictures show a calibration
+ * target. A light is a lamp at an angle of the arc against the sample; where lamps stand still and
+ * the sample turns, same_light_deg makes those one light that lie in one direction of the sample.
+ * It then has the direction of the first of them in the plan, and the BTF's files say where each
+ * lamp was. In a sweep one picture in ten may be
  * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are
  * no numbers are holes. Any thread.
  */
@@ -35,7 +45,9 @@ struct import_poses {
     const char *cfa;                 /* of grey pictures: "mono", "rggb" … */
     struct session_grid grid;
     enum import_edge edge;
-    double threshold_dn; /* least height of a peak */
+    double threshold_dn;   /* least height of a peak */
+    double same_light_deg; /* lamps whose directions differ by no more are one light; 0: none */
+    gboolean target;       /* pictures of a calibration target: views need not have all lights */
 };
 
 struct import_poses_result {

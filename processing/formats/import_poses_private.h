@@ -8,6 +8,20 @@
 
 #define IMPORT_WHITE_DN 4095
 
+enum import_transfer {
+    IMPORT_TRANSFER_BY_BITS, /* sRGB of 8 bits, else linear */
+    IMPORT_TRANSFER_LINEAR,
+    IMPORT_TRANSFER_SRGB,
+};
+
+/* How a picture's numbers stand for light. */
+struct import_coding {
+    double black_level; /* the number without light */
+    int bits;           /* white is 2^bits − 1; 0: as many as the file has */
+    enum import_transfer transfer;
+    char *flat_path; /* a picture of an even surface by the same camera; NULL: none */
+};
+
 struct import_row {
     const char *name; /* as in the table */
     char *path;
@@ -16,13 +30,8 @@ struct import_row {
     int device; /* lamp or laser */
     gboolean sweep;
     double turntable_deg, arc_deg, exposure_ms, sweep_deg;
+    struct import_coding coding;
     int view, shot; /* indices */
-};
-
-/* Properties of a camera's first picture. */
-struct import_camera {
-    gboolean seen, doubled; /* doubled: its pictures are in colour */
-    int width, height;      /* of pictures */
 };
 
 struct import_set {
@@ -30,14 +39,31 @@ struct import_set {
     const char *table;
     GArray *rows; /* of struct import_row, in order of shot, camera, sweep_deg */
     struct calibration *known;
-    struct import_camera cameras[RIG_MAX_CAMERAS];
     GArray *views, *lights, *lasers; /* of struct session_direction */
+    const struct import_row **first; /* of each view, its first picture for the BTF */
+    gboolean *in_colour;             /* of each view, whether that one is in colour */
     GArray *shots;                   /* of struct session_shot */
+    GHashTable *flats; /* of import_coding.c: key → struct import_picture of factors */
     Session *session;
     struct import_poses_result *ret;
 };
 
-/* Reads the first picture of each camera and adapts the calibration to it. */
+/* Reads the columns black_level, bits, transfer and flat_field of a row. folder: the table's. */
+gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
+                            const char *folder, struct import_row *row, GError **error);
+
+/* Reads a row's picture; 1 is white, linear, without its flat field. It has the size of its
+ * camera's pictures. */
+struct import_picture *import_coding_picture(const struct import_set *set,
+                                             const struct import_row *row, GError **error);
+
+/* Multiplies a row's picture by the factors of its flat field, if it has one: pixels that show
+ * nothing in the flat field become NaN. */
+gboolean import_coding_flatten(const struct import_set *set, const struct import_row *row,
+                               struct import_picture *picture, GError **error);
+
+/* Reads the first picture of each view and of each camera's sweeps, so that a picture of the wrong
+ * size is found before any is written. */
 gboolean import_frames_prepare(struct import_set *set, GError **error);
 
 /* Determines range and steps of each sweep for the plan. */

@@ -14,6 +14,8 @@ typedef struct import_picture {
     float *rgb; /* height × width × 3 */
 } ImportPicture;
 struct import_picture *import_picture_read(const char *path, GError **error);
+/* The same with the numbers in the file; ret_bits: 8 or 16 of each, 0: floating-point. */
+struct import_picture *import_picture_read_codes(const char *path, int *ret_bits, GError **error);
 void import_picture_free(struct import_picture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ImportPicture, import_picture_free)
 gboolean import_is_picture(const char *name);

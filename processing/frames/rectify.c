@@ -33,7 +33,8 @@ struct Rectify {
     gsize n_pixels;
     guint8 *colour; /* of each pixel, as in demosaic.h */
     int phase[4];   /* colours of the 2 × 2 filter cell, row by row */
-    gboolean mono;
+    gboolean mono;  /* all pixels see the same: one colour, or (planes is 3) all three */
+    gsize planes;   /* of a frame: 1, or 3 of "rgb" */
     struct rows area;    /* each pixel's share of the texel's area, times its gain */
     struct rows around;  /* smooth weights, for the colour of a texel */
     float (*balance)[3]; /* n_texels: weight of the other colours over that of this one, in around;
@@ -59,16 +60,19 @@ void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, 
         }
 }
 
-/* Sets the colour of each pixel. A mono sensor has one colour, which counts as green. */
+/* Sets the colour of each pixel. A mono sensor has one colour, which counts as green; so has each
+ * plane of "rgb". */
 static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
-    static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
+    static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", "rgb", NULL};
     if (!g_strv_contains(names, cfa)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "unknown colour filter \"%s\"; known ones are mono, rggb, bggr, grbg, gbrg",
+                    "unknown colour filter \"%s\"; known ones are mono, rggb, bggr, grbg, "
+                    "gbrg, rgb",
                     cfa);
         return FALSE;
     }
-    rectify->mono = strcmp(cfa, "mono") == 0;
+    rectify->planes = strcmp(cfa, "rgb") == 0 ? 3 : 1;
+    rectify->mono = strcmp(cfa, "mono") == 0 || rectify->planes == 3;
     rectify->colour = g_new(guint8, rectify->n_pixels);
     for (gsize i = 0; i < rectify->n_pixels; i++) {
         int x = (int)(i % (gsize)width), y = (int)(i / (gsize)width);
@@ -303,7 +307,9 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
     for (int c = 0; c < 3; c++)
         rectify->colour_gain[c] =
             radiometry && radiometry->known
-                ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c])
+                ? (float)(1 /
+                          radiometry
+                              ->colour[rectify->mono && rectify->planes == 1 ? DEMOSAIC_GREEN : c])
                 : 1;
     fill_rows(rectify, camera, radiometry, turntable_rad, grid);
     if (rectify->n_outside * 100.0 <= rectify->n_texels)
@@ -351,6 +357,8 @@ static float *find_ratios(const Rectify *rectify, const float *mosaic) {
 }
 
 void rectify_guide(Rectify *rectify, const float *mosaic) {
+    if (rectify->planes == 3)
+        return;
     g_free(rectify->ratio);
     rectify->ratio = find_ratios(rectify, mosaic);
 }
@@ -417,6 +425,21 @@ apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float
     }
 }
 
+/* value = gain_c · Σ w·m over the texel's area: a plane of "rgb", padded like a mosaic. */
+static void apply_plane(const Rectify *rectify, const float *padded, gsize c, float *ret_rgb) {
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        const struct window *window = &rectify->area.window[texel];
+        const float *weight = weights_of(&rectify->area, texel);
+        wide sum = {0};
+        for (int y = window->y; y < window->y + window->n_rows; y++) {
+            const float *from = padded + (gsize)y * rectify->stride + window->x;
+            for (int x = 0; x < window->n_wide * LANES; x += LANES, weight += LANES)
+                sum += *(const wide *)weight * *(const wide *)(from + x);
+        }
+        ret_rgb[3 * (gsize)texel + c] = rectify->colour_gain[c] * sum_of(&sum);
+    }
+}
+
 /* The dispatch is by hand, see sweep.c. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, const float *mosaic,
@@ -459,24 +482,32 @@ static gboolean rectify_all_finite(const Rectify *rectify, const struct rows *ro
     const struct window *window = &rows->window[texel];
     const float *weight = weights_of(rows, texel);
     const int columns = window->n_wide * LANES;
-    for (int i = 0; i < window->n_rows * columns; i++)
-        if (weight[i] != 0 &&
-            !isfinite(mosaic[(window->y + i / columns) * rectify->width + window->x + i % columns]))
-            return FALSE;
+    for (gsize c = 0; c < rectify->planes; c++, mosaic += rectify->n_pixels)
+        for (int i = 0; i < window->n_rows * columns; i++)
+            if (weight[i] != 0 &&
+                !isfinite(
+                    mosaic[(window->y + i / columns) * rectify->width + window->x + i % columns]))
+                return FALSE;
     return TRUE;
 }
 
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes) {
     g_autofree float *found = NULL;
     const float *ratio = rectify->ratio;
-    if (!ratio) {
+    if (!ratio && rectify->planes == 1) {
         found = find_ratios(rectify, mosaic);
         ratio = found;
     }
     g_autofree float *padded = g_new(float, rectify->stride *(gsize)rectify->height);
-    const gboolean good = pad(rectify, mosaic, padded);
+    gboolean good = TRUE;
     int holes = 0;
-    rectify_do_apply(rectify, padded, ratio, ret_rgb);
+    for (gsize c = 0; c < rectify->planes; c++) {
+        good &= pad(rectify, mosaic + c * rectify->n_pixels, padded);
+        if (rectify->planes == 3)
+            apply_plane(rectify, padded, c, ret_rgb);
+        else
+            rectify_do_apply(rectify, padded, ratio, ret_rgb);
+    }
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         float *rgb = ret_rgb + 3 * (gsize)texel;
         const gboolean seen =

@@ -17,7 +17,8 @@
 
 typedef struct Rectify Rectify;
 
-/* cfa: "mono", "rggb", "bggr", "grbg" or "gbrg"; a mono camera gives three equal colours. Texels
+/* cfa: "mono", "rggb", "bggr", "grbg" or "gbrg"; a mono camera gives three equal colours. "rgb": a
+ * pixel has all three, and each is rectified from its own plane with the same weights. Texels
  * outside of the picture are holes; DATA_ERROR_INVALID if there are more than 1 % of them.
  * radiometry: of the camera; NULL or unknown: nominal vignetting, equal colour gains. */
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
@@ -29,10 +30,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rectify, rectify_free)
 int rectify_outside(const Rectify *rectify); /* number of texels outside of the picture */
 
 /* Sets the guide: a mosaic as below, of the same camera at the same turntable angle, in any unit.
- * Without a guide each frame is its own. */
+ * Without a guide each frame is its own. "rgb" needs none and ignores it. */
 void rectify_guide(Rectify *rectify, const float *mosaic);
 
-/* mosaic: height × width, DN per millisecond at 0 dB. ret_rgb: n_texels × 3, R, G, B in
+/* mosaic: height × width, DN per millisecond at 0 dB; "rgb": 3 × height × width, the planes of red,
+ * green and blue. ret_rgb: n_texels × 3, R, G, B in
  * W·sr⁻¹·m⁻², corrected for flat field and colour gains of the sensor. Texels that are outside,
  * or whose pixels are not all finite, are holes: 0. ret_holes (n_texels; may be NULL): whether
  * each is a hole. Returns the number of holes. */

@@ -58,6 +58,33 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     return g_ptr_array_steal_index(file->parts, 0);
 }
 
+const float *input_mosaic(const char *path, struct exr_part *part, const char **ret_cfa,
+                          GError **error) {
+    if (!exr_get_string(part, "mesorig.cfa", ret_cfa, error)) {
+        g_prefix_error(error, "%s: ", path);
+        return NULL;
+    }
+    if (strcmp(*ret_cfa, "rgb") != 0) {
+        const float *mosaic = exr_part_plane(part, "Y");
+        if (!mosaic)
+            data_error_set(path, 0, error, "part %s has no channel Y", part->name);
+        return mosaic;
+    }
+    const float *red = exr_part_plane(part, "R"), *blue = exr_part_plane(part, "B");
+    float *mosaic = exr_part_plane(part, "G");
+    if (!red || !mosaic || !blue) {
+        data_error_set(path, 0, error, "part %s lacks one of the channels R, G and B", part->name);
+        return NULL;
+    }
+    for (int y = 0; y < part->height; y++)
+        for (int x = y & 1; x < part->width; x += 2) {
+            const gsize i = (gsize)y * (gsize)part->width + (gsize)x;
+            mosaic[i] = y & 1 ? blue[i] : red[i];
+        }
+    *ret_cfa = "rggb";
+    return mosaic;
+}
+
 /* Includes the terminating 0, so that consecutive texts are unambiguous. */
 void input_hash(GChecksum *checksum, const char *format, ...) {
     va_list arguments;

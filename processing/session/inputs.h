@@ -20,5 +20,12 @@ void input_clear(struct input *input);
  * session's, the file cannot be read, or one of the channels (NULL-terminated) is missing. */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
+/* The mosaic of a frame that input_read() or exr_read_part() has read from path: height × width,
+ * borrowed, and its colour filter. Of a picture in colour ("rgb") it is what a sensor behind "rggb"
+ * would have seen, for what is measured on mosaics; the channel G is overwritten with it. NULL: a
+ * channel or attribute is missing. */
+const float *input_mosaic(const char *path, struct exr_part *part, const char **ret_cfa,
+                          GError **error);
+
 /* Adds a text to the hash of a product's inputs; the end of each text counts, too. */
 void input_hash(GChecksum *checksum, const char *format, ...) G_GNUC_PRINTF(2, 3);

@@ -89,12 +89,12 @@ static gboolean check_stopped(const struct run *run, GError **error) {
 
 /* NULL: rejected; the reason is recorded. */
 static struct exr_part *tile_session_read_frame(struct run *run, const struct input *input,
-                                                const char **ret_cfa) {
-    static const char *const channels[] = {"Y", NULL};
+                                                const float **ret_mosaic, const char **ret_cfa) {
+    static const char *const any[] = {NULL};
     g_autoptr(GError) error = NULL;
     int saturated = 0;
-    struct exr_part *part = input_read(input, channels, &error);
-    if (part && exr_get_string(part, "mesorig.cfa", ret_cfa, &error)) {
+    struct exr_part *part = input_read(input, any, &error);
+    if (part && (*ret_mosaic = input_mosaic(input->path, part, ret_cfa, &error)) != NULL) {
         exr_get_int(part, "mesorig.saturated", &saturated, NULL);
         if (saturated == 0)
             return part;
@@ -110,12 +110,13 @@ static gboolean tile_session_measure_tile(struct run *run, GError **error) {
     const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
     for (guint i = 0; i < run->frames->len && tile_session_tell(run, "tile", i); i++) {
         const struct lit_frame *frame = &g_array_index(run->frames, struct lit_frame, i);
-        const char *cfa = "mono";
-        struct exr_part *part = tile_session_read_frame(run, &frame->input, &cfa);
+        const char *cfa = NULL;
+        const float *mosaic = NULL;
+        struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
         if (!part)
             continue;
-        tile_measure(&run->calibration->rig, frame->camera, cfa, exr_part_plane(part, "Y"),
-                     &run->tile, shots, frame->shot, run->cells);
+        tile_measure(&run->calibration->rig, frame->camera, cfa, mosaic, &run->tile, shots,
+                     frame->shot, run->cells);
         run->ret->pictures++;
         exr_part_free(part);
     }
@@ -151,8 +152,9 @@ static gboolean fit_tile(struct run *run, GError **error) {
 static void add_marks(struct run *run, const struct lit_frame *frame, GArray *seen) {
     const struct calibration *known = run->calibration;
     const struct tile_shot *shot = &g_array_index(run->tile_shots, struct tile_shot, frame->shot);
-    const char *cfa = "mono";
-    struct exr_part *part = tile_session_read_frame(run, &frame->input, &cfa);
+    const char *cfa = NULL;
+    const float *mosaic = NULL;
+    struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
     if (!part)
         return;
     struct fiducial_scene scene = {&known->rig,
@@ -163,7 +165,7 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->camera_radiometry[frame->camera],
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
-    fiducials_measure(&scene, cfa, exr_part_plane(part, "Y"), seen);
+    fiducials_measure(&scene, cfa, mosaic, seen);
     for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];

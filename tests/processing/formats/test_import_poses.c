@@ -361,7 +361,7 @@ static double mean_of(const char *path, const char *channel) {
     return sum;
 }
 
-/* A colour picture, whose camera is doubled, against the grey ones of its channels. */
+/* A colour picture against the grey ones of its channels. */
 static void test_colour(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
@@ -390,7 +390,39 @@ static void test_colour(void) {
     }
     write_grey(dir, "grey.exr", planes[0]);
     assert_refused(dir, HEAD "rgb.exr,cam30,lamp30,,0,45,\ngrey.exr,cam30,lamp30,,0,90,\n",
-                   "grey.exr is grey, the first picture of camera cam30 is not");
+                   "poses.csv:3: grey.exr is grey, but rgb.exr (line 2) of the same view is not");
+}
+
+/* Grey pictures of a sweep beside pictures in colour for the BTF, by one camera: the sweep is what
+ * it is alone, and the grey rig's calibration serves for both. */
+static void test_colour_beside_grey(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GString) table = g_string_new(NULL);
+    g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
+    g_autofree char *alone = session_fixture_path("alone"), *both = session_fixture_path("both");
+    struct import_poses_result result;
+    float planes[3][PIXELS];
+    const float *all[3] = {planes[0], planes[1], planes[2]};
+    for (int i = 0; i < PIXELS; i++)
+        for (int c = 0; c < 3; c++)
+            planes[c][i] = (float)(0.2 + 0.1 * c);
+    write_picture(colour, all, 3, SIDE);
+    write_sweep(dir, IMPORT_LINE, table, -1);
+    g_assert_true(import_rows(dir, alone, table->str, IMPORT_LINE, &result, &error));
+    g_string_append(table, "rgb.exr,cam30,lamp30,,0,45,\n");
+    g_assert_true(import_rows(dir, both, table->str, IMPORT_LINE, &result, &error));
+    g_assert_no_error(error);
+    g_assert_cmpint(result.n_views, ==, 1);
+    g_autoptr(ExrPart) a = sweep_file(alone), b = sweep_file(both);
+    g_assert_cmpmem(exr_part_plane(a, "peak"), sizeof(float) * PIXELS, exr_part_plane(b, "peak"),
+                    sizeof(float) * PIXELS);
+    g_free(process_mesorig(0, "process %s -c %s --json", both, calibration));
+    g_autofree char *mdf = g_build_filename(both, "products/mdf.exr", NULL);
+    g_assert_true(g_file_test(mdf, G_FILE_TEST_EXISTS));
+    const double wanted = mean_of(both, "G") / 0.3; /* n·l is the same for all three */
+    g_assert_cmpfloat(wanted, >, 0);
+    g_assert_cmpfloat_with_epsilon(mean_of(both, "R"), 0.2 * wanted, 0.002 * wanted);
+    g_assert_cmpfloat_with_epsilon(mean_of(both, "B"), 0.4 * wanted, 0.002 * wanted);
 }
 
 static void test_mutated(void) {
@@ -442,6 +474,9 @@ static void test_command(gconstpointer data) {
     g_assert_true(session_grid(session, &got, NULL));
     g_assert_cmpint(got.height, ==, 8);
     g_assert_cmpfloat(got.height_mm, ==, 40);
+    g_autofree char *usage = process_mesorig(
+        2, "import poses %s -c %s --sample 50x40 --same-light 46 -o %s", table, calibration, path);
+    assert_has(usage, "--same-light=46 is out of range: 0 to 45 degrees");
 }
 
 /* The folder is made here, since the calibration lies in it for all tests. */
@@ -455,6 +490,7 @@ int main(int argc, char **argv) {
     g_test_add_data_func("/poses/sweep/darkens", GINT_TO_POINTER(IMPORT_DARKENS), test_sweep);
     g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
     g_test_add_func("/poses/colour", test_colour);
+    g_test_add_func("/poses/colour_beside_grey", test_colour_beside_grey);
     g_test_add_func("/poses/mutated", test_mutated);
     g_test_add_data_func("/poses/command", NULL, test_command);
     g_test_add_data_func("/poses/command/relative", GINT_TO_POINTER(TRUE), test_command);

@@ -73,6 +73,32 @@ static void test_linear(void) {
             }
 }
 
+/* Planes of red, green and blue: each comes out at its own place, and what is no number in one of
+ * them is a hole. */
+static void test_rgb(void) {
+    struct pinhole pinhole = camera_at(30, 800);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    camera.response = 1000;
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rgb", 0.7, &grid, NULL);
+    g_autofree float *planes = g_new(float, 3 * 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
+    guint8 holes[24 * 20];
+    for (int i = 0; i < 3 * 160 * 160; i++)
+        planes[i] = (float)linear_at(i / (160 * 160), i % 160, (double)(i / 160 % 160));
+    rectify_guide(rectify, planes);
+    g_assert_cmpint(rectify_apply(rectify, planes, rgb, holes), ==, 0);
+    for (int i = 0; i < 24 * 20 * 3; i++) {
+        double x, y;
+        texel_in_picture(&pinhole, 0.7, i / 3, &x, &y);
+        g_assert_cmpfloat_with_epsilon(rgb[i], linear_at(i % 3, x, y), 1e-4);
+    }
+    planes[2 * 160 * 160 + 80 * 160 + 80] = NAN;
+    const int n = rectify_apply(rectify, planes, rgb, holes);
+    g_assert_cmpint(n, >, 0);
+    g_assert_cmpint(n, <, 20);
+    for (int i = 0; i < 24 * 20; i++)
+        g_assert_true(holes[i] == (rgb[3 * i] == 0 && rgb[3 * i + 1] == 0 && rgb[3 * i + 2] == 0));
+}
+
 /* The picture of a white diffuser under vignetting comes out flat. */
 static void test_vignetting(void) {
     struct pinhole pinhole = camera_at(30, 1664);
@@ -208,6 +234,7 @@ static void test_outside(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/rectify/linear", test_linear);
+    g_test_add_func("/rectify/rgb", test_rgb);
     g_test_add_func("/rectify/vignetting", test_vignetting);
     g_test_add_func("/rectify/energy", test_energy);
     g_test_add_func("/rectify/detail", test_detail);

@@ -1,0 +1,170 @@
+/* How the pictures of a table are coded: from the numbers in a file to linear light,
+ *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
+ * n: a pixel's number, T: the transfer function, f: its flat field, coded likewise, m: the flat
+ * field's mean around the middle of the picture. Floating-point numbers have white at 1. */
+#include "import_poses_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+
+#define MIDDLE 10 /* m is the mean over this part of a picture's width and height */
+
+gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
+                            const char *folder, struct import_row *row, GError **error) {
+    static const char *const transfers[] = {"", "linear", "srgb"}; /* enum import_transfer */
+    struct import_coding *coding = &row->coding;
+    const char *transfer = text_table_text(table, index, text_table_column(table, "transfer"));
+    const char *flat = text_table_text(table, index, text_table_column(table, "flat_field"));
+    double bits;
+    if (!text_table_number(table, index, text_table_column(table, "black_level"), 0,
+                           &coding->black_level, error) ||
+        !text_table_number(table, index, text_table_column(table, "bits"), 0, &bits, error))
+        return FALSE;
+    if (!(coding->black_level >= 0))
+        return data_error_fail(set->table, row->line, error,
+                               "a black_level of %g is below 0; give what a pixel shows without "
+                               "light",
+                               coding->black_level);
+    if (bits != 0 && !(bits >= 2 && bits <= 16 && bits == floor(bits)))
+        return data_error_fail(set->table, row->line, error,
+                               "bits of %g are not valid: 2 to 16, or nothing for all of the file",
+                               bits);
+    coding->bits = (int)bits;
+    while (coding->transfer < G_N_ELEMENTS(transfers) &&
+           strcmp(transfer, transfers[coding->transfer]) != 0)
+        coding->transfer++;
+    if (coding->transfer >= G_N_ELEMENTS(transfers))
+        return data_error_fail(set->table, row->line, error,
+                               "a transfer of “%s” is not known; choose from: linear, srgb",
+                               transfer);
+    coding->flat_path = *flat ? g_canonicalize_filename(flat, folder) : NULL;
+    return !coding->flat_path || g_file_test(coding->flat_path, G_FILE_TEST_IS_REGULAR) ||
+           data_error_fail(set->table, row->line, error, "there is no flat field %s",
+                           coding->flat_path);
+}
+
+/* IEC 61966-2-1; below 0 its straight part goes on. */
+static double import_coding_from_srgb(double v) {
+    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+}
+
+/* White of a file of this many bits (0: floating-point). 0: error. */
+static double import_coding_white(const struct import_set *set, const struct import_row *row,
+                                  const char *name, int bits, GError **error) {
+    const struct import_coding *coding = &row->coding;
+    if (coding->bits > bits && bits == 0)
+        data_error_set(set->table, row->line, error,
+                       "bits is %d, but %s holds floating-point numbers; leave it empty",
+                       coding->bits, name);
+    else if (coding->bits > bits)
+        data_error_set(set->table, row->line, error, "bits is %d, but the numbers of %s have %d",
+                       coding->bits, name, bits);
+    if (coding->bits > bits)
+        return 0;
+    const double white = bits ? (double)((1 << (coding->bits ? coding->bits : bits)) - 1) : 1;
+    if (coding->black_level < white)
+        return white;
+    data_error_set(set->table, row->line, error, "a black_level of %g is not below white, %g in %s",
+                   coding->black_level, white, name);
+    return 0;
+}
+
+/* Reads a file that is coded as a row says. */
+static struct import_picture *import_coding_decode(const struct import_set *set,
+                                                   const struct import_row *row, const char *path,
+                                                   GError **error) {
+    const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
+    const struct import_coding *coding = &row->coding;
+    const char *name = path == row->path ? row->name : path;
+    g_autoptr(GError) found = NULL;
+    int bits = 0;
+    g_autoptr(ImportPicture) picture = import_picture_read_codes(path, &bits, &found);
+    if (!picture) {
+        data_error_set(set->table, row->line, error, "%s", found->message);
+        return NULL;
+    }
+    if (picture->width != camera->width || picture->height != camera->height) {
+        data_error_set(set->table, row->line, error,
+                       "%s has %d × %d pixels, camera %s has %d × %d in %s", name, picture->width,
+                       picture->height, camera->name, camera->width, camera->height,
+                       set->wish->calibration);
+        return NULL;
+    }
+    const double white = import_coding_white(set, row, name, bits, error);
+    const gboolean srgb = coding->transfer == IMPORT_TRANSFER_SRGB ||
+                          (coding->transfer == IMPORT_TRANSFER_BY_BITS && bits == 8);
+    if (white == 0)
+        return NULL;
+    const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
+    for (gsize i = 0; i < n; i++) {
+        const double number = (double)picture->rgb[i];
+        const double v = (number - coding->black_level) / (white - coding->black_level);
+        if (bits && number > white) {
+            data_error_set(set->table, row->line, error,
+                           "%s has a pixel of %g, but %d bits end at %g", name, number,
+                           coding->bits, white);
+            return NULL;
+        }
+        picture->rgb[i] = (float)(srgb ? import_coding_from_srgb(v) : v);
+    }
+    return g_steal_pointer(&picture);
+}
+
+struct import_picture *import_coding_picture(const struct import_set *set,
+                                             const struct import_row *row, GError **error) {
+    return import_coding_decode(set, row, row->path, error);
+}
+
+/* From a flat field to factors m / f, for each colour, and behind a colour filter for each place in
+ * its cell of 2 × 2, by itself: colours keep their balance. */
+static void import_coding_invert(struct import_picture *flat, gboolean mosaic) {
+    double sum[4][3] = {{0}};
+    int n[4] = {0};
+    const int width = flat->width, height = flat->height;
+    const int reach_x = MAX(width / MIDDLE / 2, 1), reach_y = MAX(height / MIDDLE / 2, 1);
+    for (int y = MAX(height / 2 - reach_y, 0); y < MIN(height / 2 + reach_y, height); y++)
+        for (int x = MAX(width / 2 - reach_x, 0); x < MIN(width / 2 + reach_x, width); x++) {
+            const int cell = mosaic ? 2 * (y & 1) + (x & 1) : 0;
+            n[cell]++;
+            for (int c = 0; c < 3; c++)
+                sum[cell][c] += (double)flat->rgb[3 * (y * width + x) + c];
+        }
+    for (int i = 0; i < width * height; i++)
+        for (int c = 0; c < 3; c++) {
+            const int cell = mosaic ? 2 * (i / width & 1) + (i % width & 1) : 0;
+            float *value = &flat->rgb[3 * i + c];
+            *value = *value > 0 ? (float)(sum[cell][c] / n[cell] / (double)*value) : NAN;
+        }
+}
+
+gboolean import_coding_flatten(const struct import_set *set, const struct import_row *row,
+                               struct import_picture *picture, GError **error) {
+    const struct import_coding *coding = &row->coding;
+    const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
+    if (!coding->flat_path)
+        return TRUE;
+    if (camera->vignetting != 0 || set->known->camera_radiometry[row->camera].known)
+        return data_error_fail(set->table, row->line, error,
+                               "there is a flat_field, but %s describes the vignetting of camera "
+                               "%s, too; leave out one of them",
+                               set->wish->calibration, camera->name);
+    g_autofree char *key = g_strdup_printf("%d %.17g %d %d %s", row->camera, coding->black_level,
+                                           coding->bits, (int)coding->transfer, coding->flat_path);
+    struct import_picture *flat = g_hash_table_lookup(set->flats, key);
+    if (!flat) {
+        flat = import_coding_decode(set, row, coding->flat_path, error);
+        if (!flat)
+            return FALSE;
+        import_coding_invert(flat, flat->grey && strcmp(set->wish->cfa, "mono") != 0);
+        g_hash_table_insert(set->flats, g_steal_pointer(&key), flat);
+    }
+    if (picture->grey && !flat->grey)
+        return data_error_fail(set->table, row->line, error, "%s is grey, its flat field %s is not",
+                               row->name, coding->flat_path);
+    const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
+    for (gsize i = 0; i < n; i++)
+        picture->rgb[i] *= flat->rgb[i];
+    return TRUE;
+}

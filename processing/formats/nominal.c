@@ -1,0 +1,293 @@
+#include "nominal.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/config.h"
+#include "base/data_error.h"
+#include "base/input_file.h"
+#include "base/text_table.h"
+#include "import_private.h"
+
+#define LARGEST_MM 1e6
+#define UNFILLED   "?"
+
+struct nominal_place {
+    double width, height, focal_px, cx_px, cy_px, k1, k2, k3, p1, p2, vignetting, response,
+        turn_deg;
+    double eye_mm[3], target_mm[3], position_mm[3], aim_mm[3], axis[3], intensity, exponent;
+};
+
+struct nominal_key {
+    const char *name;
+    gsize offset;
+    int n; /* numbers */
+    double min, max;
+    const char *otherwise; /* NULL: must be given */
+    const char *help;
+};
+
+#define PLACE(member) G_STRUCT_OFFSET(struct nominal_place, member)
+#define POINT(member) PLACE(member), 3, -LARGEST_MM, LARGEST_MM
+static const struct nominal_key camera_keys[] = {
+    {"width", PLACE(width), 1, 1, 65536, NULL, "pixels of a picture across"},
+    {"height", PLACE(height), 1, 1, 65536, NULL, "and down"},
+    {"focal_px", PLACE(focal_px), 1, 1e-3, 1e9, NULL, "focal length / width of a pixel"},
+    {"eye_mm", POINT(eye_mm), NULL, "where the lens is: x; y; z from the middle of the turntable"},
+    {"target_mm", POINT(target_mm), "0; 0; 0", "the point that is in the middle of the picture"},
+    {"turn_deg", PLACE(turn_deg), 1, -360, 360, "0",
+     "camera's turn about its line of sight, clockwise from behind; 0: the picture is level"},
+    {"response", PLACE(response), 1, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1000",
+     "4095 × share of white in a second per W/(sr m²); calibrate radiometry finds it"},
+    {"vignetting", PLACE(vignetting), 1, -1, 1, "0", "share by which the corners are darker"},
+    {"cx_px", PLACE(cx_px), 1, -1e9, 1e9, "nan", "principal point; the middle if nothing is said"},
+    {"cy_px", PLACE(cy_px), 1, -1e9, 1e9, "nan", ""},
+    {"k1", PLACE(k1), 1, -1e9, 1e9, "0", "distortion, as OpenCV has it"},
+    {"k2", PLACE(k2), 1, -1e9, 1e9, "0", ""},
+    {"k3", PLACE(k3), 1, -1e9, 1e9, "0", ""},
+    {"p1", PLACE(p1), 1, -1e9, 1e9, "0", ""},
+    {"p2", PLACE(p2), 1, -1e9, 1e9, "0", ""},
+    {NULL},
+};
+static const struct nominal_key lamp_keys[] = {
+    {"position_mm", POINT(position_mm), NULL, "where it is when arc_deg is 0: x; y; z"},
+    {"aim_mm", POINT(aim_mm), "0; 0; 0", "the point that it is aimed at"},
+    {"intensity", PLACE(intensity), 1, 1e-12, RIG_MOST_INTENSITY, "1", "W/sr along its aim"},
+    {"exponent", PLACE(exponent), 1, 0, 1e6, "0",
+     "n of its fall-off cos^n beside its aim; 0: equally bright all around"},
+    {NULL},
+};
+static const struct nominal_key laser_keys[] = {
+    {"position_mm", POINT(position_mm), NULL, "where its sheet comes from when arc_deg is 0"},
+    {"axis", PLACE(axis), 3, -1e6, 1e6, NULL,
+     "direction that the sheet turns about; sweep_deg is 0 when it goes through 0; 0; 0"},
+    {NULL},
+};
+
+static const struct nominal_kind {
+    const char *class_name;
+    const struct nominal_key *keys;
+    int most;
+} kinds[] = {{"camera", camera_keys, RIG_MAX_CAMERAS},
+             {"lamp", lamp_keys, RIG_MAX_LAMPS},
+             {"laser", laser_keys, RIG_MAX_LASERS}};
+
+static gboolean nominal_numbers(const struct config_section *section, const struct nominal_key *key,
+                                struct nominal_place *place, GError **error) {
+    const char *given = config_value(section, key->name, NULL);
+    double *to = (double *)((char *)place + key->offset);
+    const char *text = given ? given : key->otherwise;
+    if (!text)
+        return config_set_error(error, CONFIG_ERROR_MISSING, section, key->name,
+                                "it is missing: %s", key->help);
+    g_auto(GStrv) words = g_strsplit(text, ";", -1);
+    gboolean good = (int)g_strv_length(words) == key->n;
+    for (int i = 0; good && i < key->n; i++) {
+        char *end;
+        to[i] = g_ascii_strtod(g_strstrip(words[i]), &end);
+        good = end != words[i] && !*end && (!given || isfinite(to[i]));
+        if (good && (to[i] < key->min || to[i] > key->max))
+            return config_set_error(error, CONFIG_ERROR_VALUE, section, key->name,
+                                    "%g is out of range: %g to %g", to[i], key->min, key->max);
+    }
+    return good || config_set_error(error, CONFIG_ERROR_VALUE, section, key->name,
+                                    key->n == 1 ? "“%s” is not a number"
+                                                : "“%s” is not three numbers x; y; z",
+                                    text);
+}
+
+static struct vec3 nominal_vec3(const double *p) {
+    return vec3(p[0], p[1], p[2]);
+}
+
+static gboolean nominal_camera(const struct config_section *section, const struct nominal_place *p,
+                               struct rig *rig, GError **error) {
+    struct rig_camera *camera = &rig->cameras[rig->n_cameras++];
+    const struct vec3 eye = nominal_vec3(p->eye_mm), target = nominal_vec3(p->target_mm);
+    if (p->width != floor(p->width) || p->height != floor(p->height))
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "width",
+                                "%g × %g pixels are not whole numbers", p->width, p->height);
+    if (!(vec3_length(vec3_sub(eye, target)) > 1))
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "eye_mm",
+                                "it is less than 1 mm from target_mm");
+    *camera = (struct rig_camera){.width = (int)p->width,
+                                  .height = (int)p->height,
+                                  .fx_px = p->focal_px,
+                                  .fy_px = p->focal_px,
+                                  .cx_px = isfinite(p->cx_px) ? p->cx_px : 0.5 * (p->width - 1),
+                                  .cy_px = isfinite(p->cy_px) ? p->cy_px : 0.5 * (p->height - 1),
+                                  .k1 = p->k1,
+                                  .k2 = p->k2,
+                                  .k3 = p->k3,
+                                  .p1 = p->p1,
+                                  .p2 = p->p2,
+                                  .vignetting = p->vignetting,
+                                  .response = p->response};
+    g_strlcpy(camera->name, section->name, RIG_NAME);
+    rig_camera_look_at(camera, eye, target);
+    /* Clockwise from behind, the camera's right turns to what was down. */
+    const double c = cos(p->turn_deg * G_PI / 180), s = sin(p->turn_deg * G_PI / 180);
+    const struct mat3 level = camera->rotation;
+    for (int i = 0; i < 3; i++) {
+        camera->rotation.m[0][i] = c * level.m[0][i] + s * level.m[1][i];
+        camera->rotation.m[1][i] = c * level.m[1][i] - s * level.m[0][i];
+    }
+    camera->translation_mm = vec3_scale(mat3_mul_vec(&camera->rotation, eye), -1);
+    return TRUE;
+}
+
+static gboolean nominal_lamp(const struct config_section *section, const struct nominal_place *p,
+                             struct rig *rig, GError **error) {
+    struct rig_lamp *lamp = &rig->lamps[rig->n_lamps++];
+    const struct vec3 way = vec3_sub(nominal_vec3(p->aim_mm), nominal_vec3(p->position_mm));
+    if (!(vec3_length(way) > 1))
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "position_mm",
+                                "it is less than 1 mm from aim_mm");
+    *lamp = (struct rig_lamp){.position_mm = nominal_vec3(p->position_mm),
+                              .aim = vec3_unit(way),
+                              .exponent = p->exponent,
+                              .intensity = p->intensity};
+    g_strlcpy(lamp->name, section->name, RIG_NAME);
+    return TRUE;
+}
+
+/* The sheet contains the axis and, at 0, the origin: its normal is position × axis. */
+static gboolean nominal_laser(const struct config_section *section, const struct nominal_place *p,
+                              struct rig *rig, GError **error) {
+    struct rig_laser *laser = &rig->lasers[rig->n_lasers++];
+    const struct vec3 position = nominal_vec3(p->position_mm), axis = nominal_vec3(p->axis);
+    const struct vec3 normal = vec3_cross(position, axis);
+    if (!(vec3_length(normal) > 1e-6 * vec3_length(position) * vec3_length(axis)))
+        return config_set_error(
+            error, CONFIG_ERROR_VALUE, section, "axis",
+            "it is 0 or points from position_mm to the middle of the turntable");
+    *laser = (struct rig_laser){
+        .position_mm = position, .axis = vec3_unit(axis), .normal = vec3_unit(normal)};
+    g_strlcpy(laser->name, section->name, RIG_NAME);
+    return TRUE;
+}
+
+static gboolean nominal_section(const struct config_section *section,
+                                const struct nominal_kind *kind, struct rig *rig, GError **error) {
+    const int counts[] = {rig->n_cameras, rig->n_lamps, rig->n_lasers};
+    struct nominal_place place = {0};
+    if (!section->name || strlen(section->name) >= RIG_NAME)
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                                "a name of 1 to %d bytes is missing: [%s NAME]", RIG_NAME - 1,
+                                kind->class_name);
+    if (counts[kind - kinds] >= kind->most)
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "there are more than %d",
+                                kind->most);
+    for (const char *const *name = config_keys(section); *name; name++) {
+        const struct nominal_key *key = kind->keys;
+        while (key->name && strcmp(key->name, *name) != 0)
+            key++;
+        if (!key->name)
+            return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
+                                    "a %s has no such key; import poses --template writes all that "
+                                    "there are",
+                                    kind->class_name);
+    }
+    for (const struct nominal_key *key = kind->keys; key->name; key++)
+        if (!nominal_numbers(section, key, &place, error))
+            return FALSE;
+    return kind->keys == camera_keys ? nominal_camera(section, &place, rig, error)
+           : kind->keys == lamp_keys ? nominal_lamp(section, &place, rig, error)
+                                     : nominal_laser(section, &place, rig, error);
+}
+
+static struct calibration *nominal_from_config(const Config *config, GError **error) {
+    struct rig rig = {.id = "nominal"};
+    gsize n;
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++) {
+        const struct config_section *section = &sections[i];
+        const struct nominal_kind *kind = NULL;
+        for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++)
+            if (strcmp(section->class_name, kinds[k].class_name) == 0)
+                kind = &kinds[k];
+        const char *id =
+            strcmp(section->class_name, "rig") == 0 ? config_value(section, "id", NULL) : NULL;
+        if (!kind && !id) {
+            config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
+                             "only [rig] with its id, [camera NAME], [lamp NAME] and [laser NAME] "
+                             "are known");
+            return NULL;
+        }
+        if (id)
+            g_strlcpy(rig.id, id, sizeof rig.id);
+        else if (!nominal_section(section, kind, &rig, error))
+            return NULL;
+    }
+    return calibration_new(&rig);
+}
+
+struct calibration *nominal_read(const char *path, GError **error) {
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autofree char *text = input_file_read_text(path, 1 << 20, NULL);
+    /* A calibration has a format; what is no key file at all gets the error of one. */
+    if (!text || !g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL) ||
+        g_key_file_has_key(file, "rig", "format", NULL) || !strstr(text, "[camera "))
+        return calibration_read(path, error);
+    g_autoptr(Config) config = config_parse(text, path, error);
+    return config ? nominal_from_config(config, error) : NULL;
+}
+
+/* Appends a section with all keys. picture: a camera's; NULL for others. */
+static void nominal_append(GString *text, const struct nominal_kind *kind, const char *name,
+                           const struct import_picture *picture) {
+    g_string_append_printf(text, "\n[%s %s]\n", kind->class_name, name);
+    for (const struct nominal_key *key = kind->keys; key->name; key++) {
+        g_autofree char *value = g_strdup(key->otherwise ? key->otherwise : UNFILLED);
+        if (picture && (key->offset == PLACE(width) || key->offset == PLACE(height))) {
+            g_free(value);
+            value = g_strdup_printf("%d",
+                                    key->offset == PLACE(width) ? picture->width : picture->height);
+        }
+        if (*key->help)
+            g_string_append_printf(text, "# %s\n", key->help);
+        if (strcmp(value, "nan") == 0)
+            g_string_append_printf(text, "# %s =\n", key->name);
+        else
+            g_string_append_printf(text, "%s = %s\n", key->name, value);
+    }
+}
+
+char *nominal_template(const char *path, GError **error) {
+    g_autoptr(TextTable) table = text_table_read(path, error);
+    g_autoptr(GHashTable) known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *folder = g_path_get_dirname(absolute);
+    if (!table)
+        return NULL;
+    if (text_table_column(table, "file") < 0 || text_table_column(table, "camera") < 0) {
+        data_error_set(path, 0, error,
+                       "its head needs the columns file, camera, and lamp or laser");
+        return NULL;
+    }
+    GString *text =
+        g_string_new("# Fill in what says ?. Points are x; y; z in mm, from the middle of "
+                     "the turntable's top, z up.\n[rig]\nid = nominal\n");
+    for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++)
+        for (int i = 0; i < text_table_rows(table); i++) {
+            const char *name =
+                text_table_text(table, i, text_table_column(table, kinds[k].class_name));
+            g_autofree char *key = g_strdup_printf("%s %s", kinds[k].class_name, name);
+            g_autoptr(ImportPicture) picture = NULL;
+            g_autoptr(GError) found = NULL;
+            if (!*name || !g_hash_table_add(known, g_steal_pointer(&key)))
+                continue;
+            if (k == 0) {
+                g_autofree char *file = g_canonicalize_filename(
+                    text_table_text(table, i, text_table_column(table, "file")), folder);
+                picture = import_picture_read(file, &found);
+            }
+            if (found) {
+                data_error_set(path, text_table_line(table, i), error, "%s", found->message);
+                g_string_free(text, TRUE);
+                return NULL;
+            }
+            nominal_append(text, &kinds[k], name, picture);
+        }
+    return g_string_free(text, FALSE);
+}

@@ -1,0 +1,17 @@
+/*
+ * A file of nominal values: a rig as its builder measures it with a rule, for pictures of a rig
+ * that others have built. A section [camera NAME], [lamp NAME] or [laser NAME] each, with points x;
+ * y; z in the rig frame (rig.h); nominal_template() writes all keys with what they mean. Any
+ * thread.
+ */
+#pragma once
+
+#include "calibration/calibration.h"
+
+/* Reads such a file, or a calibration file. NULL: CONFIG_ERROR with file, line and key, or the
+ * error of calibration_read(). */
+struct calibration *nominal_read(const char *path, GError **error);
+
+/* A file to fill in for the cameras, lamps and lasers that a table of pictures (import_poses.h)
+ * names; sizes are those of each camera's first picture. NULL: DATA_ERROR. g_free() */
+char *nominal_template(const char *table, GError **error);
