@@ -51,7 +51,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     float *depth = t->depth_mm + view * n;
     double theta, phi, centre[3], scale = 1.0;
     if (distance == NULL)
-        return mdf_table_fail(error, part, "there is no channel D");
+        return mdf_table_fail(error, part, "it has no channel D (distances)");
     if (part->width != t->width || part->height != t->height)
         return mdf_table_fail(error, part, "it has another size than the first view");
     if (!exr_get_double(part, "view.theta_deg", &theta, error) ||
