@@ -29,7 +29,7 @@ void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
             memset(rows + (gsize)i * (gsize)length, 0, sizeof(float) * (gsize)length);
 }
 
-/* Of what could not be read 0; takes failed. */
+/* Sets rows that could not be read to 0 and keeps the first error; takes failed. */
 static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize values) {
     g_mutex_lock(&run->lock);
     if (!run->failed)
@@ -119,7 +119,7 @@ gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlo
 struct sample {
     struct lpca_run *run;
     int n;
-    float *rows;    /* n × d, less their mean */
+    float *rows;    /* n × d, minus their mean */
     float *gram;    /* n × n, lower half */
     int found;      /* axes */
     float *vectors; /* found × n: of the Gram matrix, by what they hold */

@@ -82,7 +82,7 @@ static gsize table_size(const struct lpca *lpca) {
     return lpca->layout.views.n * lpca->layout.lights.n;
 }
 
-/* Of value i of a table that is not a mean. */
+/* Quantisation step of value i of a table of eigen-BRDFs. */
 static float step_of(const struct lpca *lpca, gsize table, gsize i) {
     const gsize n = lpca->layout.lights.n;
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
@@ -217,7 +217,7 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
     return lpca->weight_scales != NULL;
 }
 
-/* Those that are not there are 1. */
+/* Scales of lights; a file without them has the scale 1 for each light. */
 static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
     if (!exr_file_part(file, "light_scales"))
         return TRUE;

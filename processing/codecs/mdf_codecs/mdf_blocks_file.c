@@ -139,7 +139,7 @@ static const char *mdf_blocks_file_read_view(struct mdf_blocks *blocks, int view
             return "a channel of blocks is missing";
         for (gsize i = 0; i < (gsize)part->width * (gsize)part->height; i++) {
             if (!(from[i] >= 0 && from[i] <= MOST) || from[i] != floorf(from[i]))
-                return "a block has a value that is no byte";
+                return "a block has a value that is not a byte";
             to[i * MDF_BLOCK_BYTES + c] = (guint8)from[i];
         }
     }
