@@ -57,7 +57,7 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
             g_set_error(
                 error, GPU_ERROR, GPU_ERROR_FAILED,
                 "mip level %d has %zu × %zu texels and %zu × %zu directions, which does not "
-                "fit level 0; compress the material anew",
+                "fit level 0; compress the material again",
                 k, layout->width, layout->height, layout->views.n, layout->lights.n);
             return FALSE;
         }
@@ -131,7 +131,7 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* A packed material has one cluster with too many components to be drawn: it is clustered anew,
+/* A packed material has one cluster with too many components to be drawn: it is clustered again,
  * with the default numbers of “mesorig compress”. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
@@ -155,7 +155,8 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     return view;
 }
 
-/* Of each texel and of its three neighbours, so that four take one fetch. */
+/* Uploads the cluster of each texel with those of its three neighbours, so that one fetch reads
+ * four. */
 static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;

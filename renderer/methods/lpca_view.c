@@ -11,7 +11,7 @@
 
 struct LpcaView {
     struct lpca_texels texels;
-    struct lpca_stack stack; /* a row a view; columns are lights and the sky, each with all
+    struct lpca_stack stack; /* a row per view; columns are lights and the sky, each with all
                                 components */
     guint brdfs;
     guint skies; /* of logarithms, else 0 */
@@ -19,7 +19,7 @@ struct LpcaView {
     struct direction_textures views, lights;
 };
 
-/* A row a view, which has of each component the lights as measured, and the sky. */
+/* One row per view: for each component the measured lights, then the sky. */
 static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack,
                                    int cluster, const float *sky, float *ret) {
     const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;
@@ -52,7 +52,7 @@ static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const floa
     return gpu_check("the eigen-BRDFs' texture", error);
 }
 
-/* Of one level: each texel's reflectance under an even sky, a layer a view. */
+/* Uploads one level of each texel's reflectance under an even sky, one layer per view. */
 static void put_skies(const struct lpca *lpca, int level, const float *sky) {
     const gsize texels = btf_layout_texels(&lpca->layout);
     const gsize pairs = lpca->layout.views.n * lpca->layout.lights.n;
