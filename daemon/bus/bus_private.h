@@ -35,7 +35,7 @@ struct Bus {
     double thumbnail_time_s[RIG_MAX_CAMERAS];
     gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
     struct capture_thumbnail kept[RIG_MAX_CAMERAS]; /* the last of a capture that has ended */
-    guint end_id; /* the idle call that lets go of a capture that has ended */
+    guint end_id; /* the idle source that frees a capture that has ended */
     BusFunc func;
     gpointer data;
     GDBusConnection *client; /* who runs this; only compared */
