@@ -90,7 +90,7 @@ static void sim_camera_picture_free(struct picture *picture) {
     g_free(picture);
 }
 
-/* The camera lets go of it; if its thread is still at work, on_rendered() frees it. */
+/* Drops the camera's reference; if the thread is still rendering, on_rendered() frees it. */
 static void picture_drop(struct picture *picture) {
     if (!picture)
         return;

@@ -75,7 +75,7 @@ static int virtual_u3v_stream_make_trailer(const struct imager_picture *picture,
     return TRAILER_SIZE;
 }
 
-/* Of the transfer that comes next: as many of the one size as was said, then what is left. */
+/* Size of the next transfer: the set number of equal transfers, then the remainder. */
 static gsize payload_size(const VirtualU3v *camera) {
     gsize size = u3v_reg(camera, SIRM_PAYLOAD), count = u3v_reg(camera, SIRM_PAYLOAD_COUNT);
     gsize last = u3v_reg(camera, SIRM_TRANSFER1);

@@ -17,7 +17,7 @@ gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 other
     return otherwise;
 }
 
-/* Of the handlers below, each answers 0 or an errno; argument is the ioctl's struct. */
+/* Each handler below returns 0 or an errno; argument is the ioctl's struct. */
 
 static guint32 type_of(const VirtualV4l2 *camera) {
     return camera->config.planes ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE;

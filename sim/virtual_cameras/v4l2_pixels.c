@@ -7,7 +7,7 @@
 
 struct layout {
     guint32 fourcc[5];       /* by enum cfa */
-    int bits, bytes, pixels; /* so many bytes hold so many pixels */
+    int bits, bytes, pixels; /* `bytes` bytes hold `pixels` pixels */
 };
 
 static const struct layout layouts[] = {

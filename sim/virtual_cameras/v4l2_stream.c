@@ -5,7 +5,8 @@
 
 #define FUTURE_US 100000
 
-/* Of the frame's interval, between the end of an exposure and its first and last data. */
+/* Delay from the end of an exposure to its first and last data, as a share of the frame interval.
+ */
 #define FIRST_DATA_PART 0.1
 #define LAST_DATA_PART  0.4
 
@@ -67,7 +68,7 @@ static void virtual_v4l2_stream_expose(VirtualV4l2 *camera, const struct shot *s
     if (camera->world) {
         struct world_state state;
         world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
-        /* Its noise comes from the time, since frames are counted anew by every stream. */
+        /* Its noise comes from the time, since frames are counted again by every stream. */
         world_expose(camera->world, camera->world_index, &state, shot->exposure_us, shot->gain_db,
                      (guint64)shot->start_us, pixels);
     } else if (camera->config.expose) {

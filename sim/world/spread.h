@@ -11,14 +11,14 @@
 
 #define SPREAD_STEPS 512
 
-struct spread { /* of a lens: where so much of the light comes from further left, in px */
+struct spread { /* point spread of a lens: quantiles of its horizontal profile, px */
     double at_px[SPREAD_STEPS + 1];
 };
 
 /* blur_px > 0: standard deviation of the lens's blur. */
 void spread_init(struct spread *spread, double blur_px);
 
-/* across² places, x and y of each, from the pixel's centre: one in each cell of a grid of across ×
- * across, one in each of across² columns and rows (Kensler 2013, correlated multi-jittering). */
+/* across² positions, x and y of each, from the pixel's centre: one in each cell of a grid of across
+ * × across, one in each of across² columns and rows (Kensler 2013, correlated multi-jittering). */
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px);

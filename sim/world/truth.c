@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* Fine samples a texel, in x and y, in which depth edges are looked for. */
+/* Fine samples per texel, in x and y, in which depth edges are looked for. */
 #define FINE 4
 
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
