@@ -60,7 +60,7 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
                             "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
-                            " to %" G_GINT64_FORMAT " µs makes no sense",
+                            " to %" G_GINT64_FORMAT " µs is impossible",
                             f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
 }
 

@@ -33,7 +33,7 @@ struct LampBank {
 LampBank *lamps_open(const struct lamps_driver *driver, const struct config_section *section,
                      const char *const *also, Clock *clock, GError **error);
 
-/* All lamps off, then closed. NULL is ignored. */
+/* Switches all lamps off and closes the bank. NULL is ignored. */
 void lamps_close(LampBank *bank);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LampBank, lamps_close)
 

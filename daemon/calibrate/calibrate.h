@@ -29,7 +29,7 @@ struct calibrate_job;
 struct calibrate_method {
     /* Finds calibration, from the sessions. */
     gboolean (*find)(struct calibrate_job *job, GError **error);
-    /* Tells what was found; the record has "file" already. */
+    /* Adds the result to the record, which has "file" already. */
     void (*tell)(Record *to, const struct calibrate_job *job);
     gboolean adds; /* without -c, to the file that is written, if it is there */
 };

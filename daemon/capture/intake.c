@@ -73,7 +73,7 @@ struct Intake {
     GAsyncQueue *finished;
     GSource *wake;
     guint generation; /* read by workers */
-    gsize bytes;      /* that wait; written by workers */
+    gsize bytes;      /* of frames that wait for a worker; written by workers */
     int full;         /* read by workers */
 };
 

@@ -47,5 +47,5 @@ void cli_print_readably(void);
  * ends and exits with CLI_FAILED. */
 void cli_check_output_at_exit(void);
 
-/* Tells what is wrong with the call, on stderr; returns CLI_USAGE. */
+/* Prints to stderr what is wrong with the call; returns CLI_USAGE. */
 int cli_usage(const struct command *command, const char *format, ...) G_GNUC_PRINTF(2, 3);

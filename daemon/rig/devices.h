@@ -75,7 +75,7 @@ gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **e
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
-/* Lamps and lasers off, axes stopped, everything closed. NULL is ignored. */
+/* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
 /* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected

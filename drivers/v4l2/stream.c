@@ -67,7 +67,7 @@ static gboolean v4l2_stream_check_format(const struct video_node *node,
         pix->stride > 65536 * 16)
         return video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
-            "answered a picture of %u × %u in rows of %u bytes to format %s, which makes no sense",
+            "answered a picture of %u × %u in rows of %u bytes to format %s, which is impossible",
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,

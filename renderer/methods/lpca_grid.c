@@ -13,7 +13,8 @@
 #define MEAN_MAX 65408.0f
 
 #define STEPS 127
-#define WORDS 4 /* of a texel: the mean or nothing; red, green, blue of four components */
+#define WORDS                                                                                      \
+    4 /* words per texel: the mean (or unused), then red, green and blue of four components */
 
 struct LpcaGrid {
     struct lpca_texels texels;

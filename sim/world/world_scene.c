@@ -78,7 +78,7 @@ static guint32 nearest_vertex(const struct scene *scene, const struct RTCHit *hi
     return hit->u >= hit->v ? corners[1] : corners[2];
 }
 
-/* Directions are stratified: one of n_gather columns of the square a ray. */
+/* Directions are stratified: the unit square is cut into n_gather columns, with one ray in each. */
 static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectContext *context,
                         struct sample_random *random) {
     const struct vertex *from = &scene->vertices[vertex];

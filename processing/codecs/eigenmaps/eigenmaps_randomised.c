@@ -30,7 +30,7 @@ struct eigenmaps_randomised {
     float *factors;     /* found × slots */
     int loaded;         /* columns in slots */
     double *gram;       /* SEGMENTS × found²; then its eigenvectors in columns */
-    double *squares_of; /* found: squares of what they hold, descending */
+    double *squares_of; /* one per found direction: its share of ‖A‖², descending */
 };
 
 /* Steele, Lea and Flood 2014: a good mixture of the bits of a counter. */

@@ -22,7 +22,8 @@ struct choosing {
     struct lpca *best;
 };
 
-/* What it would take as a file of that kind. */
+/* Bytes of a local PCA with these numbers of clusters and components, quantised as the target says.
+ */
 static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_target *target,
                                   int clusters, int components) {
     const struct lpca like = {

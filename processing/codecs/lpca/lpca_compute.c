@@ -14,7 +14,8 @@
 #define STRIP   256 /* columns of the axes made at a time */
 #define COLOURS 3
 
-/* QR by Householder: rows = R Q, so that |R_ii| is what row i has beside the rows before it. */
+/* QR by Householder: rows = R Q, so that |R_ii| is the norm of row i's component orthogonal to the
+ * rows before it. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
     float largest = 0;

@@ -321,7 +321,8 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     if (lpca->colours != LPCA_RGB || lpca->n_grid > 0 ||
         !exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
         !(packed->step > 0) || !isfinite(packed->step))
-        return lpca_file_format_error(path, error, "what it says of its packing makes no sense");
+        return lpca_file_format_error(path, error,
+                                      "the attributes or parts of its packing are invalid");
     packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     for (gsize i = 0; packed->scales && i < n; i++)
         if (!(packed->scales[i] > 0))

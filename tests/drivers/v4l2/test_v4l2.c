@@ -473,7 +473,7 @@ static void test_not_opened(void) {
         virtual_v4l2_new(&(struct virtual_v4l2_config){.number = 1, .port = "2-2"});
     expect_not_opened("", DEVICE_ERROR_RANGE, "more than one");
     expect_not_opened("bus = usb-virtual-2-3\n", DEVICE_ERROR_DISCONNECTED, "usb-virtual-2-2");
-    expect_not_opened("device = /dev/null\n", DEVICE_ERROR_UNSUPPORTED, "no camera");
+    expect_not_opened("device = /dev/null\n", DEVICE_ERROR_UNSUPPORTED, "not a camera");
     expect_not_opened("device = /dev/video0\nwidth = 640\n", DEVICE_ERROR_UNSUPPORTED, "64 × 48");
     expect_not_opened("device = /dev/video0\nframe_rate = 5000\n", DEVICE_ERROR_UNSUPPORTED,
                       "but 1000");
