@@ -197,7 +197,7 @@ static void test_exchanged(struct rig *rig, gconstpointer unused) {
     virtual_v4l2_free(rig->device);
     rig->device = virtual_v4l2_new(&(struct virtual_v4l2_config){.width = 32});
     g_assert_false(camera_arm(rig->camera, &error));
-    expect_text(&error, DEVICE_ERROR_UNSUPPORTED, "other pictures");
+    expect_text(&error, DEVICE_ERROR_UNSUPPORTED, "another format, size or frame rate");
     virtual_v4l2_free(rig->device);
     rig->device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     g_assert_true(camera_arm(rig->camera, NULL));
