@@ -256,7 +256,8 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
         return FALSE;
-    /* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
+    /* Parts are stored one after the other, so that a truncated file lacks data of the last part.
+     */
     const guint n = file->parts->len;
     const struct exr_part *last = file->parts->pdata[n - 1];
     struct exr_part *part = exr_read_part(path, last->name, error);

@@ -136,7 +136,7 @@ static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
     }
     if (!format)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                                "pixel_format: it has no \"%s\" to measure with" ERROR_ADVICE
+                                "pixel_format: it does not offer \"%s\"" ERROR_ADVICE
                                 "choose from: %s",
                                 wanted, names->str);
     device->limits.format = format;

@@ -60,7 +60,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     t->theta_deg[view] = theta;
     t->phi_deg[view] = phi;
     if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
-        return mdf_table_fail(error, part, "mesorig.scale_mm is not a size");
+        return mdf_table_fail(error, part, "mesorig.scale_mm is out of range");
     /* Files without a camera position are of a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), LEAST_COS);

@@ -51,11 +51,12 @@ struct pipeline_result {
     int n_mdf_views;
     int n_damaged;          /* products that were damaged or gone, and are made again */
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
-    double mdf_coverage;    /* of the texels of all views, measured by them */
-    double mdf_predicted;   /* and what other views have predicted of the rest */
-    /* Laser lines on the flat face around the sample (laser_lines.h): of how many sweeps, seen in
-     * how many, in how many other than the calibration says; by how much RMS, and at worst, in
-     * sweeps of which laser position (−1: none was seen). */
+    double mdf_coverage;    /* share of the texels of all views that their own view measured */
+    double mdf_predicted;   /* share that other views predicted */
+    /* Laser lines on the flat face around the sample (laser_lines.h): the number of sweeps, of
+     * sweeps that show a line, and of sweeps whose line disagrees with the calibration; the RMS and
+     * the largest disagreement, and the laser position of the largest one (−1: no line was seen).
+     */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
 };
