@@ -22,7 +22,7 @@ struct Config {
     char *path, *text;
     GArray *sections;  /* of struct config_section */
     GHashTable *lines; /* "class name" -> line of that section; keys owned */
-    GArray *problems;  /* of struct config_problem; NULL: the first one ends it */
+    GArray *problems;  /* of struct config_problem; NULL: loading fails at the first problem */
 };
 
 GQuark config_error_quark(void) {

@@ -15,7 +15,7 @@ GQuark config_error_quark(void); /* its errors carry details: base/error_details
 enum config_error {
     CONFIG_ERROR_SYNTAX,  /* not a key file, or a section or key given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
-    CONFIG_ERROR_MISSING, /* a key that has no default, a section that is referred to */
+    CONFIG_ERROR_MISSING, /* a required key, or a section that another one names */
     CONFIG_ERROR_VALUE,   /* not a number, NaN, out of range, wrong unit */
 };
 
@@ -48,7 +48,7 @@ struct config_problem {
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 
-/* The problems that config_load_lenient() has passed over, in file order; NULL for a Config that
+/* The problems that config_load_lenient() has skipped, in file order; NULL for a Config that
  * another function loaded. Owned by the Config. */
 const struct config_problem *config_problems(const Config *config, gsize *ret_n);
 

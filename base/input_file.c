@@ -63,8 +63,8 @@ static gboolean check_status(const char *path, const struct stat *status, guint6
                                input_file_kind(status->st_mode));
     return (guint64)status->st_size <= max_bytes ||
            input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                           "it has %" G_GUINT64_FORMAT " bytes, and at most %" G_GUINT64_FORMAT
-                           " are read",
+                           "it has %" G_GUINT64_FORMAT
+                           " bytes, more than the limit of %" G_GUINT64_FORMAT,
                            (guint64)status->st_size, max_bytes);
 }
 
@@ -114,7 +114,7 @@ static char *input_file_read_all(int fd, const char *path, gsize expected, gsize
         length += (gsize)n;
         if (length > max_bytes) {
             input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                            "it has more than the %" G_GSIZE_FORMAT " bytes that are read at most",
+                            "it has more than %" G_GSIZE_FORMAT " bytes, the limit for such a file",
                             max_bytes);
             return NULL;
         }

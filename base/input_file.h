@@ -28,7 +28,7 @@ enum input_file_error {
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
 /* Limit of a picture's pixels: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE times the length of
- * its file if that is more. No photograph compresses to less than two bits a pixel. */
+ * its file if that is more. No photograph compresses to less than two bits per pixel. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 

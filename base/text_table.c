@@ -84,7 +84,7 @@ TextTable *text_table_read(const char *path, GError **error) {
         return NULL;
     }
     gboolean ok = g_utf8_validate(text, -1, NULL) ||
-                  data_error_fail(path, 0, error, "it is no table, which is text in UTF-8");
+                  data_error_fail(path, 0, error, "it is not a text table in UTF-8");
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     for (int i = 0; ok && lines[i]; i++)
         ok = take_line(table, lines[i], i + 1, error);
@@ -125,6 +125,6 @@ gboolean text_table_number(const TextTable *table, int row, int column, double o
     *ret = g_ascii_strtod(text, &end);
     return (end != text && !*end && isfinite(*ret)) ||
            data_error_fail(table->path, text_table_line(table, row), error,
-                           "“%s” in column %s is no number", text,
+                           "“%s” in column %s is not a number", text,
                            (char *)table->names->pdata[column]);
 }

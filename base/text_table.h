@@ -20,6 +20,6 @@ int text_table_column(const TextTable *table, const char *name); /* −1: there 
 /* "" where there is no such column (−1). */
 const char *text_table_text(const TextTable *table, int row, int column);
 
-/* otherwise: where the field is empty or there is no such column. FALSE: it is no number. */
+/* otherwise: where the field is empty or there is no such column. FALSE: it is not a number. */
 gboolean text_table_number(const TextTable *table, int row, int column, double otherwise,
                            double *ret, GError **error);

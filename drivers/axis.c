@@ -91,8 +91,8 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
         m->settle_ms >= 0 && (m->wraps || m->min_deg < m->max_deg))
         return axis;
     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                     "makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², backlash "
-                     "%g°" ERROR_ADVICE "correct its section",
+                     "a value is out of range: limits %g to %g°, speed %g°/s, acceleration %g°/s², "
+                     "backlash %g°" ERROR_ADVICE "correct its section",
                      m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg);
     axis_close(axis);
     return NULL;
@@ -214,8 +214,8 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error) {
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                                 "its position is not known" ERROR_ADVICE "home it first");
     if (!isfinite(target_deg))
-        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who, "%g is no position",
-                                target_deg);
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                                "a position of %g° is not a finite number", target_deg);
     if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg))
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                                 "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,

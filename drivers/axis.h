@@ -54,7 +54,8 @@ struct axis_driver {
     struct driver_info info;
     /* Connects and fills axis->motion; moves nothing. */
     gboolean (*open)(Axis *axis, GError **error);
-    /* Stops if it moves, and lets go of the device. Called once for every open() that succeeded. */
+    /* Stops the axis if it moves, and releases the device. Called once for every open() that
+     * succeeded. */
     void (*close)(Axis *axis);
     /* Starts; the driver ends it by axis_report() once, having arrived in the positive direction.
      */
@@ -81,7 +82,7 @@ struct Axis {
 Axis *axis_open(const struct axis_driver *driver, const struct config_section *section,
                 const char *const *also, Clock *clock, GError **error);
 
-/* Stops the axis and lets go of it. NULL is ignored. No event comes afterwards. */
+/* Stops the axis and closes its device. NULL is ignored. No event comes afterwards. */
 void axis_close(Axis *axis);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Axis, axis_close)
 

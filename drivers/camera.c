@@ -60,7 +60,7 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
                             "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
-                            " to %" G_GINT64_FORMAT " µs makes no sense",
+                            " to %" G_GINT64_FORMAT " µs is impossible",
                             f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
 }
 
@@ -114,8 +114,8 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
                                 settings->exposure_us, format->min_exposure_us,
                                 format->max_exposure_us);
     if (!isfinite(settings->gain_db))
-        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who, "%g is no gain",
-                                settings->gain_db);
+        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                                "a gain of %g dB is not a finite number", settings->gain_db);
     if (state->configured && state->settings.exposure_us == settings->exposure_us &&
         state->settings.gain_db == settings->gain_db)
         return TRUE;
@@ -260,7 +260,8 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
                              took_us, asked_us);
     if (frame->exposure_end_us > clock_now_us(camera->device.clock) + STAMP_TOLERANCE_US)
         return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "its time stamp is in the future");
+                             "its time stamp is in the future, by %" G_GINT64_FORMAT " µs",
+                             frame->exposure_end_us - clock_now_us(camera->device.clock));
     return TRUE;
 }
 
@@ -274,7 +275,7 @@ static gboolean camera_check_frame(const Camera *camera, const Frame *frame, gui
                              frame->shot, state->shot);
     if (state->has_last_id && frame->id <= state->last_id)
         return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                             "it is an old one: its frame id %" G_GUINT64_FORMAT
+                             "it is an old picture: its frame id %" G_GUINT64_FORMAT
                              " was seen before (last: %" G_GUINT64_FORMAT ")",
                              frame->id, state->last_id);
     if (frame->width != format->width || frame->height != format->height ||

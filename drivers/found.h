@@ -18,7 +18,7 @@ struct found {     /* strings are owned */
     char *serial;  /* empty: it says none */
     char *section; /* of a rig file, ready to paste: "[camera NAME]\ndriver = …\n"; NULL: no driver
                       is for it */
-    char *note;    /* what is in the way, or what it lacks; NULL: nothing */
+    char *note;    /* why the device cannot be used as it is; NULL: it can be used */
 };
 
 /* Added to the list, for the scan to fill further; what and serial may be NULL. */

@@ -51,8 +51,8 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
     }
     if (bank->n < 1 || bank->n > MAX_LAMPS || !isfinite(bank->warm_up_s) || bank->warm_up_s < 0) {
         device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
-                         "%d lamps with a warm-up of %g s make no sense" ERROR_ADVICE
-                         "correct its section",
+                         "%d lamps with a warm-up of %g s are out of range" ERROR_ADVICE
+                         "give 1 to " G_STRINGIFY(MAX_LAMPS) " lamps and a warm-up of 0 s or more",
                          bank->n, bank->warm_up_s);
         lamps_close(bank);
         return NULL;

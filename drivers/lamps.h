@@ -14,7 +14,7 @@ struct lamps_driver {
     struct driver_info info;
     /* Connects and fills bank->n and bank->warm_up_s; leaves all lamps off. */
     gboolean (*open)(LampBank *bank, GError **error);
-    /* Switches all lamps off before it lets go. */
+    /* Switches all lamps off, then releases the device. */
     void (*close)(LampBank *bank);
     /* Start; ended by lamps_report() once. index -1 with on FALSE: all. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
@@ -33,7 +33,7 @@ struct LampBank {
 LampBank *lamps_open(const struct lamps_driver *driver, const struct config_section *section,
                      const char *const *also, Clock *clock, GError **error);
 
-/* All lamps off, then closed. NULL is ignored. */
+/* Switches all lamps off and closes the bank. NULL is ignored. */
 void lamps_close(LampBank *bank);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LampBank, lamps_close)
 

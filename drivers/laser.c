@@ -45,10 +45,11 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
     }
     if (!isfinite(laser->warm_up_s) || laser->warm_up_s < 0 || !isfinite(laser->watchdog_s) ||
         laser->watchdog_s < 0) {
-        device_error_set(error, DEVICE_ERROR_RANGE, laser->device.who,
-                         "a warm-up of %g s and a watchdog of %g s make no sense" ERROR_ADVICE
-                         "correct its section",
-                         laser->warm_up_s, laser->watchdog_s);
+        device_error_set(
+            error, DEVICE_ERROR_RANGE, laser->device.who,
+            "the warm-up of %g s or the watchdog of %g s is negative or not finite" ERROR_ADVICE
+            "correct its section",
+            laser->warm_up_s, laser->watchdog_s);
         laser_close(laser);
         return NULL;
     }

@@ -129,8 +129,8 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
                                   nominal->lasers[i].name);
     if (why)
         g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
-                    "%s: %s; a calibration fits only the rig it was made of: calibrate this one",
-                    path, why);
+                    "%s: %s; a calibration is valid only for its own rig: calibrate this one", path,
+                    why);
     return !why;
 }
 

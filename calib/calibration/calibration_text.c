@@ -314,12 +314,14 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
         return FALSE;
     for (int i = 0; i < to->rig.n_cameras; i++)
         if (!is_covariance(&to->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS))
-            return fields_refuse(r->path, to->rig.cameras[i].name, "covariance", error,
-                                 "is not a covariance");
+            return fields_refuse(
+                r->path, to->rig.cameras[i].name, "covariance", error,
+                "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
     for (int i = 0; i < to->rig.n_lamps; i++)
         if (!is_covariance(&to->lamps[i].position_covariance_mm2[0][0], 3))
-            return fields_refuse(r->path, to->rig.lamps[i].name, "position_covariance_mm2", error,
-                                 "is not a covariance");
+            return fields_refuse(
+                r->path, to->rig.lamps[i].name, "position_covariance_mm2", error,
+                "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
     return TRUE;
 }
 

@@ -24,7 +24,7 @@ static gboolean board_check(const struct board *board, const char *spec, GError 
     int markers = 0;
 
     if (!(board->square_mm > 0))
-        return refuse(spec, error, "square is missing or 0");
+        return refuse(spec, error, "the size of a square is missing or 0; give square=MM");
     if (board->marker_mm == 0 && (board->columns + board->rows) % 2 == 0)
         return refuse(
             spec, error,
@@ -40,7 +40,7 @@ static gboolean board_check(const struct board *board, const char *spec, GError 
     if (board->columns * board->rows / 2 > markers)
         return refuse(spec, error,
                       "the dictionary has fewer markers than the board has white "
-                      "squares");
+                      "squares; choose a larger dictionary or fewer squares");
     return TRUE;
 }
 
@@ -71,9 +71,12 @@ gboolean board_parse(struct board *board, const char *spec, GError **error) {
             g_autofree char *why = g_strdup_printf("%s is not a number of millimetres", key);
             return refuse(spec, error, why);
         }
-        if (!g_str_equal(key, "dictionary"))
-            return refuse(spec, error,
-                          "has a word that is not square=, marker=, dictionary= or thickness=");
+        if (!g_str_equal(key, "dictionary")) {
+            g_autofree char *why = g_strdup_printf(
+                "unknown key in \"%s\"; choose from: square=, marker=, dictionary=, thickness=",
+                *word);
+            return refuse(spec, error, why);
+        }
         g_strlcpy(parsed.dictionary, value, sizeof parsed.dictionary);
     }
     if (!board_check(&parsed, spec, error))

@@ -238,7 +238,7 @@ static gboolean plane_of_chessboard(const struct picture *picture, const struct 
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
         else
-            board_find_refuse(error, "no chessboard of %d × %d squares is to be seen whole",
+            board_find_refuse(error, "no chessboard of %d × %d squares is completely visible",
                               board->columns, board->rows);
         return FALSE;
     }

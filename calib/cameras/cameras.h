@@ -32,7 +32,7 @@ struct cameras_picture {
     double turntable_deg;
 };
 
-/* Reads picture i, on every call anew; NULL: error. Called from several threads at once. */
+/* Reads picture i, on every call again; NULL: error. Called from several threads at once. */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
 /* Progress: step of n. FALSE cancels (G_IO_ERROR_CANCELLED). Called from the calling thread. */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);

@@ -36,7 +36,7 @@ struct rig_camera {
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
-    double response; /* DN a second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
+    double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
 };
 
 /* The true rotation of the light arc: by arc angle α + zero about an axis through centre_mm,

@@ -29,7 +29,7 @@ struct highlight {
 
 /* Finds the lamp's mirror image within radius_px of a point: the centroid of the spot with the
  * largest energy, of its border only if it is saturated. Specks and streaks do not count.
- * most_px: larger spots are no mirror image. Returns NULL, or the reason why there is none,
- * g_free(). */
+ * most_px: larger spots are not mirror images of a lamp. Returns NULL, or the reason why there is
+ * none, g_free(). */
 char *highlight_find(const struct picture *picture, double x_px, double y_px, double radius_px,
                      double most_px, struct highlight *ret);

@@ -32,8 +32,10 @@ static gboolean lamp_target_read_list(const struct reader *r, const char *key, d
     if (*ret_n > most)
         return lamp_target_refuse(r, error, key, "has too many numbers");
     for (gsize i = 0; i < *ret_n; i++) {
-        if (!(list[i] >= min) || !(list[i] <= 1000))
-            return lamp_target_refuse(r, error, key, "a number is out of range");
+        if (!(list[i] >= min) || !(list[i] <= 1000)) {
+            g_autofree char *why = g_strdup_printf("%g is out of range: %g to 1000", list[i], min);
+            return lamp_target_refuse(r, error, key, why);
+        }
         ret[i] = list[i];
     }
     return TRUE;

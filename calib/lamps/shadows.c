@@ -206,7 +206,7 @@ static void take_pixel(struct window *w, gsize i, double reach_mm, double margin
 }
 
 /* Collects the pixels around the end of the shadow. FALSE: it lies outside of the picture or the
- * plate; that is no error. */
+ * plate; that is not an error. */
 static gboolean fill_window(struct window *w, double reach_mm, double margin_mm) {
     const ShadowView *view = w->view;
     const struct rig_camera *camera = &view->rig->cameras[view->camera];

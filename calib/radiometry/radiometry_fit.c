@@ -255,7 +255,7 @@ static gboolean radiometry_fit_check_shots(const struct problem *p, GError **err
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
                     "lamp %s lights the tile from one side only (arc angles within %.0f°): its "
-                    "fall-off and the cameras' vignetting cannot be told apart; take it at several "
+                    "fall-off and the cameras' vignetting cannot be separated; take it at several "
                     "arc angles",
                     p->rig->lamps[l].name, apart * 180 / G_PI);
         return FALSE;
@@ -339,11 +339,12 @@ static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct 
         if (!fit->cameras[c].known)
             continue;
         if (fit->cameras[c].response_error > MOST_GAIN_ERROR)
-            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                        "camera %s and others never see the tile in the same shot, so that lamps "
-                        "that drift cannot be told from cameras that differ: plan views of all "
-                        "cameras that share turntable angles",
-                        rig->cameras[c].name);
+            g_set_error(
+                error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                "camera %s and others never see the tile in the same shot, so that lamps "
+                "that drift cannot be separated from cameras that differ: plan views of all "
+                "cameras that share turntable angles",
+                rig->cameras[c].name);
         else if (!(worst < MOST_FLAT_ERROR))
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
                         "the flat field of camera %s is known to %.0f %% only: take the tile at "

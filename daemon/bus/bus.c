@@ -63,7 +63,7 @@ static void end_capture(Bus *bus) {
     g_clear_pointer(&bus->capture, capture_free);
 }
 
-/* The session is let go of as soon as it has ended, so that another program may go on with it; what
+/* The session is released as soon as it has ended, so that another program may resume it; what
  * is shown stays. Not from within the capture's own call. */
 static gboolean end_capture_idle(gpointer data) {
     Bus *bus = data;

@@ -19,12 +19,12 @@ typedef void (*BusFunc)(Bus *bus, gpointer data);
  * "control" of the session directory while a session is captured. */
 Bus *bus_new(const char *address);
 
-/* The session closed as it stands (it can be resumed), the rig safe. TRUE: every device has
- * answered that it is. Runs the main loop. */
+/* Closes the session as it is (it can be resumed) and makes the rig safe. Returns TRUE if every
+ * device has confirmed that it is safe. Runs the main loop. */
 gboolean bus_end(Bus *bus, GError **error);
 
-/* The rig safe, the session closed (it can be resumed), devices closed, and gone from every
- * connection. NULL is ignored. */
+/* Makes the rig safe, closes the session (it can be resumed) and the devices, and removes the
+ * object from every connection. NULL is ignored. */
 void bus_free(Bus *bus);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Bus, bus_free)
 

@@ -189,8 +189,9 @@ static gboolean check_calibration(const char *path, gboolean begins, GError **er
     if (!path)
         return TRUE;
     if (!begins) {
-        g_set_error_literal(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                            "a session that goes on keeps the calibration it was begun with");
+        g_set_error_literal(
+            error, BUS_ERROR, BUS_ERROR_UNKNOWN,
+            "a resumed session keeps the calibration with which it began; leave --calibration out");
         return FALSE;
     }
     if (!bus_need_absolute(path, error))

@@ -35,7 +35,7 @@ struct Bus {
     double thumbnail_time_s[RIG_MAX_CAMERAS];
     gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
     struct capture_thumbnail kept[RIG_MAX_CAMERAS]; /* the last of a capture that has ended */
-    guint end_id; /* the idle call that lets go of a capture that has ended */
+    guint end_id; /* the idle source that frees a capture that has ended */
     BusFunc func;
     gpointer data;
     GDBusConnection *client; /* who runs this; only compared */
@@ -82,7 +82,7 @@ struct bus_queue *bus_queue_new(Bus *bus);
 void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
 void bus_queue_close(struct bus_queue *queue); /* the bus is going */
 
-/* Tells of cameras with a new picture, of each once a second at most. */
+/* Signals cameras with a new picture, each at most once per second. */
 void bus_show_thumbnails(Bus *bus);
 
 /* The last pictures of a capture that ends stay, until they are dropped. */

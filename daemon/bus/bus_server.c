@@ -29,7 +29,7 @@ static gboolean remove_stale(const char *path, GError **error) {
         return TRUE;
     if (!S_ISSOCK(info.st_mode) || strlen(path) >= sizeof(to.sun_path)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "%s exists and is no socket: choose another path for --listen", path);
+                    "%s exists and is not a socket: choose another path for --listen", path);
         return FALSE;
     }
     strcpy(to.sun_path, path);

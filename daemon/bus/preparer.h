@@ -31,7 +31,7 @@ struct preparer_request {
     const struct devices *devices;
     const char *session_path; /* ignored by PREPARER_EXAMINE */
     const char *directory;    /* empty: PREPARER_CHECK does without */
-    const char *calibration;  /* in place of that which the rig file names; NULL: none */
+    const char *calibration;  /* replaces the calibration that the rig file names; NULL: that one */
 };
 
 /* A child that is cancelled is killed. */

@@ -29,7 +29,7 @@ struct calibrate_job;
 struct calibrate_method {
     /* Finds calibration, from the sessions. */
     gboolean (*find)(struct calibrate_job *job, GError **error);
-    /* Tells what was found; the record has "file" already. */
+    /* Adds the result to the record, which has "file" already. */
     void (*tell)(Record *to, const struct calibrate_job *job);
     gboolean adds; /* without -c, to the file that is written, if it is there */
 };
@@ -48,7 +48,7 @@ struct calibrate_job {
     double seconds;  /* which it took */
 };
 
-/* Runs a method with progress, writes the calibration to -o, and tells what was found. Fills job
+/* Runs a method with progress, writes the calibration to -o, and reports the result. Fills job
  * and frees what the members above own. Returns an exit code; without -o that of bad usage. */
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error);
@@ -68,7 +68,7 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
-/* Sorted paths of the photographs in a folder, at most so many; none is an error. */
+/* Returns the sorted paths of the photographs in a folder, at most `most`; none is an error. */
 GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error);
 
 /* Keeps a table in the calibration file, a list of numbers for each column, for the report. rows:

@@ -25,7 +25,7 @@ struct job {
     struct calibrate_job base;
     struct board board;
     struct cameras_result *result;
-    GArray *pictures; /* struct cameras_picture, one a frame */
+    GArray *pictures; /* struct cameras_picture, one per frame */
 };
 
 static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {

@@ -31,7 +31,7 @@ struct plate {
 
 struct job {
     struct calibrate_job base;
-    GArray *plates; /* struct plate, one a frame */
+    GArray *plates; /* struct plate, one per frame */
     GArray *points;
     GPtrArray *names; /* paths, borrowed */
     struct laser_result result;
@@ -99,7 +99,7 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
     if (steps < 3 || !exr_part_plane(part, "peak") || part->width != camera->width ||
         part->height != camera->height) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                    "%s: is no sweep of %d × %d pixels as camera %s has them", frame->path,
+                    "%s: is not a sweep of the %d × %d pixels of camera %s", frame->path,
                     camera->width, camera->height, camera->name);
         return FALSE;
     }

@@ -13,7 +13,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Of the page, whose numbers have decimal points: the programs set no locale for numbers. */
+/* Beginning of the HTML page. Its numbers have decimal points, since the programs set no numeric
+ * locale. */
 static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration</title>"
     "<style>body{font:15px/1.4 system-ui,sans-serif;max-width:64em;margin:2em auto;padding:0 1em;"

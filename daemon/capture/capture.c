@@ -29,7 +29,7 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
     return plan;
 }
 
-/* The latest dark shot of a camera that was taken before what remains. */
+/* The camera's latest finished dark shot before the first shot that is still to be taken. */
 static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
     const struct session_shot *found = NULL;
     for (guint i = 0; i < shots->len; i++) {

@@ -3,7 +3,7 @@
  * shows and the commands drive. Main loop's thread.
  *
  * The sequencer (sequencer.c) moves, switches and triggers; the intake (intake.c) takes accepted
- * frames, merges brackets to linear radiance and feeds sweeps in one worker lane a camera, and
+ * frames, merges brackets to linear radiance and feeds sweeps in one worker lane per camera, and
  * hands back what is to be committed. Any fault makes the rig safe and pauses the session with the
  * reason; everything committed stays, and capture_continue() or a later capture_resume() goes on.
  *

@@ -8,8 +8,9 @@
 #include "capture_private.h"
 #include "fiducials/fiducials.h"
 
-/* Of a shot whose cameras are all back. Keeps the lamp's output. Returns NULL, or what has moved in
- * this shot and the one before, g_free(): then the shot must not be committed. */
+/* Checks the fiducials of a shot once all of its cameras have delivered, and records the lamp's
+ * output. Returns NULL, or a text (g_free()) that says what has moved in this shot and the one
+ * before: then the shot must not be committed. */
 char *capture_marks_check(Capture *capture, const struct flight *flight);
 
 /* Forgets the marks of earlier shots. */

@@ -11,7 +11,7 @@
 #define FULL_BYTES ((gsize)512 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
-/* A pixel this far above dark is lit; that many make a laser line. */
+/* LASER_PIXELS pixels with a signal above the threshold make a laser line. */
 #define LASER_PIXELS 4
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
 #define TAKE_NICE   5
@@ -73,7 +73,7 @@ struct Intake {
     GAsyncQueue *finished;
     GSource *wake;
     guint generation; /* read by workers */
-    gsize bytes;      /* that wait; written by workers */
+    gsize bytes;      /* of frames that wait for a worker; written by workers */
     int full;         /* read by workers */
 };
 
@@ -298,7 +298,7 @@ static void queue_sweep(struct lane *lane, const struct job *job) {
     g_thread_pool_push(lane->finisher, complete, NULL);
 }
 
-/* Those of the frames that have one exposure. */
+/* Adds to the sweep the frames that have one of its two exposures. */
 static void intake_absorb(Sweep **sweep, struct job *const *jobs, int n,
                           const struct session_conf *conf, gboolean shorter) {
     const Frame *frame = jobs[0]->frame;
@@ -376,7 +376,7 @@ static gsize job_bytes(const struct job *job) {
     return (gsize)job->frame->width * job->frame->height * sizeof(guint16);
 }
 
-/* Of some jobs, the first ones that are frames of one sweep, which go together; else 1. */
+/* Number of leading jobs that are frames of one sweep and are processed together; otherwise 1. */
 static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *first = jobs[0];

@@ -40,7 +40,8 @@ struct intake_setup {
     const char *directory; /* of the session */
     gsize full_bytes; /* of frames and sweeps that wait for workers, at which it is full; 0: 512 MiB
                        */
-    /* Of the marks, and of how straight the sensors are; NULL: none is looked for, and they are. */
+    /* Radiometry of the fiducials and linearity of the sensors. NULL: fiducials are not searched
+     * for, and sensors are taken as linear. */
     const struct calibration *calibration;
 };
 

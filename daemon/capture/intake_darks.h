@@ -18,8 +18,8 @@ struct intake_darks {
 void intake_darks_set(struct intake_darks *darks, int index, gint64 exposure_us, float *pixels,
                       double mean_dn);
 
-/* That of a frame, which is number sub of its shot; of exposures without dark frames what others
- * say of it. Valid until the next call of the above. */
+/* The dark level for a frame; sub is the frame's index in its shot. For an exposure without dark
+ * frames it is interpolated from other exposures. Valid until the next call of a function above. */
 const struct intake_dark *intake_darks_at(struct intake_darks *darks, int sub, const Frame *frame);
 
 void intake_darks_clear(struct intake_darks *darks);

@@ -130,7 +130,7 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
                     g_strerror(code));
         return FALSE;
     }
-    /* Those of a sweep come faster than they can be compressed. */
+    /* Frames of a sweep arrive faster than they can be compressed. */
     const gboolean sweep = file->shot->kind == SHOT_SWEEP;
     const int step = sweep ? shot_sweep_step(file->conf, file->shot, sub) : sub;
     const int last = shot_n_frames(file->conf, file->shot) - 1;

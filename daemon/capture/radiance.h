@@ -3,7 +3,7 @@
  * bracket. Pure functions over arrays; any thread.
  *
  * Values are DN a millisecond of exposure at 0 dB, above dark. Divided by the camera's response
- * (DN a second per W·sr⁻¹·m⁻²) and times 1000 they are radiance, vignetting aside. Milliseconds,
+ * (DN per second per W·sr⁻¹·m⁻²) and times 1000 they are radiance, vignetting aside. Milliseconds,
  * because 4095 DN in half a millisecond are 8.2e6 DN/s, more than a half float holds.
  */
 #pragma once

@@ -34,13 +34,13 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-/* A daemon that has the rig, or may have it; a simulated rig gets one of its own. */
+/* Finds a daemon that has the rig, or may open it; a simulated rig gets a private daemon. */
 static Link *find_daemon(const char *rig, GError **error) {
     GError *why = NULL;
     gboolean simulated = TRUE; /* every driver is */
     struct rig geometry;
     gsize n = 0;
-    /* A mistake in the file is told before anything is said about a daemon. */
+    /* Reports a mistake in the file before anything about a daemon. */
     g_autoptr(Config) config =
         devices_read_geometry(rig, &geometry, error) ? config_load(rig, error) : NULL;
     if (!config)
@@ -86,7 +86,7 @@ static GVariant *start_options(void) {
     return g_variant_dict_end(&options);
 }
 
-/* JSON has told all but an error already, state by state. */
+/* With --json all states have been printed already; only an error is missing. */
 static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
                                 const char *directory, GError **error) {
     g_autofree char *summary = monitor_summary(monitor);

@@ -106,7 +106,7 @@ static void cli_check_tell(Record *to, const struct check *check) {
         record_say(
             to,
             "marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
-            "%.3g %% from shorter exposures alone, %.3g %% not taken, made of other "
+            "%.3g %% from shorter exposures alone, %.3g %% not taken, predicted from other "
             "lights'\n",
             percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
             percent(btf->predicted, all));

@@ -7,9 +7,9 @@
 #include "formats/compare_pictures.h"
 #include "plot.h"
 
-#define WORST  5  /* views and lights that are told to people */
+#define WORST  5  /* number of worst views and lights that are printed as text */
 #define SERIES 24 /* characters of the longest name of a model */
-#define LABEL  14 /* and of what tells its sizes apart */
+#define LABEL  14 /* and of the label of each size */
 
 struct compare {
     const char *a, *b, *plot, *curve;
@@ -40,7 +40,7 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
     const struct btf_matrix *btf = material_btf(compare->of_a);
     if (!btf) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: a curve is made of a session with its BTF", compare->a);
+                    "%s: --curve needs a session directory with a BTF", compare->a);
         return FALSE;
     }
     compare->points = curve_measure(btf, work, error);
@@ -62,7 +62,7 @@ static int cli_compare_by_error(gconstpointer a, gconstpointer b, gpointer data)
     return (x < y) - (x > y);
 }
 
-/* Adds all of them; people are told the worst, and the best. */
+/* Adds all of them to the record; the text names the worst and the best. */
 static void cli_compare_tell_directions(Record *to, const char *what, const float *theta_deg,
                                         const float *phi_deg, struct compare_sums *sums, int n) {
     g_autofree char *key = g_strconcat(what, "s", NULL);

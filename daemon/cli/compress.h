@@ -10,8 +10,8 @@ struct compress_method {
     const char *name, *help;
     const struct option *options;
     gsize options_size;
-    const struct codec *codec;   /* or */
-    const struct mdf_codec *mdf; /* the other is NULL */
+    const struct codec *codec;   /* NULL for a method of mdf_codecs[] */
+    const struct mdf_codec *mdf; /* NULL for a method of codecs[] */
 };
 
 struct compress_asked {
@@ -25,7 +25,8 @@ struct compress_asked {
 /* The options of all methods, one for each name. */
 const GOptionEntry *compress_entries(void);
 
-/* What the call asks for. FALSE: usage was told. compress_clear() frees it in either case. */
+/* Reads the options of the call. FALSE: bad usage, which has been reported. compress_clear() frees
+ * it in either case. */
 gboolean compress_ask(const struct call *call, struct compress_asked *ret);
 void compress_clear(struct compress_asked *asked);
 

@@ -10,7 +10,7 @@ static char *directory_of(const struct call *call) {
     return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }
 
-/* Of the session: how much of it is done, and the time. */
+/* Reports how much of the session is done, the elapsed time and the predicted end. */
 static void tell_progress(Record *to, BusRig1 *rig) {
     const int shots = bus_rig1_get_shots(rig), done = bus_rig1_get_shots_done(rig);
     const guint64 end = bus_rig1_get_predicted_end(rig);
@@ -83,11 +83,11 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* What only asks the daemon for something, and what people are told then. */
+/* Commands that send one request to the daemon, with the text that is printed on success. */
 static const struct request {
     const char *name;
     gboolean (*call)(BusRig1 *rig, GCancellable *cancellable, GError **error);
-    const char *told;
+    const char *done;
 } requests[] = {
     {"pause", bus_rig1_call_pause_sync,
      "pausing after the shot under way; “mesorig continue” goes on"},
@@ -106,7 +106,7 @@ static int run_request(const struct call *call, GError **error) {
     if (!link || !request->call(link_rig(link), NULL, error))
         return CLI_FAILED;
     record_string(call->record, "done", request->name);
-    record_say(call->record, "%s\n", request->told);
+    record_say(call->record, "%s\n", request->done);
     return CLI_DONE;
 }
 

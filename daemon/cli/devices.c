@@ -42,7 +42,7 @@ static void say_one(Record *to, const struct found *found) {
         record_say(to, "\n");
 }
 
-/* Bus by bus; what no driver is for is told at the end, in a line. */
+/* Prints the devices of each bus, and at the end one line about devices without a driver. */
 static void say_all(Record *to, const GPtrArray *all) {
     g_autoptr(GString) others = g_string_new(NULL);
     int n = 0;

@@ -21,7 +21,7 @@ static const GOptionEntry entries[] = {
     {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "points: that saw each of them, at least (2)",
      "N"},
     {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
-     "height, normals: the upper layer of what is no height field", NULL},
+     "height, normals: the upper layer of what is not a height field", NULL},
     {NULL},
 };
 

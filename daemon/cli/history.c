@@ -135,8 +135,8 @@ static void draw_progress(const struct history *h, double top, double bottom) {
     cairo_set_line_width(h->cr, 1);
 }
 
-/* Warnings and errors, where they happened; more of them cannot be told apart here than in the list
- * that `mesorig info` prints. */
+/* Warnings and errors, at the time at which they happened; more of them cannot be distinguished
+ * here than in the list that `mesorig info` prints. */
 static void draw_events(const struct history *h, double top, double bottom) {
     for (guint i = 0; i < h->events->len; i++) {
         const struct session_event *event = h->events->pdata[i];

@@ -117,7 +117,7 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
                    "%d pictures of sweeps are missing; what they would have shown is not seen\n",
                    result->n_missing);
     if (result->not_numbers > 0)
-        record_say(to, "%" G_GINT64_FORMAT " pixels are no numbers\n", result->not_numbers);
+        record_say(to, "%" G_GINT64_FORMAT " pixels are not numbers\n", result->not_numbers);
 }
 
 static gboolean parse_grid(struct session_grid *ret) {

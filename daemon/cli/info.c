@@ -65,7 +65,7 @@ static void list_products(const char *directory, const char *folder, GPtrArray *
     g_ptr_array_sort(to, cli_info_by_name);
 }
 
-/* Of all views that can be read. */
+/* Counts the flags of all views that can be read. */
 static struct btf_flag_counts count_marks(const char *directory, const GPtrArray *list) {
     struct btf_flag_counts marks = {0};
     for (guint i = 0; i < list->len; i++) {
@@ -118,7 +118,7 @@ static void tell_products(Record *to, const char *directory) {
                    "marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
                    " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
                    " from shorter exposures alone, %" G_GINT64_FORMAT
-                   " of pictures that were not taken, made of other lights'\n",
+                   " of pictures that were not taken, predicted from other lights\n",
                    marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
 
@@ -150,7 +150,7 @@ static void tell_session(Record *to, Session *session, const char *state,
     const int shots = counts->planned + counts->done + counts->skipped;
     const char *directory = session_path(session);
     g_autofree char *size = g_format_size((guint64)counts->bytes);
-    /* Why it rests, in the words it was told with. */
+    /* The message that explains why the session rests. */
     g_autofree char *reason =
         strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
     g_autofree char *imported = session_value(session, "imported");
@@ -256,7 +256,8 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
         return FALSE;
-    /* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
+    /* Parts are stored one after the other, so that a truncated file lacks data of the last part.
+     */
     const guint n = file->parts->len;
     const struct exr_part *last = file->parts->pdata[n - 1];
     struct exr_part *part = exr_read_part(path, last->name, error);

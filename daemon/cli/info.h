@@ -2,5 +2,5 @@
 
 #include "command/record.h"
 
-/* Tells what is in a session directory. */
+/* Reports the contents of a session directory. */
 gboolean info_session(const char *directory, Record *to, GError **error);

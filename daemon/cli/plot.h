@@ -18,7 +18,8 @@ void plot_title(cairo_t *cr, double x, double y, const char *title, const char *
 gboolean plot_finish(cairo_t *cr, const char *path, GError **error);
 
 void plot_ink(cairo_t *cr);
-void plot_colour(cairo_t *cr, int i); /* told apart by the colour-blind too; i from 0, cyclic */
+void plot_colour(cairo_t *cr,
+                 int i); /* colours that the colour-blind can distinguish; i from 0, cyclic */
 /* align: 0 left, 0.5 centred, 1 right of (x, y). */
 void plot_text(cairo_t *cr, double x, double y, double align, const char *text);
 

@@ -58,10 +58,11 @@ static void tell_result(Record *to, const struct pipeline_result *result, double
                    result->n_damaged == 1 ? "product was" : "products were",
                    result->n_damaged == 1 ? "has" : "have");
     if (result->n_predicted > 0)
-        record_say(to,
-                   "%d of the BTF's %d pictures were left out by the plan: made of those of the "
-                   "lights around them, and marked\n",
-                   result->n_predicted, result->n_views * result->n_lights);
+        record_say(
+            to,
+            "%d of the BTF's %d pictures were left out by the plan: predicted from those of the "
+            "lights around them, and marked\n",
+            result->n_predicted, result->n_views * result->n_lights);
     tell_lines(to, result);
 }
 

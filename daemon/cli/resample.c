@@ -132,7 +132,8 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
     if (result->bounds > 0)
         record_say(to, "%" G_GINT64_FORMAT " values were lower bounds\n", result->bounds);
     if (result->predicted > 0)
-        record_say(to, "%" G_GINT64_FORMAT " values were made of the pictures of other lights\n",
+        record_say(to,
+                   "%" G_GINT64_FORMAT " values were predicted from the pictures of other lights\n",
                    result->predicted);
 }
 

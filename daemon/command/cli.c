@@ -33,7 +33,7 @@ int cli_usage(const struct command *command, const char *format, ...) {
 }
 
 /* Parses the command's own options, those of the daemon if it talks to one, and --json. What stays
- * in argv are arguments. FALSE: usage was told. */
+ * in argv are arguments. FALSE: bad usage, which has been reported. */
 static gboolean cli_parse(const struct command *command, int *argc, char ***argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
     g_autoptr(GError) error = NULL;

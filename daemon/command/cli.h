@@ -22,7 +22,7 @@ struct command {
     gboolean daemon;             /* --address and --bus, too */
     int min, max;                /* number of positional arguments */
 
-    /* Returns an exit code and fills call->record. With an error set, cli_run() tells it, and the
+    /* Returns an exit code and fills call->record. With an error set, cli_run() prints it, and the
      * exit code is CLI_FAILED. */
     int (*run)(const struct call *call, GError **error);
 
@@ -43,9 +43,9 @@ extern char *cli_address, *cli_bus;
  * bidirectional overrides, which files and databases of others may hold, reach no terminal. */
 void cli_print_readably(void);
 
-/* Sees to it that a program whose output could not be written, say to a full disk, tells so as it
+/* Makes a program whose output could not be written, for instance to a full disk, report that as it
  * ends and exits with CLI_FAILED. */
 void cli_check_output_at_exit(void);
 
-/* Tells what is wrong with the call, on stderr; returns CLI_USAGE. */
+/* Prints to stderr what is wrong with the call; returns CLI_USAGE. */
 int cli_usage(const struct command *command, const char *format, ...) G_GNUC_PRINTF(2, 3);

@@ -132,7 +132,7 @@ static Link *link_to_private(GError **error) {
 }
 
 /* What a session's control file says. The directory may be of others: a link, a file of another
- * user or what is no file at all says nothing, whatever it names. NULL: nothing. */
+ * user, or something that is not a regular file, is ignored. NULL: nothing. */
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
@@ -165,7 +165,7 @@ static Link *link_by_directory(const char *directory, GError **error) {
     return NULL;
 }
 
-/* A daemon that is there but refuses is not passed over. */
+/* A daemon that is running but refuses is an error; no other daemon is tried. */
 static Link *link_on_any_bus(GError **error) {
     g_autoptr(GError) why = NULL;
     Link *link = link_on_bus("system", &why);
@@ -211,7 +211,8 @@ Link *link_find_rig(const char *rig_path, GError **error) {
     return NULL;
 }
 
-/* Between fork and exec. Ctrl-C is for us: the daemon is told over the bus, and by our end. */
+/* Between fork and exec. Ctrl-C must reach this process only: the daemon gets its requests over the
+ * bus and notices when this process ends. */
 static void prepare_daemon(gpointer parent) {
     setsid();
     prctl(PR_SET_PDEATHSIG, SIGTERM);

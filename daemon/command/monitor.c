@@ -20,13 +20,13 @@ struct Monitor {
     enum monitor_end end;
     gboolean ended;
     int interrupts;
-    gboolean faulty; /* an error was told since it last ran */
+    gboolean faulty; /* an error was printed since it last ran */
     char *shown_state, *reason;
     enum monitor_answer answer;
-    char *prompt;   /* as it was told last; empty: there is none */
+    char *prompt;   /* as it was printed last; empty: there is none */
     guint enter_id; /* waits for the Enter key */
     gint64 begun_us, json_us;
-    gint64 frames_before; /* since when frames a second are counted */
+    gint64 frames_before; /* since when frames per second are counted */
     guint signal_ids[3], check_id;
 };
 
@@ -151,7 +151,7 @@ static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The event has told what is to be done; this says how to answer it, once. */
+/* The event has said what is to be done by hand; this prints, once, how to answer it. */
 static void check_prompt(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *prompt = bus_rig1_get_prompt(rig);

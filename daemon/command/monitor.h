@@ -9,8 +9,8 @@ enum monitor_end {
     MONITOR_FAULT,    /* paused by a fault; the rig is safe */
     MONITOR_PAUSED,   /* by our Ctrl-C */
     MONITOR_ABORTED,  /* by our second Ctrl-C, or by somebody else */
-    MONITOR_DETACHED, /* Ctrl-C, and it goes on without us */
-    MONITOR_LOST,     /* the daemon has gone */
+    MONITOR_DETACHED, /* Ctrl-C; the capture continues without this program */
+    MONITOR_LOST,     /* the daemon has exited or cannot be reached */
 };
 
 typedef struct Monitor Monitor;

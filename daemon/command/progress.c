@@ -14,7 +14,7 @@
 struct Progress {
     char *what;
     gboolean tty, utf8, drawn;
-    int told; /* tenths, on what is no terminal */
+    int told; /* tenths, printed last where output is not a terminal */
     gint64 shown_us;
 };
 

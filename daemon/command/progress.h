@@ -11,7 +11,8 @@ void progress_free(Progress *progress); /* leaves the bar as it is; NULL is igno
 /* Ends the line, so that others may print. */
 void progress_end(Progress *progress);
 
-/* fraction 0 … 1. Drawn at most ten times a second, unless now. text is for the room beside. */
+/* fraction 0 … 1. Drawn at most ten times per second, unless now is set. text is printed beside the
+ * bar. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
 /* A line of its own, above the bar. Not printed with --json. */

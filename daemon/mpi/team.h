@@ -3,5 +3,5 @@
 
 #include "base/team.h"
 
-/* Of MPI_COMM_WORLD, once MPI is initialised. An error of MPI ends all ranks. */
+/* The team of all ranks of MPI_COMM_WORLD; MPI must be initialised. An MPI error ends all ranks. */
 struct team mpi_team(void);

@@ -16,9 +16,9 @@
  * Where lamps take longer to warm up than axes to move, the quickest order visits the poses once
  * for each lamp.
  *
- * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its places, its
- * own first; this needs the fewest mountings. Predictions leave out the operator's time and the
- * homing of the axes afterwards.
+ * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its mount
+ * positions, its own first; this needs the fewest mountings. Predictions leave out the operator's
+ * time and the homing of the axes afterwards.
  */
 #pragma once
 

@@ -74,7 +74,7 @@ struct plan_axis_moves {
     gboolean wraps;
     int *at;   /* row of each pose in the table */
     int n;     /* different positions of the axis */
-    double *s; /* n × n, from row to column */
+    double *s; /* n × n: time from the position of the row to that of the column */
 };
 
 struct plan_moves {

@@ -336,9 +336,10 @@ static gboolean take_capture(const struct config_section *section, struct fields
         double before = i > 0 ? conf->exposures_us[i - 1] : 0;
         if (conf->exposures_us[i] < before ||
             (conf->exposures_us[i] == before && !conf->keep_exposures)) {
-            config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
-                             "%g does not follow on %g: write the shortest first",
-                             conf->exposures_us[i], before);
+            config_set_error(
+                error, CONFIG_ERROR_VALUE, section, "exposures_us",
+                "%g must be longer than the %g before it: list the shortest exposure first",
+                conf->exposures_us[i], before);
             return FALSE;
         }
     }

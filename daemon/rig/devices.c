@@ -433,8 +433,10 @@ gboolean devices_secure(struct devices *devices, GError **error) {
     for (int i = 0; i < securing.n; i++) {
         struct answer *answer = &securing.answers[i];
         if (!answer->done)
-            device_error_set(&answer->error, DEVICE_ERROR_TIMEOUT, NULL,
-                             "a device has not answered within %d s", SECURE_MS / 1000);
+            device_error_set(
+                &answer->error, DEVICE_ERROR_TIMEOUT, NULL,
+                "a device has not confirmed its safe state within %d s; switch the rig off by hand",
+                SECURE_MS / 1000);
         devices_collect(&collected, answer->error);
     }
     if (collected)

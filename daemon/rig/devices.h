@@ -7,8 +7,8 @@
  * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME],
  * optional.
  *
- * A [laser NAME] with mount_of is no device but a further place of the unit that it names, where
- * an operator mounts it by hand. In geometry and timing it is a laser like any other.
+ * A [laser NAME] with mount_of is not a device but a further mount position of the unit that it
+ * names, where an operator mounts it by hand. In geometry and timing it is a laser like any other.
  */
 #pragma once
 
@@ -27,13 +27,14 @@ struct rig_timing {
     struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
     double laser_warm_up_s[RIG_MAX_LASERS];
-    guint32 mounts[RIG_MAX_LASERS]; /* the lasers (bits) that are further places of this unit */
+    guint32 mounts[RIG_MAX_LASERS]; /* bit set: the laser sections that are further mount positions
+                                       of this unit */
     gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
     int bits[RIG_MAX_CAMERAS];
 };
 
-/* The unit that is mounted at a laser's place: the laser itself, or the one it is a mount of. */
+/* Index of the laser unit that is mounted at a laser's position (see mount_of). */
 static inline int rig_laser_unit(const struct rig_timing *timing, int laser) {
     for (int unit = 0; unit < RIG_MAX_LASERS; unit++)
         if (timing->mounts[unit] & 1u << laser)
@@ -70,11 +71,11 @@ struct devices *devices_open(const char *rig_path, GError **error);
 
 /* The geometry alone, checked in the same way, without opening a device. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
-/* Of a rig file's text, as sessions keep it; path is for errors. */
+/* Reads the geometry from the text of a rig file that a session keeps; path is used in errors. */
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
-/* Lamps and lasers off, axes stopped, everything closed. NULL is ignored. */
+/* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
 /* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected

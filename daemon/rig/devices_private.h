@@ -13,7 +13,7 @@ struct layout {
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
-    int unit[RIG_MAX_LASERS]; /* the laser itself, or that which it is a mount of */
+    int unit[RIG_MAX_LASERS]; /* index of the laser unit that is mounted here */
     const struct config_section *banks[DEVICES_MAX_BANKS];
     const struct config_section *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_banks, n_interlocks;
@@ -35,5 +35,5 @@ const struct option *layout_options(const char *class_name);
 /* The driver that the driver key of a section names: a struct of the section's class, which begins
  * with a struct driver_info. The error lists the existing drivers of that class. */
 gconstpointer drivers_find(const struct config_section *section, GError **error);
-/* Of any class, by that key alone; NULL if there is none of that name. */
+/* Finds the driver, of any class, that the section's key "driver" names; NULL: there is none. */
 const struct driver_info *drivers_by_name(const struct config_section *section);

@@ -19,6 +19,6 @@ SafeState *safe_state_read(const char *rig_path, GError **error);
 void safe_state_free(SafeState *state); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SafeState, safe_state_free)
 
-/* Prints one line a device, and one for the whole. TRUE if all devices were read back and are safe.
- * To be called from a process without other threads. */
+/* Prints one line per device, and one for the whole. TRUE if all devices were read back and are
+ * safe. To be called from a process without other threads. */
 gboolean safe_state_make(const SafeState *state);

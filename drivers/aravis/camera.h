@@ -3,7 +3,7 @@
  *
  * `device` is an IP address, a serial number, or what Aravis calls the camera. A camera is
  * triggered by its software command, or by a pulse on an input line. A picture is taken only if the
- * camera's own clock says that it was exposed after its trigger; an older one is passed over.
+ * camera's own clock says that it was exposed after its trigger; an older one is ignored.
  */
 #pragma once
 

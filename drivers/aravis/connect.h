@@ -4,9 +4,9 @@
 #include <arv.h>
 
 /* id: an IP address, or what Aravis calls the device, or its serial number. Waits up to control_s
- * for another program to let go of it. Errors are DEVICE_ERROR. */
+ * for another program to release it. Errors are DEVICE_ERROR. */
 ArvDevice *aravis_connect(const char *id, double control_s, GError **error);
 
-/* Aravis's list of devices is one a process: to be held while it is read. */
+/* Aravis has one list of devices per process: lock it while it is read. */
 void aravis_list_lock(void);
 void aravis_list_unlock(void);

@@ -136,7 +136,7 @@ static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
     }
     if (!format)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                                "pixel_format: it has no \"%s\" to measure with" ERROR_ADVICE
+                                "pixel_format: it does not offer \"%s\"" ERROR_ADVICE
                                 "choose from: %s",
                                 wanted, names->str);
     device->limits.format = format;
@@ -327,8 +327,8 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
         return FALSE;
     return fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us ||
            device_error_set(error, DEVICE_ERROR_RANGE, NULL,
-                            "it exposes for %.1f µs when told %" G_GINT64_FORMAT " µs" ERROR_ADVICE
-                            "ask for an exposure that it can keep",
+                            "it exposes for %.1f µs instead of the requested %" G_GINT64_FORMAT
+                            " µs" ERROR_ADVICE "ask for an exposure that it can keep",
                             is_us, exposure_us);
 }
 

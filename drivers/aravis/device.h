@@ -45,7 +45,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
 
-/* TRUE: after a picture that did not come it has to be opened anew. The endpoint of a USB camera's
+/* TRUE: after a picture that did not come it has to be opened again. The endpoint of a USB camera's
  * stream may be halted, and Aravis clears that only then. */
 gboolean aravis_device_may_halt(const AravisDevice *device);
 
@@ -71,5 +71,5 @@ struct aravis_clock {
 };
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret);
 
-/* TRUE for errors after which the camera has to be opened anew. */
+/* TRUE for errors after which the camera has to be opened again. */
 gboolean aravis_device_is_lost(const GError *error);

@@ -3,5 +3,6 @@
 
 #include <glib.h>
 
-/* Of this process's socket on a local UDP port; the kernel gives no more than net.core.rmem_max. */
+/* Sets the receive buffer of this process's socket on a local UDP port. The kernel grants at most
+ * net.core.rmem_max. */
 void socket_buffer_set(guint16 port, int bytes);

@@ -56,7 +56,8 @@ static const struct option options[] = {
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Where the axis is when the drive counts 0, as it does after homing"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),
-     "The drive's steps a degree, gears included; negative: it counts the other way"},
+     "The drive's steps per degree, gears included; negative: the drive counts in the opposite "
+     "direction"},
     {"tolerance_deg", OPTION_DOUBLE, "deg", 0, 10, "0.01", NULL, FIELD(tolerance_deg),
      "How far from its target it may stand and have arrived"},
     {"target_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(target.address),

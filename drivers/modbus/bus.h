@@ -77,7 +77,8 @@ struct modbus_job {
     int n;
 };
 
-/* Called from the main loop, exactly once a job unless it was cancelled. error NULL: all done. */
+/* Called from the main loop, exactly once per job unless it was cancelled. error NULL: the whole
+ * job succeeded. */
 typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
 
 /* Counts of a line since it was opened. */

@@ -20,7 +20,7 @@ static const struct option options[] = {
      "Closed when the input reads 0; a broken wire then passes for closed"},
     {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms), "How often it is read"},
     {"lost_ms", OPTION_DOUBLE, "ms", 50, 10000, "1500", NULL, FIELD(lost_ms),
-     "Without an answer for so long it counts as open; a late answer takes timeout_ms + 2 late_ms"},
+     "Open after this time without an answer; a late answer takes timeout_ms + 2 late_ms"},
     {NULL},
 };
 

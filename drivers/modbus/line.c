@@ -60,7 +60,7 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
         return line;
     }
     device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                     "\"%s\" is no Modbus line" ERROR_ADVICE "write /dev/NAME or tcp:HOST:PORT",
+                     "\"%s\" is not a Modbus line" ERROR_ADVICE "write /dev/NAME or tcp:HOST:PORT",
                      link->bus);
     modbus_line_free(line);
     return NULL;

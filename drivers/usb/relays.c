@@ -78,7 +78,7 @@ static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GErr
     if (!error && !job->error && n != REPORT_SIZE)
         job->error = device_error_new(
             DEVICE_ERROR_PROTOCOL, job->board->who,
-            "the board answered %d bytes of %d; it is no relay board that this driver knows",
+            "the board answered %d bytes of %d; it is not a relay board that this driver knows",
             (int)n, REPORT_SIZE);
     else if (!error && !job->error && wrong)
         job->error = device_error_new(

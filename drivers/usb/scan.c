@@ -86,7 +86,7 @@ gboolean usb_scan(GPtrArray *to, GError **error) {
         return TRUE; /* a machine, or a container, without USB */
     if (code)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                                "USB cannot be looked at: %s", libusb_strerror(code));
+                                "USB devices cannot be listed: %s", libusb_strerror(code));
     gssize n = libusb_get_device_list(context, &all);
     for (gssize i = 0; i < n; i++)
         add_device(all[i], to);

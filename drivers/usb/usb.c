@@ -376,7 +376,7 @@ static gboolean has_name(const struct usb_match *match, const UsbDevice *usb) {
     return !match->product_prefix || g_str_has_prefix(usb->product, match->product_prefix);
 }
 
-/* Also reads product and serial number. error is set anew. */
+/* Also reads product and serial number. error is set again. */
 static UsbDevice *try_open(struct context *context, const struct usb_match *match,
                            libusb_device *device, const struct libusb_device_descriptor *descriptor,
                            GError **error) {

@@ -170,11 +170,11 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
         video_stream_give_back(&v4l2->node, &buffer);
         if (!monotonic)
             camera_report_fault(
-                camera,
-                device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
-                                 "%s does not stamp its frames by the monotonic clock, so that it "
-                                 "cannot be told which were exposed after a trigger",
-                                 v4l2->node.path));
+                camera, device_error_new(
+                            DEVICE_ERROR_UNSUPPORTED, v4l2->who,
+                            "%s does not stamp its frames by the monotonic clock, so that it "
+                            "cannot be distinguished by whether they were exposed after a trigger",
+                            v4l2->node.path));
         else if (frame)
             camera_report_frame(camera, g_steal_pointer(&frame));
         else
@@ -305,8 +305,8 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
                             v4l2->node.card);
     if (exposure_unit_us(v4l2) <= 0)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
-                            "(%s) counts its exposure in steps of its own: write how long one is "
-                            "as exposure_unit_us",
+                            "(%s) counts its exposure in steps of an unknown length" ERROR_ADVICE
+                            "write that length as exposure_unit_us",
                             v4l2->node.card);
     return TRUE;
 }
@@ -348,8 +348,8 @@ static gboolean find_again(Camera *camera, GError **error) {
         return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
     v4l2->setup = before;
     video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
-                 "came back with other pictures: it is another camera, or another program "
-                 "has set it" ERROR_ADVICE
+                 "came back with another format, size or frame rate: it is another camera, or "
+                 "another program has set it" ERROR_ADVICE
                  "start the rig again, or write format, width, height and frame_rate");
     v4l2_camera_disconnect(v4l2);
     return FALSE;

@@ -144,7 +144,7 @@ gboolean video_control_set_named(const struct video_node *node, const char *sett
     if (g_strv_length(parts) != 2 ||
         !g_ascii_string_to_signed(parts[1], 10, G_MININT32, G_MAXINT32, &value, NULL))
         return device_error_set(error, DEVICE_ERROR_RANGE, node->who,
-                                "controls: \"%s\" is no NAME=NUMBER", setting);
+                                "controls: \"%s\" does not have the form NAME=NUMBER", setting);
     if (!find_named(node, parts[0], names, &control))
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, node->who,
                                 "controls: %s has no \"%s\"; it has: %s", node->path, parts[0],

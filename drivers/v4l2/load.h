@@ -15,5 +15,5 @@ gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct 
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */
 
-/* What isochronous transfers may carry over a link of so many Mbit/s, in 10⁶ bytes a second. */
+/* Capacity for isochronous transfers of a link of mbit Mbit/s, in 10⁶ bytes per second. */
 double video_link_mb_s(double mbit_s);

@@ -74,7 +74,7 @@ static char *v4l2_node_text_of(const guint8 *field, gsize size) {
     return g_utf8_make_valid(text, -1);
 }
 
-/* errno is set where it fails; ENOTTY for what is no video capture device. */
+/* Sets errno on failure; ENOTTY: it is not a video capture device. */
 static gboolean open_path(struct video_node *node, const char *path) {
     struct v4l2_capability capability = {0};
     *node = (struct video_node){.fd = open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC)};
@@ -154,7 +154,7 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
             return TRUE;
         if (errno == ENOTTY)
             device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
-                             "%s is no camera that streams video" ERROR_ADVICE
+                             "%s is not a camera that streams video" ERROR_ADVICE
                              "“mesorig devices” lists those",
                              path);
         else

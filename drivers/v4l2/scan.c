@@ -39,7 +39,8 @@ static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *n
     for (guint i = 0; i < offered->len; i++)
         format = video_format_better(format, video_format_find(g_array_index(offered, guint32, i)));
     if (!format) {
-        found->note = g_strdup("offers only compressed pictures, which are no measure of light");
+        found->note =
+            g_strdup("offers only compressed pictures, which cannot be used to measure light");
         return;
     }
     video_controls_read(node, &controls);

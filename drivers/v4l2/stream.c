@@ -42,12 +42,12 @@ static gboolean choose_format(const struct video_node *node, const char *name,
     if (!*ret && named)
         video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
-            "cannot be measured with in format %s: what is compressed is no measure of light, "
+            "cannot measure in format %s: compressed pictures are not proportional to light, "
             "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
             name, list->str);
     else if (!*ret)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                     "offers only %s: what is compressed is no measure of light; a camera "
+                     "offers only %s: compressed pictures are not proportional to light; a camera "
                      "with Bayer, mono, YUYV or UYVY is needed",
                      list->len ? list->str : "no format");
     return *ret != NULL;
@@ -67,7 +67,7 @@ static gboolean v4l2_stream_check_format(const struct video_node *node,
         pix->stride > 65536 * 16)
         return video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
-            "answered a picture of %u × %u in rows of %u bytes to format %s, which makes no sense",
+            "answered a picture of %u × %u in rows of %u bytes to format %s, which is impossible",
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
@@ -81,7 +81,9 @@ static gboolean v4l2_stream_check_format(const struct video_node *node,
                             request->width, request->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "sends fields of interlaced pictures, not whole ones");
+                            "sends interlaced fields (field type %u), not whole frames" ERROR_ADVICE
+                            "choose another format, width or height",
+                            pix->field);
     return TRUE;
 }
 
@@ -106,8 +108,8 @@ static gboolean set_rate(const struct video_node *node, double frame_rate, gint6
     if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
         return video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
-            "does not send %g frames a second in this format, but %.4g: set frame_rate", frame_rate,
-            1 / seconds);
+            "does not send %g frames per second in this format, but %.4g: set frame_rate",
+            frame_rate, 1 / seconds);
     *ret_us = MAX(llrint(seconds * 1e6), 1);
     return TRUE;
 }
@@ -147,7 +149,7 @@ static gboolean map_buffer(struct video_stream *stream, const struct video_node 
     struct asked asked;
     fill_asked(&asked, node, index);
     if (video_ioctl(node, VIDIOC_QUERYBUF, &asked.buffer) < 0)
-        return video_set_error(error, node, errno, "did not tell of its buffers");
+        return video_set_error(error, node, errno, "did not report its buffers");
     gboolean many = node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
     guint32 length = many ? asked.plane.length : asked.buffer.length;
     guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;

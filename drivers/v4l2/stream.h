@@ -25,7 +25,7 @@ struct video_setup {
 gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
                            struct video_setup *ret, GError **error);
 
-/* 10⁶ bytes a second that it sends. */
+/* 10⁶ bytes per second that it sends. */
 double video_setup_mb_s(const struct video_setup *setup);
 
 #define VIDEO_BUFFERS 4

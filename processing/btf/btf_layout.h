@@ -19,7 +19,7 @@ struct btf_layout {
     struct direction_list views, lights;
 };
 
-/* Of n directions, all 0; direction_list_clear() frees the angles. */
+/* Makes a list of n directions, all 0; direction_list_clear() frees the angles. */
 struct direction_list direction_list_new(gsize n);
 struct direction_list direction_list_copy(const struct direction_list *from);
 void direction_list_clear(struct direction_list *list);

@@ -135,13 +135,13 @@ static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struc
                                        int light, const char *path, GError **error) {
     float theta, phi;
     if ((gsize)part->width != btf->layout.width || (gsize)part->height != btf->layout.height)
-        return btf_matrix_view_error(path, error, "its texels are not those of the session");
+        return btf_matrix_view_error(path, error, "its texels differ from those of the session");
     if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
         return btf_matrix_view_error(path, error, "a colour is missing");
     if (!btf_matrix_direction(part, "light", path, &theta, &phi, error))
         return FALSE;
     if (theta != btf->layout.lights.theta_deg[light] || phi != btf->layout.lights.phi_deg[light])
-        return btf_matrix_view_error(path, error, "its lights are not those of the first view");
+        return btf_matrix_view_error(path, error, "its lights differ from those of the first view");
     return TRUE;
 }
 

@@ -1,4 +1,4 @@
-/* Distributed reading: with R ranks, each round reads R views, one a rank, and then every rank
+/* Distributed reading: with R ranks, each round reads R views, one per rank, and then every rank
  * distributes its view, so that all files are read once and each rank keeps [own
  * texels][view][light][colour]. */
 #include <string.h>

@@ -90,7 +90,7 @@ static void smooth_row(const struct smooth *smooth, const float *direction, doub
 }
 
 /* Solves [K P; Pᵀ 0] · inverse = [I; 0], K_ij = |ω_i − ω_j|, P_i = (1, ω_i), for the solution of
- * least norm, so that repeated, coplanar or single directions are no problem. */
+ * least norm, so that repeated, coplanar or single directions cause no problem. */
 static gboolean smooth_init(struct smooth *smooth, const struct direction_list *list,
                             gboolean lights) {
     const int n = (int)list->n, m = n + LINEAR;

@@ -36,5 +36,5 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
 float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
                                GError **error);
 
-/* Those of the n_grid² samples; direction_list_clear() it. */
+/* Returns the directions of the n_grid² samples; free with direction_list_clear(). */
 struct direction_list direction_grid_samples(int n_grid);

@@ -14,9 +14,9 @@ struct energy {
     double *texel_e_r, *texel_e_i; /* of one texel */
     int texel;
 
-    /* Of each light, for the mean over all texels: the share of its light that all views together
-     * receive, Σ_v w_v · B(v, l) / cos θ_l. w_v is the share of the hemisphere, weighted by cos
-     * θ, that is nearest to view v. More than 1 violates conservation of energy. */
+    /* Albedo of each light, for the mean over all texels: the share of its light that all views
+     * together receive, Σ_v w_v · B(v, l) / cos θ_l. w_v is the share of the hemisphere, weighted
+     * by cos θ, that is nearest to view v. More than 1 violates conservation of energy. */
     double *albedo, largest_albedo; /* n_lights */
     double covered_deg;             /* largest θ of a view: beyond it albedo is extrapolated */
 

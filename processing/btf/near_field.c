@@ -61,7 +61,8 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
             !btf_direction(part, "light", &theta, &phi))
             return near_field_damaged(path, error, "a direction is missing or not a number");
         if (theta != to->lights.theta_deg[light] || phi != to->lights.phi_deg[light])
-            return near_field_damaged(path, error, "its lights are not those of the first view");
+            return near_field_damaged(path, error,
+                                      "its lights differ from those of the first view");
         if (!lamp &&
             (near_field_has(part, "view.centre_mm") || near_field_has(part, "light.position_mm")))
             return near_field_damaged(

@@ -1,6 +1,6 @@
 /*
  * Delaunay triangulation of points in the plane, and barycentric weights at any point. Each point
- * is displaced by about 10⁻⁷ so that collinear and cocircular points are no special case: any set
+ * is displaced by about 10⁻⁷ so that collinear and cocircular points need no special case: any set
  * of one or more points will do, and equal points share one position.
  */
 #pragma once

@@ -40,10 +40,14 @@ static Material *codecs_open(const char *path, const char *label, GError **error
     const struct codec *codec = codecs_find(kind);
     if (!kind)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: it does not say what it is: there is no attribute mesorig.kind", path);
+                    "%s: the attribute mesorig.kind is missing; give a session or a file that "
+                    "“mesorig compress” wrote",
+                    path);
     else if (!codec)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: a file of kind “%s” is no material that can be compared", path, kind);
+                    "%s: mesorig.kind “%s” is not a codec; give a session or a file that “mesorig "
+                    "compress” wrote",
+                    path, kind);
     exr_file_free(file);
     gpointer model = codec ? codec->read(path, error) : NULL;
     return model ? material_new(label, codec, model) : NULL;

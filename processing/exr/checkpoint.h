@@ -39,7 +39,7 @@ const char *checkpoint_note(const Checkpoint *checkpoint);
 gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsize size);
 
 /* Registers an array, borrowed, to be saved under a name; replaces an earlier one. For arrays
- * that threads are writing, the flags of checkpoint_keep_flags() tell what is valid: they are
+ * that threads are writing, the flags of checkpoint_keep_flags() say what is valid: they are
  * copied before all arrays; each is 0 or 1, set by g_atomic_int_set() after its values are
  * written. */
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size);

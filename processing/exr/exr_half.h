@@ -1,6 +1,6 @@
 /*
  * IEEE 754 half floats as EXR stores them: little-endian, rounded to nearest, ties to even. Bits of
- * NaN are kept both ways. Any thread.
+ * NaN are kept in both directions. Any thread.
  */
 #pragma once
 

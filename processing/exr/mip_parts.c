@@ -40,7 +40,7 @@ int mip_parts_count(const struct exr_file *file, const char *part, const char *p
                 continue;
             g_set_error(
                 error, EXR_ERROR, EXR_ERROR_MISSING,
-                "%s: has a part \"%s\", but no \"%s\"; copy the file again or compress anew", path,
+                "%s: has a part \"%s\", but no \"%s\"; copy the file again or compress again", path,
                 other->name, name);
             return 0;
         }

@@ -71,8 +71,8 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     if (!bonn_take(bytes, 1, "matrix", &scalar, error))
         return FALSE;
     if (scalar != 2 && scalar != 4 && scalar != 8)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "numbers of %d bytes are not known",
-                         scalar);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "its numbers have %d bytes; 2, 4 and 8 can be read", scalar);
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
             return FALSE;

@@ -257,9 +257,10 @@ static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gb
         *ret_extra = known[i].extra;
         return TRUE;
     }
-    return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "it is no BTF of Bonn that is known: it begins with none of !BDIF06R2!, "
-                     "!BDI06R2!, !DFMF08FCR, !FMF12FCER, !FMF06FCR");
+    return bonn_fail(
+        bytes, BONN_ERROR_FORMAT, error,
+        "it is not a known kind of Bonn's BTF files: it begins with none of !BDIF06R2!, "
+        "!BDI06R2!, !DFMF08FCR, !FMF12FCER, !FMF06FCR");
 }
 
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,

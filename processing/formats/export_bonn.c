@@ -102,7 +102,7 @@ static gboolean export_bonn_read_view(const struct source *source, const char *p
         const struct exr_part *part = file->parts->pdata[light];
         float theta, phi;
         if (part->width != header->width || part->height != header->height)
-            return export_bonn_fail(path, error, "its texels are not those of the session");
+            return export_bonn_fail(path, error, "its texels differ from those of the first view");
         for (gsize c = 0; c < COLOURS; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
             if (!plane)
@@ -113,7 +113,7 @@ static gboolean export_bonn_read_view(const struct source *source, const char *p
         if (!export_bonn_direction(part, "light", path, &theta, &phi, error))
             return FALSE;
         if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
-            return export_bonn_fail(path, error, "its lights are not those of the first view");
+            return export_bonn_fail(path, error, "its lights differ from those of the first view");
     }
     return TRUE;
 }

@@ -31,7 +31,7 @@ struct export_surface_result {
  * in mm. EXPORT_NORMALS: a part "normals", "X", "Y", "Z", all 0 where there is none. Attributes of
  * both: mesorig.kind, texel_mm, reference_mm, holes, stacked.
  *
- * Where more than a twentieth of the texels has structure below structure it is no height field,
+ * Where more than a twentieth of the texels has structure below structure it is not a height field,
  * and maps are refused unless asked for. */
 gboolean export_surface(const char *session, const char *file,
                         const struct export_surface_options *options, const struct work *work,

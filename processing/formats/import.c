@@ -93,9 +93,10 @@ static gboolean import_check(struct import *import, GError **error) {
     if (region->x < 0 || region->y < 0 || region->width < 1 || region->height < 1 ||
         region->width > material->width - region->x ||
         region->height > material->height - region->y)
-        return data_error_fail(
-            material->source, 0, error, "%d × %d texels at %d, %d do not lie within its %d × %d",
-            region->width, region->height, region->x, region->y, material->width, material->height);
+        return data_error_fail(material->source, 0, error,
+                               "%d × %d texels at %d, %d do not lie within the %d × %d of the file",
+                               region->width, region->height, region->x, region->y, material->width,
+                               material->height);
     import->grid = (struct session_grid){.width = region->width,
                                          .height = region->height,
                                          .width_mm = region->width * material->texel_mm,

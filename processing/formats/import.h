@@ -54,7 +54,7 @@ gboolean import_material(const char *path, const struct import_material *materia
 
 /* Properties that a file may not contain. */
 struct import_wish {
-    double texel_mm; /* 0: from the file, else 1 */
+    double texel_mm; /* 0: as in the file, or 1 mm if it does not say */
     struct import_region region;
 };
 

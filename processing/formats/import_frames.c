@@ -13,8 +13,8 @@
 #define SATURATION   0.98 /* of white */
 #define UNEVEN       0.05 /* tolerance of an angle, in steps */
 #define MOST_MISSING 0.1  /* largest share of a sweep's pictures */
-#define BESIDE       2.0  /* steps around a missing picture without valid peaks, or */
-#define PULSE        4.0  /* in standard deviations of the pulse */
+#define BESIDE       2.0  /* steps around a missing picture in which peaks are invalid, and */
+#define PULSE        4.0  /* the same in standard deviations of the pulse; the larger one counts */
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
@@ -154,7 +154,8 @@ struct run {
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* of each step */
-    /* Of the session's sweep. A difference of two pictures lies half a step after the first one. */
+    /* The session's sweep. offset: the difference of two pictures lies half a step after the first
+     * one. */
     double offset, sweep_from_deg, sweep_to_deg;
     int sweep_steps;
 };

@@ -98,8 +98,12 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
                                     .exposure = text_table_column(table, "exposure_ms"),
                                     .sweep = text_table_column(table, "sweep_deg")};
     if (columns.file < 0 || columns.camera < 0 || (columns.lamp < 0 && columns.laser < 0))
-        return data_error_fail(text_table_path(table), 0, error,
-                               "its head needs the columns file, camera, and lamp or laser");
+        return data_error_fail(
+            text_table_path(table), 0, error,
+            "the header line lacks the column %s; it needs file, camera, and lamp or laser",
+            columns.file < 0     ? "file"
+            : columns.camera < 0 ? "camera"
+                                 : "lamp or laser");
     if (text_table_rows(table) > MOST_ROWS)
         return data_error_fail(set->table, 0, error, "it has more than %d rows", MOST_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {

@@ -3,7 +3,7 @@
  * calibration file or nominal values (nominal.h), made into a session as a capture would have left
  * it; “mesorig process” makes BTF and MDF of it.
  *
- * The table (text_table.h) has a row a picture:
+ * The table (text_table.h) has a row per picture:
  *   file            beside the table, or in a folder below; JPEG, PNG, TIFF or EXR
  *   camera          a camera of the calibration
  *   lamp, or laser  one of the calibration's: a picture for the BTF, or one of a sweep

@@ -18,8 +18,8 @@
 #define ODD_DN       2   /* and this many DN more than a later pair */
 #define CROWDED      8   /* records per vector that are expected without noise */
 
-/* Pixels of a vector: the samples of all are recorded if any is lit. Comparisons of GCC's vectors
- * give −1 or 0. */
+/* Pixels per SIMD vector. If one of them is lit, the samples of all are recorded. A comparison of
+ * GCC vectors gives −1 (true) or 0. */
 #define LANES   16
 #define GROUP   4 /* vectors tested together */
 #define NOTHING G_MAXUINT32

@@ -5,10 +5,10 @@
  *
  * A line lights each pixel in a few frames only: those samples are kept, and of all others only
  * each pixel's minimum, its background. Samples that exceed the background by less than the noise
- * margin are no line; they are kept only just before and after one. The noise is measured in the
- * first two frames, with a margin of at least 4 DN. If one of those was lit differently as a
- * whole, as the next pairs show, the frames up to it are left out. Feed frames in order, each
- * once. One thread at a time.
+ * margin do not belong to a line; they are kept only just before and after one. The noise is
+ * measured in the first two frames, with a margin of at least 4 DN. If one of those was lit
+ * differently as a whole, as the next pairs show, the frames up to it are left out. Feed frames in
+ * order, each once. One thread at a time.
  */
 #pragma once
 

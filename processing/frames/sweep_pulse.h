@@ -13,7 +13,7 @@ struct sweep_samples {
     const float *gain;   /* factor that was applied to each; NULL: none */
     int n, first, count; /* first frame of the backgrounds; number of frames */
     float full;          /* values from here on are saturated */
-    float margin;        /* values up to here are no line */
+    float margin;        /* values up to here do not belong to a line */
     float pedestal;      /* mean background in these values */
 };
 

@@ -77,7 +77,7 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
             mode = candidates[i].mm;
         }
     }
-    /* Of each sweep the candidate closest to the mode remains. */
+    /* Keep only the candidate of each sweep that is closest to the mode. */
     for (int i = 0; i < n; i++) {
         if (one_each == 0 || candidates[i].sweep != candidates[one_each - 1].sweep)
             candidates[one_each++] = candidates[i];

@@ -21,7 +21,8 @@ struct mdf_merged {
  * sweeps the result is unknown.
  *
  * The true line shows the same surface for every laser position; reflections from the
- * surroundings and highlights of other places appear at times that depend on the position.
- * Therefore the mode is the distance with the support of most of the sweeps' weight, each sweep
- * contributes its candidate closest to the mode, and sweeps without a close one are outliers. */
+ * surroundings and highlights from other parts of the surface appear at times that depend on the
+ * position. Therefore the mode is the distance with the support of most of the sweeps' weight, each
+ * sweep contributes its candidate closest to the mode, and sweeps without a close one are outliers.
+ */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);

@@ -51,7 +51,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     float *depth = t->depth_mm + view * n;
     double theta, phi, centre[3], scale = 1.0;
     if (distance == NULL)
-        return mdf_table_fail(error, part, "there is no channel D");
+        return mdf_table_fail(error, part, "it has no channel D (distances)");
     if (part->width != t->width || part->height != t->height)
         return mdf_table_fail(error, part, "it has another size than the first view");
     if (!exr_get_double(part, "view.theta_deg", &theta, error) ||
@@ -60,7 +60,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     t->theta_deg[view] = theta;
     t->phi_deg[view] = phi;
     if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
-        return mdf_table_fail(error, part, "mesorig.scale_mm is not a size");
+        return mdf_table_fail(error, part, "mesorig.scale_mm is out of range");
     /* Files without a camera position are of a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), LEAST_COS);

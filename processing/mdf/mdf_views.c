@@ -112,7 +112,7 @@ static gboolean read_plane(const char *path, const struct exr_file *file, struct
 static gboolean read_view(const char *path, const struct exr_part *part,
                           const struct mdf_plane *plane, struct mdf_eye *ret, GError **error) {
     /* Channel M has the view's own measurements. Values that mdf_views_settle() has taken from
-     * other views are no independent evidence. */
+     * other views are not independent evidence. */
     ret->distance = exr_part_plane(part, "M");
     if (!ret->distance)
         ret->distance = exr_part_plane(part, "D");

@@ -20,9 +20,9 @@ struct mdf_plane { /* texels of the reference plane, see pipeline.h */
     double texel_mm, reference_mm;
 };
 
-/* Of each texel of a view, how many of the n − 1 others confirm its point (they see it there, to
- * a third of a texel plus the slope of the surface between texels), and how many deny it (they
- * see through it). Views in which something occludes the point, or that look past the texels,
+/* Counts for each texel of a view how many of the n − 1 other views confirm its point (they see it
+ * there, to a third of a texel plus the slope of the surface between texels), and how many deny it
+ * (they see through it). Views in which something occludes the point, or that look past the texels,
  * count as neither. */
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);

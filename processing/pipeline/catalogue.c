@@ -133,7 +133,7 @@ static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
         !(grid->width_mm > 0) || !(grid->height_mm > 0) || !isfinite(grid->width_mm) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !isfinite(grid->depth_mm))
         return data_error_fail(catalogue->directory, 0, error,
-                               "%d × %d texels of %g × %g mm are no grid", grid->width,
+                               "%d × %d texels of %g × %g mm do not form a grid", grid->width,
                                grid->height, grid->width_mm, grid->height_mm);
     if (reference && !laser_reference_from_text(reference, &catalogue->reference))
         return data_error_fail(catalogue->directory, 0, error,

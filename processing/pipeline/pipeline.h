@@ -1,14 +1,12 @@
 /*
  * From the frames of a session to its products; follows a capture that is still running.
  *
- *   products/btf/view_0000.exr   one a view, a part "light_0000" a light: B G R half, reflectance
- *                                (see below) on the texel grid; attributes of every part:
- *                                view.theta_deg view.phi_deg light.theta_deg light.phi_deg (double)
- *                                (nominal); view.centre_mm light.position_mm (v3d: camera and lamp
- *                                as calibrated, sample frame: a texel's exact directions are those
- *                                towards them); mesorig.saturated (int: pixels of the frame that
- *                                even the shortest exposure saturated); channel "mark" where any
- *                                texel has one, and how many have each: see btf.h
+ *   products/btf/view_0000.exr   one per view, with a part "light_0000" per light: B G R half,
+ * reflectance (see below) on the texel grid; attributes of every part: view.theta_deg view.phi_deg
+ * light.theta_deg light.phi_deg (double) (nominal); view.centre_mm light.position_mm (v3d: camera
+ * and lamp as calibrated, sample frame: a texel's exact directions are those towards them);
+ * mesorig.saturated (int: pixels of the frame that even the shortest exposure saturated); channel
+ * "mark" where any texel has one, and how many have each: see btf.h
  *
  *   products/mdf.exr             a part "view_0000" a view, float channels:
  *                                  "D" the distance, mm; −1: not known
@@ -39,7 +37,7 @@
 struct pipeline_options {
     gboolean follow; /* wait for what is missing until the capture has ended */
     int n_eigenmaps; /* Wang et al. 2005 §5: 4 */
-    /* calibration_to_text() of another one than that which the session was begun with, but of the
+    /* calibration_to_text() of a calibration other than the session's own, but of the
      * same rig; NULL: the session's. Where it knows nothing of the lamps' light, what marks said of
      * it during the capture is not used. */
     const char *calibration;
@@ -48,24 +46,25 @@ struct pipeline_options {
 
 struct pipeline_result {
     int n_views, n_lights; /* in the BTF; views that are not complete are left out */
-    int n_predicted;       /* pictures of it that the plan left out: made of others (btf.h) */
+    int n_predicted;       /* its pictures that the plan left out: predicted from others (btf.h) */
     int n_mdf_views;
     int n_damaged;          /* products that were damaged or gone, and are made again */
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
-    double mdf_coverage;    /* of the texels of all views, measured by them */
-    double mdf_predicted;   /* and what other views have predicted of the rest */
-    /* Laser lines on the flat face around the sample (laser_lines.h): of how many sweeps, seen in
-     * how many, in how many other than the calibration says; by how much RMS, and at worst, in
-     * sweeps of which laser position (−1: none was seen). */
+    double mdf_coverage;    /* share of the texels of all views that their own view measured */
+    double mdf_predicted;   /* share that other views predicted */
+    /* Laser lines on the flat face around the sample (laser_lines.h): the number of sweeps, of
+     * sweeps that show a line, and of sweeps whose line disagrees with the calibration; the RMS and
+     * the largest disagreement, and the laser position of the largest one (−1: no line was seen).
+     */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
 };
 
 /* Runs in the calling thread and a pool of its own. What is up to date is not made again: every
- * part says in mesorig.inputs (string) what it was made of, and its file is what the session has
- * the checksum of. One process at a time makes a session's products (G_IO_ERROR_BUSY). The
- * products' bytes depend on the frames alone, not on threads or order. With follow it ends when the
- * session's value "state" is "done" or "aborted" or everything is there. Sets the session's values
- * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
+ * part names in mesorig.inputs (string) the inputs it was computed from, and its file is what the
+ * session has the checksum of. One process at a time makes a session's products (G_IO_ERROR_BUSY).
+ * The products' bytes depend on the frames alone, not on threads or order. With follow it ends when
+ * the session's value "state" is "done" or "aborted" or everything is there. Sets the session's
+ * values "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

@@ -3,8 +3,8 @@
  *
  *   NAME.session/
  *     session.db         SQLite (WAL): files as they were, plan, shots, frames, events, products
- *     frames/…exr        linear radiance, half float, one a shot and camera
- *     laser/…exr         what is left of a laser sweep, one a shot and camera
+ *     frames/…exr        linear radiance, half float, one per shot and camera
+ *     laser/…exr         what is left of a laser sweep, one per shot and camera
  *     products/…         what processing makes of them
  *
  * A frame's row is committed after its file is on disk, so a row says that the file is there. One
@@ -144,7 +144,8 @@ char *session_value(Session *session, const char *key); /* NULL: not set; g_free
 /* All values whose names begin with prefix: name → value, both owned by the table. */
 GHashTable *session_values(Session *session, const char *prefix, GError **error);
 
-/* Records what a product was made of; checksum and size are taken from the file. */
+/* Records the inputs from which a product was computed; checksum and size are taken from the file.
+ */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
 /* The same for a file by its path; files outside of a session's products are ignored. "compress
@@ -181,7 +182,7 @@ struct session_damage *session_examine(const Session *session, const char *relat
  * written. */
 gboolean session_check_products(Session *session, const char *prefix, GError **error);
 
-/* The same for a file by its path; files that are no session's products pass. */
+/* The same for a file by its path; files outside of sessions pass. */
 gboolean session_check_product(const char *path, GError **error);
 
 /* Lock file of the process that makes products/btf, mdf.exr and eigenmaps.exr (file_lock.h);

@@ -35,15 +35,15 @@ static gboolean session_commit_check_frames(const Session *session, gint64 shot,
         const char *sum = frame->sha256 ? frame->sha256 : "";
 
         if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
-            return session_commit_refuse(frame, "not of this shot, or no such camera", error);
+            return session_commit_refuse(
+                frame, "it belongs to another shot, or its camera is not 0 to 31", error);
         if (!session_is_relative(frame->path))
-            return session_commit_refuse(frame, "not a name inside the session", error);
+            return session_commit_refuse(frame, "its path is not inside the session", error);
         if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64 ||
             !isfinite(frame->captured_s))
-            return session_commit_refuse(frame, "no checksum or no time", error);
+            return session_commit_refuse(frame, "its checksum or its time is missing", error);
         if (session_commit_size_of(session, frame->path) != frame->bytes)
-            return session_commit_refuse(frame, "the file is not there, or not of this size",
-                                         error);
+            return session_commit_refuse(frame, "the file is missing or has another size", error);
     }
     return TRUE;
 }

@@ -37,7 +37,7 @@ static void free_part(gpointer part) {
     exr_part_free(part);
 }
 
-/* Of consecutive frames with equal exposure takes the first two as a pair. */
+/* Takes the first two of consecutive frames with equal exposure as a pair. */
 static gboolean read_pairs(const char *folder, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {
     struct exr_part *before = NULL;

@@ -8,7 +8,7 @@
 #define POLE_DEG     3.0 /* a single direction this near to the normal is the pole */
 #define MIN_PHI_DEG  0.1
 #define MAX_PHI_DEG  179.0
-#define MAX_FLATNESS 4.0 /* steps in azimuth may be so much longer than those between rings */
+#define MAX_FLATNESS 4.0 /* largest ratio of a step in azimuth to the step between rings */
 #define SKY_CELLS    256 /* each way of the square over which the sky is summed up */
 #define DEG          (G_PI / 180.0)
 

@@ -49,15 +49,16 @@ void gpu_fill_screen(void);
 
 /* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
-/* The same, a 2D array, with n_levels, each of half the texels each way, at least 1. */
+/* The same as a 2D array with n_levels mip levels; each has half the width and height, at least 1.
+ */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
 /* Binds texture (0: none) to a texture unit and makes it the sampler NAME of a program in use. Unit
  * 0 is active afterwards. target: a GL_TEXTURE_…. */
 void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture);
 
-/* Bytes of all levels that a texture has, by its format as OpenGL tells it; 0 of none (0). target:
- * a GL_TEXTURE_…. */
+/* Bytes of all levels that a texture has, from the format that OpenGL reports; 0 for texture 0.
+ * target: a GL_TEXTURE_…. */
 gint64 gpu_texture_bytes(guint target, guint texture);
 
 /* A colour texture with or without a depth buffer to draw into. */
@@ -73,5 +74,5 @@ void gpu_target_clear(struct gpu_target *target);
 /* What was drawn: width × height × 3 bytes, top row first; g_free(). */
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
-/* Bottom row first to top row first, or back; stride: bytes a row. */
+/* Flips a picture vertically, in place. stride: bytes per row. */
 void gpu_flip_rows(void *picture, gsize stride, int height);

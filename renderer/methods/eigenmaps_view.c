@@ -88,7 +88,7 @@ static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eig
 }
 
 /* Storage for both levels, if the finer one fits into FINE_BYTES and the card. */
-static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
+static void eigenmaps_view_make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
     int layers = view->n_terms * view->n_layers;
     gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;
     GLint size = 0;
@@ -104,8 +104,9 @@ static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
 }
 
 /* One layer that is a mix of lights. */
-static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
-                          gsize layer, const float *shares, float *texels, GError **error) {
+static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct eigenmaps *maps,
+                                         int term, gsize layer, const float *shares, float *texels,
+                                         GError **error) {
     const gsize n = 3 * btf_layout_texels(&maps->layout), width = maps->layout.width;
     memset(texels, 0, sizeof(float) * n);
     for (gsize light = 0; light < maps->layout.lights.n; light++) {
@@ -129,7 +130,7 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
                                            GError **error) {
     g_autofree float *texels = g_new(float, 3 * btf_layout_texels(&maps->layout));
     g_autofree float *one = g_new0(float, maps->layout.lights.n);
-    make_maps(view, maps);
+    eigenmaps_view_make_maps(view, maps);
     if (!gpu_check("the material's texture", error)) {
         g_prefix_error(error, "%zu × %zu texels in %d layers: ", maps->layout.width,
                        maps->layout.height, view->n_terms * view->n_layers);
@@ -139,12 +140,14 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
         int base = term * view->n_layers;
         for (gsize light = 0; light < maps->layout.lights.n; light++) {
             one[light] = 1.0f;
-            if (!mix_layer(view, maps, term, base + light, one, texels, error))
+            if (!eigenmaps_view_mix_layer(view, maps, term, base + light, one, texels, error))
                 return FALSE;
             one[light] = 0.0f;
         }
-        if (!mix_layer(view, maps, term, base + maps->layout.lights.n, pole, texels, error) ||
-            !mix_layer(view, maps, term, base + maps->layout.lights.n + 1, ambient, texels, error))
+        if (!eigenmaps_view_mix_layer(view, maps, term, base + maps->layout.lights.n, pole, texels,
+                                      error) ||
+            !eigenmaps_view_mix_layer(view, maps, term, base + maps->layout.lights.n + 1, ambient,
+                                      texels, error))
             return FALSE;
     }
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
@@ -162,8 +165,8 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
     return gpu_check("the material's texture", error);
 }
 
-static float weight_at(const struct eigenmaps *maps, const Directions *views, int term,
-                       const struct direction_weights *at) {
+static float eigenmaps_view_weight_at(const struct eigenmaps *maps, const Directions *views,
+                                      int term, const struct direction_weights *at) {
     const float *w = maps->weights + (gsize)term * maps->layout.views.n;
     double sum = 0.0;
     int n;
@@ -178,7 +181,8 @@ static float weight_at(const struct eigenmaps *maps, const Directions *views, in
 }
 
 /* The table's outermost samples lie on the horizon, so that filtering needs nothing beyond it. */
-static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Directions *views) {
+static void eigenmaps_view_upload_views(EigenmapsView *view, const struct eigenmaps *maps,
+                                        Directions *views) {
     int n_pages = (maps->n_terms + 3) / 4;
     gsize page = 4 * VIEW_TABLE * VIEW_TABLE;
     g_autofree float *table = g_new0(float, n_pages *page);
@@ -191,7 +195,7 @@ static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Dire
                                &w);
             for (int term = 0; term < maps->n_terms; term++)
                 table[term / 4 * page + 4 * ((gsize)j * VIEW_TABLE + i) + term % 4] =
-                    weight_at(maps, views, term, &w);
+                    eigenmaps_view_weight_at(maps, views, term, &w);
         }
     view->view_weights = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, VIEW_TABLE, VIEW_TABLE, n_pages, GL_RGBA,
@@ -218,7 +222,7 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     direction_table_pole_shares(lights, pole, maps->layout.lights.n);
     directions_sky(lights, ambient);
     view->lights = direction_table_new(lights, TRUE);
-    upload_views(view, maps, views);
+    eigenmaps_view_upload_views(view, maps, views);
     if (!eigenmaps_view_upload_maps(view, maps, pole, ambient, error))
         return NULL;
     return g_steal_pointer(&view);

@@ -85,7 +85,7 @@ LobesView *lobes_view_new(struct lobes *const *levels, int n, GError **error) {
         if (k > 0 && !lobes_view_belongs(levels[0], levels[k], k)) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                         "mip level %d is %s of %zu × %zu texels, which does not fit level 0; "
-                        "compress the material anew",
+                        "compress the material again",
                         k, lobes_model_name(levels[k]->model), levels[k]->layout.width,
                         levels[k]->layout.height);
             return NULL;

@@ -13,7 +13,8 @@
 #define MEAN_MAX 65408.0f
 
 #define STEPS 127
-#define WORDS 4 /* of a texel: the mean or nothing; red, green, blue of four components */
+#define WORDS                                                                                      \
+    4 /* words per texel: the mean (or unused), then red, green and blue of four components */
 
 struct LpcaGrid {
     struct lpca_texels texels;
@@ -21,12 +22,12 @@ struct LpcaGrid {
     int n;
 };
 
-static int pages_of(const struct lpca *lpca) {
+static int lpca_grid_pages_of(const struct lpca *lpca) {
     return MAX(1, (lpca->n_components + 3) / 4);
 }
 
-static double texels_of(const struct lpca *lpca, int n) {
-    return (double)lpca->n_clusters * pages_of(lpca) * n * n * (n * n + 1.0);
+static double lpca_grid_texels_of(const struct lpca *lpca, int n) {
+    return (double)lpca->n_clusters * lpca_grid_pages_of(lpca) * n * n * (n * n + 1.0);
 }
 
 /* The finest grid that LPCA_GRID_BYTES and the graphics card allow. */
@@ -34,8 +35,8 @@ static int lpca_grid_fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
-    while (n > LEAST &&
-           (TEXEL * texels_of(lpca, n) > (double)LPCA_GRID_BYTES || texels_of(lpca, n) > most))
+    while (n > LEAST && (TEXEL * lpca_grid_texels_of(lpca, n) > (double)LPCA_GRID_BYTES ||
+                         lpca_grid_texels_of(lpca, n) > most))
         n--;
     return n;
 }
@@ -48,7 +49,8 @@ struct share {
 
 /* What each cell of the grid is mixed from, a GArray of struct share each; the pole is shared out.
  */
-static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, gboolean fade) {
+static GPtrArray *lpca_grid_cell_shares(Directions *directions, int n_directions, int n,
+                                        gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     for (int cell = 0; cell < n * n; cell++) {
         const int i = cell / n, j = cell % n;
@@ -73,7 +75,7 @@ static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, g
     return cells;
 }
 
-static void mix(const float *values, gsize step, const GArray *shares, float ret[3]) {
+static void lpca_grid_mix(const float *values, gsize step, const GArray *shares, float ret[3]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (guint k = 0; k < shares->len; k++) {
         const struct share *share = &g_array_index(shares, struct share, k);
@@ -95,15 +97,15 @@ static void lpca_grid_resample(const struct resampling *r, const float *componen
     const gsize n_columns = r->lights->len;
     for (gsize v = 0; v < lpca->layout.views.n; v++)
         for (gsize cell = 0; cell < n_columns; cell++)
-            mix(component + 3 * lpca->layout.lights.n * v, 3, r->lights->pdata[cell],
-                r->half + 3 * (n_columns * v + cell));
+            lpca_grid_mix(component + 3 * lpca->layout.lights.n * v, 3, r->lights->pdata[cell],
+                          r->half + 3 * (n_columns * v + cell));
     for (gsize row = 0; row < r->views->len; row++)
         for (gsize cell = 0; cell < n_columns; cell++, ret += 3)
-            mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row], ret);
+            lpca_grid_mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row], ret);
 }
 
 /* As GL_RGB9_E5: nine bits each and a common exponent. */
-static guint32 word_of_mean(const float rgb[3]) {
+static guint32 lpca_grid_word_of_mean(const float rgb[3]) {
     const float largest = CLAMP(fmaxf(rgb[0], fmaxf(rgb[1], rgb[2])), 0, MEAN_MAX);
     int exponent;
     (void)frexpf(largest, &exponent);
@@ -117,8 +119,8 @@ static guint32 word_of_mean(const float rgb[3]) {
 }
 
 /* Quantises a component to signed bytes (Schneider 2004 §6.3). Returns the value of one step. */
-static float put_component(const float *values, gsize n_samples, int i, int n_pages,
-                           guint32 *words) {
+static float lpca_grid_put_component(const float *values, gsize n_samples, int i, int n_pages,
+                                     guint32 *words) {
     const int page = (i - 1) / 4, shift = 8 * ((i - 1) % 4);
     float largest = 0;
     for (gsize k = 0; k < 3 * n_samples; k++)
@@ -130,8 +132,8 @@ static float put_component(const float *values, gsize n_samples, int i, int n_pa
     return largest / STEPS;
 }
 
-static void put_cluster(const struct resampling *r, int cluster, int n_pages, float *values,
-                        guint32 *words, float *ret_scales) {
+static void lpca_grid_put_cluster(const struct resampling *r, int cluster, int n_pages,
+                                  float *values, guint32 *words, float *ret_scales) {
     const struct lpca *lpca = r->lpca;
     const gsize size = 3 * lpca->layout.views.n * lpca->layout.lights.n;
     const gsize n_samples = (gsize)r->views->len * r->lights->len;
@@ -141,10 +143,10 @@ static void put_cluster(const struct resampling *r, int cluster, int n_pages, fl
         lpca_grid_resample(r, lpca->brdfs + size * table, values);
         ret_scales[table] = 1;
         if (i > 0)
-            ret_scales[table] = put_component(values, n_samples, i, n_pages, words);
+            ret_scales[table] = lpca_grid_put_component(values, n_samples, i, n_pages, words);
         else
             for (gsize k = 0; k < n_samples; k++)
-                words[WORDS * n_pages * k] = word_of_mean(values + 3 * k);
+                words[WORDS * n_pages * k] = lpca_grid_word_of_mean(values + 3 * k);
     }
     const gsize bytes = sizeof(guint32) * WORDS * n_pages * n_samples;
     glBufferSubData(GL_TEXTURE_BUFFER, (GLintptr)(bytes * cluster), (GLsizeiptr)bytes, words);
@@ -153,12 +155,12 @@ static void put_cluster(const struct resampling *r, int cluster, int n_pages, fl
 static gboolean lpca_grid_upload(LpcaGrid *grid, const struct lpca *lpca,
                                  const struct lpca_directions *directions, float *ret_scales,
                                  GError **error) {
-    const int n_pages = pages_of(lpca), cells = grid->n * grid->n;
+    const int n_pages = lpca_grid_pages_of(lpca), cells = grid->n * grid->n;
     const gsize n_samples = (gsize)cells * (cells + 1);
     g_autoptr(GPtrArray) views =
-        cell_shares(directions->views, lpca->layout.views.n, grid->n, FALSE);
+        lpca_grid_cell_shares(directions->views, lpca->layout.views.n, grid->n, FALSE);
     g_autoptr(GPtrArray) lights =
-        cell_shares(directions->lights, lpca->layout.lights.n, grid->n, TRUE);
+        lpca_grid_cell_shares(directions->lights, lpca->layout.lights.n, grid->n, TRUE);
     g_autofree float *half = g_new(float, 3 * lpca->layout.views.n * (cells + 1));
     g_autofree float *values = g_new(float, 3 * n_samples);
     g_autofree guint32 *words = g_new(guint32, WORDS * n_pages * n_samples);
@@ -176,7 +178,7 @@ static gboolean lpca_grid_upload(LpcaGrid *grid, const struct lpca *lpca,
     if (!gpu_check("the eigen-BRDFs' buffer", error))
         return FALSE;
     for (int k = 0; k < lpca->n_clusters; k++)
-        put_cluster(&r, k, n_pages, values, words, ret_scales);
+        lpca_grid_put_cluster(&r, k, n_pages, values, words, ret_scales);
     glGenTextures(1, &grid->brdfs);
     glBindTexture(GL_TEXTURE_BUFFER, grid->brdfs);
     glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32UI, grid->buffer);
@@ -191,7 +193,7 @@ static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, G
                     grid->n, LEAST);
         return FALSE;
     }
-    if (texels_of(lpca, grid->n) <= most)
+    if (lpca_grid_texels_of(lpca, grid->n) <= most)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                 "%d clusters of %d components on a grid of %d are more than %s takes (%d samples "

@@ -1,5 +1,5 @@
 /*
- * Local PCA drawn faster than by lpca_view.h and lpca_revised.h: eigen-BRDFs are sampled anew on a
+ * Local PCA drawn faster than by lpca_view.h and lpca_revised.h: eigen-BRDFs are sampled again on a
  * regular grid of the hemisphere's square (directions.h), for views and for lights, which takes the
  * place of Schneider 2004 §6's elevated concentric map. Between the samples they are linear in the
  * simplex of the four coordinates around (v, l): five samples, where pairs of measured directions

@@ -34,7 +34,7 @@ static int lpca_revised_fitting(const struct lpca *lpca) {
 }
 
 /* The eigen-BRDFs of a pyramid sampled on a grid, as lpca_resample() gives them; the caller's. */
-static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error) {
+static struct lpca *lpca_revised_on_grid(const struct lpca *lpca, int n_grid, GError **error) {
     const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
     floats->quantise = LPCA_FLOAT; /* what the file had is floats in memory */
@@ -57,7 +57,7 @@ static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error)
 /* The samples of a table in the order of a texture: (s_v, t_v) and then (s_l, t_l), the sky last.
  * The weight of a sample in an even sky is by the trapezoidal rule: equal areas of the map are
  * equal solid angles. */
-static void fill_block(int n, const float *values, float *ret) {
+static void lpca_revised_fill_block(int n, const float *values, float *ret) {
     const int samples = n * n;
     const double area = 2.0 / ((n - 1) * (n - 1));
     float *sky = ret + 3 * (gsize)samples * samples;
@@ -75,7 +75,7 @@ static void fill_block(int n, const float *values, float *ret) {
     }
 }
 
-static guint volume(int format, int width, int height, int depth) {
+static guint lpca_revised_volume(int format, int width, int height, int depth) {
     GLuint texture;
     glGenTextures(1, &texture);
     glBindTexture(GL_TEXTURE_3D, texture);
@@ -105,17 +105,18 @@ static gboolean lpca_revised_fits(LpcaRevised *r, const struct lpca *grid, GErro
     return FALSE;
 }
 
-static gboolean make_volumes(LpcaRevised *r, const struct lpca *grid, GError **error) {
+static gboolean lpca_revised_make_volumes(LpcaRevised *r, const struct lpca *grid, GError **error) {
     const int width = r->n_columns * r->n, depth = r->n * r->n + 1;
     const int rows = (grid->n_clusters + r->n_columns - 1) / r->n_columns;
-    r->means = volume(GL_RGBA16F, width, rows * r->n, depth);
-    r->brdfs = volume(GL_RGBA8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
+    r->means = lpca_revised_volume(GL_RGBA16F, width, rows * r->n, depth);
+    r->brdfs =
+        lpca_revised_volume(GL_RGBA8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
 /* To signed bytes, which the card reads as −1 … 1, with a scale for each table (Schneider 2004
  * §6.3). */
-static float quantise(const float *values, gsize n, gint8 *ret_steps) {
+static float lpca_revised_quantise(const float *values, gsize n, gint8 *ret_steps) {
     float largest = 0;
     for (gsize k = 0; k < n; k++)
         largest = fmaxf(largest, fabsf(values[k]));
@@ -124,16 +125,16 @@ static float quantise(const float *values, gsize n, gint8 *ret_steps) {
     return largest;
 }
 
-static void put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int i, float *block,
-                      gint8 *steps) {
+static void lpca_revised_put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int i,
+                                   float *block, gint8 *steps) {
     const gsize samples = (gsize)r->n * r->n, size = 3 * samples * samples;
     const int table = cluster * (grid->n_components + 1) + i;
     const int x = cluster % r->n_columns * r->n, row = cluster / r->n_columns;
     const int y = (i == 0 ? row : row * grid->n_components + i - 1) * r->n;
-    fill_block(r->n, grid->brdfs + size * table, block);
+    lpca_revised_fill_block(r->n, grid->brdfs + size * table, block);
     glBindTexture(GL_TEXTURE_3D, i == 0 ? r->means : r->brdfs);
     if (i > 0)
-        grid->scales[table] = quantise(block, size + 3 * samples, steps);
+        grid->scales[table] = lpca_revised_quantise(block, size + 3 * samples, steps);
     else
         for (gsize k = 0; k < size + 3 * samples; k++)
             block[k] = CLAMP(block[k], -HALF_MAX, HALF_MAX);
@@ -143,34 +144,34 @@ static void put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int 
 
 static gboolean lpca_revised_upload(LpcaRevised *r, struct lpca *grid, GError **error) {
     const gsize samples = grid->layout.views.n, values = 3 * samples * (samples + 1);
-    if (!lpca_revised_fits(r, grid, error) || !make_volumes(r, grid, error))
+    if (!lpca_revised_fits(r, grid, error) || !lpca_revised_make_volumes(r, grid, error))
         return FALSE;
     g_autofree float *block = g_new(float, values);
     g_autofree gint8 *steps = g_new(gint8, values);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     for (int k = 0; k < grid->n_clusters; k++)
         for (int i = 0; i <= grid->n_components; i++)
-            put_table(r, grid, k, i, block, steps);
+            lpca_revised_put_table(r, grid, k, i, block, steps);
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
-static void square_of(struct vec3 d, double ret[2]) {
+static void lpca_revised_square_of(struct vec3 d, double ret[2]) {
     const float at[3] = {(float)d.x, (float)d.y, (float)d.z};
     direction_grid_square(at, &ret[0], &ret[1]);
 }
 
-static void fill_view(struct vec3 direction, gpointer data, float ret[4]) {
+static void lpca_revised_fill_view(struct vec3 direction, gpointer data, float ret[4]) {
     double at[2];
-    square_of(direction, at);
+    lpca_revised_square_of(direction, at);
     ret[0] = (float)at[0];
     ret[1] = (float)at[1];
     ret[2] = ret[3] = 0;
 }
 
-static void fill_light(struct vec3 direction, gpointer data, float ret[4]) {
+static void lpca_revised_fill_light(struct vec3 direction, gpointer data, float ret[4]) {
     const LpcaRevised *r = data;
     double at[2];
-    square_of(direction, at);
+    lpca_revised_square_of(direction, at);
     const double t = at[1] * (r->n - 1), s = 0.5 + at[0] * (r->n - 1), depth = r->n * r->n + 1;
     const int i = MIN((int)t, r->n - 2);
     ret[0] = (float)((i * r->n + s) / depth);
@@ -183,14 +184,14 @@ static gboolean lpca_revised_make(LpcaRevised *r, const struct lpca_pyramid *pyr
                                   GError **error) {
     if (!lpca_pyramid_is_linear(pyramid, error))
         return FALSE;
-    struct lpca *grid = on_grid(pyramid->lpca, n_grid, error);
+    struct lpca *grid = lpca_revised_on_grid(pyramid->lpca, n_grid, error);
     const gboolean ok = grid != NULL && lpca_revised_upload(r, grid, error) &&
                         lpca_texels_init(&r->texels, pyramid, grid->scales, error);
     lpca_free(grid);
     if (!ok)
         return FALSE;
-    r->view_map = cube_map_new(VIEW_SIZE, TRUE, fill_view, r);
-    r->light_map = cube_map_new(LIGHT_SIZE, FALSE, fill_light, r);
+    r->view_map = cube_map_new(VIEW_SIZE, TRUE, lpca_revised_fill_view, r);
+    r->light_map = cube_map_new(LIGHT_SIZE, FALSE, lpca_revised_fill_light, r);
     return gpu_check("the cube maps", error);
 }
 

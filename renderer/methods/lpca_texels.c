@@ -57,7 +57,7 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
             g_set_error(
                 error, GPU_ERROR, GPU_ERROR_FAILED,
                 "mip level %d has %zu × %zu texels and %zu × %zu directions, which does not "
-                "fit level 0; compress the material anew",
+                "fit level 0; compress the material again",
                 k, layout->width, layout->height, layout->views.n, layout->lights.n);
             return FALSE;
         }
@@ -67,7 +67,7 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
 
 /* Concatenates the eigen-BRDFs of all levels; components that a level lacks are 0, with weight 0.
  */
-static void join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
+static void lpca_texels_join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
     const gsize size = 3 * joined->layout.views.n * joined->layout.lights.n;
     const gsize tables = joined->n_components + 1;
     joined->brdfs = g_new0(float, size *tables * joined->n_clusters);
@@ -109,7 +109,7 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
     pyramid->owned = TRUE;
     pyramid->lpca->n_clusters = n_clusters;
     pyramid->lpca->n_components = n_components;
-    join_brdfs(pyramid->lpca, pyramid);
+    lpca_texels_join_brdfs(pyramid->lpca, pyramid);
     return TRUE;
 }
 
@@ -131,9 +131,9 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* A packed material has one cluster with too many components to be drawn: it is clustered anew,
+/* A packed material has one cluster with too many components to be drawn: it is clustered again,
  * with the default numbers of “mesorig compress”. */
-static gboolean make_drawable(struct lpca **lpca, GError **error) {
+static gboolean lpca_texels_make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
         return TRUE;
@@ -148,15 +148,16 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     const int n = lpca_read_levels(path, levels, error);
     gboolean ok = n > 0;
     for (int k = 0; ok && k < n; k++)
-        ok = make_drawable(&levels[k], error);
+        ok = lpca_texels_make_drawable(&levels[k], error);
     gpointer view = ok ? make(levels, n, error) : NULL;
     for (int k = 0; k < n; k++)
         lpca_free(levels[k]);
     return view;
 }
 
-/* Of each texel and of its three neighbours, so that four take one fetch. */
-static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
+/* Uploads the cluster of each texel with those of its three neighbours, so that one fetch reads
+ * four. */
+static void lpca_texels_upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;
     g_autofree guint16 *clusters = g_new(guint16, 4 * (gsize)w * h);
@@ -168,8 +169,8 @@ static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
                  clusters);
 }
 
-static void upload_weights(const struct lpca_pyramid *pyramid, const float *scales, int level,
-                           int pages) {
+static void lpca_texels_upload_weights(const struct lpca_pyramid *pyramid, const float *scales,
+                                       int level, int pages) {
     const struct lpca *lpca = pyramid->levels[level];
     const gsize n = btf_layout_texels(&lpca->layout);
     const int tables = pyramid->lpca->n_components + 1;
@@ -189,7 +190,7 @@ static void upload_weights(const struct lpca_pyramid *pyramid, const float *scal
 }
 
 /* Texels are fetched, never filtered; complete with these levels. */
-static guint mipmapped(GLenum target, int n_levels) {
+static guint lpca_texels_mipmapped(GLenum target, int n_levels) {
     GLuint texture;
     glGenTextures(1, &texture);
     glBindTexture(target, texture);
@@ -205,12 +206,12 @@ gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid 
     texels->n_levels = pyramid->n_levels;
     texels->log = pyramid->lpca->colours == LPCA_LOG;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    texels->clusters = mipmapped(GL_TEXTURE_2D, texels->n_levels);
+    texels->clusters = lpca_texels_mipmapped(GL_TEXTURE_2D, texels->n_levels);
     for (int level = 0; level < texels->n_levels; level++)
-        upload_clusters(pyramid, level);
-    texels->weights = mipmapped(GL_TEXTURE_2D_ARRAY, texels->n_levels);
+        lpca_texels_upload_clusters(pyramid, level);
+    texels->weights = lpca_texels_mipmapped(GL_TEXTURE_2D_ARRAY, texels->n_levels);
     for (int level = 0; level < texels->n_levels; level++)
-        upload_weights(pyramid, scales, level, MAX(1, (texels->n_components + 3) / 4));
+        lpca_texels_upload_weights(pyramid, scales, level, MAX(1, (texels->n_components + 3) / 4));
     return gpu_check("the weights' texture", error);
 }
 

@@ -44,7 +44,7 @@ gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid 
                           const float *scales, GError **error);
 void lpca_texels_clear(struct lpca_texels *texels);
 
-/* Of lpca_texel.glsl; see method.h. */
+/* The constants of lpca_texel.glsl; see struct method. g_free() */
 char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
 
 gint64 lpca_texels_bytes(const struct lpca_texels *texels);

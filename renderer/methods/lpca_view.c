@@ -11,7 +11,7 @@
 
 struct LpcaView {
     struct lpca_texels texels;
-    struct lpca_stack stack; /* a row a view; columns are lights and the sky, each with all
+    struct lpca_stack stack; /* a row per view; columns are lights and the sky, each with all
                                 components */
     guint brdfs;
     guint skies; /* of logarithms, else 0 */
@@ -19,7 +19,7 @@ struct LpcaView {
     struct direction_textures views, lights;
 };
 
-/* A row a view, which has of each component the lights as measured, and the sky. */
+/* One row per view: for each component the measured lights, then the sky. */
 static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack,
                                    int cluster, const float *sky, float *ret) {
     const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;
@@ -38,8 +38,8 @@ static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_st
         }
 }
 
-static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
-                             GError **error) {
+static gboolean lpca_view_upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
+                                       GError **error) {
     const struct lpca_stack *stack = &view->stack;
     g_autofree float *block = g_new(float, 3 * (gsize)stack->n_columns * stack->n_rows);
     view->brdfs = lpca_stack_texture(stack, error);
@@ -52,8 +52,8 @@ static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const floa
     return gpu_check("the eigen-BRDFs' texture", error);
 }
 
-/* Of one level: each texel's reflectance under an even sky, a layer a view. */
-static void put_skies(const struct lpca *lpca, int level, const float *sky) {
+/* Uploads one level of each texel's reflectance under an even sky, one layer per view. */
+static void lpca_view_put_skies(const struct lpca *lpca, int level, const float *sky) {
     const gsize texels = btf_layout_texels(&lpca->layout);
     const gsize pairs = lpca->layout.views.n * lpca->layout.lights.n;
     g_autofree float *rgb = g_new(float, 3 * pairs);
@@ -71,8 +71,8 @@ static void put_skies(const struct lpca *lpca, int level, const float *sky) {
                     lpca->layout.views.n, GL_RGB, GL_FLOAT, layers);
 }
 
-static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid, const float *sky,
-                             GError **error) {
+static gboolean lpca_view_upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid,
+                                       const float *sky, GError **error) {
     const struct lpca *first = pyramid->levels[0];
     GLint layers = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
@@ -86,7 +86,7 @@ static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid,
     view->skies = gpu_texture_levels(GL_RGBA16F, first->layout.width, first->layout.height,
                                      first->layout.views.n, pyramid->n_levels);
     for (int k = 0; k < pyramid->n_levels; k++)
-        put_skies(pyramid->levels[k], k, sky);
+        lpca_view_put_skies(pyramid->levels[k], k, sky);
     return gpu_check("the texture of the even sky", error);
 }
 
@@ -101,9 +101,10 @@ static gboolean lpca_view_make(LpcaView *view, const struct lpca_pyramid *pyrami
     view->ambient_column = lpca->layout.lights.n * (lpca->n_components + 1);
     view->views = direction_cube_new(directions.views, FALSE);
     view->lights = direction_cube_new(directions.lights, TRUE);
-    const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&
-                        upload_brdfs(view, lpca, directions.sky, error) &&
-                        (!view->texels.log || upload_skies(view, pyramid, directions.sky, error));
+    const gboolean ok =
+        lpca_texels_init(&view->texels, pyramid, NULL, error) &&
+        lpca_view_upload_brdfs(view, lpca, directions.sky, error) &&
+        (!view->texels.log || lpca_view_upload_skies(view, pyramid, directions.sky, error));
     lpca_directions_clear(&directions);
     return ok;
 }
@@ -128,7 +129,7 @@ void lpca_view_free(LpcaView *view) {
     g_free(view);
 }
 
-static void set_int(guint program, const char *name, int value) {
+static void lpca_view_set_int(guint program, const char *name, int value) {
     glUniform1i(glGetUniformLocation(program, name), value);
 }
 
@@ -140,9 +141,9 @@ static void lpca_view_bind_all(gpointer material, guint program, const struct me
     gpu_bind_texture(program, "brdfs", 0, GL_TEXTURE_2D_ARRAY, view->brdfs);
     if (view->texels.log)
         gpu_bind_texture(program, "skies", 7, GL_TEXTURE_2D_ARRAY, view->skies);
-    set_int(program, "n_rows", view->stack.n_rows);
-    set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
-    set_int(program, "ambient_column", view->ambient_column);
+    lpca_view_set_int(program, "n_rows", view->stack.n_rows);
+    lpca_view_set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
+    lpca_view_set_int(program, "ambient_column", view->ambient_column);
 }
 
 static char *lpca_view_constants(gconstpointer material, const struct method_style *style) {

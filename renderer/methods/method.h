@@ -40,7 +40,7 @@ struct method {
      * ambient × that under an even sky. lit is 0 in a shadow, else 1. */
     const char *const *shaders;
     /* The following belong to the thread of the GL context. open reads a file and puts it on the
-     * card; of what needs none, path is that of a normal map, or NULL. */
+     * card; for a method without a material file, path is that of a normal map, or NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
     /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */

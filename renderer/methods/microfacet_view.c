@@ -31,14 +31,14 @@ struct material {
 };
 
 /* Slopes are those of the normal: it leans towards the foot of a boss. */
-static struct vec3 normal_of(double x, double y) {
+static struct vec3 microfacet_view_normal_of(double x, double y) {
     const double length = sqrt(x * x + y * y + 1);
     return (struct vec3){x / length, y / length, 1 / length};
 }
 
 /* Bosses on a lattice, whose sides are as steep as BUMP_SLOPE half way down; the same all over a
  * texel of the normal map. */
-static struct vec3 metal_normal(const double at[2]) {
+static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const int i = (int)floor((at[0] - floor(at[0])) * SIZE);
     const int j = (int)floor((at[1] - floor(at[1])) * SIZE);
     const double x = (i + 0.5) / SIZE, y = (j + 0.5) / SIZE;
@@ -46,9 +46,10 @@ static struct vec3 metal_normal(const double at[2]) {
     const double r = hypot(u, v) / BUMP_RADIUS;
     const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
     if (!(r > 0))
-        return normal_of(0, -0.0);
+        return microfacet_view_normal_of(0, -0.0);
     /* rows run down */
-    return normal_of(slope * u / (r * BUMP_RADIUS), -(slope * v / (r * BUMP_RADIUS)));
+    return microfacet_view_normal_of(slope * u / (r * BUMP_RADIUS),
+                                     -(slope * v / (r * BUMP_RADIUS)));
 }
 
 void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model model,
@@ -56,14 +57,14 @@ void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model 
                            struct vec3 *ret_normal) {
     *ret_surface = surfaces[which][model];
     if (which == MICROFACET_METAL) {
-        *ret_normal = metal_normal(x);
+        *ret_normal = microfacet_view_metal_normal(x);
         return;
     }
     const double u = x[0] * YARNS, v = x[1] * YARNS;
     const gboolean warp = ((gint64)floor(u) + (gint64)floor(v)) % 2 == 0;
     const double p = 2 * (u - floor(u)) - 1, q = 1 - 2 * (v - floor(v));
-    *ret_normal =
-        normal_of(p * (double)(warp ? ACROSS : ALONG), q * (double)(warp ? ALONG : ACROSS));
+    *ret_normal = microfacet_view_normal_of(p * (double)(warp ? ACROSS : ALONG),
+                                            q * (double)(warp ? ALONG : ACROSS));
     if (warp) {
         ret_surface->rough[0] = surfaces[which][model].rough[1];
         ret_surface->rough[1] = surfaces[which][model].rough[0];
@@ -73,13 +74,13 @@ void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model 
         ret_surface->diffuse[c] = weft_diffuse[c];
 }
 
-static struct normal_map *bosses(void) {
+static struct normal_map *microfacet_view_bosses(void) {
     struct normal_map *map = g_new0(struct normal_map, 1);
     *map = (struct normal_map){SIZE, SIZE, g_new(float, 2 * SIZE * SIZE)};
     for (int j = 0; j < SIZE; j++)
         for (int i = 0; i < SIZE; i++) {
             const double at[2] = {(i + 0.5) / SIZE, (j + 0.5) / SIZE};
-            const struct vec3 n = metal_normal(at);
+            const struct vec3 n = microfacet_view_metal_normal(at);
             map->xy[2 * (j * SIZE + i)] = (float)n.x;
             map->xy[2 * (j * SIZE + i) + 1] = (float)n.y;
         }
@@ -104,7 +105,7 @@ static gboolean microfacet_view_upload(struct material *material, const struct n
     return gpu_check("the normal map", error);
 }
 
-static void free_material(gpointer data) {
+static void microfacet_view_free_material(gpointer data) {
     struct material *material = data;
     if (material == NULL)
         return;
@@ -112,24 +113,25 @@ static void free_material(gpointer data) {
     g_free(material);
 }
 
-static gpointer open_surface(enum microfacet_surface surface, enum microfacet_model model,
-                             const char *path, GError **error) {
+static gpointer microfacet_view_open_surface(enum microfacet_surface surface,
+                                             enum microfacet_model model, const char *path,
+                                             GError **error) {
     struct material *material = g_new0(struct material, 1);
     material->surface = surface;
     material->facets = surfaces[surface][model];
     if (surface != MICROFACET_METAL)
         return material;
-    struct normal_map *map = path != NULL ? normal_map_read(path, error) : bosses();
+    struct normal_map *map = path != NULL ? normal_map_read(path, error) : microfacet_view_bosses();
     const gboolean good = map != NULL && microfacet_view_upload(material, map, error);
     normal_map_free(map);
     if (!good)
-        g_clear_pointer(&material, free_material);
+        g_clear_pointer(&material, microfacet_view_free_material);
     return material;
 }
 
 #define OPEN(ident, surface, model)                                                                \
     static gpointer open_##ident(const char *path, GError **error) {                               \
-        return open_surface(surface, model, path, error);                                          \
+        return microfacet_view_open_surface(surface, model, path, error);                          \
     }
 OPEN(metal_ward, MICROFACET_METAL, MICROFACET_WARD)
 OPEN(metal_ashikhmin, MICROFACET_METAL, MICROFACET_ASHIKHMIN)
@@ -149,7 +151,8 @@ static void microfacet_view_set_colour(guint program, const char *name, const fl
     glUniform3fv(glGetUniformLocation(program, name), 1, rgb);
 }
 
-static void bind_material(gpointer data, guint program, const struct method_style *style) {
+static void microfacet_view_bind_material(gpointer data, guint program,
+                                          const struct method_style *style) {
     const struct material *material = data;
     gpu_bind_texture(program, "normals", 0, GL_TEXTURE_2D, material->normals);
     if (material->normals != 0) {
@@ -175,8 +178,9 @@ static const char *const fabric_ashikhmin[] = {"ashikhmin.glsl", "microfacet.gls
 #define SURFACE(ident, text, id, normals)                                                          \
     {                                                                                              \
         .name = (ident), .title = (text), .shaders = (id), .open = open_##id,                      \
-        .free = free_material, .constants = microfacet_view_constants,                             \
-        .bytes = microfacet_view_bytes, .bind = bind_material, .takes_normals = (normals),         \
+        .free = microfacet_view_free_material, .constants = microfacet_view_constants,             \
+        .bytes = microfacet_view_bytes, .bind = microfacet_view_bind_material,                     \
+        .takes_normals = (normals),                                                                \
     }
 
 const struct method methods_microfacet[MICROFACET_METHODS] = {

@@ -19,7 +19,7 @@ void normal_map_free(struct normal_map *map) {
     g_free(map);
 }
 
-static struct normal_map *map_new(int width, int height) {
+static struct normal_map *normal_map_new(int width, int height) {
     struct normal_map *map = g_new0(struct normal_map, 1);
     map->width = width;
     map->height = height;
@@ -36,11 +36,12 @@ static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3]
         map->xy[2 * k + 1] = n[1] / length;
         return TRUE;
     }
-    g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                "%s: texel (%d, %d) is (%.3g, %.3g, %.3g), which is no normal of a surface; give a "
-                "normal map in tangent space",
-                path, (int)(k % (gsize)map->width), (int)(k / (gsize)map->width), (double)n[0],
-                (double)n[1], (double)n[2]);
+    g_set_error(
+        error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
+        "%s: texel (%d, %d) is (%.3g, %.3g, %.3g), which is not a normal of a surface; give a "
+        "normal map in tangent space",
+        path, (int)(k % (gsize)map->width), (int)(k / (gsize)map->width), (double)n[0],
+        (double)n[1], (double)n[2]);
     return FALSE;
 }
 
@@ -54,7 +55,7 @@ struct png_reading {
     GError *why; /* it is not even begun to be decoded */
 };
 
-static void on_error(png_structp png, png_const_charp text) {
+static void normal_map_on_error(png_structp png, png_const_charp text) {
     struct png_reading *reading = png_get_error_ptr(png);
     g_free(reading->message);
     reading->message = g_strdup(text);
@@ -94,9 +95,9 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
     return TRUE;
 }
 
-static struct normal_map *map_of_rows(const struct png_reading *reading, const char *path,
-                                      GError **error) {
-    struct normal_map *map = map_new(reading->width, reading->height);
+static struct normal_map *normal_map_of_rows(const struct png_reading *reading, const char *path,
+                                             GError **error) {
+    struct normal_map *map = normal_map_new(reading->width, reading->height);
     const gsize n = (gsize)map->width * (gsize)map->height;
     for (gsize k = 0; k < n; k++) {
         float normal[3];
@@ -113,7 +114,7 @@ static struct normal_map *map_of_rows(const struct png_reading *reading, const c
     return map;
 }
 
-static struct normal_map *read_png(const char *path, GError **error) {
+static struct normal_map *normal_map_read_png(const char *path, GError **error) {
     struct png_reading reading = {.path = path};
     struct normal_map *map = NULL;
     const int fd = input_file_open(path, G_MAXINT64, &reading.length, &reading.why);
@@ -123,13 +124,13 @@ static struct normal_map *read_png(const char *path, GError **error) {
         return NULL;
     }
     reading.file = fdopen(fd, "rb");
-    png_structp png =
-        png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, on_error, normal_map_on_warning);
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, normal_map_on_error,
+                                             normal_map_on_warning);
     png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
     const gboolean good = info != NULL && normal_map_decode(png, info, &reading);
     png_destroy_read_struct(&png, &info, NULL);
     if (good)
-        map = map_of_rows(&reading, path, error);
+        map = normal_map_of_rows(&reading, path, error);
     else if (reading.why != NULL)
         input_file_propagate(g_steal_pointer(&reading.why), NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_IO,
                              NORMAL_MAP_ERROR_FORMAT, error);
@@ -143,19 +144,19 @@ static struct normal_map *read_png(const char *path, GError **error) {
     return map;
 }
 
-static gboolean find_planes(const struct exr_part *part, const char *const names[3],
-                            const float *ret_planes[3]) {
+static gboolean normal_map_find_planes(const struct exr_part *part, const char *const names[3],
+                                       const float *ret_planes[3]) {
     for (int c = 0; c < 3; c++)
         ret_planes[c] = exr_part_plane(part, names[c]);
     return ret_planes[0] != NULL && ret_planes[1] != NULL && ret_planes[2] != NULL;
 }
 
-static struct normal_map *map_of_part(const struct exr_part *part, const char *path,
-                                      GError **error) {
+static struct normal_map *normal_map_of_part(const struct exr_part *part, const char *path,
+                                             GError **error) {
     static const char *const xyz[3] = {"X", "Y", "Z"}, *const rgb[3] = {"R", "G", "B"};
     const float *planes[3];
-    const gboolean plain = find_planes(part, xyz, planes);
-    if ((!plain && !find_planes(part, rgb, planes)) || part->width > NORMAL_MAP_MAX ||
+    const gboolean plain = normal_map_find_planes(part, xyz, planes);
+    if ((!plain && !normal_map_find_planes(part, rgb, planes)) || part->width > NORMAL_MAP_MAX ||
         part->height > NORMAL_MAP_MAX) {
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
                     "%s: a normal map has channels X, Y, Z, or R, G, B, and at most %d texels each "
@@ -163,7 +164,7 @@ static struct normal_map *map_of_part(const struct exr_part *part, const char *p
                     path, NORMAL_MAP_MAX);
         return NULL;
     }
-    struct normal_map *map = map_new(part->width, part->height);
+    struct normal_map *map = normal_map_new(part->width, part->height);
     for (gsize k = 0; k < (gsize)map->width * (gsize)map->height; k++) {
         float normal[3];
         for (int c = 0; c < 3; c++)
@@ -183,10 +184,10 @@ static struct normal_map *normal_map_read_exr(const char *path, GError **error) 
     const struct exr_part *part = exr_file_part(file, "normal");
     if (part == NULL && file->parts->len > 0)
         part = file->parts->pdata[0];
-    struct normal_map *map = part != NULL ? map_of_part(part, path, error) : NULL;
+    struct normal_map *map = part != NULL ? normal_map_of_part(part, path, error) : NULL;
     if (part == NULL)
-        g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT, "%s: there is no part in it",
-                    path);
+        g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
+                    "%s: the file has no part; save the normal map again", path);
     exr_file_free(file);
     return map;
 }
@@ -194,5 +195,5 @@ static struct normal_map *normal_map_read_exr(const char *path, GError **error) 
 struct normal_map *normal_map_read(const char *path, GError **error) {
     g_autofree char *lower = g_ascii_strdown(path, -1);
     return g_str_has_suffix(lower, ".exr") ? normal_map_read_exr(path, error)
-                                           : read_png(path, error);
+                                           : normal_map_read_png(path, error);
 }

@@ -57,7 +57,7 @@ static void slices_upload_values(const struct slices *slices, const struct slice
     }
 }
 
-/* A layer a view, and one of their pole. */
+/* A layer per view, and one of their pole. */
 static void slices_upload_ambients(const struct slices_level *from, int level, SlicesSky sky,
                                    const float *pole_share) {
     const gsize texels = btf_layout_texels(from->layout), n_views = from->layout->views.n;

@@ -31,7 +31,7 @@ static gboolean mdf_texture_check(int width, int height, int n_layers, GError **
     return FALSE;
 }
 
-/* Of factors: four maps lie in the channels of one layer. */
+/* Number of layers of an MDF in factors: the channels of one layer hold four maps. */
 static int n_map_layers(int n_terms) {
     return (n_terms + MAPS_A_LAYER - 1) / MAPS_A_LAYER;
 }

@@ -12,7 +12,7 @@ struct Relief {
     MdfTexture *mdf, *smooth;
     Visibility *eye, *lamp;      /* each keeps its textures at their size */
     ShadowMaps *first, *further; /* of the first lamp; of further ones, NULL until there are any */
-    /* Of what was prepared. */
+    /* What relief_prepare() has set for relief_bind(). */
     gboolean silhouettes, shadows; /* shadows: of the first lamp */
     int n_further;
     guint seen;

@@ -1,5 +1,5 @@
 /*
- * Shadow maps of lamps that are infinitely far away (Wang et al. 2005 §4.2), one layer a lamp.
+ * Shadow maps of lamps that are infinitely far away (Wang et al. 2005 §4.2), one layer per lamp.
  * Depth is that of the base of the structure: the shadows that the structure casts on itself are
  * already part of the BTF.
  */
@@ -28,7 +28,7 @@ struct shadow_scene {
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const float (*towards)[3], int n,
                           GError **error);
-void shadow_maps_forget(ShadowMaps *maps); /* all are drawn anew at the next call */
+void shadow_maps_forget(ShadowMaps *maps); /* all are drawn again at the next call */
 
 guint shadow_maps_texture(const ShadowMaps *maps);
 

@@ -8,7 +8,8 @@ enum compose_mode { COMPOSE_ONE, COMPOSE_SPLIT, COMPOSE_DIFFERENCE, COMPOSE_MODE
 struct compose {
     enum compose_mode mode;
     double at;   /* split: where, 0 (left) … 1 */
-    double gain; /* difference: so many times what the second is brighter, around middle grey */
+    double gain; /* difference: factor by which the brightness difference is amplified around middle
+                    grey */
 };
 
 typedef struct Compose Compose; /* belongs to the thread of the GL context */

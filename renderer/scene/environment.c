@@ -124,8 +124,7 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
     for (gsize k = 0; k < 3 * n; k++) {
         rgb[k] = planes[k % 3][k / 3];
         if (!isfinite(rgb[k]) || rgb[k] < 0.0f) {
-            environment_refuse(path, "a value is no amount of light (negative or not finite)",
-                               error);
+            environment_refuse(path, "a radiance is negative or not finite", error);
             return NULL;
         }
     }
@@ -140,7 +139,7 @@ struct environment *environment_read(const char *path, GError **error) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     float *rgb = NULL;
     if (part == NULL || part->height < 1 || part->width != 2 * part->height)
-        environment_refuse(path, "it has another shape (its width is not twice its height)", error);
+        environment_refuse(path, "its width is not twice its height", error);
     else if ((rgb = read_rgb(part, path, error)) != NULL) {
         ret = g_new(struct environment, 1);
         *ret = (struct environment){part->width, part->height, rgb};

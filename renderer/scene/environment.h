@@ -1,6 +1,6 @@
 /*
  * Light from all around as lamps: a picture of all directions is cut into parts that give equally
- * much light (median cut, Debevec 2005), and a lamp stands in the middle of the light of each.
+ * much light (median cut, Debevec 2005), and each part becomes a lamp at its centroid.
  *
  * The picture is an EXR with channels R, G, B of radiance, twice as wide as high: its first row is
  * the zenith, its middle column +x, and φ falls from left to right, as one sees it from inside.

@@ -1,5 +1,5 @@
-/* A check against the measurement: one rectified frame beside the same pair of directions as a
- * method draws it. */
+/* Compares a drawing method with the measurement: one rectified frame beside the picture that the
+ * method draws for the same directions of view and light. */
 #pragma once
 
 #include "reference.h"

@@ -9,7 +9,7 @@
 
 enum program_kind {
     PROGRAM_SURFACE, /* the mesh */
-    PROGRAM_RELIEF,  /* with what relief_bind() sets */
+    PROGRAM_RELIEF,  /* the mesh with relief: needs the uniforms of relief_bind() */
     PROGRAM_FLAT,    /* one tile; see viewer_render_flat() */
 };
 

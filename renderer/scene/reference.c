@@ -14,8 +14,8 @@
 G_DEFINE_QUARK(reference_error, reference_error)
 
 struct Reference {
-    GPtrArray *files;              /* paths, one a view */
-    GPtrArray *names;              /* of the parts, one a light */
+    GPtrArray *files;              /* paths, one per view */
+    GPtrArray *names;              /* of the parts, one per light */
     GArray *view_theta, *view_phi; /* of float, degrees */
     GArray *light_theta, *light_phi;
     int width, height;

@@ -57,7 +57,7 @@ double viewer_exposure(const struct viewer_settings *settings);
 
 typedef struct Viewer Viewer;
 
-/* Of eigen-maps; NULL: viewer_open() or viewer_set_method() follows before anything is drawn. */
+/* Makes a viewer of eigen-maps. NULL: call viewer_open() or viewer_set_method() before drawing. */
 Viewer *viewer_new(const struct eigenmaps *material, GError **error);
 void viewer_free(Viewer *viewer); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Viewer, viewer_free)
@@ -90,7 +90,7 @@ struct viewer_memory viewer_memory(const Viewer *viewer);
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
- * height); what draws does that by itself, but anew for every picture. */
+ * height); what draws does that by itself, but again for every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
 /* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */
@@ -124,13 +124,14 @@ enum viewer_geometry {
 float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *settings,
                               enum viewer_geometry which, int width, int height, GError **error);
 
-/* One tile seen flat, a texel of it wherever a pixel is, all from the same directions in its frame:
- * width × height × 4 floats, top row first, linear reflectance under the lamp alone. */
+/* Renders one flat tile, with one view direction and one light direction for all pixels (in the
+ * tile's frame): width × height × 4 floats, top row first, linear reflectance under the lamp alone.
+ */
 float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *settings,
                           const float to_view[3], const float to_light[3], int width, int height,
                           GError **error);
 
-/* The other half of viewer_render(): a linear picture of samples × samples a pixel, exposed and
+/* The other half of viewer_render(): a linear picture of samples × samples per pixel, exposed and
  * toned to width × height × 3 bytes. */
 guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *settings, const float *linear,
                        int width, int height, GError **error);

@@ -6,7 +6,7 @@ uniform vec3 lamp_towards[MAX_LAMPS];
 uniform vec3 lamp_colours[MAX_LAMPS];
 
 #if LAMP_SHADOWS
-uniform sampler2DArrayShadow further_maps;   // as shadow_map, a layer a lamp
+uniform sampler2DArrayShadow further_maps;   // as shadow_map, a layer per lamp
 uniform vec3 further_right[MAX_LAMPS]; // as shadow_right
 uniform vec3 further_range;
 

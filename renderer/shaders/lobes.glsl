@@ -1,7 +1,7 @@
 // Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (a slice a view, or one for
 // all), N_LOBES and ROTATION are constants.
 uniform sampler2DArray values;   // slice · n_pages + page
-uniform sampler2DArray ambients; // under an even sky, a layer a view and one of their pole
+uniform sampler2DArray ambients; // under an even sky, a layer per view and one of their pole
 uniform usampler2D view_indices;
 uniform sampler2D view_weights;
 uniform usampler2D pole; // which views the pole is the mean of

@@ -10,7 +10,7 @@ uniform int n_rows; // of a cluster: the views
 uniform int clusters_a_layer;
 uniform int ambient_column; // a light that is an even sky; not of logarithms
 #if LOG
-uniform sampler2DArray skies; // reflectance of each texel under it, a layer a view
+uniform sampler2DArray skies; // reflectance of each texel under it, a layer per view
 #endif
 
 ivec3 views, lights; // the three measured directions around v and l

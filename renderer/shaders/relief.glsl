@@ -6,7 +6,7 @@ in vec3 bending;
 uniform vec4 sight;  // w = 1: where the eye is; w = 0: unit, towards an eye far away
 uniform float reach; // with w = 0: distances are measured from a plane so far from the origin
 
-// Depths below the reference plane, a layer a view; or four maps a layer, see mdf_factors.h.
+// Depths below the reference plane, a layer per view; or four maps per layer, see mdf_factors.h.
 uniform sampler2DArray mdf_depths;
 uniform vec2 mdf_range;             // of views, mm: depth = x + y · texel value
 uniform int mdf_layers;             // of maps; 0: views

@@ -1,4 +1,4 @@
-/* Vectors as arrays of three floats, as meshes have them. */
+/* Vectors of three floats, the element type of meshes. */
 #pragma once
 
 static inline float float3_dot(const float a[3], const float b[3]) {

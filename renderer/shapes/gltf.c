@@ -142,7 +142,8 @@ static gboolean add_triangle(struct reader *r, const struct transform *p,
     const int three = 3;
     const gboolean turned = determinant(p) < 0.0;
     if (r->soup.corners->len >= SOUP_MAX_CORNERS || r->soup.positions->len >= SCENE_MAX_VERTICES)
-        return gltf_fail(&r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many triangles");
+        return gltf_fail(&r->gltf, SCENE_ERROR_TOO_LARGE, error,
+                         "it has too many triangles; simplify the mesh");
     for (int c = 0; c < 3; c++) {
         const gsize k = at[turned ? 2 - c : c];
         gint32 v = (gint32)(first + k);

@@ -317,7 +317,7 @@ GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error) {
     if (!find_numbers(gltf, accessor, 1, &numbers, error) || numbers.bytes == NULL)
         return NULL;
     if (numbers.type != 5121 && numbers.type != 5123 && numbers.type != 5125) {
-        gltf_bad(gltf, error, "indices of accessor %d are no unsigned integers", (int)accessor);
+        gltf_bad(gltf, error, "indices of accessor %d are not unsigned integers", (int)accessor);
         return NULL;
     }
     numbers.normalized = FALSE;

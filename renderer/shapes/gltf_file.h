@@ -34,5 +34,5 @@ JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 /* Numbers of an accessor, n_components each: unsigned integers as they are, or mapped to 0 … 1 or
  * −1 … 1 where it says normalized. Of float. */
 GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError **error);
-/* Of guint32, from an accessor of single unsigned integers. */
+/* Reads an accessor of scalar unsigned integers into an array of guint32. */
 GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error);

@@ -49,7 +49,7 @@ static void cylinder_point(const struct grid_shape *shape, double u, double v, s
     set3(ret->tangent, -sin(a), cos(a), 0.0);
 }
 
-/* Of the (2, 3) torus knot. */
+/* Point of the (2, 3) torus knot at parameter t. */
 static void knot_curve(double t, double ret[3]) {
     double r = 2.0 + cos(3.0 * t);
     ret[0] = r * cos(2.0 * t);
@@ -259,7 +259,7 @@ struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
     if (g_str_has_suffix(lower, ".gltf") || g_str_has_suffix(lower, ".glb"))
         return scene_read_gltf(name, up, error);
     g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
-                "“%s” is no shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
+                "“%s” is not a shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
                 ".obj, .gltf or .glb file",
                 name);
     return NULL;

@@ -36,7 +36,7 @@ struct mesh {
     guint32 *indices; /* three a triangle, counter-clockwise from outside */
     guint n_indices;
     float radius;            /* of the sphere around the origin that holds it */
-    double tiles_u, tiles_v; /* so many tiles look right */
+    double tiles_u, tiles_v; /* suggested number of tiles */
     /* The last of vertices and indices are a floor, which receives shadows and casts none, and need
      * neither lie within the radius nor fit into the picture. */
     guint n_floor_vertices, n_floor_indices;
@@ -68,8 +68,9 @@ struct mesh *scene_plane(void);
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
 struct mesh *scene_sphere(void); /* radius 1 */
 
-/* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; the
- * rest is passed over. Normals are made where they are missing. Moved and scaled to radius 1. */
+/* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; other
+ * statements are ignored. Missing normals are computed. The mesh is centred and scaled to radius 1.
+ */
 struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
 
 /* glTF 2.0, text or binary: triangles of its scene, with tangents of the file where there are any.

@@ -138,7 +138,8 @@ static guint32 soup_add_vertex(const struct soup *soup, struct builder *b,
     return index;
 }
 
-/* Of v along the surface, at right angles to the vertex's normal, unit; FALSE: nothing is left. */
+/* The unit vector of v's component perpendicular to the vertex's normal; FALSE: that component is
+ * 0. */
 static gboolean along_surface(const struct vertex *vertex, const float v[3], float ret[3]) {
     float off = float3_dot(v, vertex->normal);
     for (int k = 0; k < 3; k++)

@@ -1,4 +1,4 @@
-/* Polygons as files have them, on their way to a mesh. */
+/* Polygon soup: the polygons of an OBJ or glTF file before they become an indexed mesh. */
 #pragma once
 
 #include "scene.h"
@@ -20,7 +20,7 @@ struct soup {
 void soup_init(struct soup *soup);
 void soup_clear(struct soup *soup);
 
-/* Of y upwards to z upwards. */
+/* Rotates a vector from a y-up to the z-up convention. */
 void soup_y_to_z_up(float values[3]);
 
 /* Scales it to radius 1 around the origin. NULL with an error that begins with where. */

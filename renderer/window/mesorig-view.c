@@ -24,7 +24,7 @@ struct studio {
     Viewer *viewer, *second;
     Compose *compose;
     Reference *reference; /* NULL: from what the method opens */
-    guint8 *sheet;        /* of o->sheet columns; NULL: a file a frame */
+    guint8 *sheet;        /* of o->sheet columns; NULL: a file per frame */
     struct window_result drawn;
     GPtrArray *files;       /* paths that were written */
     double error;           /* of the last frame against its reference */

@@ -16,7 +16,7 @@ enum series_error {
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
 /* Waits until that share of the planned views is there: struct planned_view of all. The session
- * need not be there at first. wait_s: so long without a new view is an error. */
+ * need not be there at first. wait_s: time without a new view after which it is an error. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

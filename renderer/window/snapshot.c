@@ -35,7 +35,7 @@ static char *lamps_of(const struct viewer_settings *s) {
 /* What is not as it is by default, beside the number of samples. */
 static char *drawn_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
-    g_string_printf(text, "%d x %d samples a pixel", s->samples, s->samples);
+    g_string_printf(text, "%d x %d samples per pixel", s->samples, s->samples);
     if (s->plain)
         g_string_append(text, ", one texture times the cosine");
     if (s->style.nearest)

@@ -1,7 +1,7 @@
 /*
  * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All belongs to the
  * thread of the window's GL context; text is UTF-8. Between ui_begin() and ui_end(), every frame
- * anew, calls say what there is; those that return TRUE were just changed by the user.
+ * again, calls say what there is; those that return TRUE were just changed by the user.
  */
 #pragma once
 
@@ -21,7 +21,7 @@ void ui_end(Ui *ui); /* draws into the window's framebuffer */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 
-/* A panel at (x, y) in pixels, as high as what it holds; height 0, or that high. */
+/* Begins a panel with its corner at (x, y), in pixels; its height is that of its contents. */
 void ui_panel_begin(const char *title, float x, float y, float width);
 void ui_panel_end(void);
 gboolean ui_section(const char *title, gboolean open); /* whether it is unfolded */

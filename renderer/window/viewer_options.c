@@ -45,7 +45,7 @@ static gboolean parse_rotation(const char *option, const char *value, gpointer d
     return bad(error, option, value, "exact, approximate or none");
 }
 
-/* Of which all but the angles may be missing. */
+/* Parses THETA,PHI[,R,G,B]; the colour may be missing. */
 static gboolean parse_lamp(const char *option, const char *value, gpointer data, GError **error) {
     struct viewer_options *o = data;
     struct viewer_settings *s = &o->settings;
@@ -130,7 +130,7 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
         OPTION("frames", INT, &o->frames, "N", "With --render: this many pictures OUT_0000.png …"),
         OPTION("sheet", INT, &o->sheet, "COLUMNS",
-               "With --frames: one picture instead, with so many of them side by side"),
+               "With --frames: one picture instead, with this many frames side by side"),
         FLAG("reference", &o->reference,
              "With --render: from the session's whole BTF, not its eigen-maps; slow"),
         OPTION("split", STRING, &o->split, "METHOD",
@@ -143,9 +143,9 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         FLAG("live", &o->live,
              "Eigen-maps of the views that are there, while the session is still being captured"),
         OPTION("series", STRING, &o->series_text, "PERCENT,…",
-               "With --live: a picture each as soon as so much of the views is there"),
+               "With --live: a picture as soon as each of these shares of the views is there"),
         OPTION("wait-s", DOUBLE, &o->wait_s, "SECONDS",
-               "With --series: give up when no view comes for so long, default 600"),
+               "With --series: give up after this time without a new view, default 600"),
         FLAG("light-turn", &o->light_turn, "The light goes once around during the frames"),
         FLAG("camera-turn", &o->camera_turn, "The camera goes once around during the frames"),
         OPTION("close-after", INT, &o->close_after, "N", "Close the window after this many frames"),

@@ -125,7 +125,7 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
     return rgb != NULL || !w->panel;
 }
 
-/* The panel is drawn anew at every event, the picture behind it when it has changed. */
+/* The panel is drawn again at every event, the picture behind it when it has changed. */
 static gboolean window_draw_frame(struct window *w, struct window_result *ret, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);

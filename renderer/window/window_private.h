@@ -34,7 +34,8 @@ struct window {
     float histogram[3 * WINDOW_BINS];
     gboolean stale;               /* must be drawn again */
     gboolean panel, help;         /* shown */
-    gint64 file_time, asked_time; /* of the file that is shown, and of that which is being opened */
+    gint64 file_time,
+        asked_time; /* of the file that is shown, and of the one that is being opened */
     gint64 mdf_time, looked_us, views_us;
     int n_screenshots;
     Live *live; /* NULL: there is nothing to follow */

@@ -90,7 +90,7 @@ static void sim_camera_picture_free(struct picture *picture) {
     g_free(picture);
 }
 
-/* The camera lets go of it; if its thread is still at work, on_rendered() frees it. */
+/* Drops the camera's reference; if the thread is still rendering, on_rendered() frees it. */
 static void picture_drop(struct picture *picture) {
     if (!picture)
         return;
@@ -153,7 +153,8 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
     picture->rendering_us = processor_us() - begun_us;
-    /* Not g_main_context_invoke(): between two rounds of the main loop that would call it here. */
+    /* g_main_context_invoke() would call it in this thread while no main loop iteration owns the
+     * context. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 

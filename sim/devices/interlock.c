@@ -47,8 +47,9 @@ static void close_interlock(Interlock *interlock) {
 }
 
 const struct interlock_driver sim_interlock_driver = {
-    .info = {"interlock", "sim-interlock", "A door switch that is shut until told otherwise",
-             options, sizeof(struct sim_interlock)},
+    .info = {"interlock", "sim-interlock",
+             "A door switch that is closed, unless open_after_s opens it", options,
+             sizeof(struct sim_interlock)},
     .open = open_interlock,
     .close = close_interlock,
 };

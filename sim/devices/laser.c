@@ -34,7 +34,7 @@ static const struct option options[] = {
     {"fault_stays_on", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(fault_stays_on),
      "Fault: once on it shines on, though it says it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
-     "Fault: so often it neither goes off nor answers when it is told to"},
+     "Fault: number of commands to switch off that it neither obeys nor answers"},
     {NULL},
 };
 

@@ -206,7 +206,8 @@ static gboolean due(int *count) {
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
     if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
-        memcpy(ret, query, (gsize)n); /* libmodbus knows on and off alone; the answer is an echo */
+        memcpy(ret, query,
+               (gsize)n); /* libmodbus only knows the values on and off, so the echo is made here */
         return n;
     }
     modbus_set_socket(device->context, device->made[0]);

@@ -33,6 +33,6 @@ void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked); /* forward: st
 void virtual_tic_cut_switches(VirtualTic *tic);                   /* homing never finds any */
 
 double virtual_tic_steps(VirtualTic *tic);     /* where the motor truly is */
-double virtual_tic_speed(VirtualTic *tic);     /* steps a second */
+double virtual_tic_speed(VirtualTic *tic);     /* steps per second */
 double virtual_tic_top_speed(VirtualTic *tic); /* the fastest it ever was */
 gboolean virtual_tic_has_timed_out(VirtualTic *tic);

@@ -31,13 +31,13 @@ struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle, and cannot be asked for again */
     int blind;           /* triggers that are acknowledged and make no picture */
     int old;             /* pictures that are the one before, with its time stamp */
-    gint64 ahead_us;     /* time stamps of pictures are so much in the future */
-    gint64 late_us;      /* pictures leave so much later */
+    gint64 ahead_us;     /* time stamps of pictures are this far in the future */
+    gint64 late_us;      /* extra delay before a picture is sent */
     int odd;             /* pictures that say they are narrower than they are */
     gboolean stamps_end; /* time stamps mark the end of the exposure, as some makers' do */
     gint64 slow_us;      /* from the trigger to the exposure */
     gboolean announces;  /* the first packet of a picture leaves when it is triggered, too */
-    gint64 answer_us;    /* every answer on its control channel is so late */
+    gint64 answer_us;    /* delay of each answer on the control channel */
     double rounding_us;  /* exposures are multiples of this; 0: of 1 µs */
 
     /* GigE Vision alone. */

@@ -92,7 +92,7 @@ void imager_stop(struct imager *imager);
 void imager_write(struct imager *imager, guint address, guint32 value); /* with what it causes */
 void imager_get_state(struct imager *imager, struct virtual_camera_state *ret);
 
-/* Of the file, zeroes behind its end; of GENICAM_AT and on. */
+/* A byte of the GenICam file, which begins at address GENICAM_AT; 0 behind its end. */
 guint8 imager_xml_byte(const struct imager *imager, guint64 address);
 
 /* imager_genicam.c */

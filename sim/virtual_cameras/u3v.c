@@ -10,7 +10,7 @@
     9, 4, number, 0, n_endpoints, 0xef, 0x05, protocol, 0
 #define BULK(address) 7, 5, address, 2, 0x00, 0x04, 0, 6, 0x30, 15, 0, 0, 0
 
-/* Of what sort of camera it is: the string with its GUID, and that it knows all speeds. */
+/* Device information descriptor: index of the string with the GUID, and support of all speeds. */
 #define DEVICE_INFO 20, 0x24, 1, 1, 0, 1, 0, 1, 0, 1, 0, GUID_INDEX, 1, 2, 0, 0, 0, 3, 0, 0x0f
 
 #define CONFIG_SIZE (9 + 8 + 9 + 20 + 26 + 9 + 13)

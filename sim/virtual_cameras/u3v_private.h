@@ -20,7 +20,7 @@
 #define ABRM_STAMP_LATCH     0x01f8
 #define ABRM_STAMP_INCREMENT 0x01fc
 
-/* Those of USB3 Vision, of its stream, and where the GenICam file is. */
+/* Register addresses of USB3 Vision (SBRM), of its stream (SIRM) and of the GenICam file. */
 #define SBRM_AT         0x0400
 #define SBRM_VERSION    (SBRM_AT + 0x00)
 #define SBRM_CAPABILITY (SBRM_AT + 0x04)

@@ -54,7 +54,7 @@ static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
     u3v_put(to + 8, id - 1, 8); /* they count from 0 */
 }
 
-/* Of the transfer that comes next: as many of the one size as was said, then what is left. */
+/* Size of the next transfer: the set number of equal transfers, then the remainder. */
 static gsize payload_size(const VirtualU3v *camera) {
     gsize size = u3v_reg(camera, SIRM_PAYLOAD), count = u3v_reg(camera, SIRM_PAYLOAD_COUNT);
     gsize last = u3v_reg(camera, SIRM_TRANSFER1);

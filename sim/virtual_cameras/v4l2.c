@@ -17,7 +17,7 @@ struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id) {
     return NULL;
 }
 
-/* Of the handlers below, each answers 0 or an errno; argument is the ioctl's struct. */
+/* Each handler below returns 0 or an errno; argument is the ioctl's struct. */
 
 static guint32 type_of(const VirtualV4l2 *camera) {
     return camera->config.planes ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE;

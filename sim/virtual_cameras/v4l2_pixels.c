@@ -6,7 +6,7 @@
 #define ROW_ALIGN 32
 
 struct layout {
-    int bits, bytes, pixels; /* so many bytes hold so many pixels */
+    int bits, bytes, pixels; /* `bytes` bytes hold `pixels` pixels */
     guint32 fourcc[5];       /* by enum cfa */
 };
 

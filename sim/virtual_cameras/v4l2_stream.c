@@ -11,7 +11,8 @@ static gint32 v4l2_stream_setting(VirtualV4l2 *camera, guint32 id, gint32 otherw
     return control ? control->value : otherwise;
 }
 
-/* Of the frame's interval, between the end of an exposure and its first and last data. */
+/* Delay from the end of an exposure to its first and last data, as a share of the frame interval.
+ */
 #define FIRST_DATA_PART 0.1
 #define LAST_DATA_PART  0.4
 

@@ -25,7 +25,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Tells what there is, as the options ask. */
+/* Writes the rig file, and prints the virtual devices as text or JSON. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);

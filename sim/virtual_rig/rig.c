@@ -13,7 +13,7 @@
 
 #define FIRST_U3V_PORT (MAX_USB + 1) /* of the virtual bus */
 
-/* Of a line: a busy desk computer is slower than a drive. */
+/* Timeouts of a line: a busy desktop computer answers later than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
 /* The same for all sections of a board, and longer than a busy machine holds a program up. */
@@ -49,7 +49,7 @@ void rig_set_error(GError **error, const struct config_section *section, const c
     config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "%s", what);
 }
 
-/* The section with what the simulated driver alone takes left out. */
+/* Copies a section without the options that only the simulated driver has. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to) {
     g_string_append_printf(rig->text, "\n[%s]\n", section->group);
@@ -352,7 +352,9 @@ static gboolean virtual_rig_add_section(VirtualRig *rig, const struct config_sec
         if (g_str_equal(kinds[i].driver, driver))
             return (rig_is_usb(rig, section) ? kinds[i].add_usb : kinds[i].add)(rig, section,
                                                                                 error);
-    rig_set_error(error, section, "only simulated devices have a virtual one to stand for them");
+    g_autofree char *what =
+        g_strdup_printf("driver = %s has no virtual device; choose a sim-… driver", driver);
+    rig_set_error(error, section, what);
     return FALSE;
 }
 

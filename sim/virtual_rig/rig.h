@@ -49,7 +49,7 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_fault
 /* Faults of all its Modbus devices from now on. */
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
-/* A GigE Vision camera loses power for so long. name: of its section. */
+/* Interrupts the power of a GigE Vision camera. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
 /* What shines, and what moves, now. */

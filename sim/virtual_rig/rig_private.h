@@ -67,7 +67,7 @@ void rig_set_error(GError **error, const struct config_section *section, const c
 
 /* The world that a section names, which must be that of the others. Owned by rig. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
-/* Of the lamps that a bank switches, in their order; g_strfreev(). */
+/* Names of the lamps that a bank switches, in order; g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
 char *rig_axis_part(const struct config_section *section); /* by world_part_find(); g_free() */
 

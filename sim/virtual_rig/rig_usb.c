@@ -66,7 +66,8 @@ char *virtual_rig_environment(const VirtualRig *rig) {
                            g_getenv("UMOCKDEV_DIR"));
 }
 
-/* The next port of the bus that Tics and boards are on; 0 if there is none. */
+/* The next free port of the virtual USB bus of Tics and relay boards; 0 with an error if all are
+ * taken. */
 static int next_port(const VirtualRig *rig, const struct config_section *section, GError **error) {
     int port = 1 + rig->n_tics + rig->n_relays;
     if (port <= MAX_USB)
@@ -75,7 +76,8 @@ static int next_port(const VirtualRig *rig, const struct config_section *section
     return 0;
 }
 
-/* Where it homes: an axis with an end, at a switch there; one that turns on, where it stands. */
+/* Homing position: an axis with limits homes at a switch below min_deg, an endless one where it
+ * stands. */
 static gboolean find_switch(const struct config_section *section, double *ret_deg, GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     double min_deg = rig_number(section, sim, "min_deg");

@@ -14,7 +14,7 @@ const struct option sample_option_table[] = {
     {"width_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(width_mm), "size along x"},
     {"height_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(height_mm), "size along y"},
     {"base_mm", OPTION_DOUBLE, "mm", 0, 100, "1", NULL, AT(base_mm),
-     "height of the structure's deepest places above the turntable's top"},
+     "height of the structure's deepest points above the turntable's top"},
     {"relief_mm", OPTION_DOUBLE, "mm", 0, 100, "3", NULL, AT(relief_mm),
      "depth of the structure, roughly"},
     {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
@@ -210,9 +210,9 @@ static gboolean sample_check_options(const struct config_section *section,
         return FALSE;
     if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "period_mm",
-                         "%g is too small for a sample of this size: more than 200 of them would "
-                         "fit",
-                         options->period_mm);
+                         "%g mm is too short for a sample of this size, which may have 200 "
+                         "periods: give at least %g mm",
+                         options->period_mm, MAX(options->width_mm, options->height_mm) / 200);
         return FALSE;
     }
     gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;

@@ -11,9 +11,8 @@
 
 #define SPREAD_STEPS 512
 
-struct spread { /* quantiles of the positions that light comes from, along one axis */
-    double
-        at_px[SPREAD_STEPS + 1]; /* i of SPREAD_STEPS parts of the light come from below at_px[i] */
+struct spread { /* point spread of a lens: quantiles of its horizontal profile, px */
+    double at_px[SPREAD_STEPS + 1];
 };
 
 /* blur_px > 0: standard deviation of the lens's blur. */

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* Fine samples a texel, in x and y, in which depth edges are looked for. */
+/* Fine samples per texel, in x and y, in which depth edges are looked for. */
 #define FINE 4
 
 static void truth_give(struct v3 v, double ret[3]) {

@@ -36,7 +36,7 @@ void truth_arc(World *world, struct truth_arc *ret);
  * aside), rig frame. ret_aim may be NULL. */
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]);
-/* What a camera shows, DN a second behind the filter of a colour (0 … 2: red, green, blue), of a
+/* What a camera shows, DN per second behind the filter of a colour (0 … 2: red, green, blue), of a
  * white diffuser that lies level at a point of the rig frame under a lamp at its full output. */
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour);
@@ -61,7 +61,7 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
 
 /* Reflectance as in pipeline/pipeline.h, R G B interleaved, averaged over each texel's area with
  * samples² rays. Edges of shadows need many: on a brick wall the 95th percentile of the difference
- * to a picture with 4 pixels a texel was 5.4 % with 6 samples and 1.8 % with 24. */
+ * to a picture with 4 pixels per texel was 5.4 % with 6 samples and 1.8 % with 24. */
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb);
 

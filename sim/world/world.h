@@ -4,7 +4,7 @@
  * cameras; described by a world file (etc/demo/world.conf documents every key).
  *
  * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
- * written anew, so that an error made there does not cancel.
+ * written again, so that an error made there does not cancel.
  *
  * State may be set from any thread. world_snapshot() copies it; rendering from a snapshot may be
  * done in any thread, and depends on the snapshot alone.

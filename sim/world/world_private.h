@@ -16,8 +16,8 @@ struct lamp_power { /* guarded by the world's lock */
     gint64 on_us, off_us; /* the last time it was on */
 };
 
-/* The sample as light meets it. Its vertices are the surfels of interreflection: for each, a list
- * of vertices that a cosine-weighted set of rays from it meets first. */
+/* The sample's surface for light transport. Its vertices are the surfels of interreflection: each
+ * has a list of the vertices that cosine-weighted rays from it hit first. */
 struct scene {
     RTCDevice device;
     RTCScene scene;
@@ -156,7 +156,7 @@ static inline enum cfa_colour world_pixel_colour(const struct optics_camera *cam
 /* Irradiance by one bounce, R G B a vertex, for a lamp at full output. */
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);
 
-/* Of three vertices of a triangle, by barycentric coordinates. */
+/* Interreflected light at a point of a triangle, interpolated from its vertices. */
 float world_bounce_at(const World *world, const float *bounce, const struct surface *s,
                       enum cfa_colour colour);
 

@@ -51,8 +51,8 @@ guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float 
     return u >= v ? corners[1] : corners[2];
 }
 
-/* Directions are cosine-weighted about the normal, a point on the unit sphere added to it, and
- * stratified: one of n_gather columns of the square a ray. */
+/* Directions are cosine-weighted: a point on the unit sphere is added to the normal. They are
+ * stratified: the unit square is cut into n_gather columns, with one ray in each. */
 static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectContext *context,
                         struct sample_random *random) {
     const struct vertex *from = &scene->vertices[vertex];

@@ -14,7 +14,7 @@ static void test_parts(void) {
     g_assert_null(error_details_file(error));
 }
 
-/* A semicolon in a text is no advice; a second advice belongs to the first. */
+/* A semicolon in a text is not advice; a second advice belongs to the first. */
 static void test_semicolons(void) {
     g_autoptr(GError) plain =
         device_error_new(DEVICE_ERROR_RANGE, NULL, "there is no lamp 9; it has 0 to 7");

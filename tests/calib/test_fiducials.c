@@ -189,7 +189,7 @@ static void turntable_slipped(void) {
     g_test_message("slip: chi-square %.2f", normalised);
 }
 
-/* What is no fiducial is not taken for one. */
+/* What is not a fiducial is not taken for one. */
 static void nothing_seen(void) {
     struct fiducials_check check;
     double output, error;

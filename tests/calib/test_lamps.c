@@ -122,10 +122,10 @@ static void test_files(void) {
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "sky.exr", NULL);
     check_file(path, 8, 4, 3, NULL);
-    check_file(path, 8, 5, 3, "another shape");
+    check_file(path, 8, 5, 3, "not twice its height");
     check_file(path, 8, 4, 0, "black");
-    check_file(path, 8, 4, NAN, "no amount of light");
-    check_file(path, 8, 4, -1, "no amount of light");
+    check_file(path, 8, 4, NAN, "negative or not finite");
+    check_file(path, 8, 4, -1, "negative or not finite");
     g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
     g_autoptr(GError) error = NULL;
     g_assert_null(environment_read(path, &error));

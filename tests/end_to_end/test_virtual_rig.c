@@ -219,7 +219,7 @@ static void refused(void) {
         const char *usb;
     } cases[] = {
         {"[rig]\nid = x\n", "no device of it has a world"},
-        {"[axis a]\ndriver = tic-axis\n", "only simulated devices have a virtual one"},
+        {"[axis a]\ndriver = tic-axis\n", "driver = tic-axis has no virtual device"},
         {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n", "no such camera"},
         {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
         {"[axis a]\ndriver = sim-axis\n", "no device of it has a world"},

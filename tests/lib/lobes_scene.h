@@ -15,7 +15,8 @@ struct scene {
     double ambient;
     gboolean nearest;
     enum method_rotation rotation; /* of ward and ashikhmin */
-    /* Of a model that is no lobes: adds share × a texel of a measured view under light and sky. */
+    /* Of a model that is not a lobes: adds share × a texel of a measured view under light and sky.
+     */
     const struct btf_layout *layout;
     gconstpointer model;
     void (*add)(const struct scene *scene, int view, int texel, const float *l, double share,

@@ -72,7 +72,7 @@ static GHashTable *read_texts(const char *path) {
     png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
     png_infop info = png_create_info_struct(png);
     if (setjmp(png_jmpbuf(png)))
-        g_error("%s is no PNG", path);
+        g_error("%s is not a PNG", path);
     png_init_io(png, file);
     png_read_info(png, info);
     png_textp text = NULL;

@@ -1,4 +1,4 @@
-/* What mesorig-view says of materials that are torn, incomplete or full of what are no numbers, of
+/* What mesorig-view says of materials that are torn, incomplete or full of what are not numbers, of
  * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
  * black picture. */
 #include "codecs/codecs.h"

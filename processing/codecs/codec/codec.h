@@ -13,7 +13,7 @@
 #include "exr/checkpoint.h"
 #include "exr/exr.h"
 
-/* What every material tells about itself. Arrays belong to the material or its model. */
+/* Properties of every material. Arrays belong to the material or its model. */
 struct material_info {
     char *label;      /* to tell it from others: the file's or the session's name, or a method's */
     const char *kind; /* "btf", or the name of its codec */
@@ -45,7 +45,7 @@ struct codec;
 /* One point of a curve of error against size. */
 struct codec_point {
     const char *series;  /* of one codec there may be several */
-    char *label;         /* what tells its sizes apart; the callee takes it */
+    char *label; /* distinguishes the sizes of a codec, as in "8 clusters"; the callee takes it */
     gint64 bytes;        /* as a renderer holds it */
     double error;        /* relative RMS; −1: the callee measures model */
     gconstpointer model; /* needed for that alone */
@@ -72,7 +72,7 @@ struct codec {
 
     gboolean (*encode)(const struct codec *codec, const struct codec_job *job,
                        struct codec_result *ret, GError **error);
-    /* Of what encode() made, as in "3 clusters of 2 components". g_free() */
+    /* Describes what encode() made, as in "3 clusters of 2 components". g_free() */
     char *(*describe)(const struct codec *codec, const struct codec_result *result);
     gboolean (*write)(const char *path, gpointer const *levels, int n_levels, GError **error);
 
@@ -87,7 +87,7 @@ struct codec {
     /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
 
-    /* Encodes the BTF at several sizes and tells each. */
+    /* Encodes the BTF at several sizes and reports each by calling tell(). */
     gboolean (*curve)(const struct codec *codec, const struct btf_matrix *btf,
                       const struct work *work, CodecPoint tell, gpointer data, GError **error);
 };

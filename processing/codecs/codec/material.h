@@ -1,6 +1,6 @@
 /*
- * A material in memory, seen in one way whatever holds it: a BTF, or the model that a codec made of
- * one. Any thread; material_reconstruct() from several at once.
+ * A material in memory, with one interface for all its forms: a BTF, or the model that a codec made
+ * of one. Any thread; material_reconstruct() from several at once.
  */
 #pragma once
 

@@ -88,7 +88,7 @@ gboolean texel_model_check(const struct btf_matrix *btf, GError **error) {
     if (texels < 1 || values < 1 || texels > MOST || values > MOST) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "the BTF has %zu × %zu texels, %zu views and %zu lights; a model of each texel "
-                    "needs at least one of each and at most %d texels and %d values a texel",
+                    "needs at least one of each and at most %d texels and %d values per texel",
                     layout->width, layout->height, layout->views.n, layout->lights.n, MOST, MOST);
         return FALSE;
     }
@@ -109,7 +109,7 @@ void texel_model_to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-/* Of a block of texels, or of all. */
+/* Error sums over a block of texels, or over all texels. */
 struct texel_model_sums {
     double residual, all;    /* Σ (x − x̂)², Σ x² over R, G, B */
     double luminance, count; /* Σ |Y − Ŷ|, and of how many */

@@ -15,7 +15,7 @@ struct eigenmaps_job {
     gsize fit; /* columns that fit into memory, at least 1 */
 };
 
-/* A column, or an error if there is anything in it that is no number. */
+/* A column, or an error if there is anything in it that is not a number. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error);
 

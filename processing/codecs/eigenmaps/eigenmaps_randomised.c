@@ -6,11 +6,11 @@
 #include "lpca/lpca_private.h"
 
 #define CHUNK    EIGENMAPS_CHUNK
-#define SKETCH   16384 /* rows of it */
+#define SKETCH   16384 /* rows of the sketch */
 #define WORD     64    /* signs drawn at a time */
 #define LANES    8
-#define SEGMENTS 8 /* parts of the rows that threads take */
-#define SPARE    8 /* directions found beside those that are wanted, at most */
+#define SEGMENTS 8 /* parts into which the rows are divided for threads */
+#define SPARE    8 /* largest oversampling: directions beyond the requested number */
 #define SEED     0x6d65736f72696721u
 
 struct eigenmaps_randomised {
@@ -30,7 +30,7 @@ struct eigenmaps_randomised {
     float *factors;     /* found × slots */
     int loaded;         /* columns in slots */
     double *gram;       /* SEGMENTS × found²; then its eigenvectors in columns */
-    double *squares_of; /* found: squares of what they hold, descending */
+    double *squares_of; /* one per found direction: its share of ‖A‖², descending */
 };
 
 /* Steele, Lea and Flood 2014: a good mixture of the bits of a counter. */
@@ -41,7 +41,7 @@ static guint64 eigenmaps_randomised_draw(guint64 counter) {
     return z ^ z >> 31;
 }
 
-/* Squares are summed LANES at a time, so that compilers can. */
+/* Squares are summed in LANES partial sums, so that compilers can vectorise. */
 static void add_signed(const float *from, int n, guint64 signs, double *to, double *squares) {
     int i = 0;
     for (; i + LANES <= n; i += LANES, signs >>= LANES)

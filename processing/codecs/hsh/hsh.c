@@ -20,7 +20,7 @@ void hsh_free(struct hsh *hsh) {
     g_free(hsh);
 }
 
-/* Of a texel of a view: n_terms × COLOURS. */
+/* The coefficients of a texel in a view: n_terms × COLOURS. */
 static float *hsh_values_of(const struct hsh *hsh, int view, int texel) {
     const gsize texels = btf_layout_texels(&hsh->layout);
     return hsh->values +

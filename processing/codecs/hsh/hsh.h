@@ -44,8 +44,9 @@ struct hsh {
     struct btf_layout layout;
     int n_terms;   /* 4, 9 or 16 */
     float *values; /* n_views × height × width × n_terms × 3 (R G B) */
-    /* Of the BTF it was made of, as hsh_error() finds them: relative RMS of R G B, and the mean of
-     * |Y − Ŷ| (Y of rgb_luminance()). exact_error: the first one before values became halves. */
+    /* Errors against the encoded BTF, as hsh_error() computes them: relative RMS of R, G, B, and
+     * the mean of |Y − Ŷ| (Y of rgb_luminance()). exact_error: the relative RMS before rounding to
+     * halves. */
     double error, luminance_error, exact_error;
 };
 

@@ -302,10 +302,11 @@ struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_opt
     const struct btf_layout *layout = &btf->layout;
     if ((guint)options->model >= LOBES_MODELS || options->n_lobes < 0 ||
         options->n_lobes > LOBES_MAX_LOBES) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "model %d of %d lobes: there is no such model, or not with so many lobes; give "
-                    "1 to %d lobes",
-                    (int)options->model, options->n_lobes, LOBES_MAX_LOBES);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "model %d of %d lobes: unknown model, or a number of lobes that it cannot have; give "
+            "1 to %d lobes",
+            (int)options->model, options->n_lobes, LOBES_MAX_LOBES);
         return NULL;
     }
     if (!texel_model_check(btf, error))

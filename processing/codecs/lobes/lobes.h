@@ -1,5 +1,5 @@
 /*
- * Analytic models of a BTF, fitted texel by texel: a few numbers a texel instead of a table. All
+ * Analytic models of a BTF, fitted texel by texel: a few numbers per texel instead of a table. All
  * are of luminance Y = 0.2126 R + 0.7152 G + 0.0722 B, times a colour; ⟨x⟩ is max(x, 0). l and v
  * are unit vectors to light and view in the sample frame. Values hold n·l (pipeline.h): nothing is
  * to be multiplied by it again.
@@ -66,18 +66,18 @@ struct lobes {
      *   lafortune  D, k × X Y Z N
      * ward, ashikhmin: R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
     float *values;
-    /* Of the BTF it was made of, as lobes_error() finds them: relative RMS of R G B, and the mean
-     * of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error: the first one before values became
-     * halves. */
+    /* Errors against the encoded BTF, as lobes_error() computes them: relative RMS of R, G, B, and
+     * the mean of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error: the relative RMS before
+     * rounding to halves. */
     double error, luminance_error, exact_error;
 };
 
 struct lobes_options {
     enum lobes_model model;
-    int n_lobes; /* 0: 2, as Meseth et al. 2003 have it; ignored by models without lobes */
+    int n_lobes; /* 0: the default of 2 (Meseth et al. 2003); ignored by models without lobes */
     struct work work;
-    /* NULL, or where what is done is kept, now and then and when the work is cancelled. Of the same
-     * BTF and model the next call goes on from there, with the same result. */
+    /* NULL, or a checkpoint, which is saved from time to time and when the work is cancelled. The
+     * next call for the same BTF and model continues from it, with the same result. */
     Checkpoint *checkpoint;
 };
 

@@ -25,7 +25,7 @@ static const struct option lobes_codec_table[] = {
     {.name = "mips",
      .type = OPTION_BOOL,
      .offset = offsetof(struct lobes_codec_options, mips),
-     .help = "mip levels too, each fitted anew"},
+     .help = "mip levels too, each fitted again"},
     {NULL},
 };
 

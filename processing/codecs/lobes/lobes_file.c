@@ -112,7 +112,7 @@ static gboolean lobes_file_read_head(struct lobes *lobes, const struct exr_file 
     const char *what = NULL;
     if (!lobes_model_parse(texel_model_kind(file), &lobes->model))
         return lobes_file_format_error(path, error,
-                                       "mesorig.kind of its first part is no model of lobes");
+                                       "mesorig.kind of its first part is not a model of lobes");
     if (!texel_model_read_head(file, &head, &lobes->layout, &what, error))
         return what && lobes_file_format_error(path, error, what);
     const struct lobes_traits *traits = &lobes_traits[lobes->model];

@@ -94,7 +94,7 @@ LANES_INLINE void turn(lanes angle, lanes *ret_sin, lanes *ret_cos) {
     *ret_cos = 1.0F - less;
 }
 
-/* The vector less what of it lies along n, divided by length: the derivative of a unit vector. */
+/* (v − ⟨v, n⟩ n) / length: the derivative of a unit vector. */
 LANES_INLINE void unit_derivative(const lanes v[3], const lanes n[3], lanes length, lanes ret[3]) {
     const lanes along = dot(v, n);
     for (int i = 0; i < 3; i++)

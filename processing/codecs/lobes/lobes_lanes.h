@@ -27,7 +27,7 @@ LANES_INLINE lanes lanes_min(lanes a, lanes b) {
     return lanes_if(a < b, a, b);
 }
 
-/* Of normal numbers above 0; to about 1e-7. */
+/* log₂ x of normal numbers x > 0; the absolute error is about 1e-7. */
 LANES_INLINE lanes lanes_log2(lanes x) {
     const lane_bits bits = (lane_bits)x - 0x3f3504f3; /* √½: the mantissa lies in √½ … √2 */
     const lane_bits exponent = bits >> 23;
@@ -51,7 +51,7 @@ LANES_INLINE lanes lanes_exp2(lanes x) {
     return series * (lanes)power;
 }
 
-/* Of normal numbers above 0. */
+/* √x of normal numbers x > 0. */
 LANES_INLINE lanes lanes_sqrt(lanes x) {
     return lanes_exp2(0.5F * lanes_log2(x));
 }

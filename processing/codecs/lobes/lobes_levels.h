@@ -1,6 +1,6 @@
 /*
  * Mip levels of an analytic model. Its parameters cannot be averaged, for reflectance is not linear
- * in them: each level is a model of its own, fitted anew to the BTF with half the texels each way
+ * in them: each level is a model of its own, fitted again to the BTF with half the texels each way
  * (btf_matrix_halved()). A polynomial with one colour is not linear either: its colour multiplies
  * it.
  */
@@ -20,5 +20,5 @@ int lobes_compute_levels(const struct btf_matrix *btf, const struct lobes_option
  * them, are named "mip<n>." and then as those of level 0. */
 gboolean lobes_write_levels(const char *path, struct lobes *const *levels, int n, GError **error);
 
-/* All that there are: how many, or 0 with an error. */
+/* Reads all levels of a file. Returns their number, or 0 with an error. */
 int lobes_read_levels(const char *path, struct lobes *ret_levels[LOBES_MAX_LEVELS], GError **error);

@@ -43,7 +43,7 @@ int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
 
-/* What a model is made of. */
+/* Properties of a model. */
 struct lobes_traits {
     const char *name;
     gboolean each_view; /* a slice of values for each view */

@@ -61,7 +61,7 @@ static float *planes(const struct lobes_fit *fit) {
     for (int i = 0; i < 3; i++)
         squares[4 * i] += 1e-4F * (float)n;
     LAPACKE_sposv(LAPACK_COL_MAJOR, 'U', 3, n, squares, 3, inverse, 3);
-    return inverse; /* n × 3, by columns: 3 × n */
+    return inverse; /* 3 × n in column-major order */
 }
 
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit) {

@@ -4,7 +4,8 @@
 #include "btf/btf_checkpoint.h"
 #include "lpca_private.h"
 
-#define PATIENCE 2 /* more clusters are tried so often without getting better */
+#define PATIENCE                                                                                   \
+    2 /* number of consecutive tries with more clusters that may bring no improvement */
 
 /* How far a choice is; in the checkpoint as it is. */
 struct choice {
@@ -21,7 +22,8 @@ struct choosing {
     struct lpca *best;
 };
 
-/* What it would take as a file of that kind. */
+/* Bytes of a local PCA with these numbers of clusters and components, quantised as the target says.
+ */
 static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_target *target,
                                   int clusters, int components) {
     const struct lpca like = {
@@ -109,7 +111,8 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
         worse = PATIENCE;
     } else if (lpca && (choice->best.n_clusters == 0 || choosing->target->error > 0 ||
                         lpca->error < choice->best.error)) {
-        /* Of those that reach an error the next is smaller: most_components() sees to it. */
+        /* Each model that reaches the error is smaller than the one before, since most_components()
+         * limits its size. */
         lpca_free(choosing->best);
         choice->best = (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
         if (now.checkpoint)

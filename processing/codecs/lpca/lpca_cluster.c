@@ -59,7 +59,8 @@ void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels,
     }
 }
 
-/* Ranks do blocks from *ret_first to before *ret_end, and then tell each other. */
+/* Each rank does the blocks from *ret_first to before *ret_end; then all ranks exchange the
+ * results. */
 static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
     const struct team *team = reduced->options->team;
     const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
@@ -211,7 +212,7 @@ static void lpca_cluster_refill(struct lpca_reduced *reduced, float *errors) {
     lpca_cluster_collect(reduced);
 }
 
-/* The rows of a cluster less their mean, which becomes the cluster's. */
+/* Subtracts from the rows of a cluster their mean, which becomes the cluster's mean. */
 static float *centred(const struct lpca_reduced *reduced, int k) {
     const GArray *members = g_ptr_array_index(reduced->members, k);
     const gsize r = (gsize)reduced->r;

@@ -14,7 +14,8 @@
 #define STRIP   256 /* columns of the axes made at a time */
 #define COLOURS 3
 
-/* QR by Householder: rows = R Q, so that |R_ii| is what row i has beside the rows before it. */
+/* QR by Householder: rows = R Q, so that |R_ii| is the norm of row i's component orthogonal to the
+ * rows before it. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
     float largest = 0;
@@ -29,7 +30,7 @@ void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
             memset(rows + (gsize)i * (gsize)length, 0, sizeof(float) * (gsize)length);
 }
 
-/* Of what could not be read 0; takes failed. */
+/* Sets rows that could not be read to 0 and keeps the first error; takes failed. */
 static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize values) {
     g_mutex_lock(&run->lock);
     if (!run->failed)
@@ -119,7 +120,7 @@ gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlo
 struct sample {
     struct lpca_run *run;
     int n;
-    float *rows;    /* n × d, less their mean */
+    float *rows;    /* n × d, minus their mean */
     float *gram;    /* n × n, lower half */
     int found;      /* axes */
     float *vectors; /* found × n: of the Gram matrix, by what they hold */

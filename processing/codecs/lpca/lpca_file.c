@@ -82,7 +82,7 @@ static gsize table_size(const struct lpca *lpca) {
     return lpca->layout.views.n * lpca->layout.lights.n;
 }
 
-/* Of value i of a table that is not a mean. */
+/* Quantisation step of value i of a table of eigen-BRDFs. */
 static float step_of(const struct lpca *lpca, gsize table, gsize i) {
     const gsize n = lpca->layout.lights.n;
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
@@ -217,7 +217,7 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
     return lpca->weight_scales != NULL;
 }
 
-/* Those that are not there are 1. */
+/* Scales of lights; a file without them has the scale 1 for each light. */
 static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
     if (!exr_file_part(file, "light_scales"))
         return TRUE;
@@ -321,7 +321,8 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     if (lpca->colours != LPCA_RGB || lpca->n_grid > 0 ||
         !exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
         !(packed->step > 0) || !isfinite(packed->step))
-        return lpca_file_format_error(path, error, "what it says of its packing makes no sense");
+        return lpca_file_format_error(path, error,
+                                      "the attributes or parts of its packing are invalid");
     packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     for (gsize i = 0; packed->scales && i < n; i++)
         if (!(packed->scales[i] > 0))

@@ -62,7 +62,8 @@ gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, 
 
 int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error) {
     struct exr_file *file = exr_read(path, error);
-    const int n = file ? MIN(mip_parts_count(file, "clusters", path, error), LPCA_MAX_LEVELS) : 0;
+    const int count = file ? mip_parts_count(file, "clusters", path, error) : 0;
+    const int n = MIN(count, LPCA_MAX_LEVELS);
     int level = 0;
     for (; level < n; level++) {
         struct exr_file *one = mip_parts_take(file, level);

@@ -10,7 +10,7 @@
 #define COLOURS 3
 #define ROUND   0.38 /* not a half: what is small is more often noise, and cheaper as 0 */
 
-/* Those of a file once they are straight. */
+/* Rotations of a file, orthonormalised after rounding. */
 struct rotations {
     float *views, *lights;
     float colours[9];
@@ -186,8 +186,8 @@ static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *pac
     g_free(scatter.lights);
 }
 
-/* Each triple of colours times the 3 × 3 rotation, or back times its transpose; values: lines × 3 ×
- * n. */
+/* Multiplies each triple of colours by the 3 × 3 rotation, or by its transpose to undo it; values:
+ * lines × 3 × n. */
 static void rotate_colours(const float *rotation, gboolean back, int lines, int n, float *values) {
     for (int line = 0; line < lines; line++)
         for (int i = 0; i < n; i++) {

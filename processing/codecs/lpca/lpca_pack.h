@@ -37,8 +37,8 @@ void lpca_packer_free(struct lpca_packer *packer);                           /* 
  * written. Error is not set. step > 0, in the units of the BTF. */
 struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
 
-/* Of a texel, on average: the root of the mean square of the first cluster's mean, which steps are
- * chosen by. 0 of a black material. */
+/* RMS of the first cluster's mean, the average size of a texel's values, from which steps are
+ * chosen; 0 for a black material. */
 double lpca_mean_size(const struct lpca *lpca);
 
 /* Bytes of what lpca_write() writes, tried where temporary files are; 0 with an error.

@@ -140,7 +140,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    /* As the file has it, or made anew; it is kept from now on. */
+    /* As the file has it, or made again; it is kept from now on. */
     struct packing *packing = &search->packing;
     struct lpca *ret = NULL, *exact = NULL;
     if (options.checkpoint && packing->made)

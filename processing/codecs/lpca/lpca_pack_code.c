@@ -21,7 +21,8 @@ static gint32 unfolded(guint32 value) {
     return value % 2 ? (gint32)(-(gint64)(value / 2) - 1) : (gint32)(value / 2);
 }
 
-/* A byte each number, then LARGE_BYTES of each large one, less LARGE; as a stream of xz. */
+/* One byte per number, then LARGE_BYTES for each large number minus LARGE; compressed as an xz
+ * stream. */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     g_autoptr(GByteArray) plain = g_byte_array_new();
     for (gsize i = 0; i < n; i++) {

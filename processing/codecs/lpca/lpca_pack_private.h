@@ -24,7 +24,7 @@ float *lpca_cosines(int n);
 /* Fills brdfs and weights from lpca->packed. */
 void lpca_unpack(struct lpca *lpca, int n_threads);
 
-/* The parts that are of its own; FALSE if what is there makes no sense. */
+/* Reads the parts of a packed file; FALSE if they are invalid. */
 void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca);
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file);
 

@@ -74,7 +74,7 @@ struct lpca_state {
     double target;       /* of the call */
     double before;       /* the last iteration's sum */
     double error;        /* of what is made; −1: not known */
-    double enough_error; /* of so many components */
+    double enough_error; /* error with that many components */
 };
 
 enum lpca_kept {
@@ -101,7 +101,7 @@ struct lpca_run {
     int r;
     float *axes;    /* r × d */
     float *offsets; /* r: products of axes and mean */
-    float *rows;    /* n × r: products of values less mean with axes */
+    float *rows;    /* n × r: products of axes and values minus the mean */
     GMutex lock;
     GError *failed; /* the first error of any thread */
     struct lpca_state state;

@@ -26,7 +26,7 @@ struct refine {
     gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; else W follows from P */
     double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
     double *rotations; /* c × c a cluster: PᵀP, then what makes W of P; at last Σ w wᵀ, then Uᵀ */
-    double *residual; /* two a cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
+    double *residual; /* two per cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
     double *sums;     /* two a block: likewise of R, G, B */
 };
 
@@ -90,7 +90,7 @@ static void add_rows(const float *rows, int n, gsize columns, float *part, doubl
 }
 
 /* Sums of a view's columns over the rows of each cluster: as they are, and times the products.
- * Those have no mean, so that rows need not be less their cluster's. */
+ * The products have no mean, so that the cluster's mean need not be subtracted from the rows. */
 static void sum_view(int view, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;
@@ -102,7 +102,7 @@ static void sum_view(int view, gpointer data) {
     g_autofree float *part = g_new(float, columns);
     g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
     double *squares = refine->squares + (gsize)view * (gsize)lpca->n_clusters;
-    /* Of a view that was begun before something may be there. */
+    /* A view that was begun before may have left values. */
     if (run->done)
         memset(squares, 0, sizeof(double) * (gsize)lpca->n_clusters);
     for (int i = 0; run->done && i < lpca->n_clusters * (c + 1); i++)
@@ -166,8 +166,9 @@ static void solve_products(double *squares, double *y, int c) {
         memset(y, 0, sizeof(double) * (gsize)c * (gsize)c);
 }
 
-/* Of the products P of the cluster's rows X there is PᵀX; the best that P can give of X is
- * P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). Finds E, how P becomes W, and what is missing. */
+/* P are the products of the cluster's rows X with its axes; PᵀX is known. The best approximation of
+ * X by P is P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). Finds E, the matrix that turns P into W, and
+ * the residual. */
 static void solve_cluster(const struct refine *refine, int k) {
     const int c = refine->lpca->n_components, d = refine->run->d;
     const gsize square = (gsize)c * (gsize)c;
@@ -205,7 +206,7 @@ static void finish_cluster(int k, gpointer data) {
         solve_cluster(refine, k);
 }
 
-/* Products of the rows less their cluster's mean with its eigen-BRDFs. */
+/* Products of the eigen-BRDFs and the rows minus their cluster's mean. */
 static void weigh_block(int block, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;

@@ -58,13 +58,13 @@ static const struct option lpca_codec_table[] = {
     {.name = "mips",
      .type = OPTION_BOOL,
      .offset = offsetof(struct lpca_codec_options, mips),
-     .help = "mip levels too, each compressed anew"},
+     .help = "mip levels too, each compressed again"},
     {.name = "grid",
      .type = OPTION_INT,
      .min = DIRECTION_GRID_MIN,
      .max = DIRECTION_GRID_MAX,
      .offset = offsetof(struct lpca_codec_options, grid),
-     .help = "eigen-BRDFs on a grid of directions with so many samples each way; 12 is good"},
+     .help = "eigen-BRDFs on a grid of N × N directions; 12 is good"},
     {.name = "quantise",
      .type = OPTION_CHOICE,
      .fallback = "half",
@@ -172,7 +172,7 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
     return lpca;
 }
 
-/* Of as many components as it takes, at most those that were asked for. */
+/* Packs with as many components as the target needs, at most the requested number. */
 static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
                                     const struct btf_matrix *btf, struct lpca_options *options,
                                     struct codec_result *ret, GError **error) {

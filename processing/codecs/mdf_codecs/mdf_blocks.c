@@ -26,7 +26,8 @@ gsize mdf_blocks_bytes(int width, int height) {
     return (gsize)mdf_blocks_across(width) * (gsize)mdf_blocks_across(height) * MDF_BLOCK_BYTES;
 }
 
-/* The index of each depth: the nearest of the eight values. error: Σ of squares. */
+/* Assigns to each depth the index of the nearest of the eight values; block->error is the sum of
+ * squared differences. */
 static void mdf_blocks_assign(struct block *block, const double *values) {
     const double from = block->ends[0], along = block->ends[1] - from;
     block->error = 0;

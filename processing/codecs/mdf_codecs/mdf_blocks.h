@@ -1,5 +1,5 @@
 /*
- * Depths in blocks of 4 × 4 texels and 8 bytes, 4 bits a texel, as cards read them at one fetch
+ * Depths in blocks of 4 × 4 texels and 8 bytes, 4 bits per texel, as cards read them at one fetch
  * (RGTC1, also called BC4): two ends of 8 bits, and for each texel which of eight values from one
  * end to the other it is.
  *
@@ -21,7 +21,7 @@
 
 /* Blocks along a side of n texels; the last one may be partly beyond them. */
 int mdf_blocks_across(int n);
-/* Of all blocks of width × height texels. */
+/* Bytes of all blocks of width × height texels. */
 gsize mdf_blocks_bytes(int width, int height);
 
 /* depth: height × width, from least to deepest. Ends and indices are found in alternation, each

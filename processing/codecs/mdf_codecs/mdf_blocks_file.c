@@ -101,7 +101,7 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
         !exr_get_int(part, "mesorig.height", &blocks->height, NULL) || blocks->width < 1 ||
         blocks->height < 1 || blocks->width > G_MAXINT - MDF_BLOCK_SIDE ||
         blocks->height > G_MAXINT - MDF_BLOCK_SIDE)
-        return "mesorig.width or mesorig.height makes no sense";
+        return "mesorig.width or mesorig.height is out of range";
     if (mdf_blocks_across(blocks->width) != part->width ||
         mdf_blocks_across(blocks->height) != part->height)
         return "its blocks are not those of its texels";
@@ -115,7 +115,7 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
         !(blocks->deepest_mm < MAX_MM) ||
         !exr_get_double(part, "mesorig.error_mm", &blocks->error_mm, NULL) ||
         !(blocks->error_mm >= 0))
-        return "texel_mm, least_mm, deepest_mm or mesorig.error_mm makes no sense";
+        return "texel_mm, least_mm, deepest_mm or mesorig.error_mm is out of range";
     return NULL;
 }
 
@@ -130,7 +130,7 @@ static const char *mdf_blocks_file_read_view(struct mdf_blocks *blocks, int view
     if (!exr_get_double(part, "view.theta_deg", &theta, NULL) ||
         !exr_get_double(part, "view.phi_deg", &phi, NULL) || !(theta >= 0 && theta <= 90) ||
         !(fabs(phi) <= 720))
-        return "a view's direction makes no sense";
+        return "the direction of a view is out of range";
     blocks->theta_deg[view] = (float)theta;
     blocks->phi_deg[view] = (float)phi;
     for (gsize c = 0; c < MDF_BLOCK_BYTES; c++) {
@@ -139,7 +139,7 @@ static const char *mdf_blocks_file_read_view(struct mdf_blocks *blocks, int view
             return "a channel of blocks is missing";
         for (gsize i = 0; i < (gsize)part->width * (gsize)part->height; i++) {
             if (!(from[i] >= 0 && from[i] <= MOST) || from[i] != floorf(from[i]))
-                return "a block has a value that is no byte";
+                return "a block has a value that is not a byte";
             to[i * MDF_BLOCK_BYTES + c] = (guint8)from[i];
         }
     }

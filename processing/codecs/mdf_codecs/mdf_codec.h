@@ -19,10 +19,11 @@ struct mdf_codec_job {
 };
 
 struct mdf_codec_result {
-    int n_terms, n_traced; /* maps, and views that were traced along the surface; or 0 */
+    int n_terms,
+        n_traced; /* number of maps, and of views traced along the surface; 0 for other forms */
     gint64 bytes;          /* as a renderer holds them */
-    double error_mm;       /* RMS of what was measured and seen */
-    double most_mm;        /* 99 % of that is off by less */
+    double error_mm;       /* RMS over the measured, visible texels */
+    double most_mm;        /* 99th percentile of the absolute error */
 };
 
 struct mdf_codec {
@@ -34,7 +35,7 @@ struct mdf_codec {
     /* Writes the file; the result begins as 0. */
     gboolean (*encode)(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
                        GError **error);
-    /* Of what encode() made, as in "81 views in 4 bit". g_free() */
+    /* Describes what encode() made, as in "81 views in 4 bit". g_free() */
     char *(*describe)(const struct mdf_codec_job *job, const struct mdf_codec_result *result);
     /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
     char *(*describe_file)(const struct exr_file *file);

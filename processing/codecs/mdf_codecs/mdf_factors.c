@@ -22,15 +22,15 @@ void mdf_factors_free(struct mdf_factors *factors) {
     g_free(factors);
 }
 
-/* The rows D (views × texels, less the means of views) and the SVD of them by their Gram matrix
- * D Dᵀ = Vᵀ diag (λ) V: the maps are V D, row i of which holds λ_i of ‖D‖². */
+/* The rows D (views × texels, minus the mean of each view) and their SVD, computed from the Gram
+ * matrix D Dᵀ = Vᵀ diag (λ) V: the maps are V D, row i of which holds λ_i of ‖D‖². */
 struct factoring {
     const struct mdf_table *table;
     int n_measured, n_views, n_texels;
-    float *rows;    /* n_views × n_texels, less means */
+    float *rows;    /* n_views × n_texels, minus the mean of each view */
     double *means;  /* n_views */
     double *values; /* n_views: eigenvalues, descending */
-    float *vectors; /* n_views × n_views: those of the Gram matrix, one a row */
+    float *vectors; /* n_views × n_views: those of the Gram matrix, one per row */
 };
 
 /* Eigenvalues and eigenvectors of the Gram matrix. */
@@ -58,7 +58,7 @@ static gboolean mdf_factors_solve(struct factoring *f, GError **error) {
     return TRUE;
 }
 
-/* Of n factors those whose eigenvalue is any use. */
+/* Number of the n factors whose eigenvalue is above rounding. */
 static int useful(const struct factoring *f, int n) {
     while (n > 1 && !(f->values[n - 1] > LEAST * f->values[0]))
         n--;
@@ -278,7 +278,7 @@ struct mdf_table *mdf_factors_table(const struct mdf_factors *factors) {
     return table;
 }
 
-/* c maps of 8 bits and c + 1 floats a view. */
+/* c maps of 8 bits and c + 1 floats per view. */
 gint64 mdf_factors_bytes(const struct mdf_factors *factors) {
     return (gint64)factors->n_terms * factors->width * factors->height +
            (gint64)sizeof(float) * (factors->n_terms + 1) * factors->n_views;

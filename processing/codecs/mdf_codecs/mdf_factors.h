@@ -1,13 +1,14 @@
 /*
  * A mesostructure distance function as few maps that all views share. Depths below the reference
- * plane (mdf_table.h), rows views and columns texels, less each view's mean, are factored by SVD:
+ * plane (mdf_table.h), views as rows and texels as columns, minus each view's mean, are factored by
+ * SVD:
  *
  *   depth(x, v) ≈ W_0(v) + Σ_{i=1..c} W_i(v) M_i(x),   M_i(x) = 0 … 255
  *
  * A height field seen along v is, to first order, its height and how that rises, each times
  * something that depends on v alone; so few maps are enough, and what they leave out is to a good
- * part the measurement's own noise. Maps are rounded to 8 bits, then the weights are fitted anew to
- * the rounded ones. Texels that no laser saw take what the factors say of them.
+ * part the measurement's own noise. Maps are rounded to 8 bits, then the weights are fitted again
+ * to the rounded ones. Texels that no laser saw take what the factors say of them.
  *
  * A renderer has W(v) from a table of directions, and M(x) of four maps at one fetch: filtering
  * maps is the same as filtering depths.

@@ -76,7 +76,7 @@ static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
         !(factors->deepest_mm >= 0 && factors->deepest_mm < MAX_MM) ||
         !exr_get_double(maps, "mesorig.error_mm", &factors->error_mm, NULL) ||
         !(factors->error_mm >= 0))
-        return "texel_mm, deepest_mm or mesorig.error_mm makes no sense";
+        return "texel_mm, deepest_mm or mesorig.error_mm is out of range";
     return NULL;
 }
 
@@ -92,7 +92,7 @@ static const char *mdf_factors_file_read_values(struct mdf_factors *factors,
         return "channels of weights or views are missing";
     for (int i = 0; i < n; i++)
         if (!(theta[i] >= 0 && theta[i] <= 90) || !(fabsf(phi[i]) <= 720))
-            return "a view's direction makes no sense";
+            return "the direction of a view is out of range";
     for (int i = 0; i < n * m; i++)
         if (!(fabsf(weights[i]) <= MAX_MM))
             return "a weight is not a number of millimetres";

@@ -370,8 +370,8 @@ static void test_capture(void) {
     run_free(two);
 }
 
-/* A pause by the user is no answer and needs none; killed while it asks, it asks again; what was
- * answered it does not. */
+/* A pause by the user is not an answer and needs none; killed while it asks, it asks again; what
+ * was answered it does not. */
 static void test_resume(void) {
     struct run *run = begin(TRUE);
     to_prompt(run, AT_30);

@@ -79,7 +79,7 @@ struct fault {
 
 static const struct fault faults[] = {
     {"stale-old", "[camera cam60] fault_stale = 1", "cam60",
-     "no good picture in 4 attempts; the last time: picture refused: it is an old one",
+     "no good picture in 4 attempts; the last time: picture refused: it is an old picture",
      "Switch it off and on again", TRUE},
     {"stale-relabelled",
      "[camera cam30] fault_stale = 1; [camera cam30] fault_stale_kind = relabelled", "cam30",
@@ -164,7 +164,7 @@ static const struct fault passing[] = {
     {"some-stale-old",
      "[camera cam30] fault_stale = 0.05; [camera cam60] fault_stale = 0.05; [camera cam60] "
      "fault_seed = 7",
-     "cam60", "it is an old one", NULL, FALSE},
+     "cam60", "it is an old picture", NULL, FALSE},
     {"some-stale-relabelled",
      "[camera cam30] fault_stale = 0.05; [camera cam30] fault_stale_kind = relabelled; [camera "
      "cam60] fault_stale = 0.05; [camera cam60] fault_stale_kind = relabelled; [camera cam60] "

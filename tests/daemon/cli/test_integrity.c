@@ -224,7 +224,7 @@ static void test_viewed(void) {
     g_assert_false(session_check_product(lpca, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_DAMAGED);
     g_clear_error(&error);
-    g_assert_true(session_check_product(run->rig, &error)); /* is no product */
+    g_assert_true(session_check_product(run->rig, &error)); /* is not a product */
     g_assert_no_error(error);
     operator_free(run);
 }

@@ -177,7 +177,7 @@ static void test_commands(void) {
     }
 }
 
-/* Files within a copy of a good session, or in a folder beside it, that are no files: "COPY/…". */
+/* Files within a copy of a good session, or in a folder beside it, that are not files: "COPY/…". */
 static const struct planted {
     const char *file, *command;
 } planted[] = {

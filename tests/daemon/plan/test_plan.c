@@ -394,7 +394,7 @@ static void test_blocked(void) {
     }
     g_assert_cmpint(n_skipped, ==, 12 * 8);
     const char *last = g_ptr_array_index(plan->notes, plan->notes->len - 1);
-    g_assert_true(g_str_has_prefix(last, "768 pictures of the BTF will be made"));
+    g_assert_true(g_str_has_prefix(last, "768 pictures of the BTF will be predicted"));
     g_assert_cmpint(plan->n_frames, ==, 8 * 8 + (12 * 96 - n_skipped) * 8 * 2);
 
     conf.on_blocked = BLOCKED_REFUSE;

@@ -250,8 +250,7 @@ static void refused_options(void) {
         const char *keys, *said;
     } cases[] = {
         {"pixel_format = RGB8", "./rig.conf:5: [camera eye] pixel_format: \"RGB8\" cannot be"},
-        {"pixel_format = BayerGB8",
-         "it has no \"BayerGB8\" to measure with; choose from: BayerRG8"},
+        {"pixel_format = BayerGB8", "it does not offer \"BayerGB8\"; choose from: BayerRG8"},
         {"trigger = Line0", "pulse_path: must be given for a trigger by Line0"},
         {"trigger = Line7\npulse_path = /dev/null",
          "trigger: it has no source \"Line7\"; choose from: Line0, Software"},

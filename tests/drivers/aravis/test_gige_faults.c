@@ -206,7 +206,8 @@ static void exposure_it_cannot_keep(struct eye *eye, gconstpointer unused) {
     virtual_gige_fail(eye->device, &faults);
     g_assert_true(camera_configure(eye->camera, &settings, NULL));
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_RANGE, "it exposes for 2100.0 µs when told 2000 µs");
+    eye_assert_said(eye, DEVICE_ERROR_RANGE,
+                    "it exposes for 2100.0 µs instead of the requested 2000 µs");
     /* Told again, since the class does not set anew what it has set. */
     g_assert_true(camera_arm(eye->camera, NULL));
     g_assert_true(camera_configure(eye->camera, &settings, NULL));

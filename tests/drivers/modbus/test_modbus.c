@@ -288,7 +288,7 @@ static void no_such_bus(void) {
                "/rig/rig.conf:4: [axis arc] bus: cannot open /dev/no-such-port: No such file");
     refuse_bus("tcp:127.0.0.1:1", DEVICE_ERROR_DISCONNECTED,
                "/rig/rig.conf:4: [axis arc] bus: cannot open tcp:127.0.0.1:1");
-    refuse_bus("tcp:[::1", DEVICE_ERROR_DISCONNECTED, "is no Modbus line");
+    refuse_bus("tcp:[::1", DEVICE_ERROR_DISCONNECTED, "is not a Modbus line");
     refuse_bus(virtual_modbus_bus(tcp), DEVICE_ERROR_TIMEOUT,
                "unit 9, writing holding register 100 (0x0064): no answer within 60 ms (2 tries)");
     refuse_bus(virtual_modbus_bus(rtu), DEVICE_ERROR_TIMEOUT, "check its power, its address");

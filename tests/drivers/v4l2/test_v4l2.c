@@ -197,7 +197,7 @@ static void test_exchanged(struct rig *rig, gconstpointer unused) {
     virtual_v4l2_free(rig->device);
     rig->device = virtual_v4l2_new(&(struct virtual_v4l2_config){.width = 32});
     g_assert_false(camera_arm(rig->camera, &error));
-    expect_text(&error, DEVICE_ERROR_UNSUPPORTED, "other pictures");
+    expect_text(&error, DEVICE_ERROR_UNSUPPORTED, "another format, size or frame rate");
     virtual_v4l2_free(rig->device);
     rig->device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     g_assert_true(camera_arm(rig->camera, NULL));
@@ -460,7 +460,7 @@ static void test_compressed(void) {
     expect_not_opened("", DEVICE_ERROR_UNSUPPORTED, "offers only MJPG");
     g_clear_pointer(&webcam, virtual_v4l2_free);
     webcam = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
-    expect_not_opened("format = MJPG\n", DEVICE_ERROR_UNSUPPORTED, "no measure of light");
+    expect_not_opened("format = MJPG\n", DEVICE_ERROR_UNSUPPORTED, "not proportional to light");
     expect_not_opened("format = RG16\n", DEVICE_ERROR_UNSUPPORTED, "format RG16");
     expect_not_opened("format = nonsense\n", DEVICE_ERROR_UNSUPPORTED, "format nonsense");
 }
@@ -473,7 +473,7 @@ static void test_not_opened(void) {
         virtual_v4l2_new(&(struct virtual_v4l2_config){.number = 1, .port = "2-2"});
     expect_not_opened("", DEVICE_ERROR_RANGE, "more than one");
     expect_not_opened("bus = usb-virtual-2-3\n", DEVICE_ERROR_DISCONNECTED, "usb-virtual-2-2");
-    expect_not_opened("device = /dev/null\n", DEVICE_ERROR_UNSUPPORTED, "no camera");
+    expect_not_opened("device = /dev/null\n", DEVICE_ERROR_UNSUPPORTED, "not a camera");
     expect_not_opened("device = /dev/video0\nwidth = 640\n", DEVICE_ERROR_UNSUPPORTED, "64 × 48");
     expect_not_opened("device = /dev/video0\nframe_rate = 5000\n", DEVICE_ERROR_UNSUPPORTED,
                       "but 1000");

@@ -274,7 +274,7 @@ static void test_refused(void) {
         const char *what;
     } cases[] = {{"place", spoil_place, "is not above the sample"},
                  {"below", spoil_below, "is not above the sample"},
-                 {"angle", spoil_angle, "its lights are not those of the first view"}};
+                 {"angle", spoil_angle, "its lights differ from those of the first view"}};
     struct rings few = {0};
     near_field_add_ring(&few, 40, 3, 0);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {

@@ -236,8 +236,8 @@ static void test_factors_file(void) {
 
 static void test_blocks_file(void) {
     static const struct change changes[] = {
-        {"view_0003", "B2", 256, .says = "no byte"},
-        {"view_0003", "B7", NAN, .says = "no byte"},
+        {"view_0003", "B2", 256, .says = "not a byte"},
+        {"view_0003", "B7", NAN, .says = "not a byte"},
         {"view_0000", .attribute = "mesorig.kind", .says = "of that kind"},
         {"view_0000", .attribute = "mesorig.width", .number = SIDE + 8, .says = "blocks"},
         {"view_0000", .attribute = "mesorig.height", .number = G_MAXINT, .says = "mesorig.height"},

@@ -345,7 +345,7 @@ static void test_exists(void) {
     assert_error_clear(&error, DATA_ERROR, DATA_ERROR_EXISTS);
     g_autofree char *path = session_fixture_path("outside");
     g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
-    assert_not_imported(path, error, "do not lie within its 6 × 4");
+    assert_not_imported(path, error, "do not lie within the 6 × 4 of the file");
 }
 
 static void test_cancelled(void) {

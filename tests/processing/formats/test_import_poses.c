@@ -219,7 +219,8 @@ static void test_bad(void) {
     write_grey(dir, "nan.exr", values);
 #define HEAD "file,camera,lamp,laser,turntable_deg,arc_deg,sweep_deg\n"
     assert_refused(dir, "", "there are no rows in it");
-    assert_refused(dir, "file,camera\na.exr,cam30\n", "needs the columns file, camera");
+    assert_refused(dir, "file,camera\na.exr,cam30\n",
+                   "the header line lacks the column lamp or laser");
     assert_refused(dir, "file,file\n", "poses.csv:1: there are two columns “file”");
     assert_refused(dir, HEAD "a.exr,cam30\n", "poses.csv:2: it has 2 fields, the head 7");
     assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a quote is not closed");
@@ -232,7 +233,7 @@ static void test_bad(void) {
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,laser30,0,0,1\n", "either a lamp or a laser");
     assert_refused(dir, HEAD "c.exr,cam30,lamp30,,0,0,\n", "poses.csv:2: there is no picture /");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0°,0,\n",
-                   "poses.csv:2: “0°” in column turntable_deg is no number");
+                   "poses.csv:2: “0°” in column turntable_deg is not a number");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,inf,0,\n", "“inf” in column turntable_deg");
     assert_refused(dir, HEAD "wide.exr,cam30,lamp30,,0,0,\n",
                    "poses.csv:2: wide.exr has 33 × 32 pixels, camera cam30 has 32 × 32");

@@ -314,7 +314,7 @@ static void test_astray(void) {
         g_assert_cmpfloat_with_epsilon(lines->turn_rad[k], 0.3 * DEGREE, 0.01 * DEGREE);
 }
 
-/* Without a face, without light, with what is no time: the calibration alone, never a crash. */
+/* Without a face, without light, with what is not a time: the calibration alone, never a crash. */
 static void test_nothing(void) {
     static const struct laser_reference none = {0}, hole = {1, 0.01, {80, 80}, 5, 40};
     static const float bad[] = {-1, NAN, INFINITY, -INFINITY, 1e30F};

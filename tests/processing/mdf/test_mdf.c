@@ -332,7 +332,7 @@ static void spoil_a_third(struct world *world, int laser) {
         planes[laser / 3][i] = nothing[i % 4];
 }
 
-/* Some sweeps are of values that are no numbers, or of impossible ones: the others tell. */
+/* Some sweeps are of values that are not numbers, or of impossible ones: the others tell. */
 static void test_not_numbers(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &nine, NULL, spoil_a_third);
@@ -351,7 +351,7 @@ static void dim_most(struct world *world, int i) {
 }
 
 /* Most lasers do not reach a place and see what others throw back there, faintly and elsewhere: the
- * few that are bright are believed. Brightness that is no number counts for nothing. */
+ * few that are bright are believed. Brightness that is not a number counts for nothing. */
 static void test_faint(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &nine, raise_most, dim_most);
@@ -427,7 +427,7 @@ static void test_unseen(void) {
     struct line_laser laser = {30 * DEGREE, 480};
     sweep(world, &laser, 2, 0, NULL);
     for (int y = 0; y < SIDE; y++)
-        for (int x = 0; x < SIDE; x++) /* what is left of the middle is no time at all */
+        for (int x = 0; x < SIDE; x++) /* what is left of the middle is not a time at all */
             if (x < SIDE / 2)
                 world->peak[SIDE * y + x] = y % 3 == 0 ? NAN : y % 3 == 1 ? -1 : INFINITY;
     add(view, world, &laser, 2);

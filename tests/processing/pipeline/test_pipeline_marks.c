@@ -1,4 +1,4 @@
-/* What of a frame's pixels is no number, saturated or known from shorter exposures alone. */
+/* What of a frame's pixels is not a number, saturated or known from shorter exposures alone. */
 #include "base/data_error.h"
 #include "lib/pipeline_fixture.h"
 
@@ -15,7 +15,7 @@ static void all_nan(struct exr_part *part, const struct session_shot *shot) {
         part->planes[0][i] = NAN;
 }
 
-/* A pixel that is no number makes holes that are counted; a picture of them is refused. */
+/* A pixel that is not a number makes holes that are counted; a picture of them is refused. */
 static void test_nan(struct fixture *fixture, gconstpointer unused) {
     fixture_capture(fixture, 0, fixture->n_shots, one_nan);
     fixture_process(fixture, 2, FALSE);
