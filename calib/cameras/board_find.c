@@ -160,7 +160,7 @@ static int board_find_agree(const guint8 *good, guint n) {
 
 /* Robust homography through the corners of all detected markers; at least half of the markers
  * must agree with it. The reason for a failure says what was seen instead. */
-static gboolean plane_of_markers(const struct picture *picture, const struct board *board,
+static gboolean plane_of_markers(const struct picture *picture, struct board *board,
                                  double ret_h[9], GError **error) {
     g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, FALSE, error);
     g_autoptr(GArray) from = g_array_new(FALSE, FALSE, sizeof(double));
@@ -227,8 +227,9 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
     return sum < 0;
 }
 
-/* A chessboard's corners have no ids: both orders are tried. */
-static gboolean plane_of_chessboard(const struct picture *picture, const struct board *board,
+/* A chessboard's corners have no ids: both orders are tried. If it looks the same upside down the
+ * order does not matter, but the colour of its first square is open. */
+static gboolean plane_of_chessboard(const struct picture *picture, struct board *board,
                                     double ret_h[9], GError **error) {
     const int n = board_n_corners(board);
     g_autofree double *seen = g_new(double, 2 * n), *from = g_new(double, 2 * n);
@@ -245,17 +246,21 @@ static gboolean plane_of_chessboard(const struct picture *picture, const struct 
     for (int reversed = 0; reversed < 2; reversed++) {
         for (int id = 0; id < n; id++)
             board_corner_mm(board, reversed ? n - 1 - id : id, from + 2 * id);
-        if (vision_homography(from, seen, n, TOLERANCE_PX, ret_h, good) &&
-            !is_reversed(picture, board, ret_h))
+        if (!vision_homography(from, seen, n, TOLERANCE_PX, ret_h, good))
+            continue;
+        const gboolean unlike = is_reversed(picture, board, ret_h);
+        board->white_first = unlike && !board_check_upright(board, NULL);
+        if (!unlike || board->white_first)
             return TRUE;
     }
     board_find_refuse(error, "the chessboard's colours are not those of the board");
     return FALSE;
 }
 
-GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
+GArray *board_find(const struct picture *picture, const struct board *specified, gboolean fine,
                    GError **error) {
     static const double middle[2] = {0, 0};
+    struct board own = *specified, *board = &own;
     double h[9], m[2][2];
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
     if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, h, error))

@@ -334,6 +334,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
                                           GError **error) {
     struct cameras_work work;
     struct cameras_result *result = NULL;
+    if (!free_boards && !board_check_upright(&task->board, error))
+        return NULL;
     cameras_work_init(&work, calibration, task, free_boards);
     gboolean ok = for_each(&work, find_board, NULL, error);
     if (free_boards) {

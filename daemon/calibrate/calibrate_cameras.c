@@ -170,7 +170,8 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
         return cli_usage(call->command, "no board is given: give --board");
     if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR");
-    if (!board_parse(&job.board, board_option, &bad))
+    if (!board_parse(&job.board, board_option, &bad) ||
+        (!images_option && !board_check_upright(&job.board, &bad)))
         return cli_usage(call->command, "%s", bad->message);
     job.pictures = g_array_new(FALSE, FALSE, sizeof(struct cameras_picture));
     const int code = calibrate_run(call, &method, &job.base, error);

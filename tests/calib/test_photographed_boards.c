@@ -33,8 +33,9 @@ static struct picture *read_side(int i, gpointer data, GError **error) {
     return vision_read(path, error);
 }
 
-static struct calibration *calibrate(int width, int height, int n, CamerasRead read, gpointer data,
-                                     double *ret_rms_px, GError **error) {
+static struct calibration *calibrate(const char *board, int width, int height, int n,
+                                     CamerasRead read, gpointer data, double *ret_rms_px,
+                                     GError **error) {
     struct rig rig = {.id = "photographs", .n_cameras = 1};
     struct cameras_picture pictures[N];
     struct cameras_task task = {.pictures = pictures, .n_pictures = n, .read = read, .data = data};
@@ -43,7 +44,7 @@ static struct calibration *calibrate(int width, int height, int n, CamerasRead r
     rig.cameras[0].rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     for (int i = 0; i < n; i++)
         pictures[i] = (struct cameras_picture){0, i, 0};
-    g_assert_true(board_parse(&task.board, BOARD, NULL));
+    g_assert_true(board_parse(&task.board, board, NULL));
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     g_autoptr(CamerasResult) result = cameras_calibrate_lens(calibration, &task, error);
     if (!result)
@@ -67,7 +68,7 @@ static void test_set(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     double rms_px;
     g_autoptr(Calibration) calibration =
-        calibrate(640, 480, N, read_side, (gpointer)set->side, &rms_px, &error);
+        calibrate(BOARD, 640, 480, N, read_side, (gpointer)set->side, &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
@@ -112,7 +113,7 @@ static void test_other_zoom(void) {
     g_autoptr(GError) error = NULL;
     double rms_px;
     g_autoptr(Calibration) calibration =
-        calibrate(640, 480, N, read_zoomed, (gpointer) "left", &rms_px, &error);
+        calibrate(BOARD, 640, 480, N, read_zoomed, (gpointer) "left", &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     g_test_message("%.3f px RMS, focal length %.2f px", rms_px, calibration->rig.cameras[0].fx_px);
@@ -179,7 +180,7 @@ static void test_understated(void) {
     double rms_px;
     g_assert_true(board_parse(&board, BOARD, NULL));
     g_autoptr(Calibration) calibration =
-        calibrate(WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+        calibrate(BOARD, WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
@@ -187,6 +188,38 @@ static void test_understated(void) {
     g_test_message("%d pictures, %.3f px RMS, focal length %.2f ± %.2f px", part->pictures, rms_px,
                    fx, sigma);
     g_assert_cmpint(part->pictures, ==, N_DRAWN);
+    g_assert_cmpfloat(rms_px, <, 1.2 * RIPPLE_PX);
+    g_assert_cmpfloat(fabs(fx - FOCAL_PX), <, 3 * sigma);
+    g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
+}
+
+/* Chessboards that look the same upside down, with a black and with a white first square, seen by
+ * the same lens. */
+static const struct alike {
+    const char *path, *board;
+    gboolean white_first;
+} alikes[] = {{"/photographed boards/even", "8x6,square=25", FALSE},
+              {"/photographed boards/even, white first", "8x6,square=25", TRUE},
+              {"/photographed boards/odd", "9x7,square=25", FALSE},
+              {"/photographed boards/odd, white first", "9x7,square=25", TRUE}};
+
+static void test_alike(gconstpointer data) {
+    const struct alike *alike = data;
+    struct board board;
+    g_autoptr(GError) error = NULL;
+    double rms_px;
+    g_assert_true(board_parse(&board, alike->board, NULL));
+    board.white_first = alike->white_first;
+    g_autoptr(Calibration) calibration =
+        calibrate(alike->board, WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+    g_assert_no_error(error);
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    const double fx = calibration->rig.cameras[0].fx_px;
+    const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
+    g_test_message("%d pictures, %d corners, %.3f px RMS, focal length %.2f ± %.2f px",
+                   part->pictures, calibration->cameras[0].points, rms_px, fx, sigma);
+    g_assert_cmpint(part->pictures, ==, N_DRAWN);
+    g_assert_cmpint(calibration->cameras[0].points, >=, N_DRAWN * board_n_corners(&board) * 9 / 10);
     g_assert_cmpfloat(rms_px, <, 1.2 * RIPPLE_PX);
     g_assert_cmpfloat(fabs(fx - FOCAL_PX), <, 3 * sigma);
     g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
@@ -249,6 +282,8 @@ int main(int argc, char **argv) {
         g_test_add_data_func(sets[i].path, &sets[i], test_set);
     g_test_add_func("/photographed boards/other zoom", test_other_zoom);
     g_test_add_func("/photographed boards/understated", test_understated);
+    for (gsize i = 0; i < G_N_ELEMENTS(alikes); i++)
+        g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
     g_test_add_func("/photographed boards/six", test_six);
     g_test_add_func("/photographed boards/minority", test_minority);
     return g_test_run();
