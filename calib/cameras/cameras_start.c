@@ -151,10 +151,40 @@ gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
+/* The camera's pictures have the size that most photographs have. Others were cropped or scaled,
+ * or another camera took them: they are left out. */
+static void take_common_size(struct cameras_work *work) {
+    struct rig_camera *camera = &work->nominal.cameras[0];
+    int most = 0;
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        const int width = work->seen[i].width, height = work->seen[i].height;
+        int same = 0;
+        for (int k = 0; k < work->task->n_pictures; k++)
+            same += work->seen[k].width == width && work->seen[k].height == height;
+        if (same <= most)
+            continue;
+        most = same;
+        camera->width = width;
+        camera->height = height;
+    }
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        struct seen *seen = &work->seen[i];
+        if (seen->width == camera->width && seen->height == camera->height)
+            continue;
+        g_autofree char *why = g_strdup_printf(
+            "it has %d × %d pixels, but %d of the %d photographs have %d × %d: photographs must be "
+            "whole and not scaled, all from one camera",
+            seen->width, seen->height, most, work->task->n_pictures, camera->width, camera->height);
+        cameras_set_why(seen, why);
+        g_clear_pointer(&seen->corners, g_array_unref);
+    }
+}
+
 /* Initial focal length from homographies of at least three pictures; principal point at the
  * centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures;
+    take_common_size(work);
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func(g_free);
     g_autofree int *counts = g_new0(int, n);
     struct rig_camera *camera = &work->nominal.cameras[0];

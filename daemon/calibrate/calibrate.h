@@ -68,8 +68,10 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
-/* Sorted paths of the photographs in a folder, at most so many; none is an error. */
-GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error);
+/* Sorted paths of the photographs in a folder, at most so many; none is an error. Hidden files are
+ * passed over and added to skipped, as "path: reason". */
+GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
+                                 GError **error);
 
 /* Keeps a table in the calibration file, a list of numbers for each column, for the report. rows:
  * of double, row by row. */

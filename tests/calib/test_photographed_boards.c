@@ -225,9 +225,13 @@ static void test_alike(gconstpointer data) {
     g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
 }
 
-/* mesorig calibrate cameras of a folder of these pictures of OpenCV's; what it says. */
-static char *run(const char *const *names, int *ret_code, gboolean *ret_written) {
+/* mesorig calibrate cameras of a folder of these pictures of OpenCV's, and of two hidden files;
+ * what it says. */
+static char *run(const char *board, const char *const *names, int *ret_code,
+                 gboolean *ret_written) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-photographs-XXXXXX", NULL);
+    g_autofree char *store = g_build_filename(folder, ".DS_Store", NULL);
+    g_autofree char *fork = g_build_filename(folder, "._left01.jpg", NULL);
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autoptr(GError) error = NULL;
     char *out = NULL;
@@ -238,13 +242,17 @@ static char *run(const char *const *names, int *ret_code, gboolean *ret_written)
         g_assert_cmpint(symlink(from, to), ==, 0);
     }
     const char *const arguments[] = {MESORIG,   "calibrate", "cameras", "--images", folder,
-                                     "--board", BOARD,       "-o",      output,     NULL};
+                                     "--board", board,       "-o",      output,     NULL};
+    g_assert_true(g_file_set_contents(store, "Bud1", -1, NULL));
+    g_assert_true(g_file_set_contents(fork, "Mac OS X", -1, NULL));
     *ret_code = process_run(arguments, &out, &err);
     *ret_written = g_unlink(output) == 0;
     for (int i = 0; names[i]; i++) {
         g_autofree char *to = g_build_filename(folder, names[i], NULL);
         g_unlink(to);
     }
+    g_unlink(store);
+    g_unlink(fork);
     g_rmdir(folder);
     char *both = g_strconcat(out, err, NULL);
     g_test_message("%s", both);
@@ -257,10 +265,28 @@ static void test_six(void) {
                                         "left05.jpg", "left06.jpg", NULL};
     gboolean written;
     int code;
-    g_autofree char *said = run(names, &code, &written);
+    g_autofree char *said = run(BOARD, names, &code, &written);
     g_assert_cmpint(code, ==, 0);
     g_assert_true(written);
     g_assert_nonnull(strstr(said, ": 6 pictures, "));
+    g_assert_nonnull(strstr(said, "; 2 left out"));
+    g_assert_nonnull(strstr(said, "/._left01.jpg: it is a hidden file"));
+    g_assert_nonnull(strstr(said, "/.DS_Store: it is a hidden file"));
+}
+
+/* The first by name has another size, and so has the last. */
+static void test_other_sizes(void) {
+    static const char *const names[] = {"aloeL.jpg",  "left01.jpg", "left02.jpg",
+                                        "left03.jpg", "baboon.jpg", NULL};
+    gboolean written;
+    int code;
+    g_autofree char *said = run(BOARD, names, &code, &written);
+    g_assert_cmpint(code, ==, 0);
+    g_assert_true(written);
+    g_assert_nonnull(strstr(said, ": 3 pictures, "));
+    g_assert_nonnull(strstr(said, "aloeL.jpg: it has 1282 × 1110 pixels, but 3 of the 5 "
+                                  "photographs have 640 × 480"));
+    g_assert_nonnull(strstr(said, "baboon.jpg: it has 512 × 512"));
 }
 
 /* Four of seven show no board. */
@@ -269,7 +295,7 @@ static void test_minority(void) {
                                         "aero3.jpg",  "stuff.jpg",  "board.jpg",  NULL};
     gboolean written;
     int code;
-    g_autofree char *said = run(names, &code, &written);
+    g_autofree char *said = run(BOARD, names, &code, &written);
     g_assert_cmpint(code, !=, 0);
     g_assert_false(written);
     g_assert_nonnull(strstr(said, "only 3 of 7 photographs agree on one lens"));
@@ -285,6 +311,7 @@ int main(int argc, char **argv) {
     for (gsize i = 0; i < G_N_ELEMENTS(alikes); i++)
         g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
     g_test_add_func("/photographed boards/six", test_six);
+    g_test_add_func("/photographed boards/other sizes", test_other_sizes);
     g_test_add_func("/photographed boards/minority", test_minority);
     return g_test_run();
 }
