@@ -8,6 +8,7 @@
 
 #define MOST_CANDIDATES 40
 #define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
+#define HINT_PICTURES   4    /* that are searched for another board */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {
@@ -180,6 +181,27 @@ static void take_common_size(struct cameras_work *work) {
     }
 }
 
+/* Other programs count a chessboard's inner corners, one fewer each way than its squares. NULL:
+ * the first pictures do not show a board of one square more each way. */
+static char *hint_at_inner_corners(const struct cameras_work *work) {
+    struct board board = work->task->board;
+    board.columns++;
+    board.rows++;
+    for (int i = 0; board.marker_mm == 0 && i < MIN(work->task->n_pictures, HINT_PICTURES); i++) {
+        g_autoptr(Picture) picture = work->task->read(i, work->task->data, NULL);
+        g_autoptr(GArray) corners = picture ? board_find(picture, &board, FALSE, NULL) : NULL;
+        if (!corners)
+            continue;
+        g_autofree char *spec = board_spec(&board);
+        return g_strdup_printf("; but %s shows a chessboard of %d × %d squares, which has %d × %d "
+                               "inner corners: count "
+                               "squares, and give --board %s",
+                               picture->name, board.columns, board.rows, board.columns - 1,
+                               board.rows - 1, spec);
+    }
+    return NULL;
+}
+
 /* Initial focal length from homographies of at least three pictures; principal point at the
  * centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
@@ -203,11 +225,14 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
         counts[views->len] = (int)seen->corners->len;
         g_ptr_array_add(views, points);
     }
-    if (views->len < 3)
-        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                              "the board was found in %u of %d pictures; at least 3 are needed%s%s",
-                              views->len, n, n > 0 && work->seen[0].why ? ", such as not in " : "",
-                              n > 0 && work->seen[0].why ? work->seen[0].why : "");
+    if (views->len < 3) {
+        g_autofree char *hint = views->len == 0 ? hint_at_inner_corners(work) : NULL;
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "the board was found in %u of %d pictures; at least 3 are needed%s%s%s", views->len, n,
+            n > 0 && work->seen[0].why ? ", such as not in " : "",
+            n > 0 && work->seen[0].why ? work->seen[0].why : "", hint ? hint : "");
+    }
     if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
                              camera->width, camera->height, focal, error))
         return FALSE;

@@ -289,6 +289,20 @@ static void test_other_sizes(void) {
     g_assert_nonnull(strstr(said, "baboon.jpg: it has 512 × 512"));
 }
 
+/* What OpenCV's programs ask for. */
+static void test_inner_corners(void) {
+    static const char *const names[] = {"aero1.jpg", "left01.jpg", "left02.jpg", "left03.jpg",
+                                        NULL};
+    gboolean written;
+    int code;
+    g_autofree char *said = run("9x6,square=25", names, &code, &written);
+    g_assert_cmpint(code, ==, 1);
+    g_assert_false(written);
+    g_assert_nonnull(strstr(said, "the board was found in 0 of 4 pictures"));
+    g_assert_nonnull(strstr(said, "left01.jpg shows a chessboard of 10 × 7 squares, which has 9 × "
+                                  "6 inner corners: count squares, and give --board 10x7,square="));
+}
+
 /* Four of seven show no board. */
 static void test_minority(void) {
     static const char *const names[] = {"left01.jpg", "left02.jpg", "left03.jpg", "aero1.jpg",
@@ -312,6 +326,7 @@ int main(int argc, char **argv) {
         g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
     g_test_add_func("/photographed boards/six", test_six);
     g_test_add_func("/photographed boards/other sizes", test_other_sizes);
+    g_test_add_func("/photographed boards/inner corners", test_inner_corners);
     g_test_add_func("/photographed boards/minority", test_minority);
     return g_test_run();
 }
