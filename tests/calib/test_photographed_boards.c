@@ -3,6 +3,7 @@
  * shell sees it: the two sets of chessboards that come with OpenCV (Debian's opencv-doc), and what
  * is made of them.
  */
+#include "cameras/board_find.h"
 #include "cameras/cameras.h"
 #include "lib/process.h"
 #include "pictures/vision.h"
@@ -225,6 +226,66 @@ static void test_alike(gconstpointer data) {
     g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
 }
 
+/* A wide lens that bends the board: by the division model, a point at radius r of the picture (in
+ * focal lengths) is seen at r / (1 + BEND r²) (Fitzgibbon 2001), which the calibration's polynomial
+ * is not. The board fills the picture. */
+#define BEND       -0.55
+#define WIDE_PX    150
+#define WIDE_BOARD "9x7,square=25"
+
+static struct picture *draw_bent(const struct board *board, struct rig_camera *camera) {
+    struct picture *picture = picture_new("bent", "bent", WIDTH, HEIGHT);
+    *camera = (struct rig_camera){.width = WIDTH, .height = HEIGHT, .fx_px = FOCAL_PX};
+    camera->cx_px = (WIDTH - 1) / 2.0;
+    camera->cy_px = (HEIGHT - 1) / 2.0;
+    rig_camera_look_at(camera, vec3_scale(rig_direction(0.25, 1), 108), vec3(0, 0, 0));
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            double sum = 0;
+            for (int k = 0; k < SAMPLES * SAMPLES; k++) {
+                const double u =
+                    (x + (k % SAMPLES + 0.5) / SAMPLES - 0.5 - camera->cx_px) / WIDE_PX;
+                const int row = k / SAMPLES;
+                const double v = (y + (row + 0.5) / SAMPLES - 0.5 - camera->cy_px) / WIDE_PX;
+                const double scale = FOCAL_PX / (1 + BEND * (u * u + v * v));
+                sum += sample(board, camera, camera->cx_px + scale * u, camera->cy_px + scale * v);
+            }
+            picture->values[y * WIDTH + x] = (float)(0.1 + 0.8 * sum / (SAMPLES * SAMPLES));
+        }
+    return picture;
+}
+
+static void test_bent(void) {
+    struct board board;
+    struct rig_camera camera;
+    g_autoptr(GError) error = NULL;
+    g_assert_true(board_parse(&board, WIDE_BOARD, NULL));
+    g_autoptr(Picture) picture = draw_bent(&board, &camera);
+    g_autoptr(GArray) corners = board_find(picture, &board, TRUE, &error);
+    g_assert_no_error(error);
+    const int n = board_n_corners(&board);
+    double sum[2] = {0, 0}; /* of squares, by either order of the corners */
+    for (guint i = 0; i < corners->len; i++) {
+        const struct corner *corner = &g_array_index(corners, struct corner, i);
+        for (int turned = 0; turned < 2; turned++) {
+            double mm[2];
+            board_corner_mm(&board, turned ? n - 1 - corner->id : corner->id, mm);
+            const struct vec3 p = vec3_add(mat3_mul_vec(&camera.rotation, vec3(mm[0], mm[1], 0)),
+                                           camera.translation_mm);
+            const double straight = hypot(p.x, p.y) / p.z;
+            const double seen =
+                (1 - sqrt(1 - 4 * BEND * straight * straight)) / (2 * BEND * straight);
+            const double x = camera.cx_px + WIDE_PX * seen / straight * p.x / p.z;
+            const double y = camera.cy_px + WIDE_PX * seen / straight * p.y / p.z;
+            sum[turned] += pow(x - corner->x_px, 2) + pow(y - corner->y_px, 2);
+        }
+    }
+    const double rms_px = sqrt(MIN(sum[0], sum[1]) / corners->len);
+    g_test_message("%u of %d corners, %.3f px RMS from where they are", corners->len, n, rms_px);
+    g_assert_cmpint((int)corners->len, ==, n);
+    g_assert_cmpfloat(rms_px, <, 0.1);
+}
+
 /* mesorig calibrate cameras of a folder of these pictures of OpenCV's, and of two hidden files;
  * what it says. */
 static char *run(const char *board, const char *const *names, int *ret_code,
@@ -324,6 +385,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/photographed boards/understated", test_understated);
     for (gsize i = 0; i < G_N_ELEMENTS(alikes); i++)
         g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
+    g_test_add_func("/photographed boards/bent", test_bent);
     g_test_add_func("/photographed boards/six", test_six);
     g_test_add_func("/photographed boards/other sizes", test_other_sizes);
     g_test_add_func("/photographed boards/inner corners", test_inner_corners);
