@@ -86,8 +86,8 @@ gboolean calibrate_parse(const char *text, const char *separator, int n, double 
 
 /* A frame that the session holds; its pixels are read when they are needed. */
 struct calibrate_frame {
-    char *path;   /* of the file */
-    char *sha256; /* as the session has it; NULL: a photograph of no session */
+    char *path;       /* of the file */
+    char *sha256;     /* as the session has it; NULL: a photograph of no session */
     int camera, lamp; /* of the calibration; lamp −1: dark, or a sweep */
     int laser;        /* of the calibration; −1: no sweep */
     double turntable_deg, arc_deg;
