@@ -25,11 +25,6 @@ static gboolean board_check(const struct board *board, const char *spec, GError 
 
     if (!(board->square_mm > 0))
         return refuse(spec, error, "the size of a square is missing or 0; give square=MM");
-    if (board->marker_mm == 0 && (board->columns + board->rows) % 2 == 0)
-        return refuse(
-            spec, error,
-            "a chessboard looks the same upside down unless one of columns and rows is odd "
-            "and the other even");
     if (board->marker_mm == 0)
         return TRUE;
     if (board->marker_mm >= 0.95 * board->square_mm || board->marker_mm < 0.3 * board->square_mm)
@@ -99,6 +94,17 @@ char *board_spec(const struct board *board) {
                            board->rows, square, marker, board->dictionary, thickness);
 }
 
+gboolean board_check_upright(const struct board *board, GError **error) {
+    g_autofree char *spec = board_spec(board);
+
+    if (board->marker_mm > 0 || (board->columns + board->rows) % 2 == 1)
+        return TRUE;
+    return refuse(spec, error,
+                  "a chessboard looks the same upside down unless one of columns and rows is odd "
+                  "and the other even, so that pictures do not say which way it lies; photographs "
+                  "of it (--images) give a lens");
+}
+
 int board_n_corners(const struct board *board) {
     return (board->columns - 1) * (board->rows - 1);
 }
@@ -143,7 +149,7 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
 
     if (x < 0 || y < 0 || column >= board->columns || row >= board->rows)
         return -1;
-    const gboolean white = (column + row) % 2 == 1; /* the top left square, (0, 0), is black */
+    const gboolean white = (column + row + board->white_first) % 2 == 1;
     if (!white || board->marker_mm == 0)
         return white;
     const double size = board->marker_mm / board->square_mm;

@@ -21,6 +21,8 @@ struct board {
     double square_mm, marker_mm; /* marker_mm 0: a chessboard */
     char dictionary[24];         /* as in vision.h */
     double thickness_mm;         /* height of the print above the surface that the board lies on */
+    gboolean white_first; /* a chessboard whose top left square is white; only board_find() sets it,
+                             of one that looks the same upside down */
 };
 
 #define BOARD_ERROR board_error_quark()
@@ -34,6 +36,10 @@ enum board_error {
  * Defaults: dictionary 4x4_50, thickness 0. */
 gboolean board_parse(struct board *board, const char *spec, GError **error);
 char *board_spec(const struct board *board); /* g_free() */
+
+/* FALSE, and BOARD_ERROR_SPEC: a chessboard whose columns and rows are both odd or both even looks
+ * the same upside down. A lens can be calibrated with it, but nothing can be placed by it. */
+gboolean board_check_upright(const struct board *board, GError **error);
 
 int board_n_corners(const struct board *board);
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);

@@ -1,6 +1,7 @@
-/* Finding a board: the detector's markers (or whole chessboard) give a homography from the board
- * to the picture, which ignores distortion; it predicts every corner, and corner.c fits each of
- * them. With a known geometry, the predicted print is correlated with the picture first. */
+/* Finding a board: the points that the detector sees (of markers, or a whole chessboard) give a map
+ * from the board to the picture: a homography, and by how much they are off it near by, since a
+ * lens bends the board. The map predicts every corner, and corner.c fits each of them. With a known
+ * geometry, the predicted print is correlated with the picture first. */
 #include "board_find.h"
 
 #include "pictures/vision.h"
@@ -11,10 +12,16 @@
 #define MIN_CORNERS    4
 #define TOLERANCE_PX   3.0  /* of markers from a homography, since lenses distort, */
 #define TOLERANCE      0.15 /* or relative to a marker's side: accuracy of the detector's corners */
+#define ANY_PX         1e6  /* no bound */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
 /* Least correlation of a board that was found. */
 #define LEAST_FIT 0.45
 #define STEP_MM   0.01 /* step of numerical derivatives */
+/* How far points tell how a lens bends the board, in squares; the share of all weights that keeps
+ * the slope of that small; and the least sum of weights. */
+#define REACH  1.0
+#define RIDGE  0.05
+#define FEWEST 1e-3
 
 static GArray *board_find_refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
@@ -139,6 +146,42 @@ static gboolean by_homography(const double xy_mm[2], gboolean straight, double r
     return TRUE;
 }
 
+struct map {     /* from the board to the picture */
+    double h[9]; /* homography */
+    double reach_mm;
+    int n;                /* points that were seen, */
+    const double *from;   /* n × 2: on the board, mm, */
+    const double *off_px; /* n × 2: seen minus by the homography */
+};
+
+/* Homography, and a plane through what the points near by are off it: at x, e = e₀ of the least
+ * Σ wᵢ (e₀ + E (xᵢ − x) − eᵢ)² + ridge |E|², wᵢ = exp(−|xᵢ − x|² / 2 reach²). The ridge keeps E
+ * small where the points do not say it. */
+static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                       gconstpointer data) {
+    const struct map *map = data;
+    double a[3][3] = {{0}}, b[2][3] = {{0}}, found[3];
+    if (!by_homography(xy_mm, straight, ret_xy_px, map->h))
+        return FALSE;
+    for (int i = 0; !straight && i < map->n; i++) {
+        const double x = (map->from[2 * i] - xy_mm[0]) / map->reach_mm;
+        const double y = (map->from[2 * i + 1] - xy_mm[1]) / map->reach_mm;
+        const double row[3] = {1, x, y}, w = exp(-0.5 * (x * x + y * y));
+        for (int k = 0; k < 3; k++) {
+            for (int l = 0; l < 3; l++)
+                a[k][l] += w * row[k] * row[l];
+            b[0][k] += w * row[k] * map->off_px[2 * i];
+            b[1][k] += w * row[k] * map->off_px[2 * i + 1];
+        }
+    }
+    a[1][1] += RIDGE * a[0][0];
+    a[2][2] += RIDGE * a[0][0];
+    for (int k = 0; k < 2; k++)
+        if (a[0][0] > FEWEST && solve3(a, b[k], found))
+            ret_xy_px[k] += found[0];
+    return TRUE;
+}
+
 /* Tolerance by the mean length of the markers' first edges. */
 static double tolerance_px(const GArray *markers) {
     double sum = 0;
@@ -159,12 +202,11 @@ static int board_find_agree(const guint8 *good, guint n) {
 }
 
 /* Robust homography through the corners of all detected markers; at least half of the markers
- * must agree with it. The reason for a failure says what was seen instead. */
-static gboolean plane_of_markers(const struct picture *picture, const struct board *board,
-                                 double ret_h[9], GError **error) {
+ * must agree with it: from, seen (of double, two a point) are of those. The reason for a failure
+ * says what was seen instead. */
+static gboolean plane_of_markers(const struct picture *picture, struct board *board,
+                                 double ret_h[9], GArray *from, GArray *to, GError **error) {
     g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, FALSE, error);
-    g_autoptr(GArray) from = g_array_new(FALSE, FALSE, sizeof(double));
-    g_autoptr(GArray) to = g_array_new(FALSE, FALSE, sizeof(double));
     if (!found)
         return FALSE;
     for (guint i = 0; i < found->len; i++) {
@@ -185,8 +227,14 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
     const gboolean plane = n >= 8 && vision_homography((const double *)(gpointer)from->data,
                                                        (const double *)(gpointer)to->data, (int)n,
                                                        tolerance_px(found), ret_h, good);
-    if (plane && board_find_agree(good, n) >= 2 && 2 * board_find_agree(good, n) >= (int)n / 4)
+    if (plane && board_find_agree(good, n) >= 2 && 2 * board_find_agree(good, n) >= (int)n / 4) {
+        for (guint i = n; i-- > 0;)
+            if (!good[i]) {
+                g_array_remove_range(from, 2 * i, 2);
+                g_array_remove_range(to, 2 * i, 2);
+            }
         return TRUE;
+    }
     g_autoptr(GArray) mirrored = vision_find_markers(picture, board->dictionary, TRUE, NULL);
     if (mirrored && mirrored->len >= MAX(4, found->len))
         board_find_refuse(
@@ -227,11 +275,15 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
     return sum < 0;
 }
 
-/* A chessboard's corners have no ids: both orders are tried. */
-static gboolean plane_of_chessboard(const struct picture *picture, const struct board *board,
-                                    double ret_h[9], GError **error) {
+/* A chessboard's corners have no ids: both orders are tried. All of them lie on the board, so that
+ * all count for the homography, however far a lens bends them off it. If it looks the same upside
+ * down the order does not matter, but the colour of its first square is open. */
+static gboolean plane_of_chessboard(const struct picture *picture, struct board *board,
+                                    double ret_h[9], GArray *from_mm, GArray *seen_px,
+                                    GError **error) {
     const int n = board_n_corners(board);
-    g_autofree double *seen = g_new(double, 2 * n), *from = g_new(double, 2 * n);
+    double *from = (double *)(gpointer)g_array_set_size(from_mm, 2 * (guint)n)->data;
+    double *seen = (double *)(gpointer)g_array_set_size(seen_px, 2 * (guint)n)->data;
     g_autofree guint8 *good = g_new0(guint8, n);
     g_autoptr(GError) own = NULL;
     if (!vision_find_chessboard(picture, board->columns, board->rows, seen, &own)) {
@@ -245,45 +297,63 @@ static gboolean plane_of_chessboard(const struct picture *picture, const struct 
     for (int reversed = 0; reversed < 2; reversed++) {
         for (int id = 0; id < n; id++)
             board_corner_mm(board, reversed ? n - 1 - id : id, from + 2 * id);
-        if (vision_homography(from, seen, n, TOLERANCE_PX, ret_h, good) &&
-            !is_reversed(picture, board, ret_h))
+        if (!vision_homography(from, seen, n, ANY_PX, ret_h, good))
+            continue;
+        const gboolean unlike = is_reversed(picture, board, ret_h);
+        board->white_first = unlike && !board_check_upright(board, NULL);
+        if (!unlike || board->white_first)
             return TRUE;
     }
     board_find_refuse(error, "the chessboard's colours are not those of the board");
     return FALSE;
 }
 
-GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
+/* Fits all corners where points (of double, two a point) and homography say that they are. */
+static GArray *fit_by_map(const struct picture *picture, const struct board *board, struct map *map,
+                          const GArray *from, const GArray *seen) {
+    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
+    g_autofree double *off_px = g_new0(double, from->len + 2);
+    map->reach_mm = REACH * board->square_mm;
+    map->n = (int)from->len / 2;
+    map->from = (const double *)(gconstpointer)from->data;
+    map->off_px = off_px;
+    for (int i = 0; i < map->n; i++)
+        if (by_homography(map->from + 2 * i, FALSE, off_px + 2 * i, map->h))
+            for (int k = 0; k < 2; k++)
+                off_px[2 * i + k] = g_array_index(seen, double, 2 * i + k) - off_px[2 * i + k];
+    guess_all(board, by_map, map, NULL, guesses);
+    return corner_fit_all(picture, board, guesses);
+}
+
+GArray *board_find(const struct picture *picture, const struct board *specified, gboolean fine,
                    GError **error) {
     static const double middle[2] = {0, 0};
-    double h[9], m[2][2];
-    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
-    if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, h, error))
+    struct board own = *specified, *board = &own;
+    double m[2][2];
+    struct map map;
+    g_autoptr(GArray) from = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(double));
+    if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, map.h,
+                                                                         from, seen, error))
         return NULL;
     /* A flipped picture looks like a board seen from below. The picture's y points down. */
-    if (!slopes(by_homography, FALSE, h, middle, m) || m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
+    if (!slopes(by_homography, FALSE, map.h, middle, m) ||
+        m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
         return board_find_refuse(error,
                                  "the board is mirrored: the picture is flipped, or the board was "
                                  "printed so");
-    guess_all(board, by_homography, h, NULL, guesses);
-    g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
-    if (fine) {
-        /* Fits the homography to all corners found: more accurate than that of the markers. */
-        const guint n = corners->len;
-        g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
-        g_autofree guint8 *good = g_new0(guint8, n + 1);
-        double better[9];
-        for (guint i = 0; i < n; i++) {
+    g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
+    if (fine) { /* once more by all corners found: they are more accurate than the detector's */
+        g_array_set_size(from, 2 * corners->len);
+        g_array_set_size(seen, 2 * corners->len);
+        for (guint i = 0; i < corners->len; i++) {
             const struct corner *corner = &g_array_index(corners, struct corner, i);
-            board_corner_mm(board, corner->id, from + 2 * i);
-            to[2 * i] = corner->x_px;
-            to[2 * i + 1] = corner->y_px;
+            board_corner_mm(board, corner->id, &g_array_index(from, double, 2 * i));
+            g_array_index(seen, double, 2 * i) = corner->x_px;
+            g_array_index(seen, double, 2 * i + 1) = corner->y_px;
         }
-        if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
-            memcpy(h, better, sizeof better);
-        guess_all(board, by_homography, h, NULL, guesses);
         g_array_unref(corners);
-        corners = corner_fit_all(picture, board, guesses);
+        corners = fit_by_map(picture, board, &map, from, seen);
     }
     if (corners->len >= MIN_CORNERS)
         return g_steal_pointer(&corners);

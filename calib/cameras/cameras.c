@@ -89,8 +89,9 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     const struct rig_camera *c = &work->nominal.cameras[seen->camera];
     if (!picture)
         return FALSE;
-    /* A picture of another size is from another camera, or was scaled: an error, not an outlier. */
-    if (picture->width != c->width || picture->height != c->height)
+    /* On a rig, a picture of another size is from another camera, or was scaled: an error, not an
+     * outlier. */
+    if (!work->free_boards && (picture->width != c->width || picture->height != c->height))
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
@@ -98,6 +99,8 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
             picture->name, picture->width, picture->height, c->name, c->width, c->height);
     seen->name = g_strdup(picture->name);
     seen->checksum = g_strdup(picture->checksum);
+    seen->width = picture->width;
+    seen->height = picture->height;
     seen->corners = board_find(picture, &work->task->board, work->free_boards, &why);
     if (!seen->corners)
         cameras_set_why(seen, why->message);
@@ -307,6 +310,8 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         const struct bundle_camera *from = &work->bundle.cameras[c];
         struct calibration_camera *to = &calibration->cameras[c];
         cameras_take_camera(&calibration->rig.cameras[c], from);
+        calibration->rig.cameras[c].width = work->nominal.cameras[c].width;
+        calibration->rig.cameras[c].height = work->nominal.cameras[c].height;
         memcpy(to->covariance, from->covariance, sizeof to->covariance);
         /* Counts a camera's points and the RMS of their residuals. */
         const struct bundle *b = &work->bundle;
@@ -334,6 +339,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
                                           GError **error) {
     struct cameras_work work;
     struct cameras_result *result = NULL;
+    if (!free_boards && !board_check_upright(&task->board, error))
+        return NULL;
     cameras_work_init(&work, calibration, task, free_boards);
     gboolean ok = for_each(&work, find_board, NULL, error);
     if (free_boards) {

@@ -78,6 +78,7 @@ struct cameras_result *cameras_calibrate(struct calibration *calibration,
                                          const struct cameras_task *task, GError **error);
 
 /* Calibrates the lens of one camera from photographs; the camera is at the origin and looks along
- * z. The calibration has one camera, of which only name, width and height need be set. */
+ * z. The calibration has one camera, of which only the name need be set: its width and height
+ * become those of most photographs, and those of another size are rejected. */
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error);

@@ -10,6 +10,7 @@
 struct seen { /* a picture */
     char *name, *checksum;
     int camera, lay, stop;
+    int width, height; /* px */
     GArray *corners;   /* struct corner; NULL: not found or set aside, see why */
     GArray *set_aside; /* corners of a picture that contradicts the others */
     char *why;

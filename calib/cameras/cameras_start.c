@@ -8,6 +8,7 @@
 
 #define MOST_CANDIDATES 40
 #define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
+#define HINT_PICTURES   4    /* that are searched for another board */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {
@@ -151,10 +152,61 @@ gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
+/* The camera's pictures have the size that most photographs have. Others were cropped or scaled,
+ * or another camera took them: they are left out. */
+static void take_common_size(struct cameras_work *work) {
+    struct rig_camera *camera = &work->nominal.cameras[0];
+    int most = 0;
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        const int width = work->seen[i].width, height = work->seen[i].height;
+        int same = 0;
+        for (int k = 0; k < work->task->n_pictures; k++)
+            same += work->seen[k].width == width && work->seen[k].height == height;
+        if (same <= most)
+            continue;
+        most = same;
+        camera->width = width;
+        camera->height = height;
+    }
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        struct seen *seen = &work->seen[i];
+        if (seen->width == camera->width && seen->height == camera->height)
+            continue;
+        g_autofree char *why = g_strdup_printf(
+            "it has %d × %d pixels, but %d of the %d photographs have %d × %d: photographs must be "
+            "whole and not scaled, all from one camera",
+            seen->width, seen->height, most, work->task->n_pictures, camera->width, camera->height);
+        cameras_set_why(seen, why);
+        g_clear_pointer(&seen->corners, g_array_unref);
+    }
+}
+
+/* Other programs count a chessboard's inner corners, one fewer each way than its squares. NULL:
+ * the first pictures do not show a board of one square more each way. */
+static char *hint_at_inner_corners(const struct cameras_work *work) {
+    struct board board = work->task->board;
+    board.columns++;
+    board.rows++;
+    for (int i = 0; board.marker_mm == 0 && i < MIN(work->task->n_pictures, HINT_PICTURES); i++) {
+        g_autoptr(Picture) picture = work->task->read(i, work->task->data, NULL);
+        g_autoptr(GArray) corners = picture ? board_find(picture, &board, FALSE, NULL) : NULL;
+        if (!corners)
+            continue;
+        g_autofree char *spec = board_spec(&board);
+        return g_strdup_printf("; but %s shows a chessboard of %d × %d squares, which has %d × %d "
+                               "inner corners: count "
+                               "squares, and give --board %s",
+                               picture->name, board.columns, board.rows, board.columns - 1,
+                               board.rows - 1, spec);
+    }
+    return NULL;
+}
+
 /* Initial focal length from homographies of at least three pictures; principal point at the
  * centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures;
+    take_common_size(work);
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func(g_free);
     g_autofree int *counts = g_new0(int, n);
     struct rig_camera *camera = &work->nominal.cameras[0];
@@ -173,11 +225,14 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
         counts[views->len] = (int)seen->corners->len;
         g_ptr_array_add(views, points);
     }
-    if (views->len < 3)
-        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                              "the board was found in %u of %d pictures; at least 3 are needed%s%s",
-                              views->len, n, n > 0 && work->seen[0].why ? ", such as not in " : "",
-                              n > 0 && work->seen[0].why ? work->seen[0].why : "");
+    if (views->len < 3) {
+        g_autofree char *hint = views->len == 0 ? hint_at_inner_corners(work) : NULL;
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "the board was found in %u of %d pictures; at least 3 are needed%s%s%s", views->len, n,
+            n > 0 && work->seen[0].why ? ", such as not in " : "",
+            n > 0 && work->seen[0].why ? work->seen[0].why : "", hint ? hint : "");
+    }
     if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
                              camera->width, camera->height, focal, error))
         return FALSE;

@@ -192,7 +192,7 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
     double p[N], h[N * N], total;
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
     /* +1 if the corner's upper right and lower left squares are white */
-    pixels.sign = (column + row) % 2 ? -1 : 1;
+    pixels.sign = (column + row + board->white_first) % 2 ? -1 : 1;
     const double(*m)[2] = guess->px_a_mm;
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const double back[2][2] = {{m[1][1] / det, -m[0][1] / det}, {-m[1][0] / det, m[0][0] / det}};

@@ -116,12 +116,18 @@ static int calibrate_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error) {
+GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
+                                 GError **error) {
     static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff"};
     g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
     g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
     for (const char *name; dir && paths->len < most && (name = g_dir_read_name(dir));) {
         g_autofree char *lower = g_ascii_strdown(name, -1);
+        if (*name == '.') {
+            g_autofree char *path = g_build_filename(folder, name, NULL);
+            g_ptr_array_add(skipped, g_strdup_printf("%s: it is a hidden file", path));
+            continue;
+        }
         for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
             if (g_str_has_suffix(lower, ends[i])) {
                 g_ptr_array_add(paths, g_build_filename(folder, name, NULL));

@@ -68,8 +68,10 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
-/* Returns the sorted paths of the photographs in a folder, at most `most`; none is an error. */
-GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error);
+/* Returns the sorted paths of the photographs in a folder, at most `most`; none is an error. Hidden
+ * files are skipped and added to skipped, as "path: reason". */
+GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
+                                 GError **error);
 
 /* Keeps a table in the calibration file, a list of numbers for each column, for the report. rows:
  * of double, row by row. */
@@ -84,8 +86,8 @@ gboolean calibrate_parse(const char *text, const char *separator, int n, double 
 
 /* A frame that the session holds; its pixels are read when they are needed. */
 struct calibrate_frame {
-    char *path;   /* of the file */
-    char *sha256; /* as the session has it; NULL: a photograph of no session */
+    char *path;       /* of the file */
+    char *sha256;     /* as the session has it; NULL: a photograph of no session */
     int camera, lamp; /* of the calibration; lamp −1: dark, or a sweep */
     int laser;        /* of the calibration; −1: no sweep */
     double turntable_deg, arc_deg;

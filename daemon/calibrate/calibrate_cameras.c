@@ -57,10 +57,9 @@ static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, G
 
 static gboolean gather_photographs(struct job *job, GError **error) {
     struct rig rig = {.id = "photographs", .n_cameras = 1};
-    g_autoptr(GPtrArray) paths = calibrate_photographs(images_option, MOST_PICTURES, error);
-    /* The first photograph says how large the camera's pictures are. */
-    g_autoptr(Picture) first = paths ? vision_read(paths->pdata[0], error) : NULL;
-    if (!first)
+    g_autoptr(GPtrArray) paths =
+        calibrate_photographs(images_option, MOST_PICTURES, job->base.rejected, error);
+    if (!paths)
         return FALSE;
     for (guint i = 0; i < paths->len; i++) {
         struct calibrate_frame *frame = g_new0(struct calibrate_frame, 1);
@@ -68,8 +67,6 @@ static gboolean gather_photographs(struct job *job, GError **error) {
         cli_calibrate_cameras_add(job, frame, (int)i);
     }
     g_strlcpy(rig.cameras[0].name, name_option ? name_option : "camera", RIG_NAME);
-    rig.cameras[0].width = first->width;
-    rig.cameras[0].height = first->height;
     rig.cameras[0].response = 1;
     rig.cameras[0].rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     job->base.calibration = calibration_new(&rig);
@@ -143,6 +140,9 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
         keep_residuals(job, c);
     if (job->result && !images_option)
         keep_turntable(job);
+    for (guint i = 0; job->result && i < base->rejected->len; i++)
+        g_ptr_array_add(base->calibration->parts[CALIBRATION_CAMERAS].rejected,
+                        g_strdup(base->rejected->pdata[i]));
     return job->result != NULL;
 }
 
@@ -157,7 +157,9 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
     record_say(to, "%s: %d pictures, %u corners, %.3f px RMS", calibrate_output, part->pictures,
                result->residuals->len, result->rms_px);
     if (part->rejected->len)
-        record_say(to, "; %u pictures without a good view of the board", part->rejected->len);
+        record_say(to, "; %u left out", part->rejected->len);
+    for (guint i = 0; images_option && i < part->rejected->len; i++)
+        record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);
 }
 
@@ -170,7 +172,8 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
         return cli_usage(call->command, "no board is given: give --board");
     if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR");
-    if (!board_parse(&job.board, board_option, &bad))
+    if (!board_parse(&job.board, board_option, &bad) ||
+        (!images_option && !board_check_upright(&job.board, &bad)))
         return cli_usage(call->command, "%s", bad->message);
     job.pictures = g_array_new(FALSE, FALSE, sizeof(struct cameras_picture));
     const int code = calibrate_run(call, &method, &job.base, error);

@@ -219,7 +219,8 @@ static gboolean write_lights(const struct job *job, GError **error) {
 
 static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    if (!(job->names = calibrate_photographs(photos_folder, G_MAXUINT, error)) ||
+    g_autoptr(GPtrArray) hidden = g_ptr_array_new_with_free_func(g_free);
+    if (!(job->names = calibrate_photographs(photos_folder, G_MAXUINT, hidden, error)) ||
         !find_outlines(job, work, error))
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
@@ -229,8 +230,10 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
             !work_tell(work, "lights", (int)i + 1, (int)job->names->len, begun_us, error))
             return FALSE;
     }
-    if (job->lights->len > 0)
+    if (job->lights->len > 0) {
+        g_ptr_array_extend_and_steal(job->rejected, g_steal_pointer(&hidden));
         return write_lights(job, error);
+    }
     g_set_error_literal(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, job->rejected->pdata[0]);
     if (job->rejected->len > 1)
         g_prefix_error(error, "no picture shows where its light is; the first of %u reasons: ",

@@ -44,7 +44,6 @@ static void test_spec(void) {
                                       "2x8,square=9",
                                       "41x8,square=9",
                                       "8x8",
-                                      "8x8,square=9",
                                       "8x8,square=nan,marker=6",
                                       "8x8,square=9,marker=9",
                                       "8x8,square=-9,marker=6",
@@ -62,6 +61,25 @@ static void test_spec(void) {
     g_autofree char *spec = board_spec(&board);
     const struct board again = parse(spec);
     g_assert_cmpmem(&board, sizeof board, &again, sizeof again);
+}
+
+static void test_upright(void) {
+    static const char *const good[] = {"8x7,square=9", "7x8,square=9", "8x8,square=9,marker=6.75"};
+    static const char *const bad[] = {"8x8,square=9", "8x6,square=9", "9x7,square=9"};
+    g_autoptr(GError) error = NULL;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(good); i++) {
+        const struct board board = parse(good[i]);
+        g_assert_true(board_check_upright(&board, &error));
+        g_assert_no_error(error);
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        const struct board board = parse(bad[i]);
+        g_assert_false(board_check_upright(&board, &error));
+        g_assert_error(error, BOARD_ERROR, BOARD_ERROR_SPEC);
+        g_assert_nonnull(strstr(error->message, bad[i]));
+        g_clear_error(&error);
+    }
 }
 
 static void test_geometry(void) {
@@ -270,6 +288,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     folder = g_dir_make_tmp("mesorig-board-XXXXXX", NULL);
     g_test_add_func("/board/spec", test_spec);
+    g_test_add_func("/board/upright", test_upright);
     g_test_add_func("/board/geometry", test_geometry);
     g_test_add_func("/board/drawing", test_drawing);
     g_test_add_func("/board/markers", test_markers);

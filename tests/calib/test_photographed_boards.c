@@ -3,6 +3,7 @@
  * shell sees it: the two sets of chessboards that come with OpenCV (Debian's opencv-doc), and what
  * is made of them.
  */
+#include "cameras/board_find.h"
 #include "cameras/cameras.h"
 #include "lib/process.h"
 #include "pictures/vision.h"
@@ -33,8 +34,9 @@ static struct picture *read_side(int i, gpointer data, GError **error) {
     return vision_read(path, error);
 }
 
-static struct calibration *calibrate(int width, int height, int n, CamerasRead read, gpointer data,
-                                     double *ret_rms_px, GError **error) {
+static struct calibration *calibrate(const char *board, int width, int height, int n,
+                                     CamerasRead read, gpointer data, double *ret_rms_px,
+                                     GError **error) {
     struct rig rig = {.id = "photographs", .n_cameras = 1};
     struct cameras_picture pictures[N];
     struct cameras_task task = {.pictures = pictures, .n_pictures = n, .read = read, .data = data};
@@ -43,7 +45,7 @@ static struct calibration *calibrate(int width, int height, int n, CamerasRead r
     rig.cameras[0].rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     for (int i = 0; i < n; i++)
         pictures[i] = (struct cameras_picture){0, i, 0};
-    g_assert_true(board_parse(&task.board, BOARD, NULL));
+    g_assert_true(board_parse(&task.board, board, NULL));
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     g_autoptr(CamerasResult) result = cameras_calibrate_lens(calibration, &task, error);
     if (!result)
@@ -67,7 +69,7 @@ static void test_set(gconstpointer data) {
     g_autoptr(GError) error = NULL;
     double rms_px;
     g_autoptr(Calibration) calibration =
-        calibrate(640, 480, N, read_side, (gpointer)set->side, &rms_px, &error);
+        calibrate(BOARD, 640, 480, N, read_side, (gpointer)set->side, &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
@@ -112,7 +114,7 @@ static void test_other_zoom(void) {
     g_autoptr(GError) error = NULL;
     double rms_px;
     g_autoptr(Calibration) calibration =
-        calibrate(640, 480, N, read_zoomed, (gpointer) "left", &rms_px, &error);
+        calibrate(BOARD, 640, 480, N, read_zoomed, (gpointer) "left", &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     g_test_message("%.3f px RMS, focal length %.2f px", rms_px, calibration->rig.cameras[0].fx_px);
@@ -179,7 +181,7 @@ static void test_understated(void) {
     double rms_px;
     g_assert_true(board_parse(&board, BOARD, NULL));
     g_autoptr(Calibration) calibration =
-        calibrate(WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+        calibrate(BOARD, WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
@@ -192,9 +194,105 @@ static void test_understated(void) {
     g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
 }
 
-/* mesorig calibrate cameras of a folder of these pictures of OpenCV's; what it says. */
-static char *run(const char *const *names, int *ret_code, gboolean *ret_written) {
+/* Chessboards that look the same upside down, with a black and with a white first square, seen by
+ * the same lens. */
+static const struct alike {
+    const char *path, *board;
+    gboolean white_first;
+} alikes[] = {{"/photographed boards/even", "8x6,square=25", FALSE},
+              {"/photographed boards/even, white first", "8x6,square=25", TRUE},
+              {"/photographed boards/odd", "9x7,square=25", FALSE},
+              {"/photographed boards/odd, white first", "9x7,square=25", TRUE}};
+
+static void test_alike(gconstpointer data) {
+    const struct alike *alike = data;
+    struct board board;
+    g_autoptr(GError) error = NULL;
+    double rms_px;
+    g_assert_true(board_parse(&board, alike->board, NULL));
+    board.white_first = alike->white_first;
+    g_autoptr(Calibration) calibration =
+        calibrate(alike->board, WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+    g_assert_no_error(error);
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    const double fx = calibration->rig.cameras[0].fx_px;
+    const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
+    g_test_message("%d pictures, %d corners, %.3f px RMS, focal length %.2f ± %.2f px",
+                   part->pictures, calibration->cameras[0].points, rms_px, fx, sigma);
+    g_assert_cmpint(part->pictures, ==, N_DRAWN);
+    g_assert_cmpint(calibration->cameras[0].points, >=, N_DRAWN * board_n_corners(&board) * 9 / 10);
+    g_assert_cmpfloat(rms_px, <, 1.2 * RIPPLE_PX);
+    g_assert_cmpfloat(fabs(fx - FOCAL_PX), <, 3 * sigma);
+    g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
+}
+
+/* A wide lens that bends the board: by the division model, a point at radius r of the picture (in
+ * focal lengths) is seen at r / (1 + BEND r²) (Fitzgibbon 2001), which the calibration's polynomial
+ * is not. The board fills the picture. */
+#define BEND       -0.55
+#define WIDE_PX    150
+#define WIDE_BOARD "9x7,square=25"
+
+static struct picture *draw_bent(const struct board *board, struct rig_camera *camera) {
+    struct picture *picture = picture_new("bent", "bent", WIDTH, HEIGHT);
+    *camera = (struct rig_camera){.width = WIDTH, .height = HEIGHT, .fx_px = FOCAL_PX};
+    camera->cx_px = (WIDTH - 1) / 2.0;
+    camera->cy_px = (HEIGHT - 1) / 2.0;
+    rig_camera_look_at(camera, vec3_scale(rig_direction(0.25, 1), 108), vec3(0, 0, 0));
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            double sum = 0;
+            for (int k = 0; k < SAMPLES * SAMPLES; k++) {
+                const double u =
+                    (x + (k % SAMPLES + 0.5) / SAMPLES - 0.5 - camera->cx_px) / WIDE_PX;
+                const int row = k / SAMPLES;
+                const double v = (y + (row + 0.5) / SAMPLES - 0.5 - camera->cy_px) / WIDE_PX;
+                const double scale = FOCAL_PX / (1 + BEND * (u * u + v * v));
+                sum += sample(board, camera, camera->cx_px + scale * u, camera->cy_px + scale * v);
+            }
+            picture->values[y * WIDTH + x] = (float)(0.1 + 0.8 * sum / (SAMPLES * SAMPLES));
+        }
+    return picture;
+}
+
+static void test_bent(void) {
+    struct board board;
+    struct rig_camera camera;
+    g_autoptr(GError) error = NULL;
+    g_assert_true(board_parse(&board, WIDE_BOARD, NULL));
+    g_autoptr(Picture) picture = draw_bent(&board, &camera);
+    g_autoptr(GArray) corners = board_find(picture, &board, TRUE, &error);
+    g_assert_no_error(error);
+    const int n = board_n_corners(&board);
+    double sum[2] = {0, 0}; /* of squares, by either order of the corners */
+    for (guint i = 0; i < corners->len; i++) {
+        const struct corner *corner = &g_array_index(corners, struct corner, i);
+        for (int turned = 0; turned < 2; turned++) {
+            double mm[2];
+            board_corner_mm(&board, turned ? n - 1 - corner->id : corner->id, mm);
+            const struct vec3 p = vec3_add(mat3_mul_vec(&camera.rotation, vec3(mm[0], mm[1], 0)),
+                                           camera.translation_mm);
+            const double straight = hypot(p.x, p.y) / p.z;
+            const double seen =
+                (1 - sqrt(1 - 4 * BEND * straight * straight)) / (2 * BEND * straight);
+            const double x = camera.cx_px + WIDE_PX * seen / straight * p.x / p.z;
+            const double y = camera.cy_px + WIDE_PX * seen / straight * p.y / p.z;
+            sum[turned] += pow(x - corner->x_px, 2) + pow(y - corner->y_px, 2);
+        }
+    }
+    const double rms_px = sqrt(MIN(sum[0], sum[1]) / corners->len);
+    g_test_message("%u of %d corners, %.3f px RMS from where they are", corners->len, n, rms_px);
+    g_assert_cmpint((int)corners->len, ==, n);
+    g_assert_cmpfloat(rms_px, <, 0.1);
+}
+
+/* mesorig calibrate cameras of a folder of these pictures of OpenCV's, and of two hidden files;
+ * what it says. */
+static char *run(const char *board, const char *const *names, int *ret_code,
+                 gboolean *ret_written) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-photographs-XXXXXX", NULL);
+    g_autofree char *store = g_build_filename(folder, ".DS_Store", NULL);
+    g_autofree char *fork = g_build_filename(folder, "._left01.jpg", NULL);
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autoptr(GError) error = NULL;
     char *out = NULL;
@@ -205,13 +303,17 @@ static char *run(const char *const *names, int *ret_code, gboolean *ret_written)
         g_assert_cmpint(symlink(from, to), ==, 0);
     }
     const char *const arguments[] = {MESORIG,   "calibrate", "cameras", "--images", folder,
-                                     "--board", BOARD,       "-o",      output,     NULL};
+                                     "--board", board,       "-o",      output,     NULL};
+    g_assert_true(g_file_set_contents(store, "Bud1", -1, NULL));
+    g_assert_true(g_file_set_contents(fork, "Mac OS X", -1, NULL));
     *ret_code = process_run(arguments, &out, &err);
     *ret_written = g_unlink(output) == 0;
     for (int i = 0; names[i]; i++) {
         g_autofree char *to = g_build_filename(folder, names[i], NULL);
         g_unlink(to);
     }
+    g_unlink(store);
+    g_unlink(fork);
     g_rmdir(folder);
     char *both = g_strconcat(out, err, NULL);
     g_test_message("%s", both);
@@ -224,10 +326,42 @@ static void test_six(void) {
                                         "left05.jpg", "left06.jpg", NULL};
     gboolean written;
     int code;
-    g_autofree char *said = run(names, &code, &written);
+    g_autofree char *said = run(BOARD, names, &code, &written);
     g_assert_cmpint(code, ==, 0);
     g_assert_true(written);
     g_assert_nonnull(strstr(said, ": 6 pictures, "));
+    g_assert_nonnull(strstr(said, "; 2 left out"));
+    g_assert_nonnull(strstr(said, "/._left01.jpg: it is a hidden file"));
+    g_assert_nonnull(strstr(said, "/.DS_Store: it is a hidden file"));
+}
+
+/* The first by name has another size, and so has the last. */
+static void test_other_sizes(void) {
+    static const char *const names[] = {"aloeL.jpg",  "left01.jpg", "left02.jpg",
+                                        "left03.jpg", "baboon.jpg", NULL};
+    gboolean written;
+    int code;
+    g_autofree char *said = run(BOARD, names, &code, &written);
+    g_assert_cmpint(code, ==, 0);
+    g_assert_true(written);
+    g_assert_nonnull(strstr(said, ": 3 pictures, "));
+    g_assert_nonnull(strstr(said, "aloeL.jpg: it has 1282 × 1110 pixels, but 3 of the 5 "
+                                  "photographs have 640 × 480"));
+    g_assert_nonnull(strstr(said, "baboon.jpg: it has 512 × 512"));
+}
+
+/* What OpenCV's programs ask for. */
+static void test_inner_corners(void) {
+    static const char *const names[] = {"aero1.jpg", "left01.jpg", "left02.jpg", "left03.jpg",
+                                        NULL};
+    gboolean written;
+    int code;
+    g_autofree char *said = run("9x6,square=25", names, &code, &written);
+    g_assert_cmpint(code, ==, 1);
+    g_assert_false(written);
+    g_assert_nonnull(strstr(said, "the board was found in 0 of 4 pictures"));
+    g_assert_nonnull(strstr(said, "left01.jpg shows a chessboard of 10 × 7 squares, which has 9 × "
+                                  "6 inner corners: count squares, and give --board 10x7,square="));
 }
 
 /* Four of seven show no board. */
@@ -236,7 +370,7 @@ static void test_minority(void) {
                                         "aero3.jpg",  "stuff.jpg",  "board.jpg",  NULL};
     gboolean written;
     int code;
-    g_autofree char *said = run(names, &code, &written);
+    g_autofree char *said = run(BOARD, names, &code, &written);
     g_assert_cmpint(code, !=, 0);
     g_assert_false(written);
     g_assert_nonnull(strstr(said, "only 3 of 7 photographs agree on one lens"));
@@ -249,7 +383,12 @@ int main(int argc, char **argv) {
         g_test_add_data_func(sets[i].path, &sets[i], test_set);
     g_test_add_func("/photographed boards/other zoom", test_other_zoom);
     g_test_add_func("/photographed boards/understated", test_understated);
+    for (gsize i = 0; i < G_N_ELEMENTS(alikes); i++)
+        g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
+    g_test_add_func("/photographed boards/bent", test_bent);
     g_test_add_func("/photographed boards/six", test_six);
+    g_test_add_func("/photographed boards/other sizes", test_other_sizes);
+    g_test_add_func("/photographed boards/inner corners", test_inner_corners);
     g_test_add_func("/photographed boards/minority", test_minority);
     return g_test_run();
 }
