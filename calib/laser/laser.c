@@ -135,7 +135,7 @@ static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_
             g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
                         "%s: laser %s is seen on planes of one height only, %.3f mm, which does "
                         "not determine the angle of its sheet; sweep a second plane, at least %g "
-                        "mm higher or lower",
+                        "mm higher or lower; heights are in millimetres",
                         sweep_names[l.sweep], name, l.low_mm, LEAST_HEIGHTS);
         else if (MIN(l.n_low, l.n_high) < LEAST_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,

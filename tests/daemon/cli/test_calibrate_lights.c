@@ -187,6 +187,14 @@ static void refused(void) {
                "low.session", "high.session", "-p", "1;x", "-o", "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
                "two.calibration", "-o", "no.conf")); /* is not there */
+    g_free(RUN(1, "heights are in millimetres", "calibrate", "laser", "low.session", "high.session",
+               "-p", "0.001;0.016", "-o", "no.conf"));
+    write_text("metres.conf", "[target]\nkind=balls\nplane_mm=2\nplaces_mm=-0.02;-0.018;0.024\n");
+    g_free(RUN(1, "radius of number 1 is 0.024 mm, and must be above 0.1; give millimetres",
+               "calibrate", "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
+    write_text("metres.conf", "[target]\nkind=balls\nplane_mm=0.002\nplaces_mm=1;2;8\n");
+    g_free(RUN(1, "metres.conf: [target] plane_mm: 0.002 mm is no height of a plate", "calibrate",
+               "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     g_free(RUN(2, "--target", "calibrate", "lights", "poles.session", "-o", "no.conf"));
     g_free(RUN(2, "-o", "calibrate", "laser", "low.session", "high.session"));
     g_free(RUN(2, "--ball", "calibrate", "lights", "-i", ".", "-b", "1,2", "-o", "no.lp"));
