@@ -421,10 +421,10 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
         (job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, &cause);
     const double sights = job->sights->len + base->rejected->len;
     if (ok ? job->target.kind == LAMP_POLES || job->result.n_used >= LEAST_USED * sights
-           : cause->domain != LAMPS_ERROR || cause->code == LAMPS_ERROR_MISTAKE) {
+           : !cause || cause->domain != LAMPS_ERROR || cause->code == LAMPS_ERROR_MISTAKE) {
         if (ok)
             cli_calibrate_lights_keep(job);
-        else
+        else if (cause)
             g_propagate_error(error, g_steal_pointer(&cause));
         return ok;
     }

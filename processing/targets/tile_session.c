@@ -182,7 +182,8 @@ static gboolean fit_tile(struct run *run, GError **error) {
     if (!tile_fit(&to->rig, (const struct tile_shot *)(void *)run->tile_shots->data,
                   (int)run->tile_shots->len, (const struct tile_cell *)(void *)run->cells->data,
                   (int)run->cells->len, &run->fit, &cause)) {
-        if (cause->code == RADIOMETRY_ERROR_MISFIT || cause->code == RADIOMETRY_ERROR_TOO_FEW)
+        if (g_error_matches(cause, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT) ||
+            g_error_matches(cause, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW))
             find_mistake(run, &cause);
         g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
