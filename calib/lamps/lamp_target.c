@@ -33,7 +33,8 @@ static gboolean lamp_target_read_list(const struct reader *r, const char *key, d
         return lamp_target_refuse(r, error, key, "has too many numbers");
     for (gsize i = 0; i < *ret_n; i++) {
         if (!(list[i] >= min) || !(list[i] <= 1000)) {
-            g_autofree char *why = g_strdup_printf("%g is out of range: %g to 1000", list[i], min);
+            g_autofree char *why =
+                g_strdup_printf("%g is out of range: %g to 1000 mm", list[i], min);
             return lamp_target_refuse(r, error, key, why);
         }
         ret[i] = list[i];
@@ -54,9 +55,13 @@ static gboolean lamp_target_read_marks(const struct reader *r, struct lamp_targe
     for (int i = 0; i < target->n; i++) {
         target->marks[i] =
             (struct lamp_mark){numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]};
-        if (!(target->marks[i].size_mm > 0.1))
-            return lamp_target_refuse(r, error, "places_mm",
-                                      "a height or radius is not above 0.1 mm");
+        if (!(target->marks[i].size_mm > 0.1)) {
+            g_autofree char *why = g_strdup_printf(
+                "the height or radius of number %d is %g mm, and must be above 0.1; give "
+                "millimetres",
+                i + 1, target->marks[i].size_mm);
+            return lamp_target_refuse(r, error, "places_mm", why);
+        }
         for (int j = 0; j < i; j++)
             if (hypot(target->marks[i].x_mm - target->marks[j].x_mm,
                       target->marks[i].y_mm - target->marks[j].y_mm) < 0.1)
@@ -100,6 +105,13 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
     if (!lamp_target_read_list(&r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
         !lamp_target_read_marks(&r, target, error))
         return FALSE;
+    if (target->plane_mm > 0 && target->plane_mm < 0.05) {
+        g_autofree char *why =
+            g_strdup_printf("%g mm is no height of a plate; give millimetres, or 0 if the posts or "
+                            "balls stand on the turntable itself",
+                            target->plane_mm);
+        return lamp_target_refuse(&r, error, "plane_mm", why);
+    }
     if (target->kind == LAMP_BALLS)
         return TRUE;
     return lamp_target_read_list(&r, "plate_mm", 1, target->plate_mm, 2, &n, error) &&

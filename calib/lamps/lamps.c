@@ -16,6 +16,7 @@ G_DEFINE_QUARK(lamps_error, lamps_error)
 #define LEAST_ARC       (60 * G_PI / 180) /* least range of arc angles that determines the axis */
 #define MOST_LAMP_MM    10.0              /* largest standard error of a lamp's position */
 #define HIGHLIGHT_STEPS 50
+#define EXCHANGED       5.0 /* times nearer to another lamp's place than to its own */
 
 /* Columns of the parameters that a sight depends on: arc, lamp, mark and its size, camera,
  * drives. */
@@ -436,6 +437,27 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
+/* Each lamp is found where it truly is; one that stands where another should be has its name. */
+static gboolean lamps_check_places(const struct rig *rig, const struct lamps_result *ret,
+                                   GError **error) {
+    for (int i = 0; i < rig->n_lamps; i++) {
+        const struct vec3 at = ret->rig.lamps[i].position_mm;
+        const double own_mm = vec3_length(vec3_sub(at, rig->lamps[i].position_mm));
+        for (int k = 0; ret->seen[i] && k < rig->n_lamps; k++) {
+            const double other_mm = vec3_length(vec3_sub(at, rig->lamps[k].position_mm));
+            if (k == i || other_mm > own_mm / EXCHANGED)
+                continue;
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                        "lamp %s stands %.1f mm from its place, and %.1f mm from that of lamp %s: "
+                        "they are exchanged; " LAMPS_EXCHANGE_THEM,
+                        rig->lamps[i].name, own_mm, other_mm, rig->lamps[k].name,
+                        rig->lamps[i].name, rig->lamps[k].name);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error) {
@@ -465,7 +487,7 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
         ok = drive_fit(&fit, sigma, drives, G_N_ELEMENTS(drives), x, &fitted);
         if (ok) {
             lamps_take(&problem, x, &fitted, ret);
-            ok = check_result(&problem, &fitted, ret, error);
+            ok = lamps_check_places(rig, ret, error) && check_result(&problem, &fitted, ret, error);
             fit_result_clear(&fitted);
         } else {
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,

@@ -36,7 +36,13 @@ enum lamps_error {
     LAMPS_ERROR_TARGET,     /* the target's description is invalid */
     LAMPS_ERROR_PICTURES,   /* what should be visible is not */
     LAMPS_ERROR_DEGENERATE, /* the pictures do not determine all parameters */
+    LAMPS_ERROR_MISTAKE,    /* what is known of the pictures is wrong; the message says what */
 };
+
+/* What to do about it; two names follow. */
+#define LAMPS_EXCHANGE_THEM                                                                        \
+    "exchange the indexes of [lamp %s] and [lamp %s] in the rig file, or their wiring, or for "    \
+    "imported pictures their names in the table, and capture or import again"
 
 /* Standard deviation of the pointing error of cameras after calibration. */
 #define LAMPS_CAMERA_PX 0.1
@@ -91,7 +97,8 @@ struct lamps_result {
     guint8 *rejected; /* one flag per sight; owned */
 };
 
-/* Estimates lamps and arc. rig: calibrated cameras, nominal lamps and arc. */
+/* Estimates lamps and arc. rig: calibrated cameras, nominal lamps and arc. A lamp that is found
+ * five times nearer to the nominal place of another one than to its own is LAMPS_ERROR_MISTAKE. */
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error);

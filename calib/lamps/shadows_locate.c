@@ -4,8 +4,7 @@
 
 #include <math.h>
 
-#define MOST_SHOTS  40  /* pictures that are used */
-#define LEAST_SCORE 0.5 /* least mean darkness along the centre lines of the shadows */
+#define MOST_SHOTS 40 /* pictures that are used */
 
 /* Pose of the plate relative to the nominal one. */
 struct plate_pose {
@@ -100,18 +99,32 @@ static double shadows_locate_search(ShadowView *const *views, int n,
     return most;
 }
 
-gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *target,
-                        double reach_mm, double reach_rad, GError **error) {
-    int shots = 0;
+static double find_pose(ShadowView *const *views, int n, const struct lamp_target *target,
+                        double reach_mm, double reach_rad, struct plate_pose *ret, int *ret_shots) {
+    *ret_shots = 0;
     for (int i = 0; i < n; i++) {
         shadow_find_pattern(views[i]);
-        shots += (int)views[i]->shots->len;
+        *ret_shots += (int)views[i]->shots->len;
     }
     /* Steps of a post's radius: one of them always hits a shadow. */
     const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
-    struct plate_pose pose = {0, 0, 0};
-    double score = shadows_locate_search(views, n, target, reach, 1 + shots / MOST_SHOTS, &pose);
-    if (score < LEAST_SCORE) {
+    *ret = (struct plate_pose){0, 0, 0};
+    return shadows_locate_search(views, n, target, reach, 1 + *ret_shots / MOST_SHOTS, ret);
+}
+
+double shadows_score(ShadowView *const *views, int n, const struct lamp_target *target,
+                     double reach_mm, double reach_rad) {
+    struct plate_pose pose;
+    int shots;
+    return find_pose(views, n, target, reach_mm, reach_rad, &pose, &shots);
+}
+
+gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *target,
+                        double reach_mm, double reach_rad, GError **error) {
+    struct plate_pose pose;
+    int shots;
+    const double score = find_pose(views, n, target, reach_mm, reach_rad, &pose, &shots);
+    if (score < SHADOWS_LEAST_SCORE) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "%s and %d other picture(s): the posts' shadows are not where the target's "
                     "description has them, within %g mm and %.3g° (only %.0f %% of them are dark); "

@@ -18,6 +18,8 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define LEAST_HEIGHTS 2.0 /* mm: least difference of the heights */
 #define STEP_POINTS   12  /* least points of a step on each height, to report its sheet */
 
+#define EXCHANGED 5.0 /* times nearer to another laser's place than to its own */
+
 #define ARC 4 /* number of parameters of the arc; they come first */
 
 /* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's
@@ -133,7 +135,7 @@ static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_
             g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
                         "%s: laser %s is seen on planes of one height only, %.3f mm, which does "
                         "not determine the angle of its sheet; sweep a second plane, at least %g "
-                        "mm higher or lower",
+                        "mm higher or lower; heights are in millimetres",
                         sweep_names[l.sweep], name, l.low_mm, LEAST_HEIGHTS);
         else if (MIN(l.n_low, l.n_high) < LEAST_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
@@ -324,6 +326,31 @@ static gboolean laser_check_stretch(const struct problem *problem, const double 
     return TRUE;
 }
 
+/* Each laser is found where it truly is; one that stands where another should be has its name. */
+static gboolean laser_check_places(const struct problem *problem, const double *x, GError **error) {
+    const struct rig *rig = problem->rig;
+    for (int i = 0; i < rig->n_lasers; i++) {
+        if (problem->at[i] < 0)
+            continue;
+        const struct vec3 at = laser_of(problem, x, i).position_mm;
+        const double own_mm = vec3_length(vec3_sub(at, rig->lasers[i].position_mm));
+        for (int k = 0; k < rig->n_lasers; k++) {
+            const double other_mm = vec3_length(vec3_sub(at, rig->lasers[k].position_mm));
+            if (k == i || other_mm > own_mm / EXCHANGED)
+                continue;
+            g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
+                        "laser %s stands %.1f mm from its place, and %.1f mm from that of laser "
+                        "%s: they are exchanged; exchange theta_deg and distance_mm of [laser %s] "
+                        "and [laser %s] in the rig file, or their wiring, or for imported pictures "
+                        "their names in the table, and capture or import again",
+                        rig->lasers[i].name, own_mm, other_mm, rig->lasers[k].name,
+                        rig->lasers[i].name, rig->lasers[k].name);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error) {
@@ -334,7 +361,8 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
     drive_init(drive, n);
     for (int i = 0; i < n; i++)
         swing_of[i] = drive_angle(drive, points[i].arc_rad);
-    gboolean ok = laser_lay_out(&problem, sweep_names, error);
+    gboolean ok = laser_lay_out(&problem, sweep_names, error) &&
+                  laser_check_mistakes(rig, points, n, sweep_names, error);
     if (ok) {
         struct fit_result fitted;
         g_autofree int *depends = laser_new_depends(&problem);
@@ -356,7 +384,7 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
         ok = drive_fit(&fit, sigma, &drive, 1, x, &fitted);
         if (ok) {
             ok = laser_check_determined(&problem, &fitted, error) &&
-                 laser_check_stretch(&problem, x, error);
+                 laser_check_stretch(&problem, x, error) && laser_check_places(&problem, x, error);
             if (ok)
                 laser_take(&problem, &fit, &fitted, x, ret);
             fit_result_clear(&fitted);

@@ -19,8 +19,9 @@ GQuark laser_error_quark(void);
 enum laser_error {
     LASER_ERROR_PICTURES,   /* too few points of a laser */
     LASER_ERROR_DEGENERATE, /* planes of one height only, or too few steps */
-    LASER_ERROR_SWEEP, /* the direction of a sweep is reversed, or its range differs much from the
-                          commanded one */
+    LASER_ERROR_SWEEP,   /* the direction of a sweep is reversed, or its range differs much from the
+                            commanded one */
+    LASER_ERROR_MISTAKE, /* what is known of the sweeps is wrong; the message says what */
 };
 
 struct laser_point {
@@ -73,6 +74,12 @@ struct laser_arc {
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error);
+/* Whether the sweeps agree with the rig file about as well as unadjusted devices do. FALSE: one
+ * mistake explains them five times better: the arc turns the other way, its angles are in radians,
+ * two lasers or two planes are exchanged. laser_fit() calls it, and compares places afterwards,
+ * too: lasers at nearly the same angle are told only by where they are found. */
+gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *points, int n,
+                              const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);
 
 /* A sweep seen by one camera: peak times of sweep_finish(), −1 where there is none; frame k was

@@ -260,8 +260,10 @@ static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *bas
     record_say(to, "  %u steps told one by one: at most %.3f mm and %.4f° from the model",
                found->steps->len, job->worst_mm, worst_deg);
     if (job->uneven)
-        record_say(to, "; %d by more than %g mm: does the sweep run evenly?", job->uneven,
-                   UNEVEN_MM);
+        record_say(to,
+                   "; %d by more than %g mm: does the sweep run evenly, and are the "
+                   "plates as high as they are said to be?",
+                   job->uneven, UNEVEN_MM);
     record_say(to, "\n");
     calibrate_say_doubts(to, base, part, "sweeps");
 }

@@ -14,6 +14,10 @@
 #define MOST_A_LAMP  160 /* pictures: more of them tell little more */
 #define REACH_MM     5.0 /* how far off the target may lie, and */
 #define REACH_RAD    (5 * G_PI / 180)
+#define DECISIVE     0.15 /* more agreement of the pictures tells that a mistake was made */
+#define MISSES       4.0  /* so does so many times less that is not there */
+#define LEAST_USED   0.5  /* of all sights; with fewer a mistake is looked for */
+#define DEGREES      (180 / G_PI)
 
 static char *target_option;
 static const GOptionEntry entries[] = {
@@ -142,7 +146,8 @@ static ShadowView *cli_calibrate_lights_load_view(struct job *job, const struct 
     return g_steal_pointer(&shadows);
 }
 
-static gboolean locate(struct job *job, GError **error) {
+/* Some views with some of their pictures, to look for the plate in. */
+static GPtrArray *load_some(struct job *job, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func((GDestroyNotify)shadow_view_free);
     guint every = 1 + job->views->len / LOCATE_VIEWS;
     for (guint i = 0; i < job->views->len; i += every) {
@@ -150,12 +155,17 @@ static gboolean locate(struct job *job, GError **error) {
             job, &g_array_index(job->views, struct view, i), LOCATE_SHOTS, error);
         if (!view || !cli_calibrate_lights_step(job, error)) {
             shadow_view_free(view);
-            return FALSE;
+            return NULL;
         }
         g_ptr_array_add(views, view);
     }
-    return shadows_locate((ShadowView *const *)views->pdata, (int)views->len, &job->target,
-                          REACH_MM, REACH_RAD, error);
+    return g_steal_pointer(&views);
+}
+
+static gboolean locate(struct job *job, GError **error) {
+    g_autoptr(GPtrArray) views = load_some(job, error);
+    return views && shadows_locate((ShadowView *const *)views->pdata, (int)views->len, &job->target,
+                                   REACH_MM, REACH_RAD, error);
 }
 
 static gboolean cli_calibrate_lights_adjust(struct job *job, GError **error) {
@@ -207,6 +217,170 @@ static gboolean measure_balls(struct job *job, GError **error) {
     return cli_calibrate_lights_adjust(job, error);
 }
 
+/* A mistake in what is known of the pictures: true angles are those noted times these factors, and
+ * lamp i was truly lamps[i]. */
+struct mistake {
+    double turntable, arc;
+    int lamps[RIG_MAX_LAMPS];
+};
+
+static struct mistake mistake_of(double turntable, double arc) {
+    struct mistake mistake = {turntable, arc, {0}};
+    for (int i = 0; i < RIG_MAX_LAMPS; i++)
+        mistake.lamps[i] = i;
+    return mistake;
+}
+
+/* Signs, radians, pairs of lamps; of lamps, too, that all are counted from the other end or from a
+ * neighbour. Balls show lamps wherever they are: lamps_fit() tells which are exchanged. */
+static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
+    static const double factors[][2] = {{-1, 1},      {1, -1},      {-1, -1},
+                                        {DEGREES, 1}, {1, DEGREES}, {DEGREES, DEGREES}};
+    GArray *all = g_array_new(FALSE, FALSE, sizeof(struct mistake));
+    for (gsize i = 0; i < G_N_ELEMENTS(factors); i++) {
+        const struct mistake mistake = mistake_of(factors[i][0], factors[i][1]);
+        g_array_append_val(all, mistake);
+    }
+    for (int a = 0; a < n_lamps && kind == LAMP_POLES; a++)
+        for (int b = a + 1; b < n_lamps; b++) {
+            struct mistake mistake = mistake_of(1, 1);
+            mistake.lamps[a] = b;
+            mistake.lamps[b] = a;
+            g_array_append_val(all, mistake);
+        }
+    struct mistake order[3] = {mistake_of(1, 1), mistake_of(1, 1), mistake_of(1, 1)};
+    for (int i = 0; i < n_lamps; i++) {
+        order[0].lamps[i] = n_lamps - 1 - i;
+        order[1].lamps[i] = (i + 1) % n_lamps;
+        order[2].lamps[i] = (i + n_lamps - 1) % n_lamps;
+    }
+    if (n_lamps > 2 && kind == LAMP_POLES)
+        g_array_append_vals(all, order, 3);
+    return all;
+}
+
+static void set_mistake(struct job *job, const struct calibrate_frame *noted,
+                        const struct mistake *mistake) {
+    for (guint i = 0; i < job->base.frames->len; i++) {
+        struct calibrate_frame *frame = job->base.frames->pdata[i];
+        frame->turntable_deg = noted[i].turntable_deg * mistake->turntable;
+        frame->arc_deg = noted[i].arc_deg * mistake->arc;
+        frame->lamp = mistake->lamps[noted[i].lamp];
+    }
+    g_array_set_size(job->views, 0);
+    sort_into_views(job);
+}
+
+/* How well the pictures agree with what is known of them, 0 to 1: the share of the posts' shadows
+ * that is dark, or of the balls that show the lamp where all others have it. Negative: stopped. */
+static double agreement(struct job *job) {
+    if (job->target.kind == LAMP_POLES) {
+        g_autoptr(GPtrArray) views = load_some(job, NULL);
+        return !views ? -1
+                      : shadows_score((ShadowView *const *)views->pdata, (int)views->len,
+                                      &job->target, REACH_MM, REACH_RAD);
+    }
+    g_autoptr(GPtrArray) rejected = g_steal_pointer(&job->base.rejected);
+    job->base.rejected = g_ptr_array_new_with_free_func(g_free);
+    g_array_set_size(job->sights, 0);
+    const gboolean fits = measure_balls(job, NULL);
+    const double all = job->sights->len + job->base.rejected->len;
+    g_ptr_array_unref(job->base.rejected);
+    job->base.rejected = g_steal_pointer(&rejected);
+    return !g_cancellable_is_cancelled(job->base.work->cancellable)
+               ? fits ? job->result.n_used / all : 0
+               : -1;
+}
+
+static void tell_mistake(const struct job *job, const struct mistake *mistake, double is,
+                         double would_be, GError **error) {
+    static const char sign[] =
+        "turns against the angles that were noted, clockwise seen from above";
+    static const char radians[] = "has its angles noted in radians, not in degrees";
+    const struct rig *rig = &job->base.calibration->rig;
+    const gboolean turntable = mistake->turntable != 1, arc = mistake->arc != 1;
+    g_autofree char *fit =
+        g_strdup_printf("%.0f %% of what the pictures should show is there, and %.0f %% otherwise",
+                        100 * is, 100 * would_be);
+    g_clear_error(error);
+    if (turntable || arc) {
+        const char *what = turntable && arc ? "each of turntable and arc"
+                           : turntable      ? "the turntable"
+                                            : "the arc";
+        const gboolean reversed = (turntable ? mistake->turntable : mistake->arc) < 0;
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                    "%s: %s %s (%s); correct the %s of steps_per_deg of %s in the rig file, or for "
+                    "imported pictures %s in the table, and capture or import again",
+                    job->base.sessions[0], what, reversed ? sign : radians, fit,
+                    reversed ? "sign" : "value",
+                    turntable && arc ? "[axis turntable] and [axis arc]"
+                    : turntable      ? "[axis turntable]"
+                                     : "[axis arc]",
+                    turntable && arc ? "turntable_deg and arc_deg"
+                    : turntable      ? "turntable_deg"
+                                     : "arc_deg");
+        return;
+    }
+    int a = 0, changed = 0;
+    for (int i = rig->n_lamps - 1; i >= 0; i--)
+        if (mistake->lamps[i] != i) {
+            a = i;
+            changed++;
+        }
+    if (changed == 2)
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                    "%s: lamps %s and %s are exchanged (%s); " LAMPS_EXCHANGE_THEM,
+                    job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name,
+                    fit, rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name);
+    else
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                    "%s: the lamps are numbered in another order: what was noted as %s is %s, and "
+                    "so on (%s); correct index of every [lamp …] in the rig file, or for imported "
+                    "pictures the names in the table, and capture or import again",
+                    job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name,
+                    fit);
+}
+
+/* Whether so much more agreement cannot be chance: much more of what should be seen is, or hardly
+ * anything is left that is not. */
+static gboolean decisive(double is, double would_be) {
+    return would_be >= SHADOWS_LEAST_SCORE &&
+           (would_be > is + DECISIVE || 1 - would_be < (1 - is) / MISSES);
+}
+
+/* After a failure, or where little fits: if one mistake explains the pictures, and decisively
+ * better than what is noted of them, the error becomes that. target: as its file has it. FALSE:
+ * none does; the job's pictures and results are then as the last attempt left them. */
+static gboolean find_mistake(struct job *job, const struct lamp_target *target, GError **error) {
+    const guint n = job->base.frames->len;
+    g_autofree struct calibrate_frame *noted = g_new(struct calibrate_frame, n);
+    g_autoptr(GArray) mistakes = all_mistakes(job->target.kind, job->base.calibration->rig.n_lamps);
+    struct mistake none = mistake_of(1, 1), best = none;
+    for (guint i = 0; i < n; i++)
+        noted[i] = *(struct calibrate_frame *)job->base.frames->pdata[i];
+    job->rig = job->base.calibration->rig;
+    job->target = *target;
+    set_mistake(job, noted, &none);
+    const double is = agreement(job);
+    double most = is;
+    for (guint i = 0; is >= 0 && i < mistakes->len; i++) {
+        const struct mistake *mistake = &g_array_index(mistakes, struct mistake, i);
+        set_mistake(job, noted, mistake);
+        const double would_be = agreement(job);
+        if (would_be < 0)
+            return FALSE;
+        if (would_be > most) {
+            most = would_be;
+            best = *mistake;
+        }
+    }
+    set_mistake(job, noted, &none);
+    if (!decisive(is, most))
+        return FALSE;
+    tell_mistake(job, &best, is, most, error);
+    return TRUE;
+}
+
 static void cli_calibrate_lights_keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct lamps_result *found = &job->result;
@@ -239,15 +413,36 @@ static void cli_calibrate_lights_keep(struct job *job) {
 
 static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
+    const struct lamp_target target = job->target;
+    g_autoptr(GError) cause = NULL;
     if (!cli_calibrate_lights_gather(job, error))
         return FALSE;
-    if (!(job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, error)) {
-        /* Nothing found: then why is more to the point than that. */
-        if (error && *error && (*error)->domain == LAMPS_ERROR && base->rejected->len > 0)
-            g_prefix_error(error, "%s (and %u more like it): ", (char *)base->rejected->pdata[0],
-                           base->rejected->len - 1);
+    const gboolean ok =
+        (job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, &cause);
+    const double sights = job->sights->len + base->rejected->len;
+    if (ok ? job->target.kind == LAMP_POLES || job->result.n_used >= LEAST_USED * sights
+           : !cause || cause->domain != LAMPS_ERROR || cause->code == LAMPS_ERROR_MISTAKE) {
+        if (ok)
+            cli_calibrate_lights_keep(job);
+        else if (cause)
+            g_propagate_error(error, g_steal_pointer(&cause));
+        return ok;
+    }
+    /* Nothing found: then why is more to the point than that. */
+    if (!ok && base->rejected->len > 0)
+        g_prefix_error(&cause, "%s (and %u more like it): ", (char *)base->rejected->pdata[0],
+                       base->rejected->len - 1);
+    if (find_mistake(job, &target, &cause) || !ok) {
+        g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
     }
+    /* Few sights fit, but no mistake explains it: once more, as it is noted. */
+    job->rig = base->calibration->rig;
+    job->target = target;
+    g_array_set_size(job->sights, 0);
+    g_ptr_array_set_size(base->rejected, 0);
+    if (!measure_balls(job, error))
+        return FALSE;
     cli_calibrate_lights_keep(job);
     return TRUE;
 }

@@ -14,6 +14,7 @@ struct check {
     struct energy *energy;
     gboolean has_mdf;
     struct mdf_views_sums mdf;
+    GPtrArray *suspicions; /* char * */
 };
 
 static gboolean cli_check_work(const struct work *work, gpointer data, GError **error) {
@@ -33,11 +34,20 @@ static gboolean cli_check_work(const struct work *work, gpointer data, GError **
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
         if (!check->energy ||
-            (check->plot && !plot_energy(check->plot, check->btf, check->energy, error)))
+            (check->plot && !plot_energy(check->plot, check->btf, check->energy, error)) ||
+            !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
     }
-    return !check->has_mdf ||
-           (session_check_product(mdf, error) && mdf_views_check(mdf, &check->mdf, error));
+    if (!check->has_mdf)
+        return TRUE;
+    struct session_grid grid;
+    g_autoptr(Session) session = NULL;
+    if (!session_check_product(mdf, error) || !mdf_views_check(mdf, &check->mdf, error) ||
+        !(session = session_open(check->path, SESSION_READ, error)) ||
+        !session_grid(session, &grid, error))
+        return FALSE;
+    check_suspect_mdf(&check->mdf, grid.depth_mm, check->suspicions);
+    return TRUE;
 }
 
 static double percent(gint64 n, gint64 of) {
@@ -113,6 +123,9 @@ static void cli_check_tell(Record *to, const struct check *check) {
     }
     if (check->has_mdf)
         tell_surface(to, &check->mdf);
+    record_strings(to, "suspicions", check->suspicions);
+    for (guint i = 0; i < check->suspicions->len; i++)
+        record_say(to, "suspect      %s\n", (char *)check->suspicions->pdata[i]);
     if (check->plot && check->energy)
         record_say(to, "plot         %s\n", check->plot);
 }
@@ -128,12 +141,14 @@ static const GOptionEntry entries[] = {
 };
 
 static int cli_check_run(const struct call *call, GError **error) {
-    struct check check = {call->arguments[0], plot_option, texel_option};
+    struct check check = {call->arguments[0], plot_option, texel_option,
+                          .suspicions = g_ptr_array_new_with_free_func(g_free)};
     const gboolean ok = cli_work_run(cli_check_work, &check, NULL, error);
     if (ok)
         cli_check_tell(call->record, &check);
     btf_matrix_free(check.btf);
     energy_free(check.energy);
+    g_ptr_array_unref(check.suspicions);
     return ok ? CLI_DONE : CLI_FAILED;
 }
 

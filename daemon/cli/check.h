@@ -1,10 +1,19 @@
-/* The plot of “mesorig check”. */
+/* Parts of “mesorig check”: its plot, and what may be wrong. */
 #pragma once
 
 #include "btf/energy.h"
+#include "mdf/mdf_views.h"
 #include "plot.h"
 
 /* E_r of all views and E_i of all lights, of one texel and of the mean, as in Meseth et al. 2003
  * Fig. 3. */
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
                      GError **error);
+
+/* Appends sentences (g_free()) that say which mistake explains what cannot be: values that
+ * contradict reciprocity, too much or too little energy. */
+gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
+                           GPtrArray *ret, GError **error);
+
+/* The same where hardly anything of the surface is seen. depth_mm: of the session's grid. */
+void check_suspect_mdf(const struct mdf_views_sums *mdf, double depth_mm, GPtrArray *ret);

@@ -9,6 +9,9 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
+#define MOST_WHITE 1.1 /* of a fiducial; more than 1 cannot be, but level and colour have errors   \
+                        */
+
 /* A frame under a lamp. */
 struct lit_frame {
     struct input input;
@@ -123,6 +126,51 @@ static gboolean tile_session_measure_tile(struct run *run, GError **error) {
     return check_stopped(run, error);
 }
 
+/* If the tile's pictures fit with one mistake in the angles undone, the error becomes that. */
+static void find_mistake(struct run *run, GError **error) {
+    static const struct {
+        double turntable, arc;
+        const char *what, *fix;
+    } all[] = {
+        {-1, 1, "the turntable turns against", "the sign of steps_per_deg of [axis turntable]"},
+        {1, -1, "the arc turns against", "the sign of steps_per_deg of [axis arc]"},
+        {-1, -1, "turntable and arc turn against",
+         "the signs of steps_per_deg of [axis turntable] and [axis arc]"},
+        {180 / G_PI, 1, "the turntable's are radians for", "steps_per_deg of [axis turntable]"},
+        {1, 180 / G_PI, "the arc's are radians for", "steps_per_deg of [axis arc]"},
+        {180 / G_PI, 180 / G_PI, "turntable's and arc's are radians for",
+         "steps_per_deg of [axis turntable] and [axis arc]"}};
+    struct tile_shot *shots = (struct tile_shot *)(void *)run->tile_shots->data;
+    const gsize n = run->tile_shots->len;
+    g_autofree struct tile_shot *noted = g_memdup2(shots, n * sizeof *shots);
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
+        struct rig rig = run->calibration->rig;
+        struct tile_fit fit = {.output = NULL};
+        for (gsize s = 0; s < n; s++) {
+            shots[s].turntable_rad = noted[s].turntable_rad * all[i].turntable;
+            shots[s].arc_rad = noted[s].arc_rad * all[i].arc;
+        }
+        g_array_set_size(run->cells, 0);
+        const gboolean fits =
+            tile_session_measure_tile(run, NULL) &&
+            tile_fit(&rig, shots, (int)n, (const struct tile_cell *)(void *)run->cells->data,
+                     (int)run->cells->len, &fit, NULL);
+        const double residual = fit.residual;
+        tile_fit_clear(&fit);
+        if (run->stopped)
+            return;
+        if (!fits)
+            continue;
+        g_clear_error(error);
+        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                    "%s: %s the angles that were noted: only so the pictures show the tile, to "
+                    "%.2g %%; correct %s in the rig file, or for imported pictures the angles in "
+                    "the table, and capture or import again",
+                    session_path(run->session), all[i].what, 100 * residual, all[i].fix);
+        return;
+    }
+}
+
 /* Fits the cells of all frames and takes over the result. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
@@ -131,10 +179,16 @@ static gboolean fit_tile(struct run *run, GError **error) {
         return FALSE;
     }
     struct calibration *to = run->calibration;
+    g_autoptr(GError) cause = NULL;
     if (!tile_fit(&to->rig, (const struct tile_shot *)(void *)run->tile_shots->data,
                   (int)run->tile_shots->len, (const struct tile_cell *)(void *)run->cells->data,
-                  (int)run->cells->len, &run->fit, error))
+                  (int)run->cells->len, &run->fit, &cause)) {
+        if (g_error_matches(cause, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT) ||
+            g_error_matches(cause, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW))
+            find_mistake(run, &cause);
+        g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
+    }
     memcpy(to->camera_radiometry, run->fit.cameras, sizeof to->camera_radiometry);
     memcpy(to->lamp_radiometry, run->fit.lamps, sizeof to->lamp_radiometry);
     run->ret->cells = (int)run->cells->len;
@@ -204,6 +258,15 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
             to->rig.fiducials[m].reflectance[k] *= fit.white;
             to->fiducials[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error) *
                                               to->rig.fiducials[m].reflectance[k];
+            if (to->rig.fiducials[m].reflectance[k] <= MOST_WHITE)
+                continue;
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                        "beside a tile of reflectance %.3g [mark %s] would reflect %.3g times the "
+                        "light that falls on it: the tile is darker than --reflectance says, or "
+                        "not clean; measure it, or give the number that its maker states",
+                        run->options->reflectance[k], to->rig.fiducials[m].name,
+                        to->rig.fiducials[m].reflectance[k]);
+            return FALSE;
         }
         run->ret->marks++;
     }

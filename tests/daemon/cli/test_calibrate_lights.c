@@ -8,11 +8,14 @@
 #include "world/truth.h"
 
 #include <png.h>
+#include <sqlite3.h>
 #include <string.h>
 
 #define MESORIG  BUILD_DIR "/bin/mesorig"
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define PLACES   "-20;-18;24;18;-20;12;20;16;24;-16;20;12;0;6;20;-6;-12;6;10;2;6"
+
+#define BALLS "-20;-17;8;18;-20;8;20;17;8;-17;20;8;0;0;8"
 
 static const int camera_deg[] = {20, 55}, lamp_deg[] = {20, 40, 65};
 
@@ -85,13 +88,15 @@ static void write_rig(const char *name, const char *world) {
 
 static void write_session(const char *name, double reference_mm, const char *lights,
                           const char *lasers) {
+    const gboolean balls = g_str_has_prefix(name, "balls"); /* the lamps' images are bright */
     write_text(name,
                "[session]\nname=test\n[sample]\nwidth_mm=50\nheight_mm=50\ntexels=8\n"
-               "reference_mm=%g\ndepth_mm=1\n[views]\nrings=20:3;55:3\n[lights]\nrings=%s\n"
-               "offset_deg=25\n%s[capture]\nexposures_us=8000\nlaser_exposure_us=4000\n"
+               "reference_mm=%g\ndepth_mm=1\n[views]\nrings=%s\n[lights]\nrings=%s\n"
+               "offset_deg=25\n%s[capture]\nexposures_us=%s\nlaser_exposure_us=4000\n"
                "sweep_steps=72\nsweep_margin_mm=2\ndark_frames=1\nretries=1\n"
                "laser_threshold_dn=40\non_blocked=skip\n",
-               reference_mm, lights, lasers);
+               reference_mm, balls ? "20:6;55:6" : "20:3;55:3", lights, lasers,
+               balls ? "150;1200" : "8000");
 }
 
 static void capture(const char *what, const char *sample, double reference_mm, const char *lights,
@@ -182,9 +187,92 @@ static void refused(void) {
                "low.session", "high.session", "-p", "1;x", "-o", "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
                "two.calibration", "-o", "no.conf")); /* is not there */
+    g_free(RUN(1, "heights are in millimetres", "calibrate", "laser", "low.session", "high.session",
+               "-p", "0.001;0.016", "-o", "no.conf"));
+    write_text("metres.conf", "[target]\nkind=balls\nplane_mm=2\nplaces_mm=-0.02;-0.018;0.024\n");
+    g_free(RUN(1, "radius of number 1 is 0.024 mm, and must be above 0.1; give millimetres",
+               "calibrate", "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
+    write_text("metres.conf", "[target]\nkind=balls\nplane_mm=0.002\nplaces_mm=1;2;8\n");
+    g_free(RUN(1, "metres.conf: [target] plane_mm: 0.002 mm is no height of a plate", "calibrate",
+               "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     g_free(RUN(2, "--target", "calibrate", "lights", "poles.session", "-o", "no.conf"));
     g_free(RUN(2, "-o", "calibrate", "laser", "low.session", "high.session"));
     g_free(RUN(2, "--ball", "calibrate", "lights", "-i", ".", "-b", "1,2", "-o", "no.lp"));
+    g_assert_false(g_file_test(here, G_FILE_TEST_EXISTS));
+}
+
+/* Changes what a session says of its shots. */
+static void note(const char *session, const char *sql) {
+    g_autofree char *folder = in_folder(session), *path = NULL;
+    sqlite3 *db = NULL;
+    path = g_build_filename(folder, "session.db", NULL);
+    g_assert_cmpint(sqlite3_open(path, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db, sql, NULL, NULL, NULL), ==, SQLITE_OK);
+    sqlite3_close(db);
+}
+
+#define TURN_BACK "UPDATE shot SET turntable_deg = -turntable_deg"
+#define ARC_BACK  "UPDATE shot SET arc_deg = -arc_deg"
+#define LAMPS(a, b)                                                                                \
+    "UPDATE shot SET device = CASE device WHEN " #a " THEN " #b " WHEN " #b " THEN " #a            \
+    " ELSE device END WHERE kind = 'lamp'"
+
+/* After lamps_then_laser(), whose sessions it uses: what is noted of the posts is wrong, and right
+ * again after the same change. */
+static void mistakes_of_posts(void) {
+    static const char *const wrong[][2] = {
+        {TURN_BACK, "the turntable turns against the angles that were noted"},
+        {ARC_BACK, "correct the sign of steps_per_deg of [axis arc] in the rig file"},
+        {LAMPS(0, 1), "lamps l20 and l40 are exchanged"},
+        {LAMPS(0, 2), "lamps l20 and l65 are exchanged"},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        note("poles.session", wrong[i][0]);
+        g_free(RUN(1, wrong[i][1], "calibrate", "lights", "poles.session", "-t", "target.conf",
+                   "-o", "no.conf"));
+        note("poles.session", wrong[i][0]);
+    }
+    g_free(RUN(0, NULL, "calibrate", "lights", "poles.session", "-t", "target.conf", "-o",
+               "again.conf"));
+    note("poles.session", "UPDATE shot SET arc_deg = arc_deg * 0.017453292519943295");
+    g_free(RUN(1, "the arc has its angles noted in radians", "calibrate", "lights", "poles.session",
+               "-t", "target.conf", "-o", "no.conf"));
+}
+
+static void mistakes_of_balls(void) {
+    write_text("balls.target", "[target]\nkind=balls\nplane_mm=2\nplaces_mm=" BALLS "\n");
+    capture("balls",
+            "[sample]\nkind=balls\nwidth_mm=80\nheight_mm=80\nbase_mm=2\ntop_mm=40\n"
+            "places_mm=" BALLS "\n",
+            2, "20:3;40:3;65:3", "");
+    g_free(RUN(0, "l65 ", "calibrate", "lights", "balls.session", "-t", "balls.target", "-o",
+               "balls.conf"));
+    note("balls.session", TURN_BACK);
+    g_free(RUN(1, "the turntable turns against", "calibrate", "lights", "balls.session", "-t",
+               "balls.target", "-o", "no.conf"));
+    note("balls.session", TURN_BACK);
+    note("balls.session", LAMPS(0, 1));
+    g_autofree char *told = RUN(1, "of lamp l40: they are exchanged", "calibrate", "lights",
+                                "balls.session", "-t", "balls.target", "-o", "no.conf");
+    assert_has(told, "exchange the indexes of [lamp l20] and [lamp l40] in the rig file");
+}
+
+/* After lamps_then_laser(). */
+static void mistakes_of_sweeps(void) {
+    static const char *const sessions[] = {"low.session", "high.session"};
+    g_autofree char *here = in_folder("no.conf");
+    g_autofree char *planes =
+        RUN(1, "their planes of 16 and 1 mm are exchanged", "calibrate", "laser", "low.session",
+            "high.session", "-p", "16;1", "-c", "one.conf", "-o", "no.conf");
+    assert_has(planes, "exchange the heights in --planes");
+    for (int i = 0; i < 2; i++)
+        note(sessions[i], ARC_BACK);
+    g_free(RUN(1, "the arc turns against the angles that were noted", "calibrate", "laser",
+               "low.session", "high.session", "-c", "one.conf", "-o", "no.conf"));
+    for (int i = 0; i < 2; i++)
+        note(sessions[i], "UPDATE shot SET arc_deg = -arc_deg * 0.017453292519943295");
+    g_free(RUN(1, "the angles of the arc are in radians", "calibrate", "laser", "low.session",
+               "high.session", "-c", "one.conf", "-o", "no.conf"));
     g_assert_false(g_file_test(here, G_FILE_TEST_EXISTS));
 }
 
@@ -269,6 +357,9 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/calibrate-lights/lamps-then-laser", lamps_then_laser);
     g_test_add_func("/calibrate-lights/refused", refused);
+    g_test_add_func("/calibrate-lights/mistakes-of-posts", mistakes_of_posts);
+    g_test_add_func("/calibrate-lights/mistakes-of-balls", mistakes_of_balls);
+    g_test_add_func("/calibrate-lights/mistakes-of-sweeps", mistakes_of_sweeps);
     g_test_add_func("/calibrate-lights/photographs", photographs);
     int result = g_test_run();
     remove_tree(world_fixture_folder());

@@ -123,10 +123,37 @@ static void wrong_turn(void) {
     }
 }
 
+/* Lines of the laser at 40° that are noted as those of another: one far from it is told by them
+ * alone, one beside it by where it is found. */
+static void exchanged(void) {
+    static const struct {
+        double other_deg;
+        const char *what;
+    } cases[] = {{60, "lasers one and two are exchanged"},
+                 {42, "of laser two: they are exchanged; exchange theta_deg"}};
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct rig rig;
+        struct laser_result found;
+        g_autoptr(GArray) points = new_points(&rig, 1.01, 50);
+        g_autoptr(GError) error = NULL;
+        const double deg = cases[i].other_deg;
+        rig.lasers[0] = (struct rig_laser){"one", vec3_scale(rig_direction(SCENE_RAD(deg), 0), 480),
+                                           vec3(0, 1, 0),
+                                           vec3(-cos(SCENE_RAD(deg)), 0, sin(SCENE_RAD(deg))), 0};
+        g_strlcpy(rig.lasers[1].name, "two", RIG_NAME);
+        g_assert_false(fit_points(&rig, points, &found, &error));
+        g_assert_error(error, LASER_ERROR, LASER_ERROR_MISTAKE);
+        g_test_message("%s", error->message);
+        g_assert_nonnull(strstr(error->message, cases[i].what));
+        laser_result_clear(&found);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/laser-sheets/exact", exact);
     g_test_add_func("/laser-sheets/wrong-turn", wrong_turn);
+    g_test_add_func("/laser-sheets/exchanged", exchanged);
     g_test_add_func("/laser-sheets/two-heights", two_heights);
     g_test_add_func("/laser-sheets/one-height", one_height);
     int result = g_test_run();

@@ -3,6 +3,8 @@
 #include "lib/grey_fixture.h"
 #include "session/outputs.h"
 
+#include <sqlite3.h>
+
 static void tile(void) {
     struct grey_chi2 chi2 = {0};
     for (int seed = 1; seed <= 3; seed++) {
@@ -26,6 +28,44 @@ static void tile(void) {
     }
     g_assert_cmpfloat(chi2.sum / chi2.n, >, 0.7);
     g_assert_cmpfloat(chi2.sum / chi2.n, <, 1.4);
+}
+
+/* The session of a tile again, with one thing wrong: what tile_session() says. */
+static char *tile_refused(const char *path, double reflectance, const char *sql) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *db_path = g_build_filename(path, "session.db", NULL);
+    struct tile_options options = {.reflectance = {reflectance, reflectance, reflectance}};
+    struct tile_result result;
+    sqlite3 *db = NULL;
+    g_assert_cmpint(sqlite3_open(db_path, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db, sql, NULL, NULL, NULL), ==, SQLITE_OK);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    g_autofree char *text = session_text(session, "calibration.conf", &error);
+    g_autoptr(Calibration) calibration = calibration_from_text(text, path, &error);
+    const struct rig before = calibration->rig;
+    g_assert_false(tile_session(session, calibration, &options, &result, &error));
+    g_assert_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT);
+    g_assert_cmpmem(&calibration->rig, sizeof before, &before, sizeof before);
+    g_assert_cmpint(sqlite3_exec(db, sql, NULL, NULL, NULL), ==, SQLITE_OK); /* undone */
+    sqlite3_close(db);
+    g_test_message("%s", error->message);
+    return g_strdup(error->message);
+}
+
+static void wrong_tile(void) {
+    g_autofree char *folder = grey_folder(), *path = g_build_filename(folder, "tile.session", NULL);
+    struct tile_result result;
+    grey_calibrate(folder, 1, &result);
+    /* A grey tile of 0.5 said to be 0.96, which is as much too much as 1.84 for this one. */
+    g_autofree char *dark = tile_refused(path, 0.96 * 0.96 / 0.5, "SELECT 1");
+    g_assert_nonnull(strstr(dark, "the tile is darker than --reflectance says"));
+    g_autofree char *turn =
+        tile_refused(path, 0.96, "UPDATE shot SET turntable_deg = -turntable_deg");
+    g_assert_nonnull(strstr(turn, "the turntable turns against the angles"));
+    g_autofree char *arc = tile_refused(path, 0.96, "UPDATE shot SET arc_deg = -arc_deg");
+    g_assert_nonnull(strstr(arc, "the sign of steps_per_deg of [axis arc]"));
+    radiometry_rig_remove(folder);
 }
 
 static void grey_scale(void) {
@@ -188,6 +228,7 @@ static void lamp_outputs(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/tile/tile", tile);
+    g_test_add_func("/tile/wrong-tile", wrong_tile);
     g_test_add_func("/tile/grey-scale", grey_scale);
     g_test_add_func("/tile/quick-check", quick_check);
     g_test_add_func("/tile/quick-check-asks-twice", quick_check_asks_twice);

@@ -1,0 +1,185 @@
+/* What may be wrong with a BTF or an MDF that cannot be, from what it shows itself.
+ *
+ * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each mistake is undone, and
+ * the asymmetry compared, a being the one and b the other of a pair of exchanged directions: s =
+ * √(Σ (a − b)² / Σ ((a + b)/2)²) for the values B; for B − p with the p that minimises Σ (a − b)²;
+ * and for B^(1/2.2) and B^2.2, which sRGB is near to. Only pairs of different polar angles tell. */
+#include "check.h"
+
+#include "base/vec.h"
+
+#include <math.h>
+
+#define SAME_COS     0.99985 /* of directions that count as one: 1° */
+#define LEAST_COS    0.05
+#define LEAST_PAIRS  6
+#define LEAST_SKEW   0.05 /* asymmetry below it is no sign of a mistake */
+#define BETTER       4.0  /* times less of it is the sign of one */
+#define DISPLAY      2.2
+#define MOST_ALBEDO  1.05
+#define LEAST_ALBEDO 0.002 /* the blackest paints have more */
+#define LEAST_SEEN   0.3
+#define ROWS         256
+
+enum tone { AS_IS, ENCODED, DECODED, TONES };
+
+struct exchanged { /* pair of indices into view × light */
+    int one, other;
+    double cos_one, cos_other; /* of their lights */
+};
+
+static struct vec3 direction_of(const struct direction_list *list, gsize i) {
+    const double theta = (double)list->theta_deg[i] * G_PI / 180;
+    const double phi = (double)list->phi_deg[i] * G_PI / 180;
+    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+}
+
+static int index_of(const struct direction_list *list, struct vec3 to) {
+    for (gsize i = 0; i < list->n; i++)
+        if (vec3_dot(direction_of(list, i), to) >= SAME_COS)
+            return (int)i;
+    return -1;
+}
+
+/* struct exchanged, of lights at different polar angles. */
+static GArray *find_exchanged(const struct btf_matrix *btf) {
+    const struct direction_list *views = &btf->layout.views, *lights = &btf->layout.lights;
+    GArray *pairs = g_array_new(FALSE, FALSE, sizeof(struct exchanged));
+    for (gsize v = 0; v < views->n; v++)
+        for (gsize l = 0; l < lights->n; l++) {
+            const struct vec3 to_eye = direction_of(views, v), to_lamp = direction_of(lights, l);
+            const int light = index_of(lights, to_eye), view = index_of(views, to_lamp);
+            const struct exchanged pair = {(int)(v * lights->n + l), view * (int)lights->n + light,
+                                           to_lamp.z, to_eye.z};
+            if (light >= 0 && view >= 0 && pair.one < pair.other && to_eye.z > LEAST_COS &&
+                to_lamp.z > LEAST_COS && fabs(to_eye.z - to_lamp.z) > LEAST_COS)
+                g_array_append_val(pairs, pair);
+        }
+    return pairs;
+}
+
+/* TONES × view × light: means over texels of the luminance, to the power of 1, 1/2.2 and 2.2; NULL:
+ * an error. */
+static double *find_means(const struct btf_matrix *btf, GError **error) {
+    static const double power[TONES] = {1, 1 / DISPLAY, DISPLAY};
+    const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
+    const int n_texels = (int)btf_layout_texels(&btf->layout);
+    g_autofree float *buffer = g_new(float, 3 * ROWS * n_lights);
+    g_autofree double *means = g_new0(double, TONES *n);
+    for (int first = 0; first < n_texels; first += ROWS)
+        for (gsize view = 0; view < btf->layout.views.n; view++) {
+            const int rows = MIN(ROWS, n_texels - first);
+            gsize stride = 0;
+            const float *from =
+                btf_matrix_rows(btf, (int)view, first, rows, buffer, &stride, error);
+            if (!from)
+                return NULL;
+            for (gsize i = 0; i < (gsize)rows * n_lights; i++) {
+                const float *rgb = from + i / n_lights * stride + 3 * (i % n_lights);
+                const double y =
+                    0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
+                for (int tone = 0; tone < TONES; tone++)
+                    means[(gsize)tone * n + view * n_lights + i % n_lights] +=
+                        pow(MAX(y, 0), power[tone]) / n_texels;
+            }
+        }
+    return g_steal_pointer(&means);
+}
+
+/* values less pedestal. */
+static double asymmetry(const GArray *pairs, const double *values, double pedestal) {
+    double differences = 0, squares = 0;
+    for (guint i = 0; i < pairs->len; i++) {
+        const struct exchanged *p = &g_array_index(pairs, struct exchanged, i);
+        const double a = (values[p->one] - pedestal) / p->cos_one;
+        const double b = (values[p->other] - pedestal) / p->cos_other;
+        differences += (a - b) * (a - b);
+        squares += (a + b) * (a + b) / 4;
+    }
+    return squares > 0 ? sqrt(differences / squares) : 0;
+}
+
+/* The p that minimises Σ (a − b − p w)² with w = 1/cos θ_a − 1/cos θ_b: Σ (a − b) w / Σ w². */
+static double best_pedestal(const GArray *pairs, const double *values) {
+    double up = 0, down = 0;
+    for (guint i = 0; i < pairs->len; i++) {
+        const struct exchanged *p = &g_array_index(pairs, struct exchanged, i);
+        const double w = 1 / p->cos_one - 1 / p->cos_other;
+        up += (values[p->one] / p->cos_one - values[p->other] / p->cos_other) * w;
+        down += w * w;
+    }
+    return down > 0 ? up / down : 0;
+}
+
+static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPtrArray *ret) {
+    const double p = best_pedestal(pairs, means), is = asymmetry(pairs, means, 0);
+    const double flat = asymmetry(pairs, means, p),
+                 encoded = asymmetry(pairs, means + ENCODED * n, 0),
+                 decoded = asymmetry(pairs, means + DECODED * n, 0);
+    const double least = MIN(flat, MIN(encoded, decoded));
+    if (pairs->len < LEAST_PAIRS || is < LEAST_SKEW || least > is / BETTER)
+        return;
+    if (least == flat && p > 0)
+        g_ptr_array_add(
+            ret, g_strdup_printf("a level of %.3g lies under all values: without it reciprocity is "
+                                 "kept to %.2g %% instead of %.2g %%; subtract the cameras' black "
+                                 "level from the pictures, or keep other light out",
+                                 p, 100 * flat, 100 * is));
+    else if (least == flat)
+        g_ptr_array_add(
+            ret, g_strdup_printf("%.3g has been taken off all values: with it reciprocity is kept "
+                                 "to %.2g %% instead of %.2g %%; subtract less than that from the "
+                                 "pictures as their black level",
+                                 -p, 100 * flat, 100 * is));
+    else if (least == encoded)
+        g_ptr_array_add(
+            ret, g_strdup_printf("the values look as if linear pictures had been taken for sRGB: "
+                                 "to the power of 1/%g reciprocity is kept to %.2g %% instead of "
+                                 "%.2g %%; 8-bit pictures are taken for sRGB: give linear ones as "
+                                 "16-bit PNG or TIFF, or as EXR",
+                                 DISPLAY, 100 * encoded, 100 * is));
+    else
+        g_ptr_array_add(
+            ret, g_strdup_printf("the values look as if sRGB pictures had been taken for linear: "
+                                 "to the power of %g reciprocity is kept to %.2g %% instead of "
+                                 "%.2g %%; 16-bit pictures and EXR are taken for linear: give "
+                                 "sRGB ones with 8 bits, or switch off the cameras' gamma",
+                                 DISPLAY, 100 * decoded, 100 * is));
+}
+
+gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
+                           GPtrArray *ret, GError **error) {
+    g_autoptr(GArray) pairs = find_exchanged(btf);
+    g_autofree double *means = find_means(btf, error);
+    const guint before = ret->len;
+    if (!means)
+        return FALSE;
+    suspect_tones(pairs, means, btf->layout.views.n * btf->layout.lights.n, ret);
+    if (ret->len > before) /* wrong tones make wrong energies */
+        return TRUE;
+    if (energy->largest_albedo > MOST_ALBEDO)
+        g_ptr_array_add(
+            ret, g_strdup_printf("%.3g times a light's energy comes back: is the white tile darker "
+                                 "than --reflectance said, or an exposure noted too short (s or ms "
+                                 "for another unit)?",
+                                 energy->largest_albedo));
+    else if (energy->largest_albedo < LEAST_ALBEDO)
+        g_ptr_array_add(
+            ret, g_strdup_printf("only %.2g of a light's energy comes back, less than from the "
+                                 "blackest paint: is an exposure noted too long (µs or ms for "
+                                 "another unit), or is it a picture without light?",
+                                 energy->largest_albedo));
+    return TRUE;
+}
+
+void check_suspect_mdf(const struct mdf_views_sums *mdf, double depth_mm, GPtrArray *ret) {
+    if (mdf->texels == 0 || mdf->seen >= LEAST_SEEN * mdf->texels)
+        return;
+    g_ptr_array_add(ret,
+                    g_strdup_printf("only %.0f %% of the surface is seen, and points more than 1 "
+                                    "mm below depth_mm = %g are left out: does the structure reach "
+                                    "deeper below the reference plane? Give its depth (--depth of "
+                                    "mesorig import poses, depth_mm in [sample] of the session "
+                                    "file) and its reference plane",
+                                    100.0 * (double)mdf->seen / (double)mdf->texels, depth_mm));
+}

@@ -1,0 +1,121 @@
+/* mesorig check: what it suspects of pictures whose tones are not what they were taken for, and
+ * that it suspects nothing of those that are right. The truth is Lambert's law: B = ρ cos θ_l. */
+#include "lib/process.h"
+#include "lib/remove_tree.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <png.h>
+#include <sqlite3.h>
+#include <string.h>
+
+#define SIDE 8
+
+static char *folder;
+
+static double encode(double light) {
+    return light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
+}
+
+struct tone {
+    const char *name;
+    int bits;
+    gboolean srgb; /* the file's values are */
+    double scale, black;
+    const char *says; /* NULL: nothing is suspected */
+};
+
+static void write_picture(const char *path, const struct tone *tone, double cosine) {
+    guint16 deep[SIDE * SIDE];
+    guint8 shallow[SIDE * SIDE];
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const double light = tone->black + tone->scale * (0.3 + 0.4 * (i % 5) / 4) * cosine;
+        const double code = tone->srgb ? encode(light) : light;
+        deep[i] = (guint16)lround(65535 * code);
+        shallow[i] = (guint8)lround(255 * code);
+    }
+    if (tone->bits == 8) {
+        png_image image = {
+            .version = PNG_IMAGE_VERSION, .width = SIDE, .height = SIDE, .format = PNG_FORMAT_GRAY};
+        g_assert_true(png_image_write_to_file(&image, path, 0, shallow, 0, NULL));
+        return;
+    }
+    FILE *file = fopen(path, "wb"); /* png_image would take 16 bits for linear and encode 8 */
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+    png_infop info = png_create_info_struct(png);
+    png_init_io(png, file);
+    png_set_IHDR(png, info, SIDE, SIDE, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_write_info(png, info);
+    png_set_swap(png);
+    for (int y = 0; y < SIDE; y++)
+        png_write_row(png, (png_const_bytep)(deep + y * SIDE));
+    png_write_end(png, info);
+    png_destroy_write_struct(&png, &info);
+    fclose(file);
+}
+
+static void tones(void) {
+    static const struct tone all[] = {
+        {"srgb8", 8, TRUE, 1, 0, NULL},
+        {"linear16", 16, FALSE, 1, 0, NULL},
+        {"linear8", 8, FALSE, 1, 0, "linear pictures had been taken for sRGB"},
+        {"srgb16", 16, TRUE, 1, 0, "sRGB pictures had been taken for linear"},
+        {"black16", 16, FALSE, 0.9, 0.06, "a level of 0.06 lies under all values"},
+        {"bright16", 16, FALSE, 1.4, 0, NULL},
+        {"short16", 16, FALSE, 0.002, 0, "less than from the blackest paint"},
+    };
+    static const int angles_deg[] = {0, 30, 50, 70};
+    for (gsize k = 0; k < G_N_ELEMENTS(all); k++) {
+        g_autofree char *pictures = g_build_filename(folder, all[k].name, NULL);
+        g_autofree char *session = g_strconcat(pictures, ".session", NULL);
+        g_mkdir(pictures, 0700);
+        for (int v = 0; v < 4; v++)
+            for (int l = 0; l < 4; l++) {
+                g_autofree char *path = g_strdup_printf("%s/tl%03d_pl000_tv%03d_pv000.png",
+                                                        pictures, angles_deg[l], angles_deg[v]);
+                write_picture(path, &all[k], cos(angles_deg[l] * G_PI / 180));
+            }
+        g_free(process_mesorig(0, "import pictures %s -o %s", pictures, session));
+        g_autofree char *told = process_mesorig(0, "check %s", session);
+        g_test_message("%s: %s", all[k].name, told);
+        g_assert_cmpint(strstr(told, "suspect ") != NULL, ==, all[k].says != NULL);
+        const char *first = strstr(told, "suspect ");
+        g_assert_null(first ? strstr(first + 1, "suspect ") : NULL);
+        if (all[k].says)
+            assert_has(told, all[k].says);
+    }
+}
+
+/* A structure that is said to have no depth: nothing of it is left. */
+static void depth(void) {
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *path = g_build_filename(session, "session.db", NULL);
+    sqlite3 *db = NULL;
+    g_free(process_mesorig(0,
+                           "capture " SOURCE_DIR "/tests/small/rig.conf " SOURCE_DIR
+                           "/tests/small/session.conf -o %s",
+                           session));
+    g_free(process_mesorig(0, "process %s", session));
+    g_autofree char *right = process_mesorig(0, "check %s", session);
+    g_assert_null(strstr(right, "suspect "));
+    g_assert_cmpint(sqlite3_open(path, &db), ==, SQLITE_OK);
+    g_assert_cmpint(
+        sqlite3_exec(db, "UPDATE grid SET depth_mm = 0; DELETE FROM product", NULL, NULL, NULL), ==,
+        SQLITE_OK);
+    sqlite3_close(db);
+    g_free(process_mesorig(0, "process %s", session));
+    g_autofree char *wrong = process_mesorig(0, "check %s", session);
+    assert_has(wrong, "below depth_mm = 0 are left out");
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    folder = g_dir_make_tmp("mesorig-check-XXXXXX", NULL);
+    g_test_add_func("/check/tones", tones);
+    g_test_add_func("/check/depth", depth);
+    const int code = g_test_run();
+    remove_tree(folder);
+    g_free(folder);
+    return code;
+}
