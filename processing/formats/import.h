@@ -26,6 +26,12 @@ typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointe
  * add attributes to the part. */
 typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
 
+/* Callback: one picture, of which it reads no more than the region (height × width of it) where its
+ * format allows. ret_planes: R, G, B, zeroed; NULL: only the number of holes is asked for. */
+typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
+                                 float *const *ret_planes, int *ret_holes, gpointer data,
+                                 GError **error);
+
 struct import_material {
     const char *source; /* name of the source */
     int width, height;  /* texels */
@@ -35,6 +41,7 @@ struct import_material {
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
+    ImportPixels picture; /* may be NULL; else in place of view, and memory holds one picture */
     ImportLight light; /* may be NULL; region must then be everything */
     gpointer data;
     const struct session_grid

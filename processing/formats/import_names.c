@@ -235,10 +235,24 @@ static gboolean import_names_read_list(struct pictures *pictures, const char *li
                            (int)n, pictures->all->len);
 }
 
-static gboolean copy_picture(const struct pictures *pictures, const struct named *named, float *to,
-                             int *ret_holes, GError **error) {
+/* Files of 8 or 16 bits hold numbers only. */
+static gboolean may_have_holes(const char *path) {
+    const char *dot = strrchr(path, '.');
+    return dot && (g_ascii_strcasecmp(dot, ".exr") == 0 || g_ascii_strcasecmp(dot, ".tif") == 0 ||
+                   g_ascii_strcasecmp(dot, ".tiff") == 0);
+}
+
+static gboolean import_names_give_picture(int view, int light, const struct import_region *region,
+                                          float *const *ret_planes, int *ret_holes, gpointer data,
+                                          GError **error) {
+    const struct pictures *pictures = data;
+    const struct named *named =
+        pictures->of->pdata[(guint)view * pictures->lights->len + (guint)light];
+    const gsize n = (gsize)region->width * (gsize)region->height;
+    *ret_holes = 0;
+    if (!ret_planes && !may_have_holes(named->path))
+        return TRUE;
     g_autoptr(ImportPicture) picture = import_picture_read(named->path, error);
-    const gsize n = (gsize)pictures->width * (gsize)pictures->height;
     if (!picture)
         return FALSE;
     if (picture->width != pictures->width || picture->height != pictures->height)
@@ -246,29 +260,18 @@ static gboolean copy_picture(const struct pictures *pictures, const struct named
                                "%s has %d × %d pixels, the first picture %d × %d",
                                named->line ? named->path : "it", picture->width, picture->height,
                                pictures->width, pictures->height);
-    *ret_holes = 0;
     for (gsize i = 0; i < n; i++) {
-        const float *from = picture->rgb + 3 * i;
+        const gsize x = (gsize)region->x + i % (gsize)region->width;
+        const gsize y = (gsize)region->y + i / (gsize)region->width;
+        const float *from = picture->rgb + 3 * (y * (gsize)picture->width + x);
         const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
-        for (int c = 0; c < 3; c++)
-            to[3 * i + (gsize)c] = good ? from[c] : 0;
+        for (int c = 0; ret_planes && c < 3; c++)
+            ret_planes[c][i] = good ? from[c] : 0;
         *ret_holes += !good;
     }
     return (double)*ret_holes <= IMPORT_MOST_HOLES * (double)n ||
            data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
                            *ret_holes, n);
-}
-
-static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
-                                       GError **error) {
-    const struct pictures *pictures = data;
-    const guint n_lights = pictures->lights->len;
-    const gsize n = 3 * (gsize)pictures->width * (gsize)pictures->height;
-    for (guint light = 0; light < n_lights; light++)
-        if (!copy_picture(pictures, pictures->of->pdata[(guint)view * n_lights + light],
-                          ret_rgb + n * light, &ret_holes[light], error))
-            return FALSE;
-    return TRUE;
 }
 
 static void import_names_degrees(const GArray *directions, float **ret_theta_deg,
@@ -317,7 +320,7 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
         .view_phi_deg = view_phi,
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
-        .view = import_names_give_view,
+        .picture = import_names_give_picture,
         .data = &pictures,
     };
     return import_material(path, &material, work, ret, error);

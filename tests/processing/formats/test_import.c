@@ -8,6 +8,8 @@
 #include "scene/picture.h"
 
 #include <glib/gstdio.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
 
 #include "lib/assert_error.h"
 #include "lib/process.h"
@@ -234,6 +236,50 @@ static void test_bad_lists(void) {
     }
 }
 
+/* Largest memory of "mesorig import rti" of n pictures of a list, in KiB. */
+static long peak_kib(const char *dir, int n, const char *region) {
+    g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *path = session_fixture_path("peak");
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_string_append_printf(text, "%d\n", n);
+    g_auto(GStrv) environment =
+        g_environ_setenv(g_get_environ(), "ASAN_OPTIONS",
+                         "quarantine_size_mb=1:thread_local_quarantine_size_kb=1", TRUE);
+    const char *argv[] = {BUILD_DIR "/bin/mesorig", "import", "rti", list, "-o", path,
+                          region ? "-r" : NULL,     region,   NULL};
+    struct rusage usage;
+    GPid pid;
+    int status = 0;
+    for (int i = 0; i < n; i++)
+        g_string_append_printf(text, "noise.png %g 0 1\n", i * 0.01);
+    write_list(list, text->str);
+    g_assert_true(g_spawn_async(NULL, (char **)argv, environment,
+                                G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL, NULL, NULL,
+                                &pid, NULL));
+    g_assert_cmpint(wait4(pid, &status, 0, &usage), ==, pid);
+    g_assert_cmpint(status, ==, 0);
+    return usage.ru_maxrss;
+}
+
+/* Memory does not grow with the number of pictures, and a region takes less. */
+static void test_memory(void) {
+    enum { PICTURE_WIDTH = 1200, PICTURE_HEIGHT = 800 };
+    const long picture_kib = PICTURE_WIDTH * PICTURE_HEIGHT * 3L * (long)sizeof(float) / 1024;
+    g_autofree char *dir = new_folder(), *noise = g_build_filename(dir, "noise.png", NULL);
+    g_autofree guint8 *rgb = g_new(guint8, PICTURE_WIDTH * PICTURE_HEIGHT * 3);
+    GRand *rand = g_rand_new_with_seed(5);
+    for (int i = 0; i < PICTURE_WIDTH * PICTURE_HEIGHT * 3; i++)
+        rgb[i] = (guint8)g_rand_int_range(rand, 100, 104);
+    g_rand_free(rand);
+    g_assert_true(picture_write_png(noise, rgb, PICTURE_WIDTH, PICTURE_HEIGHT, NULL, NULL));
+    const long two = peak_kib(dir, 2, NULL), eight = peak_kib(dir, 8, NULL);
+    const long region = peak_kib(dir, 8, "700,300,20,10");
+    g_test_message("2 pictures %ld KiB, 8 pictures %ld KiB, region of 8 %ld KiB", two, eight,
+                   region);
+    g_assert_cmpint(eight - two, <, picture_kib);
+    g_assert_cmpint(region, <, two);
+}
+
 /* Whatever bytes a list has, it is a list or an error. */
 static void test_mutated_list(void) {
     static const char *const good = "2\na.png 0 0 1\na.png 0.5 0 0.866\n";
@@ -389,6 +435,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/import/pictures/bad", test_bad_pictures);
     g_test_add_func("/import/pictures/holes", test_holes);
     g_test_add_func("/import/rti", test_rti);
+    g_test_add_func("/import/rti/memory", test_memory);
     g_test_add_func("/import/rti/bad", test_bad_lists);
     g_test_add_func("/import/rti/mutated", test_mutated_list);
     g_test_add_func("/import/bonn", test_bonn);
