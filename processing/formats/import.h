@@ -75,8 +75,13 @@ gboolean import_bonn(const char *path, const char *file, const struct import_wis
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
                          const struct work *work, struct import_result *ret, GError **error);
 
-/* Imports a list of lights (".lp") of reflectance transformation imaging: the number of pictures,
- * then one line per picture with its name and x y z of the direction to its light. The view is
- * from above. Names are relative to the list. */
+/* Imports a list of the lights of one view, which is seen from above (RTI). Its lines are, in
+ * order: the number of pictures, which may be left out (".lp"); then for each picture its name,
+ * which may be left out in all lines, and x y z of the direction to its light. Or it is a table
+ * whose first line names columns that commas, semicolons or tabs separate: theta and phi in degrees
+ * (or theta_rad, phi_rad), or x, y and z; and name, filename, file, image or picture, or none of
+ * them. Of a name only what follows the last slash counts; pictures lie beside the list. Without
+ * names they are the lines of "filenames.txt" beside it, or all pictures there in the order of
+ * their names, numbers by value. Blank lines and those that begin with # do not count. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
