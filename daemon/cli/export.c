@@ -1,9 +1,9 @@
 /* export: what a session has become, for other programs. */
 #include "command/cli.h"
 #include "command/work.h"
-#include "formats/export_fit.h"
 #include "formats/export_surface.h"
 #include "lpca/lpca.h"
+#include "normals/fit_normals.h"
 #include "plan/report.h"
 
 #include <string.h>
@@ -34,7 +34,7 @@ struct job {
     struct export_bonn_result btf;
     struct export_surface_options options;
     struct export_surface_result surface;
-    struct export_fit_result fit;
+    struct fit_normals_result fit;
 };
 
 static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
@@ -78,13 +78,13 @@ static gboolean work_surface(const struct work *work, gpointer data, GError **er
 
 static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return export_fit(job->session, output, job->options.what,
-                      maximum ? EXPORT_FIT_MAXIMUM : EXPORT_FIT_LAMBERT, work, &job->fit, error);
+    return fit_normals(job->session, output, job->options.what == EXPORT_HEIGHT,
+                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work, &job->fit, error);
 }
 
 /* From how brightness depends on the light, where no laser has measured the surface. */
 static int export_by_fit(const struct call *call, struct job *job, GError **error) {
-    const struct export_fit_result *result = &job->fit;
+    const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;
     double seconds = 0;
     if (least_views || layered)
@@ -122,7 +122,7 @@ static int export_shape(const struct call *call, struct job *job, enum export_su
         return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
     job->options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
-    if (what != EXPORT_POINTS && export_fit_applies(job->session))
+    if (what != EXPORT_POINTS && fit_normals_applies(job->session))
         return export_by_fit(call, job, error);
     if (maximum)
         return cli_usage(call->command,

@@ -1,9 +1,9 @@
 /* Normals and heights from PTM and HSH of surfaces that are known by formula, under Lambert's law
  * with an albedo that varies from texel to texel. */
-#include "formats/export_fit.h"
-#include "formats/integrate_normals.h"
 #include "hsh/hsh.h"
 #include "lobes/lobes.h"
+#include "normals/fit_normals.h"
+#include "normals/integrate_normals.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -109,11 +109,11 @@ static int by_value(const void *a, const void *b) {
 
 struct errors {
     double median_deg, worst_deg;
-    struct export_fit_result result;
+    struct fit_normals_result result;
 };
 
 static struct errors errors_of(Shape shape, enum trouble trouble, int terms,
-                               enum export_fit_method method) {
+                               enum fit_normals_method method) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = new_btf(shape, trouble);
     g_autofree char *model = write_model(btf, terms);
@@ -121,7 +121,7 @@ static struct errors errors_of(Shape shape, enum trouble trouble, int terms,
     struct errors ret = {0};
     double off[TEXELS];
     int n = 0;
-    export_fit(model, file, EXPORT_NORMALS, method, &quietly, &ret.result, &error);
+    fit_normals(model, file, FALSE, method, &quietly, &ret.result, &error);
     g_assert_no_error(error);
     g_autoptr(ExrPart) part = exr_read_part(file, "normals", &error);
     g_assert_no_error(error);
@@ -156,7 +156,7 @@ static void test_normals(void) {
     static const Shape shapes[] = {sphere, bumps};
     for (gsize s = 0; s < G_N_ELEMENTS(shapes); s++)
         for (gsize k = 0; k < G_N_ELEMENTS(terms); k++) {
-            const struct errors e = errors_of(shapes[s], NONE, terms[k], EXPORT_FIT_LAMBERT);
+            const struct errors e = errors_of(shapes[s], NONE, terms[k], FIT_NORMALS_LAMBERT);
             g_assert_cmpfloat(e.median_deg, <, most_deg[k]);
             g_assert_cmpint(e.result.holes, ==, 0);
         }
@@ -164,23 +164,23 @@ static void test_normals(void) {
 
 /* The polynomial's maximum lies 4° to 8° off, and beyond about 45° outside of the disc. */
 static void test_maximum(void) {
-    const struct errors e = errors_of(sphere, NONE, 0, EXPORT_FIT_MAXIMUM);
+    const struct errors e = errors_of(sphere, NONE, 0, FIT_NORMALS_MAXIMUM);
     g_assert_cmpfloat(e.median_deg, <, 9);
     g_assert_cmpint(e.result.clipped, >, TEXELS / 10);
     g_assert_cmpint(e.result.holes, ==, e.result.clipped);
-    const struct errors flat = errors_of(bumps, NONE, 0, EXPORT_FIT_MAXIMUM);
+    const struct errors flat = errors_of(bumps, NONE, 0, FIT_NORMALS_MAXIMUM);
     g_assert_cmpfloat(flat.median_deg, <, 9);
     g_assert_cmpint(flat.result.clipped, ==, 0);
 }
 
 /* Lights that are left out: 16 terms tell them from the others, a PTM smears them over all. */
 static void test_trouble(void) {
-    const struct errors shadow = errors_of(bumps, SHADOW, 16, EXPORT_FIT_LAMBERT);
-    const struct errors shine = errors_of(bumps, SHINE, 16, EXPORT_FIT_LAMBERT);
+    const struct errors shadow = errors_of(bumps, SHADOW, 16, FIT_NORMALS_LAMBERT);
+    const struct errors shine = errors_of(bumps, SHINE, 16, FIT_NORMALS_LAMBERT);
     g_assert_cmpfloat(shadow.median_deg, <, 1.5);
     g_assert_cmpfloat(shine.median_deg, <, 1);
     g_assert_cmpint(shadow.result.shadowed, >, TEXELS / 10);
-    const struct errors smeared = errors_of(bumps, SHADOW, 0, EXPORT_FIT_LAMBERT);
+    const struct errors smeared = errors_of(bumps, SHADOW, 0, FIT_NORMALS_LAMBERT);
     g_assert_cmpfloat(smeared.median_deg, <, 9);
     g_assert_cmpint(smeared.result.shadowed, >, TEXELS / 2);
 }
@@ -233,9 +233,9 @@ static void test_height(void) {
         g_autoptr(BtfMatrix) btf = new_btf(bumps, NONE);
         g_autofree char *model = write_model(btf, terms);
         g_autofree char *file = g_build_filename(session_fixture_folder, "height.exr", NULL);
-        struct export_fit_result result;
+        struct fit_normals_result result;
         int holes;
-        export_fit(model, file, EXPORT_HEIGHT, EXPORT_FIT_LAMBERT, &quietly, &result, &error);
+        fit_normals(model, file, TRUE, FIT_NORMALS_LAMBERT, &quietly, &result, &error);
         g_assert_no_error(error);
         g_autoptr(ExrPart) part = exr_read_part(file, "height", &error);
         g_assert_no_error(error);
@@ -253,23 +253,20 @@ static void test_bad(void) {
     g_autoptr(BtfMatrix) btf = btf_fixture_new("black", 4, 3, 1, 12);
     g_autofree char *file = g_build_filename(session_fixture_folder, "bad.exr", NULL);
     g_autofree char *model = write_model(btf, 0), *hsh = write_model(btf, 4);
-    struct export_fit_result result;
-    g_assert_true(export_fit_applies(model));
-    g_assert_false(export_fit_applies(session_fixture_folder));
-    g_assert_false(
-        export_fit(model, file, EXPORT_NORMALS, EXPORT_FIT_LAMBERT, &quietly, &result, &error));
+    struct fit_normals_result result;
+    g_assert_true(fit_normals_applies(model));
+    g_assert_false(fit_normals_applies(session_fixture_folder));
+    g_assert_false(fit_normals(model, file, FALSE, FIT_NORMALS_LAMBERT, &quietly, &result, &error));
     assert_has(error->message, "ptm.exr: no texel of its ptm has a normal");
     g_clear_error(&error);
-    g_assert_false(
-        export_fit(hsh, file, EXPORT_NORMALS, EXPORT_FIT_MAXIMUM, &quietly, &result, &error));
+    g_assert_false(fit_normals(hsh, file, FALSE, FIT_NORMALS_MAXIMUM, &quietly, &result, &error));
     assert_has(error->message, "hsh.exr: an hsh has no polynomial");
     g_clear_error(&error);
     g_assert_false(g_file_test(file, G_FILE_TEST_EXISTS));
     g_autoptr(ExrFile) other = exr_file_new();
     exr_file_add(other, exr_part_new("a", 1, 1, (const char *const[]){"Y", NULL}, EXR_HALF));
     g_assert_true(exr_write(model, other, EXR_NONE, FALSE, NULL));
-    g_assert_false(
-        export_fit(model, file, EXPORT_NORMALS, EXPORT_FIT_LAMBERT, &quietly, &result, &error));
+    g_assert_false(fit_normals(model, file, FALSE, FIT_NORMALS_LAMBERT, &quietly, &result, &error));
     assert_has(error->message,
                "ptm.exr: it is of the kind none; normals are found from ptm and hsh");
 }
@@ -291,12 +288,12 @@ static void test_command(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/export_fit/normals", test_normals);
-    g_test_add_func("/export_fit/maximum", test_maximum);
-    g_test_add_func("/export_fit/trouble", test_trouble);
-    g_test_add_func("/export_fit/integrate", test_integrate);
-    g_test_add_func("/export_fit/height", test_height);
-    g_test_add_func("/export_fit/bad", test_bad);
-    g_test_add_func("/export_fit/command", test_command);
+    g_test_add_func("/fit_normals/normals", test_normals);
+    g_test_add_func("/fit_normals/maximum", test_maximum);
+    g_test_add_func("/fit_normals/trouble", test_trouble);
+    g_test_add_func("/fit_normals/integrate", test_integrate);
+    g_test_add_func("/fit_normals/height", test_height);
+    g_test_add_func("/fit_normals/bad", test_bad);
+    g_test_add_func("/fit_normals/command", test_command);
     return session_fixture_run();
 }

@@ -1,4 +1,4 @@
-#include "export_fit.h"
+#include "fit_normals.h"
 
 #include <math.h>
 #include <string.h>
@@ -6,11 +6,13 @@
 #include "base/data_error.h"
 #include "base/direction.h"
 #include "base/vec.h"
+#include "btf/btf_layout.h"
 #include "codec/texel_model.h"
 #include "exr/exr.h"
 #include "hsh/hsh.h"
 #include "integrate_normals.h"
 #include "lobes/lobes.h"
+#include "session/session.h"
 
 #define LIGHTS      128
 #define LEAST_Z     0.15 /* of lights; lower ones are as good as those that fits know least of */
@@ -28,14 +30,14 @@ struct fit {
     const struct btf_layout *layout;
     gsize slice; /* the view nearest to the normal */
     int n_terms;
-    enum export_fit_method method;
+    enum fit_normals_method method;
     struct vec3 lights[LIGHTS];
     float basis[LIGHTS][HSH_MAX_TERMS];
     float *normals; /* texels × 3; all 0: none */
     guint8 *clipped, *shadowed;
 };
 
-gboolean export_fit_applies(const char *path) {
+gboolean fit_normals_applies(const char *path) {
     g_autofree char *mdf = g_build_filename(path, "products", "mdf.exr", NULL);
     g_autofree char *ptm = g_build_filename(path, "products", "ptm.exr", NULL);
     g_autofree char *hsh = g_build_filename(path, "products", "hsh.exr", NULL);
@@ -44,7 +46,7 @@ gboolean export_fit_applies(const char *path) {
             (g_file_test(ptm, G_FILE_TEST_EXISTS) || g_file_test(hsh, G_FILE_TEST_EXISTS)));
 }
 
-static gboolean export_fit_open(struct fit *fit, const char *path, GError **error) {
+static gboolean fit_normals_open(struct fit *fit, const char *path, GError **error) {
     g_autofree char *file = g_strdup(path), *kind = NULL;
     if (g_file_test(path, G_FILE_TEST_IS_DIR)) {
         g_free(file);
@@ -74,14 +76,14 @@ static gboolean export_fit_open(struct fit *fit, const char *path, GError **erro
                                "with mesorig compress --method ptm",
                                kind ? kind : "none");
     }
-    return fit->layout && (fit->ptm || fit->method != EXPORT_FIT_MAXIMUM ||
+    return fit->layout && (fit->ptm || fit->method != FIT_NORMALS_MAXIMUM ||
                            data_error_fail(file, 0, error,
                                            "an hsh has no polynomial whose maximum could be taken; "
                                            "leave out --maximum, or make a ptm"));
 }
 
 /* Fibonacci's spiral over the cap above the lowest light: equal areas. */
-static void export_fit_choose_lights(struct fit *fit) {
+static void fit_normals_choose_lights(struct fit *fit) {
     const struct direction_list *views = &fit->layout->views;
     g_autofree float *lights = direction_list_vectors(&fit->layout->lights);
     double lowest = 1;
@@ -178,7 +180,7 @@ static struct vec3 lambert(const struct fit *fit, const double *c, gboolean *ret
     return b.z > 0 ? b : vec3(0, 0, 0);
 }
 
-static void export_fit_row(int row, gpointer data) {
+static void fit_normals_row(int row, gpointer data) {
     struct fit *fit = data;
     const gsize width = fit->layout->width;
     for (gsize texel = (gsize)row * width; texel < ((gsize)row + 1) * width; texel++) {
@@ -186,7 +188,7 @@ static void export_fit_row(int row, gpointer data) {
         gboolean clipped = FALSE, shadowed = FALSE;
         coefficients(fit, texel, c);
         const struct vec3 n =
-            fit->method == EXPORT_FIT_MAXIMUM ? maximum(c, &clipped) : lambert(fit, c, &shadowed);
+            fit->method == FIT_NORMALS_MAXIMUM ? maximum(c, &clipped) : lambert(fit, c, &shadowed);
         fit->normals[3 * texel] = (float)n.x;
         fit->normals[3 * texel + 1] = (float)n.y;
         fit->normals[3 * texel + 2] = (float)n.z;
@@ -195,14 +197,13 @@ static void export_fit_row(int row, gpointer data) {
     }
 }
 
-static struct exr_part *export_fit_part(const struct fit *fit, enum export_surface what) {
-    static const char *const heights[] = {"N", "Z", NULL}, *const normals[] = {"X", "Y", "Z", NULL};
+static struct exr_part *fit_normals_part(const struct fit *fit, gboolean heights) {
+    static const char *const nz[] = {"N", "Z", NULL}, *const xyz[] = {"X", "Y", "Z", NULL};
     const gsize n = btf_layout_texels(fit->layout);
     const int width = (int)fit->layout->width, height = (int)fit->layout->height;
     struct exr_part *part =
-        exr_part_new(what == EXPORT_NORMALS ? "normals" : "height", width, height,
-                     what == EXPORT_NORMALS ? normals : heights, EXR_FLOAT);
-    if (what == EXPORT_NORMALS) {
+        exr_part_new(heights ? "height" : "normals", width, height, heights ? nz : xyz, EXR_FLOAT);
+    if (!heights) {
         for (gsize i = 0; i < 3 * n; i++)
             part->planes[i % 3][i / 3] = fit->normals[i];
         return part;
@@ -222,9 +223,9 @@ static struct exr_part *export_fit_part(const struct fit *fit, enum export_surfa
     return part;
 }
 
-static gboolean export_fit_write(const struct fit *fit, const char *path, const char *file,
-                                 enum export_surface what, struct export_fit_result *ret,
-                                 GError **error) {
+static gboolean fit_normals_write(const struct fit *fit, const char *path, const char *file,
+                                  gboolean heights, struct fit_normals_result *ret,
+                                  GError **error) {
     const gsize n = btf_layout_texels(fit->layout);
     ret->model = fit->ptm ? "ptm" : "hsh";
     ret->texels = (int)n;
@@ -237,10 +238,10 @@ static gboolean export_fit_write(const struct fit *fit, const char *path, const 
         return data_error_fail(path, 0, error,
                                "no texel of its %s has a normal: all are black or clipped",
                                ret->model);
-    struct exr_part *part = export_fit_part(fit, what);
+    struct exr_part *part = fit_normals_part(fit, heights);
     g_autoptr(ExrFile) exr = exr_file_new();
     exr_file_add(exr, part);
-    exr_set_string(part, "mesorig.kind", what == EXPORT_NORMALS ? "normals" : "height");
+    exr_set_string(part, "mesorig.kind", heights ? "height" : "normals");
     exr_set_string(part, "mesorig.model", ret->model);
     exr_set_double(part, "texel_mm", fit->layout->texel_mm);
     exr_set_double(part, "reference_mm", fit->layout->reference_mm);
@@ -250,20 +251,21 @@ static gboolean export_fit_write(const struct fit *fit, const char *path, const 
     return exr_write(file, exr, EXR_ZIP, TRUE, error);
 }
 
-gboolean export_fit(const char *path, const char *file, enum export_surface what,
-                    enum export_fit_method method, const struct work *work,
-                    struct export_fit_result *ret, GError **error) {
+gboolean fit_normals(const char *path, const char *file, gboolean heights,
+                     enum fit_normals_method method, const struct work *work,
+                     struct fit_normals_result *ret, GError **error) {
     struct fit fit = {.method = method};
-    gboolean ok = export_fit_open(&fit, path, error);
-    *ret = (struct export_fit_result){0};
+    gboolean ok = fit_normals_open(&fit, path, error);
+    *ret = (struct fit_normals_result){0};
     if (ok) {
         const gsize n = btf_layout_texels(fit.layout);
-        export_fit_choose_lights(&fit);
+        fit_normals_choose_lights(&fit);
         fit.normals = g_new0(float, 3 * n);
         fit.clipped = g_new0(guint8, n);
         fit.shadowed = g_new0(guint8, n);
-        ok = work_parallel(work, "normals", (int)fit.layout->height, export_fit_row, &fit, error) &&
-             export_fit_write(&fit, path, file, what, ret, error);
+        ok =
+            work_parallel(work, "normals", (int)fit.layout->height, fit_normals_row, &fit, error) &&
+            fit_normals_write(&fit, path, file, heights, ret, error);
     }
     g_free(fit.normals);
     g_free(fit.clipped);
