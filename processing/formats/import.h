@@ -85,3 +85,9 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * their names, numbers by value. Blank lines and those that begin with # do not count. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
+
+/* Imports the info.json of a PTM or HSH, in rgb or lrgb, that Relight made for OpenLIME, with its
+ * planes (plane_0.jpg or .png, …) beside it: the material under the lights it lists. A texel is as
+ * wide as it says (pixelSizeInMM). */
+gboolean import_relight(const char *path, const char *file, const struct import_wish *wish,
+                        const struct work *work, struct import_result *ret, GError **error);
