@@ -3,6 +3,7 @@
 #include "command/work.h"
 #include "formats/export_surface.h"
 #include "lpca/lpca.h"
+#include "normals/fit_normals.h"
 #include "plan/report.h"
 
 #include <string.h>
@@ -11,7 +12,7 @@
 
 static char *output, *format;
 static int components, least_views;
-static gboolean layered;
+static gboolean layered, maximum;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE"},
@@ -22,6 +23,8 @@ static const GOptionEntry entries[] = {
      "N"},
     {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
      "height, normals: the upper layer of what is not a height field", NULL},
+    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum,
+     "height, normals of a PTM: the light of its greatest value", NULL},
     {NULL},
 };
 
@@ -31,6 +34,7 @@ struct job {
     struct export_bonn_result btf;
     struct export_surface_options options;
     struct export_surface_result surface;
+    struct fit_normals_result fit;
 };
 
 static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
@@ -72,6 +76,43 @@ static gboolean work_surface(const struct work *work, gpointer data, GError **er
     return export_surface(job->session, output, &job->options, work, &job->surface, error);
 }
 
+static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    return fit_normals(job->session, output, job->options.what == EXPORT_HEIGHT,
+                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work, &job->fit, error);
+}
+
+/* From how brightness depends on the light, where no laser has measured the surface. */
+static int export_by_fit(const struct call *call, struct job *job, GError **error) {
+    const struct fit_normals_result *result = &job->fit;
+    Record *to = call->record;
+    double seconds = 0;
+    if (least_views || layered)
+        return cli_usage(call->command,
+                         "--views and --layered are for materials with an MDF; %s "
+                         "has none",
+                         job->session);
+    if (!cli_work_run(work_fit, job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_string(to, "model", result->model);
+    record_int(to, "points", result->texels - result->holes);
+    record_int(to, "holes", result->holes);
+    record_int(to, "clipped", result->clipped);
+    record_int(to, "shadowed", result->shadowed);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d of %d texels from their %s", output, result->texels - result->holes,
+               result->texels, result->model);
+    if (maximum)
+        record_say(to, "; of %d the maximum is clipped, and they are holes\n", result->clipped);
+    else
+        record_say(to,
+                   "; %d are in shadow or shine under more than a quarter of the lights they "
+                   "face, and are less certain\n",
+                   result->shadowed);
+    return CLI_DONE;
+}
+
 static int export_shape(const struct call *call, struct job *job, enum export_surface what,
                         GError **error) {
     const struct export_surface_result *result = &job->surface;
@@ -81,6 +122,13 @@ static int export_shape(const struct call *call, struct job *job, enum export_su
         return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
     job->options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
+    if (what != EXPORT_POINTS && fit_normals_applies(job->session))
+        return export_by_fit(call, job, error);
+    if (maximum)
+        return cli_usage(call->command,
+                         "--maximum is for height and normals of a PTM; %s is to be "
+                         "exported from its MDF",
+                         job->session);
     if (!cli_work_run(work_surface, job, &seconds, error))
         return CLI_FAILED;
     record_string(to, "file", output);
@@ -123,9 +171,11 @@ static int cli_export_run(const struct call *call, GError **error) {
 const struct command cli_export = {
     .name = "export",
     .arguments = "KIND DIR -o FILE",
-    .help = "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), "
-            "points (of "
-            "the structure, with normals: PLY), height, normals (maps: EXR).",
+    .help =
+        "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), "
+        "points (of "
+        "the structure, with normals: PLY), height, normals (maps: EXR; of a session without MDF, "
+        "from its PTM or HSH, or such a file).",
     .options = entries,
     .min = 2,
     .max = 2,

@@ -52,6 +52,7 @@ static const struct kind {
     {"btf", import_bonn},
     {"pictures", import_pictures},
     {"rti", import_rti},
+    {"relight", import_relight},
 };
 
 struct job {
@@ -203,7 +204,9 @@ static int cli_import_run(const struct call *call, GError **error) {
         if (strcmp(kind, kinds[i].name) == 0)
             job.kind = &kinds[i];
     if (!job.kind)
-        return cli_usage(command, "there is no KIND “%s”; choose from: btf, pictures, rti, poses",
+        return cli_usage(command,
+                         "there is no KIND “%s”; choose from: btf, pictures, rti, "
+                         "relight, poses",
                          kind);
     if (texel_mm < 0 || texel_mm > 1000)
         return cli_usage(command, "--texel=%g is out of range: 0 to 1000 mm", texel_mm);
@@ -222,7 +225,8 @@ const struct command cli_import = {
     .arguments = "KIND SOURCE -o DIR",
     .help = "Make a session of what others have measured. KIND: btf (a file "
             "of Bonn's), pictures (a folder, "
-            "names with tl… pl… tv… pv…), rti (an .lp list of lights), "
+            "names with tl… pl… tv… pv…), rti (a list of lights), "
+            "relight (an info.json with its planes), "
             "poses (a table of pictures and poses).",
     .options = entries,
     .min = 2,

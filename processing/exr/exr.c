@@ -64,6 +64,11 @@ struct exr_part *exr_part_new(const char *name, int width, int height, const cha
     return part;
 }
 
+void exr_part_drop_planes(struct exr_part *part) {
+    for (int c = 0; c < part->n_channels; c++)
+        g_clear_pointer(&part->planes[c], g_free);
+}
+
 void exr_part_free(struct exr_part *part) {
     if (!part)
         return;

@@ -80,8 +80,19 @@ struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 
-/* The same for a file below a directory: symbolic links among the folders of the relative name
- * are not followed. */
+/* Callback: fills the planes of a part, which are all 0 before. FALSE ends the writing. */
+typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error);
+
+/* The same of parts that memory would not hold at once: the planes of a part whose planes are NULL
+ * are made when its turn comes, filled, and freed after it; a part may be filled twice. */
+gboolean exr_write_filled(const char *path, const struct exr_file *file,
+                          enum exr_compression compression, gboolean sync, ExrFill fill,
+                          gpointer data, GError **error);
+/* Frees the planes of a part, which exr_write_filled() makes. */
+void exr_part_drop_planes(struct exr_part *part);
+
+/* The same as exr_write() for a file below a directory: symbolic links among the folders of the
+ * relative name are not followed. */
 gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
                          enum exr_compression compression, gboolean sync, GError **error);
 

@@ -63,6 +63,15 @@ static void sink_message(exr_const_context_t context, exr_result_t code, const c
         g_strlcpy(((struct sink *)data)->message, message, sizeof((struct sink *)0)->message);
 }
 
+/* What a file will hold. */
+struct content {
+    const struct exr_file *file;
+    enum exr_compression compression;
+    ExrFill fill; /* NULL: all planes are there */
+    gpointer data;
+    GError *failed; /* of fill */
+};
+
 static gboolean exr_write_refuse(GError **error, const char *path, const struct exr_part *part,
                                  const char *what, const char *value) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: part \"%s\": %s%s%s", path,
@@ -70,7 +79,8 @@ static gboolean exr_write_refuse(GError **error, const char *path, const struct 
     return FALSE;
 }
 
-static gboolean check_part(const char *path, const struct exr_part *part, GError **error) {
+static gboolean check_part(const char *path, const struct exr_part *part, gboolean filled,
+                           GError **error) {
     if (!part->name || !*part->name || strlen(part->name) > 255)
         return exr_write_refuse(error, path, part, "its name must have 1 to 255 bytes", NULL);
     if (part->width < 1 || part->height < 1 ||
@@ -89,7 +99,7 @@ static gboolean check_part(const char *path, const struct exr_part *part, GError
         if (c && strcmp(part->channels[c - 1], part->channels[c]) >= 0)
             return exr_write_refuse(error, path, part, "not in alphabetical order: channel",
                                     part->channels[c]);
-        if (!part->planes || !part->planes[c])
+        if (!part->planes || (!part->planes[c] && !filled))
             return exr_write_refuse(error, path, part, "no pixels for channel", part->channels[c]);
     }
     for (guint i = 0; i < part->attributes->len; i++) {
@@ -109,7 +119,8 @@ static gboolean check_part(const char *path, const struct exr_part *part, GError
 }
 
 /* Checks everything before the file is created. */
-static gboolean exr_write_check(const char *path, const struct exr_file *file, GError **error) {
+static gboolean exr_write_check(const char *path, const struct content *content, GError **error) {
+    const struct exr_file *file = content->file;
     g_autoptr(GHashTable) names = g_hash_table_new(g_str_hash, g_str_equal);
 
     if (file->parts->len == 0) {
@@ -119,7 +130,7 @@ static gboolean exr_write_check(const char *path, const struct exr_file *file, G
     for (guint i = 0; i < file->parts->len; i++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, i);
 
-        if (!check_part(path, part, error))
+        if (!check_part(path, part, content->fill != NULL, error))
             return FALSE;
         if (!g_hash_table_add(names, part->name))
             return exr_write_refuse(error, path, part, "another part has the same name", NULL);
@@ -278,8 +289,25 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
     return rc;
 }
 
-static exr_result_t write_file(const char *path, struct sink *sink, const struct exr_file *file,
-                               enum exr_compression compression) {
+static exr_result_t write_filled(exr_context_t context, int index, struct content *content) {
+    struct exr_part *part = g_ptr_array_index(content->file->parts, (guint)index);
+    exr_result_t rc = EXR_ERR_SUCCESS;
+
+    if (part->planes[0])
+        return write_part(context, index, part);
+    for (int c = 0; c < part->n_channels && rc == EXR_ERR_SUCCESS; c++) {
+        part->planes[c] = g_try_malloc0_n((gsize)part->width * (gsize)part->height, sizeof(float));
+        rc = part->planes[c] ? EXR_ERR_SUCCESS : EXR_ERR_OUT_OF_MEMORY;
+    }
+    if (rc == EXR_ERR_SUCCESS)
+        rc = content->fill(part, content->data, &content->failed) ? write_part(context, index, part)
+                                                                  : EXR_ERR_UNKNOWN;
+    exr_part_drop_planes(part);
+    return rc;
+}
+
+static exr_result_t write_file(const char *path, struct sink *sink, struct content *content) {
+    const struct exr_file *file = content->file;
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     exr_context_t context = NULL;
     exr_result_t rc, finished;
@@ -290,9 +318,9 @@ static exr_result_t write_file(const char *path, struct sink *sink, const struct
     rc = exr_start_write(&context, path, EXR_WRITE_FILE_DIRECTLY, &how);
     if (rc != EXR_ERR_SUCCESS)
         return rc;
-    rc = declare(context, file, compression);
+    rc = declare(context, file, content->compression);
     for (guint i = 0; rc == EXR_ERR_SUCCESS && i < file->parts->len; i++)
-        rc = write_part(context, (int)i, g_ptr_array_index(file->parts, i));
+        rc = write_filled(context, (int)i, content);
     finished = exr_finish(&context);
     if (rc == EXR_ERR_SUCCESS)
         rc = finished;
@@ -313,12 +341,16 @@ static gboolean exr_write_fail(GError **error, const char *path, int errno_value
     return FALSE;
 }
 
-static gboolean write_to(struct new_file *to, const char *path, const struct exr_file *file,
-                         enum exr_compression compression, GError **error) {
+static gboolean write_to(struct new_file *to, const char *path, struct content *content,
+                         GError **error) {
     struct sink sink = {.fd = to->fd, .pending = g_byte_array_sized_new(SINK_SIZE)};
-    const exr_result_t rc = write_file(path, &sink, file, compression);
+    const exr_result_t rc = write_file(path, &sink, content);
 
     g_byte_array_unref(sink.pending);
+    if (content->failed) {
+        g_propagate_error(error, g_steal_pointer(&content->failed));
+        return FALSE;
+    }
     if (sink.error)
         return exr_write_fail(error, path, sink.error);
     if (rc != EXR_ERR_SUCCESS)
@@ -343,20 +375,21 @@ static gboolean may_be_read(int fd, const struct exr_file *file) {
     return fstat(fd, &status) != 0 || planes + chunk <= input_file_memory((guint64)status.st_size);
 }
 
-gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
-                         enum exr_compression compression, gboolean sync, GError **error) {
+static gboolean exr_write_content(const char *directory, const char *relative,
+                                  struct content *content, gboolean sync, GError **error) {
     g_autofree char *path = g_build_filename(directory, relative, NULL);
     struct new_file to;
 
-    g_return_val_if_fail(compression <= EXR_PIZ, FALSE);
-    if (!exr_write_check(path, file, error))
+    g_return_val_if_fail(content->compression <= EXR_PIZ, FALSE);
+    if (!exr_write_check(path, content, error))
         return FALSE;
     if (!new_file_begin(&to, directory, relative))
         return exr_write_fail(error, path, errno);
-    gboolean ok = write_to(&to, path, file, compression, error);
-    if (ok && compression != EXR_NONE && !may_be_read(to.fd, file)) {
+    gboolean ok = write_to(&to, path, content, error);
+    if (ok && content->compression != EXR_NONE && !may_be_read(to.fd, content->file)) {
+        content->compression = EXR_NONE;
         ok = ftruncate(to.fd, 0) == 0 || exr_write_fail(error, path, errno);
-        ok = ok && write_to(&to, path, file, EXR_NONE, error);
+        ok = ok && write_to(&to, path, content, error);
     }
     if (ok)
         return new_file_commit(&to, sync) || exr_write_fail(error, path, errno);
@@ -364,9 +397,23 @@ gboolean exr_write_below(const char *directory, const char *relative, const stru
     return FALSE;
 }
 
+gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
+                         enum exr_compression compression, gboolean sync, GError **error) {
+    struct content content = {.file = file, .compression = compression};
+
+    return exr_write_content(directory, relative, &content, sync, error);
+}
+
+gboolean exr_write_filled(const char *path, const struct exr_file *file,
+                          enum exr_compression compression, gboolean sync, ExrFill fill,
+                          gpointer data, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
+    struct content content = {file, compression, fill, data, NULL};
+
+    return exr_write_content(folder, name, &content, sync, error);
+}
+
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error) {
-    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
-
-    return exr_write_below(folder, name, file, compression, sync, error);
+    return exr_write_filled(path, file, compression, sync, NULL, NULL, error);
 }

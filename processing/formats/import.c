@@ -116,7 +116,7 @@ static struct session_direction *import_directions(const float *theta_deg, const
 }
 
 static struct exr_part *import_light_part(const struct import *import, int view, int light,
-                                          const float *rgb, int holes) {
+                                          int holes) {
     static const char *const channels[] = {"B", "G", "R", "mark", NULL};
     const struct import_material *m = import->material;
     const struct import_region *r = &import->region;
@@ -128,12 +128,6 @@ static struct exr_part *import_light_part(const struct import *import, int view,
     exr_set_double(part, "light.phi_deg", (double)m->light_phi_deg[light]);
     exr_set_string(part, "mesorig.inputs", m->source);
     exr_set_int(part, "mesorig.holes", holes);
-    for (int y = 0; y < r->height; y++)
-        for (int x = 0; x < r->width; x++) {
-            const float *from = rgb + 3 * ((gsize)(r->y + y) * (gsize)m->width + (gsize)(r->x + x));
-            for (int c = 0; c < 3; c++)
-                part->planes[2 - c][y * r->width + x] = from[c];
-        }
     const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
     for (int i = 0; marks && i < r->width * r->height; i++)
         part->planes[3][i] = marks[i];
@@ -143,6 +137,18 @@ static struct exr_part *import_light_part(const struct import *import, int view,
         g_clear_pointer(&part->planes[3], g_free);
     }
     return part;
+}
+
+static void import_copy_region(const struct import *import, const float *rgb,
+                               struct exr_part *part) {
+    const struct import_region *r = &import->region;
+    for (int y = 0; y < r->height; y++)
+        for (int x = 0; x < r->width; x++) {
+            const float *from =
+                rgb + 3 * ((gsize)(r->y + y) * (gsize)import->material->width + (gsize)(r->x + x));
+            for (int c = 0; c < 3; c++)
+                part->planes[2 - c][y * r->width + x] = from[c];
+        }
 }
 
 static char *view_relative(int view) {
@@ -165,11 +171,72 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
              data_error_fail(m->source, 0, error,
                              "%d of %zu texels of view %d, light %d are missing or not numbers",
                              holes[light], n, view, light);
-        exr_file_add(
-            file, import_light_part(import, view, light, rgb + 3 * n * (gsize)light, holes[light]));
+        struct exr_part *part = import_light_part(import, view, light, holes[light]);
+        import_copy_region(import, rgb + 3 * n * (gsize)light, part);
+        exr_file_add(file, part);
     }
     return ok && exr_write(path, file, EXR_PIZ, FALSE, error) &&
            session_add_product(import->session, relative, m->source, error);
+}
+
+/* A view that is written picture by picture. */
+struct import_view {
+    struct import *import;
+    int view;
+};
+
+static gboolean import_fill_picture(struct exr_part *part, gpointer data, GError **error) {
+    const struct import_view *filled = data;
+    struct import *import = filled->import;
+    const struct import_material *m = import->material;
+    float *const planes[3] = {part->planes[2], part->planes[1], part->planes[0]};
+    int light = 0, holes;
+    sscanf(part->name, "light_%d", &light);
+    return work_tell(import->work, "import", filled->view * m->n_lights + light,
+                     m->n_views * m->n_lights, import->begun_us, error) &&
+           m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
+}
+
+/* The same as write_view() with one picture in memory. A part tells its holes before its pixels,
+ * so that pictures that may have some are read twice. */
+static gboolean write_view_by_pictures(struct import *import, int view, GError **error) {
+    const struct import_material *m = import->material;
+    g_autofree char *relative = view_relative(view);
+    g_autofree char *path = session_file(import->session, relative);
+    g_autoptr(ExrFile) file = exr_file_new();
+    struct import_view filled = {import, view};
+    for (int light = 0; light < m->n_lights; light++) {
+        int holes = 0;
+        if (g_cancellable_set_error_if_cancelled(import->work->cancellable, error) ||
+            !m->picture(view, light, &import->region, NULL, &holes, m->data, error))
+            return FALSE;
+        struct exr_part *part = import_light_part(import, view, light, holes);
+        exr_part_drop_planes(part);
+        exr_file_add(file, part);
+        import->holes += holes;
+    }
+    return exr_write_filled(path, file, EXR_PIZ, FALSE, import_fill_picture, &filled, error) &&
+           session_add_product(import->session, relative, m->source, error);
+}
+
+/* A map of one view is a picture of its BTF. */
+static gboolean import_fill_map(struct exr_part *part, gpointer data, GError **error) {
+    struct import *import = data;
+    const int n_lights = import->material->n_lights;
+    g_autofree char *relative = view_relative(0);
+    g_autofree char *path = session_file(import->session, relative);
+    int light = 0;
+    sscanf(part->name, "E000_light_%d", &light);
+    g_autofree char *name = g_strdup_printf("light_%04d", light);
+    if (!work_tell(import->work, "eigenmaps", light, n_lights, import->begun_us, error))
+        return FALSE;
+    g_autoptr(ExrPart) from = exr_read_part(path, name, error);
+    for (int c = 0; from && c < 3; c++) {
+        float *plane = part->planes[c];
+        part->planes[c] = from->planes[c];
+        from->planes[c] = plane;
+    }
+    return from != NULL;
 }
 
 static gboolean import_give_column(int view, float *ret_column, gpointer data, GError **error) {
@@ -208,10 +275,14 @@ static gboolean write_eigenmaps(struct import *import, double *ret_error, GError
     g_autofree char *path = session_file(import->session, "products/eigenmaps.exr");
     struct eigenmaps *maps = import_new_eigenmaps(import);
     import->begun_us = g_get_monotonic_time();
-    const gboolean ok = eigenmaps_compute(maps, import_give_column, import, ret_error, error) &&
-                        eigenmaps_write(path, maps, error) &&
-                        session_add_product(import->session, "products/eigenmaps.exr",
-                                            import->material->source, error);
+    *ret_error = 0;
+    const gboolean ok =
+        (maps->layout.views.n == 1
+             ? eigenmaps_write_view(path, maps, import_fill_map, import, error)
+             : eigenmaps_compute(maps, import_give_column, import, ret_error, error) &&
+                   eigenmaps_write(path, maps, error)) &&
+        session_add_product(import->session, "products/eigenmaps.exr", import->material->source,
+                            error);
     eigenmaps_free(maps);
     return ok;
 }
@@ -231,11 +302,13 @@ static gboolean copy_mdf(const struct import *import, GError **error) {
     return session_add_product(import->session, relative, import->material->source, error);
 }
 
-static gboolean import_fill(struct import *import, struct import_result *ret, GError **error) {
+static gboolean write_views(struct import *import, GError **error) {
     const struct import_material *m = import->material;
-    g_autofree int *lights = import->lights = g_new(int, m->n_lights);
-    for (int i = 0; i < m->n_lights; i++)
-        lights[i] = i;
+    for (int view = 0; m->picture && view < m->n_views; view++)
+        if (!write_view_by_pictures(import, view, error))
+            return FALSE;
+    if (m->picture)
+        return TRUE;
     const gsize n = (gsize)m->width * (gsize)m->height * (gsize)m->n_lights;
     g_autofree float *rgb = g_try_new(float, 3 * n);
     g_autofree int *holes = g_new0(int, m->n_lights);
@@ -246,8 +319,16 @@ static gboolean import_fill(struct import *import, struct import_result *ret, GE
         if (!write_view(import, view, rgb, holes, error) ||
             !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))
             return FALSE;
-    g_clear_pointer(&rgb, g_free);
-    if (!write_eigenmaps(import, &ret->eigenmaps_error, error) || !copy_mdf(import, error))
+    return TRUE;
+}
+
+static gboolean import_fill(struct import *import, struct import_result *ret, GError **error) {
+    const struct import_material *m = import->material;
+    g_autofree int *lights = import->lights = g_new(int, m->n_lights);
+    for (int i = 0; i < m->n_lights; i++)
+        lights[i] = i;
+    if (!write_views(import, error) || !write_eigenmaps(import, &ret->eigenmaps_error, error) ||
+        !copy_mdf(import, error))
         return FALSE;
     ret->n_views = m->n_views;
     ret->n_lights = m->n_lights;

@@ -26,6 +26,12 @@ typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointe
  * add attributes to the part. */
 typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
 
+/* Callback: one picture, of which it reads no more than the region (height × width of it) where its
+ * format allows. ret_planes: R, G, B, zeroed; NULL: only the number of holes is asked for. */
+typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
+                                 float *const *ret_planes, int *ret_holes, gpointer data,
+                                 GError **error);
+
 struct import_material {
     const char *source; /* name of the source */
     int width, height;  /* texels */
@@ -35,6 +41,7 @@ struct import_material {
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
+    ImportPixels picture; /* may be NULL; else in place of view, and memory holds one picture */
     ImportLight light; /* may be NULL; region must then be everything */
     gpointer data;
     const struct session_grid
@@ -68,8 +75,19 @@ gboolean import_bonn(const char *path, const char *file, const struct import_wis
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
                          const struct work *work, struct import_result *ret, GError **error);
 
-/* Imports a list of lights (".lp") of reflectance transformation imaging: the number of pictures,
- * then one line per picture with its name and x y z of the direction to its light. The view is
- * from above. Names are relative to the list. */
+/* Imports a list of the lights of one view, which is seen from above (RTI). Its lines are, in
+ * order: the number of pictures, which may be left out (".lp"); then for each picture its name,
+ * which may be left out in all lines, and x y z of the direction to its light. Or it is a table
+ * whose first line names columns that commas, semicolons or tabs separate: theta and phi in degrees
+ * (or theta_rad, phi_rad), or x, y and z; and name, filename, file, image or picture, or none of
+ * them. Of a name only what follows the last slash counts; pictures lie beside the list. Without
+ * names they are the lines of "filenames.txt" beside it, or all pictures there in the order of
+ * their names, numbers by value. Blank lines and those that begin with # do not count. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
+
+/* Imports the info.json of a PTM or HSH, in rgb or lrgb, that Relight made for OpenLIME, with its
+ * planes (plane_0.jpg or .png, …) beside it: the material under the lights it lists. A texel is as
+ * wide as it says (pixelSizeInMM). */
+gboolean import_relight(const char *path, const char *file, const struct import_wish *wish,
+                        const struct work *work, struct import_result *ret, GError **error);

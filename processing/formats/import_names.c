@@ -9,9 +9,7 @@
 #include "base/input_file.h"
 
 #define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
-#define MOST_RTI       65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
 
 struct direction {
     gint64 theta, phi; /* in steps */
@@ -168,77 +166,88 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
                            "there is no .jpg, .png, .tif or .exr picture in that folder");
 }
 
-static gboolean parse_light(const char *list, int line, char **words, struct direction *ret,
-                            GError **error) {
-    double d[3], length = 0;
-    for (int i = 0; i < 3; i++) {
-        char *end;
-        d[i] = g_ascii_strtod(words[i], &end);
-        if (end == words[i] || *end || !isfinite(d[i]))
-            return data_error_fail(list, line, error, "“%s” is not a number", words[i]);
-        length += d[i] * d[i];
-    }
-    length = sqrt(length);
-    if (length < LEAST_LENGTH || d[2] <= 0)
-        return data_error_fail(list, line, error,
-                               "%g %g %g is not a direction to a light above the sample", d[0],
-                               d[1], d[2]);
-    const double deg = 180 / G_PI;
-    *ret = import_names_direction(acos(CLAMP(d[2] / length, -1, 1)) * deg, atan2(d[1], d[0]) * deg);
-    return TRUE;
+static int import_names_by_number(gconstpointer a, gconstpointer b) {
+    return strverscmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* The name may contain blanks, and may be a path on another machine. */
-static gboolean import_names_parse_line(struct pictures *pictures, const char *list, int line,
-                                        const char *text, GError **error) {
-    g_autofree char *folder = g_path_get_dirname(list),
-                    *copy = g_strdelimit(g_strdup(text), "\t", ' ');
-    char *words[3];
-    for (int i = 2; i >= 0; i--) {
-        char *blank = strrchr(g_strchomp(copy), ' ');
-        if (!blank)
-            return data_error_fail(list, line, error, "a picture's name and x, y, z are expected");
-        *blank = '\0';
-        words[i] = blank + 1;
+/* Names of pictures for a list that has none: the lines of "filenames.txt" beside it, or all
+ * pictures there in the order of their names, "9.png" before "10.png". */
+static GPtrArray *names_beside(const char *list, const char *folder, guint n, GError **error) {
+    g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);
+    g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
+    const gboolean listed = g_file_test(other, G_FILE_TEST_IS_REGULAR);
+    if (listed) {
+        g_autofree char *text = NULL;
+        GError *found = NULL;
+        if (!(text = input_file_read_text(other, MAX_LIST_BYTES, &found))) {
+            input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
+            return NULL;
+        }
+        g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+        for (char **line = lines; *line; line++)
+            if (*g_strstrip(*line))
+                g_ptr_array_add(names, g_path_get_basename(*line));
+    } else {
+        g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
+        if (!dir)
+            return NULL;
+        for (const char *name; (name = g_dir_read_name(dir));)
+            if (import_is_picture(name))
+                g_ptr_array_add(names, g_strdup(name));
+        g_ptr_array_sort(names, import_names_by_number);
     }
-    const char *slash = strrchr(g_strchomp(copy), '/'), *other = strrchr(copy, '\\');
-    const char *name = MAX(slash, other) ? MAX(slash, other) + 1 : copy;
-    struct named *named = g_new0(struct named, 1);
-    named->path = g_build_filename(folder, name, NULL);
-    named->line = line;
-    g_ptr_array_add(pictures->all, named);
-    if (!parse_light(list, line, words, &named->light, error))
-        return FALSE;
-    return g_file_test(named->path, G_FILE_TEST_IS_REGULAR) ||
-           data_error_fail(list, line, error, "there is no picture %s", named->path);
+    if (names->len == n)
+        return g_steal_pointer(&names);
+    data_error_set(list, 0, error,
+                   "it lists %u directions without names of pictures, but %s has %u pictures%s%s; "
+                   "move what does not belong to them, or write a picture's name before each "
+                   "direction",
+                   n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
+                   names->len ? (const char *)names->pdata[names->len - 1] : "");
+    return NULL;
 }
 
 static gboolean import_names_read_list(struct pictures *pictures, const char *list,
                                        GError **error) {
-    GError *found = NULL;
-    g_autofree char *text = input_file_read_text(list, MAX_LIST_BYTES, &found);
-    char *end;
-    if (!text) {
-        input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
+    g_autoptr(GArray) lights = import_lights_read(list, error);
+    g_autofree char *folder = g_path_get_dirname(list);
+    g_autoptr(GPtrArray) names = NULL;
+    if (!lights)
         return FALSE;
+    if (!g_array_index(lights, struct import_light, 0).name &&
+        !(names = names_beside(list, folder, lights->len, error)))
+        return FALSE;
+    for (guint i = 0; i < lights->len; i++) {
+        const struct import_light *light = &g_array_index(lights, struct import_light, i);
+        struct named *named = g_new0(struct named, 1);
+        named->path = g_build_filename(folder, names ? names->pdata[i] : light->name, NULL);
+        named->line = light->line;
+        named->light = import_names_direction(light->theta_deg, light->phi_deg);
+        g_ptr_array_add(pictures->all, named);
+        if (!g_file_test(named->path, G_FILE_TEST_IS_REGULAR))
+            return data_error_fail(list, light->line, error, "there is no picture %s", named->path);
     }
-    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
-    const gint64 n = g_ascii_strtoll(lines[0] ? lines[0] : "", &end, 10);
-    if (!lines[0] || end == lines[0] || *g_strstrip(end) || n < 1 || n > MOST_RTI)
-        return data_error_fail(list, 1, error, "the number of pictures is expected");
-    for (int i = 1; lines[i]; i++)
-        if (*g_strstrip(lines[i]) &&
-            !import_names_parse_line(pictures, list, i + 1, lines[i], error))
-            return FALSE;
-    return pictures->all->len == n ||
-           data_error_fail(list, 1, error, "it says that there are %d pictures, but lists %u",
-                           (int)n, pictures->all->len);
+    return TRUE;
 }
 
-static gboolean copy_picture(const struct pictures *pictures, const struct named *named, float *to,
-                             int *ret_holes, GError **error) {
+/* Files of 8 or 16 bits hold numbers only. */
+static gboolean may_have_holes(const char *path) {
+    const char *dot = strrchr(path, '.');
+    return dot && (g_ascii_strcasecmp(dot, ".exr") == 0 || g_ascii_strcasecmp(dot, ".tif") == 0 ||
+                   g_ascii_strcasecmp(dot, ".tiff") == 0);
+}
+
+static gboolean import_names_give_picture(int view, int light, const struct import_region *region,
+                                          float *const *ret_planes, int *ret_holes, gpointer data,
+                                          GError **error) {
+    const struct pictures *pictures = data;
+    const struct named *named =
+        pictures->of->pdata[(guint)view * pictures->lights->len + (guint)light];
+    const gsize n = (gsize)region->width * (gsize)region->height;
+    *ret_holes = 0;
+    if (!ret_planes && !may_have_holes(named->path))
+        return TRUE;
     g_autoptr(ImportPicture) picture = import_picture_read(named->path, error);
-    const gsize n = (gsize)pictures->width * (gsize)pictures->height;
     if (!picture)
         return FALSE;
     if (picture->width != pictures->width || picture->height != pictures->height)
@@ -246,29 +255,18 @@ static gboolean copy_picture(const struct pictures *pictures, const struct named
                                "%s has %d × %d pixels, the first picture %d × %d",
                                named->line ? named->path : "it", picture->width, picture->height,
                                pictures->width, pictures->height);
-    *ret_holes = 0;
     for (gsize i = 0; i < n; i++) {
-        const float *from = picture->rgb + 3 * i;
+        const gsize x = (gsize)region->x + i % (gsize)region->width;
+        const gsize y = (gsize)region->y + i / (gsize)region->width;
+        const float *from = picture->rgb + 3 * (y * (gsize)picture->width + x);
         const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
-        for (int c = 0; c < 3; c++)
-            to[3 * i + (gsize)c] = good ? from[c] : 0;
+        for (int c = 0; ret_planes && c < 3; c++)
+            ret_planes[c][i] = good ? from[c] : 0;
         *ret_holes += !good;
     }
     return (double)*ret_holes <= IMPORT_MOST_HOLES * (double)n ||
            data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
                            *ret_holes, n);
-}
-
-static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
-                                       GError **error) {
-    const struct pictures *pictures = data;
-    const guint n_lights = pictures->lights->len;
-    const gsize n = 3 * (gsize)pictures->width * (gsize)pictures->height;
-    for (guint light = 0; light < n_lights; light++)
-        if (!copy_picture(pictures, pictures->of->pdata[(guint)view * n_lights + light],
-                          ret_rgb + n * light, &ret_holes[light], error))
-            return FALSE;
-    return TRUE;
 }
 
 static void import_names_degrees(const GArray *directions, float **ret_theta_deg,
@@ -317,7 +315,7 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
         .view_phi_deg = view_phi,
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
-        .view = import_names_give_view,
+        .picture = import_names_give_picture,
         .data = &pictures,
     };
     return import_material(path, &material, work, ret, error);

@@ -20,6 +20,15 @@ void import_picture_free(struct import_picture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ImportPicture, import_picture_free)
 gboolean import_is_picture(const char *name);
 
+/* A line of a list of lights. */
+struct import_light {
+    char *name; /* of the picture, without a folder; NULL: no line has one */
+    double theta_deg, phi_deg;
+    int line;
+};
+/* Reads a list as import_rti() does. Returns an array of struct import_light, with at least one. */
+GArray *import_lights_read(const char *path, GError **error);
+
 /* A new session under a hidden name while it is filled. */
 struct import_place {
     char *path, *folder, *session;

@@ -124,8 +124,9 @@ gboolean surface_read(const char *session, const struct work *work, struct surfa
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: there is no MDF; a session with laser positions has one when it is "
-                    "processed",
-                    path);
+                    "processed, and height and normals of one without them come from its PTM: "
+                    "mesorig compress %s --method ptm",
+                    path, session);
         return FALSE;
     }
     if (!session_check_products(from, "products/mdf.exr", error))

@@ -1,6 +1,7 @@
 #include "eigenmaps.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "exr/exr.h"
@@ -28,31 +29,53 @@ static float *eigenmaps_map(const struct eigenmaps *maps, int term, gsize light)
     return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
 }
 
-gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error) {
+/* The parts of a file, those of the maps without pixels. */
+static struct exr_file *eigenmaps_new_file(const struct eigenmaps *maps, int n_terms,
+                                           const float *of_views) {
     static const char *const channels[] = {"W", NULL}, *const bgr[] = {"B", "G", "R", NULL};
     const int width = (int)maps->layout.width, height = (int)maps->layout.height;
-    const gsize texels = btf_layout_texels(&maps->layout), n_views = maps->layout.views.n;
-    struct exr_part *weights =
-        exr_part_new("weights", (int)n_views, maps->n_terms, channels, EXR_FLOAT);
-    memcpy(weights->planes[0], maps->weights, n_views * (gsize)maps->n_terms * sizeof(float));
+    const gsize n_views = maps->layout.views.n;
+    struct exr_part *weights = exr_part_new("weights", (int)n_views, n_terms, channels, EXR_FLOAT);
+    memcpy(weights->planes[0], of_views, n_views * (gsize)n_terms * sizeof(float));
     exr_set_string(weights, "mesorig.kind", "eigenmaps");
     btf_layout_write_sizes(&maps->layout, weights);
     exr_set_string(weights, "mesorig.name", maps->name ? maps->name : "");
     struct exr_file *file = exr_file_new();
     exr_file_add(file, weights);
     btf_layout_write_directions(&maps->layout, file);
-    for (int term = 0; term < maps->n_terms; term++)
+    for (int term = 0; term < n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++) {
             g_autofree char *name = eigenmaps_map_name(term, light);
-            const float *rgb = eigenmaps_map(maps, term, light);
             struct exr_part *part = exr_part_new(name, width, height, bgr, EXR_HALF);
-            for (gsize i = 0; i < texels * COLOURS; i++)
-                part->planes[COLOURS - 1 - i % COLOURS][i / COLOURS] = rgb[i];
+            exr_part_drop_planes(part);
             exr_file_add(file, part);
         }
-    gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
-    exr_file_free(file);
-    return ok;
+    return file;
+}
+
+static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **error) {
+    const struct eigenmaps *maps = data;
+    const gsize texels = btf_layout_texels(&maps->layout);
+    int term = 0;
+    gsize light = 0;
+    sscanf(part->name, "E%d_light_%zu", &term, &light);
+    const float *rgb = eigenmaps_map(maps, term, light);
+    for (gsize i = 0; i < texels * COLOURS; i++)
+        part->planes[COLOURS - 1 - i % COLOURS][i / COLOURS] = rgb[i];
+    return TRUE;
+}
+
+gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error) {
+    g_autoptr(ExrFile) file = eigenmaps_new_file(maps, maps->n_terms, maps->weights);
+    return exr_write_filled(path, file, EXR_PIZ, TRUE, eigenmaps_fill, (gpointer)maps, error);
+}
+
+gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
+                              gpointer data, GError **error) {
+    static const float one = 1;
+    g_autoptr(ExrFile) file = eigenmaps_new_file(maps, 1, &one);
+    g_return_val_if_fail(maps->layout.views.n == 1, FALSE);
+    return exr_write_filled(path, file, EXR_PIZ, TRUE, fill, data, error);
 }
 
 static gboolean eigenmaps_format_error(const char *path, GError **error, const char *what) {

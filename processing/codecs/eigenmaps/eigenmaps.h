@@ -12,6 +12,7 @@
 #pragma once
 
 #include "btf/btf_layout.h"
+#include "exr/exr.h"
 
 struct eigenmaps {
     char *name;
@@ -24,6 +25,11 @@ struct eigenmaps {
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
 struct eigenmaps *eigenmaps_read(const char *path, GError **error);
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
+/* Writes the eigen-maps of a BTF of one view, which they are themselves: one term of weight 1,
+ * without error. fill() gives the part of each light ("E000_light_<light>") as it is written, so
+ * that memory holds one. Of maps only name and layout count. */
+gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
+                              gpointer data, GError **error);
 
 /* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);

@@ -168,6 +168,54 @@ static struct exr_file *make_file(int parts, guint32 seed) {
     return file;
 }
 
+/* Gives each part the planes of the part of the same name; fails at the part named fail. */
+struct filled {
+    const struct exr_file *from;
+    const char *fail;
+};
+
+static gboolean give_planes(struct exr_part *part, gpointer data, GError **error) {
+    const struct filled *filled = data;
+    const struct exr_part *from = exr_file_part(filled->from, part->name);
+
+    if (g_strcmp0(part->name, filled->fail) == 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED, "enough");
+        return FALSE;
+    }
+    for (int c = 0; c < part->n_channels; c++)
+        memcpy(part->planes[c], from->planes[c],
+               (gsize)part->width * (gsize)part->height * sizeof(float));
+    return TRUE;
+}
+
+/* Parts that are filled one by one give the same bytes; a failure leaves no file. */
+static void test_filled(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *plain = in_folder("plain.exr"), *path = in_folder("filled.exr");
+    g_autoptr(ExrFile) file = make_file(7, 11);
+    g_autoptr(ExrFile) empty = make_file(7, 11);
+    struct filled filled = {file, "part_0003"};
+    g_autofree char *a = NULL, *b = NULL;
+    gsize n_a, n_b;
+
+    for (guint i = 1; i < empty->parts->len; i++)
+        exr_part_drop_planes(g_ptr_array_index(empty->parts, i));
+    g_assert_false(exr_write_filled(path, empty, EXR_PIZ, FALSE, give_planes, &filled, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    g_clear_error(&error);
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+    filled.fail = NULL;
+    g_assert_true(exr_write(plain, file, EXR_PIZ, FALSE, &error));
+    g_assert_true(exr_write_filled(path, empty, EXR_PIZ, FALSE, give_planes, &filled, &error));
+    g_assert_no_error(error);
+    g_assert_null(((struct exr_part *)g_ptr_array_index(empty->parts, 6))->planes[0]);
+    g_assert_true(g_file_get_contents(plain, &a, &n_a, NULL));
+    g_assert_true(g_file_get_contents(path, &b, &n_b, NULL));
+    g_assert_cmpmem(a, n_a, b, n_b);
+    g_assert_false(exr_write(path, empty, EXR_PIZ, FALSE, &error));
+    g_assert_nonnull(error);
+}
+
 static void check_round_trip(int parts, enum exr_compression compression) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = in_folder("round.exr");
@@ -597,6 +645,7 @@ static void test_promises(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     folder = g_dir_make_tmp("mesorig-exr-XXXXXX", NULL);
+    g_test_add_func("/exr/filled", test_filled);
     g_test_add_func("/exr/half/every", test_half_every);
     g_test_add_func("/exr/half/many", test_half_many);
     g_test_add_func("/exr/half/rounding", test_half_rounding);

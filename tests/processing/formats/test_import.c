@@ -8,6 +8,8 @@
 #include "scene/picture.h"
 
 #include <glib/gstdio.h>
+#include <stdlib.h>
+#include <sys/wait.h>
 
 #include "lib/assert_error.h"
 #include "lib/process.h"
@@ -223,6 +225,17 @@ static void test_bad_lists(void) {
         {"1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction"},
         {"1\nb.png 0 0 1\n", "lights.lp:2: there is no picture"},
         {"2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light"},
+        {"0\n", "lights.lp:1: the number of pictures is 0; 1 to 65536 are expected"},
+        {"a.png 0 1\n", "lights.lp:1: the number of pictures, or a picture's name and x, y, z"},
+        {"1\n0 1\n", "lights.lp:2: a picture's name and x, y, z of the direction"},
+        {"0 0 1\na.png 0 0 1\n", "lights.lp:2: this line has a picture's name, the first one has "},
+        {"a.png 0 0 1\n0 0 1\n", "lights.lp:2: a picture's name is expected before x, y, z"},
+        {"0 0 1\n0 1 1\n", "it lists 2 directions without names of pictures, but "},
+        {"image,theta\na.png,30\n", "lights.lp:1: "},
+        {"image,theta,phi\na.png,30\n", "lights.lp:2: it has 2 columns; at least 3 are expected"},
+        {"image,theta,phi\na.png,3O,0\n", "lights.lp:2: “3O” is not a number"},
+        {"image,theta,phi\na.png,95,0\n", "lights.lp:2: theta is 95°; the angle from the normal"},
+        {"image,theta,phi\n,5,0\n", "lights.lp:2: a picture's name is expected in column 1"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
@@ -232,6 +245,121 @@ static void test_bad_lists(void) {
         g_assert_false(import_rti(path, list, &plainly, &quietly, &result, &error));
         assert_not_imported(path, error, bad[i][1]);
     }
+}
+
+/* θ and φ of each light, in order of θ, and the red value of its picture. */
+static void assert_lights(const char *list, const double (*expected)[3], int n) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = session_fixture_path("listed");
+    struct import_result result;
+    import_rti(path, list, &plainly, &quietly, &result, &error);
+    g_assert_no_error(error);
+    struct btf_matrix *btf = read_back(path);
+    g_assert_cmpint(btf->layout.views.n, ==, 1);
+    g_assert_cmpint(btf->layout.lights.n, ==, n);
+    for (int i = 0; i < n; i++) {
+        g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.theta_deg[i], expected[i][0],
+                                       2e-3);
+        g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.phi_deg[i], expected[i][1], 2e-3);
+        g_assert_cmpfloat_with_epsilon((double)btf->values[(n + i) * 3], expected[i][2], 1e-3);
+    }
+    btf_matrix_free(btf);
+}
+
+/* The same three lights in each form that is published: pictures 9.png, "10 b.png" and 11.png are
+ * black, of sRGB 188 (0.5029) and white. */
+static void test_lists(void) {
+    static const double expected[3][3] = {{0, 0, 0}, {30, 270, 0.5029}, {60, 90, 1}};
+    static const char *const names[] = {"9.png", "10 b.png", "11.png"};
+    static const char *const forms[][2] = {
+        {"set.lp", "3\n9.png 0 0 1\n10 b.png 0 -0.5 0.866025\n11.png 0 0.866025 0.5\n"},
+        {"set.lp", "9.png 0 0 1\n10 b.png 0 -0.5 0.866025\n11.png 0 0.866025 0.5"},
+        {"set.lp", "\xef\xbb\xbf"
+                   "3\r\nC:\\My sets\\9.png 0 0 1\r\n"
+                   "C:\\My sets\\10 b.png\t0\t-0.5\t0.866025\r\n/home/me/11.png 0 .866025 .5\r\n"},
+        {"lights.txt", "0 0 1\n0 -0.5 0.866025\n0 0.866025 0.5\n"},
+        {"lights.txt", "3\n0 0 1\n0 -0.5 0.866025\n\n0 0.866025 0.5\n"},
+        {"light_directions.txt", "# x y z\n 0.0e+00 0 2\n0,-1,1.73205\n0;1.73205;1\n"},
+        {"lights.csv", "theta,phi\n0,0\n30,270\n60,90\n"},
+        {"lights.csv", "\"Filename\",\"Theta (deg)\",\"Phi (deg)\"\n11.png,60,90\n9.png,0,45\n"
+                       "\"10 b.png\",30,-90\n"},
+        {"lights.csv", "phi_rad;theta_rad;image\n0;0;9.png\n4.712389;0.5235988;10 b.png\n"
+                       "1.570796;1.047198;11.png\n"},
+        {"lights.csv", "image\tx\ty\tz\n9.png\t0\t0\t1\n10 b.png\t0\t-0.5\t0.866025\n"
+                       "11.png\t0\t0.866025\t0.5\n"},
+    };
+    g_autofree char *dir = new_folder();
+    for (int i = 0; i < 3; i++) {
+        g_autofree char *path = g_build_filename(dir, names[i], NULL);
+        guint8 rgb[TEXELS * 3];
+        memset(rgb, (const guint8[]){0, 188, 255}[i], sizeof rgb);
+        g_assert_true(picture_write_png(path, rgb, WIDTH, HEIGHT, NULL, NULL));
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(forms); i++) {
+        g_autofree char *list = g_build_filename(dir, forms[i][0], NULL);
+        write_list(list, forms[i][1]);
+        assert_lights(list, expected, 3);
+    }
+    /* filenames.txt says the order, and leaves out what is no picture of the set. */
+    static const double turned[3][3] = {{0, 0, 1}, {30, 270, 0.5029}, {60, 90, 0}};
+    g_autofree char *order = g_build_filename(dir, "filenames.txt", NULL);
+    g_autofree char *mask = g_build_filename(dir, "mask.png", NULL);
+    g_autofree char *list = g_build_filename(dir, "light_directions.txt", NULL);
+    write_png(mask, 7);
+    write_list(list, forms[3][1]);
+    write_list(order, "11.png\n10 b.png\n9.png\n");
+    assert_lights(list, turned, 3);
+}
+
+/* Largest memory of "mesorig import rti" of n pictures of a list, in KiB. */
+static long peak_kib(const char *dir, int n, const char *region) {
+    g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *path = session_fixture_path("peak");
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_auto(GStrv) environment =
+        g_environ_setenv(g_get_environ(), "ASAN_OPTIONS",
+                         "quarantine_size_mb=1:thread_local_quarantine_size_kb=1", TRUE);
+    const char *argv[] = {BUILD_DIR "/bin/mesorig", "import", "rti", list, "-o", path,
+                          region ? "-r" : NULL,     region,   NULL};
+    GPid pid;
+    int status = 0;
+    for (int i = 0; i < n; i++)
+        g_string_append_printf(text, "noise.png %g 0 1\n", i * 0.01);
+    write_list(list, text->str);
+    g_assert_true(g_spawn_async(NULL, (char **)argv, environment,
+                                G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL, NULL, NULL,
+                                &pid, NULL));
+    /* What wait4() tells begins with the memory of this process. */
+    g_autofree char *about = g_strdup_printf("/proc/%d/status", pid);
+    long peak = 0;
+    while (waitpid(pid, &status, WNOHANG) == 0) {
+        g_autofree char *now = NULL;
+        const char *line = NULL;
+        if (g_file_get_contents(about, &now, NULL, NULL) && (line = strstr(now, "VmHWM:")))
+            peak = strtol(line + strlen("VmHWM:"), NULL, 10);
+        g_usleep(1000);
+    }
+    g_assert_cmpint(status, ==, 0);
+    return peak;
+}
+
+/* Memory does not grow with the number of pictures, and a region takes less. */
+static void test_memory(void) {
+    enum { PICTURE_WIDTH = 1200, PICTURE_HEIGHT = 800 };
+    const long picture_kib = PICTURE_WIDTH * PICTURE_HEIGHT * 3L * (long)sizeof(float) / 1024;
+    g_autofree char *dir = new_folder(), *noise = g_build_filename(dir, "noise.png", NULL);
+    g_autofree guint8 *rgb = g_new(guint8, PICTURE_WIDTH * PICTURE_HEIGHT * 3);
+    GRand *rand = g_rand_new_with_seed(5);
+    for (int i = 0; i < PICTURE_WIDTH * PICTURE_HEIGHT * 3; i++)
+        rgb[i] = (guint8)g_rand_int_range(rand, 100, 104);
+    g_rand_free(rand);
+    g_assert_true(picture_write_png(noise, rgb, PICTURE_WIDTH, PICTURE_HEIGHT, NULL, NULL));
+    const long two = peak_kib(dir, 2, NULL), eight = peak_kib(dir, 8, NULL);
+    const long region = peak_kib(dir, 8, "700,300,20,10");
+    g_test_message("2 pictures %ld KiB, 8 pictures %ld KiB, region of 8 %ld KiB", two, eight,
+                   region);
+    g_assert_cmpint(eight - two, <, picture_kib);
+    g_assert_cmpint(region, <, two);
 }
 
 /* Whatever bytes a list has, it is a list or an error. */
@@ -389,6 +517,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/import/pictures/bad", test_bad_pictures);
     g_test_add_func("/import/pictures/holes", test_holes);
     g_test_add_func("/import/rti", test_rti);
+    g_test_add_func("/import/rti/lists", test_lists);
+    g_test_add_func("/import/rti/memory", test_memory);
     g_test_add_func("/import/rti/bad", test_bad_lists);
     g_test_add_func("/import/rti/mutated", test_mutated_list);
     g_test_add_func("/import/bonn", test_bonn);

@@ -1,0 +1,272 @@
+/*
+ * What Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of coefficients as
+ * pictures plane_0, plane_1, … beside it. As OpenLIME's ShaderRTI draws them, with c = byte / 255,
+ * scale and bias of each of the planes' channels, and b_j (l) the terms of a PTM or of HSH:
+ *   rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j               plane j has term j of R, G, B
+ *   lrgb  f(l) = (c_0 − bias_0) scale_0 · Σ_j b_j(l) (c − bias) scale    plane 0 is a colour, the
+ *         channels of the planes after it have a term each
+ *   ptm   b = 1, lx, ly, lx², lx ly, ly²
+ *   hsh   b of hsh.h, of lights no lower than 0.15 rad above the horizon
+ * f is sRGB, and is made linear. The material is f under the lights that info.json lists.
+ */
+#include "import_private.h"
+
+#include <json-glib/json-glib.h>
+#include <math.h>
+
+#include "base/data_error.h"
+#include "base/input_file.h"
+#include "hsh/hsh.h"
+
+#define MOST_LIGHTS    65536
+#define MAX_INFO_BYTES (64 << 20)
+#define LOWEST_RAD     0.15
+#define PTM_TERMS      6
+#define MOST_PLANES    (HSH_MAX_TERMS + 1)
+
+struct relight {
+    const char *path;
+    JsonObject *info; /* of the parser */
+    gboolean hsh, lrgb;
+    int n_terms, n_planes; /* planes: pictures */
+    int width, height, n_lights;
+    double *lights, *scale, *bias; /* n_lights × 3; n_planes × 3 each */
+    guint8 *planes[MOST_PLANES];   /* height × width × 3 */
+};
+
+static void relight_clear(struct relight *relight) {
+    for (int i = 0; i < MOST_PLANES; i++)
+        g_free(relight->planes[i]);
+    g_free(relight->lights);
+    g_free(relight->scale);
+    g_free(relight->bias);
+}
+
+static const char *relight_word(const struct relight *relight, const char *key) {
+    JsonNode *node = json_object_get_member(relight->info, key);
+    return node && JSON_NODE_HOLDS_VALUE(node) && json_node_get_value_type(node) == G_TYPE_STRING
+               ? json_node_get_string(node)
+               : "none";
+}
+
+static gboolean relight_number(JsonNode *node, double *ret) {
+    if (!node || !JSON_NODE_HOLDS_VALUE(node) ||
+        (json_node_get_value_type(node) != G_TYPE_INT64 &&
+         json_node_get_value_type(node) != G_TYPE_DOUBLE))
+        return FALSE;
+    *ret = json_node_get_double(node);
+    return isfinite(*ret);
+}
+
+/* An array of a number of numbers; 0: any multiple of three. */
+static double *relight_numbers(const struct relight *relight, JsonObject *of, const char *key,
+                               guint n, guint *ret_n, GError **error) {
+    JsonNode *node = json_object_get_member(of, key);
+    JsonArray *array = node && JSON_NODE_HOLDS_ARRAY(node) ? json_node_get_array(node) : NULL;
+    const guint length = array ? json_array_get_length(array) : 0;
+    g_autofree double *ret = g_new(double, length + 1);
+    gboolean good = n ? length == n : length > 0 && length % 3 == 0 && length / 3 <= MOST_LIGHTS;
+    for (guint i = 0; good && i < length; i++)
+        good = relight_number(json_array_get_element(array, i), &ret[i]);
+    if (ret_n)
+        *ret_n = length;
+    if (good)
+        return g_steal_pointer(&ret);
+    if (n)
+        data_error_set(relight->path, 0, error, "“%s” has %u values; %u numbers are expected", key,
+                       length, n);
+    else
+        data_error_set(relight->path, 0, error,
+                       "“%s” has %u values; x, y and z of each of 1 to %d lights are expected, "
+                       "under which the material is made",
+                       key, length, MOST_LIGHTS);
+    return NULL;
+}
+
+static gboolean relight_read_info(struct relight *relight, GError **error) {
+    const char *type = relight_word(relight, "type"), *space = relight_word(relight, "colorspace");
+    JsonNode *materials = json_object_get_member(relight->info, "materials");
+    double width = 0, height = 0, planes = 0;
+    guint n;
+    relight->hsh = g_str_equal(type, "hsh");
+    relight->lrgb = g_str_equal(space, "lrgb");
+    if ((!relight->hsh && !g_str_equal(type, "ptm")) ||
+        (!relight->lrgb && !g_str_equal(space, "rgb")))
+        return data_error_fail(relight->path, 0, error,
+                               "type is %s and colorspace %s; ptm or hsh with rgb or lrgb is read",
+                               type, space);
+    relight_number(json_object_get_member(relight->info, "width"), &width);
+    relight_number(json_object_get_member(relight->info, "height"), &height);
+    relight_number(json_object_get_member(relight->info, "nplanes"), &planes);
+    if (!(width >= 1 && width <= 65536) || !(height >= 1 && height <= 65536))
+        return data_error_fail(relight->path, 0, error,
+                               "width is %g and height %g; 1 to 65536 pixels are expected", width,
+                               height);
+    relight->width = (int)width;
+    relight->height = (int)height;
+    relight->n_planes = (int)CLAMP(planes / 3, 0, MOST_PLANES);
+    relight->n_terms = relight->lrgb ? 3 * (relight->n_planes - 1) : relight->n_planes;
+    if (relight->n_planes * 3 != planes ||
+        (relight->hsh ? relight->n_terms != 4 && relight->n_terms != 9 && relight->n_terms != 16
+                      : relight->n_terms != PTM_TERMS))
+        return data_error_fail(relight->path, 0, error, "nplanes is %g, which is no %s in %s",
+                               planes, type, space);
+    JsonArray *list =
+        materials && JSON_NODE_HOLDS_ARRAY(materials) ? json_node_get_array(materials) : NULL;
+    JsonNode *first = list && json_array_get_length(list) ? json_array_get_element(list, 0) : NULL;
+    if (!first || !JSON_NODE_HOLDS_OBJECT(first))
+        return data_error_fail(relight->path, 0, error,
+                               "“materials” is expected, a list of one object with scale and bias");
+    n = (guint)relight->n_planes * 3;
+    JsonObject *material = json_node_get_object(first);
+    if (!(relight->scale = relight_numbers(relight, material, "scale", n, NULL, error)) ||
+        !(relight->bias = relight_numbers(relight, material, "bias", n, NULL, error)) ||
+        !(relight->lights = relight_numbers(relight, relight->info, "lights", 0, &n, error)))
+        return FALSE;
+    relight->n_lights = (int)n / 3;
+    return TRUE;
+}
+
+/* Bytes again of what was made linear: exact for all 256. */
+static guint8 relight_byte(float linear) {
+    const double v = (double)linear;
+    return (guint8)lround(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055));
+}
+
+static gboolean relight_read_plane(struct relight *relight, int plane, GError **error) {
+    const char *format = relight_word(relight, "format");
+    g_autofree char *folder = g_path_get_dirname(relight->path);
+    g_autofree char *name =
+        g_strdup_printf("plane_%d.%s", plane, g_str_equal(format, "png") ? "png" : "jpg");
+    g_autofree char *path = g_build_filename(folder, name, NULL);
+    const gsize n = (gsize)relight->width * (gsize)relight->height * 3;
+    if (!g_file_test(path, G_FILE_TEST_EXISTS))
+        return data_error_fail(relight->path, 0, error,
+                               "there is no %s beside it; planes that are cut into tiles (.dzi, "
+                               ".tzi) are to be joined first",
+                               name);
+    g_autoptr(ImportPicture) picture = import_picture_read(path, error);
+    if (!picture)
+        return FALSE;
+    if (picture->width != relight->width || picture->height != relight->height)
+        return data_error_fail(path, 0, error, "it has %d × %d pixels, info.json says %d × %d",
+                               picture->width, picture->height, relight->width, relight->height);
+    relight->planes[plane] = g_new(guint8, n);
+    for (gsize i = 0; i < n; i++)
+        relight->planes[plane][i] = relight_byte(CLAMP(picture->rgb[i], 0, 1));
+    return TRUE;
+}
+
+/* b_j of a light, a unit vector. */
+static void relight_terms(const struct relight *relight, const float l[3], float *ret) {
+    const float ptm[PTM_TERMS] = {1, l[0], l[1], l[0] * l[0], l[0] * l[1], l[1] * l[1]};
+    if (!relight->hsh) {
+        for (int i = 0; i < PTM_TERMS; i++)
+            ret[i] = ptm[i];
+        return;
+    }
+    const float z = MAX(l[2], (float)sin(LOWEST_RAD)), flat = hypotf(l[0], l[1]);
+    const float wide = flat > 0 ? sqrtf(1 - MIN(z * z, 1)) / flat : 0;
+    hsh_basis((const float[]){l[0] * wide, l[1] * wide, z}, relight->n_terms, ret);
+}
+
+static gboolean relight_give_picture(int view, int light, const struct import_region *region,
+                                     float *const *ret_planes, int *ret_holes, gpointer data,
+                                     GError **error) {
+    const struct relight *relight = data;
+    const double *d = relight->lights + 3 * light;
+    const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    const float l[3] = {(float)(d[0] / length), (float)(d[1] / length), (float)(d[2] / length)};
+    const gsize n = (gsize)region->width * (gsize)region->height;
+    float terms[HSH_MAX_TERMS];
+    relight_terms(relight, l, terms);
+    *ret_holes = 0;
+    for (gsize i = 0; ret_planes && i < n; i++) {
+        const gsize x = (gsize)region->x + i % (gsize)region->width;
+        const gsize y = (gsize)region->y + i / (gsize)region->width;
+        const gsize at = 3 * (y * (gsize)relight->width + x);
+        double f[3] = {0}, lit = 0;
+        for (int k = 0; k < 3 * relight->n_planes; k++) {
+            const double c = relight->planes[k / 3][at + (gsize)k % 3] / 255.0;
+            const double value = (c - relight->bias[k]) * relight->scale[k];
+            if (!relight->lrgb)
+                f[k % 3] += value * (double)terms[k / 3];
+            else if (k < 3)
+                f[k] = value;
+            else if (k - 3 < relight->n_terms)
+                lit += value * (double)terms[k - 3];
+        }
+        for (int c = 0; c < 3; c++) {
+            const double v = MAX(relight->lrgb ? f[c] * lit : f[c], 0);
+            ret_planes[c][i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
+        }
+    }
+    return TRUE;
+}
+
+static gboolean relight_import(struct relight *relight, const char *path,
+                               const struct import_wish *wish, const struct work *work,
+                               struct import_result *ret, GError **error) {
+    g_autofree float *theta = NULL, *phi = NULL;
+    const float straight = 0;
+    double texel_mm = 0;
+    if (!relight_read_info(relight, error))
+        return FALSE;
+    for (int i = 0; i < relight->n_planes; i++)
+        if (!relight_read_plane(relight, i, error))
+            return FALSE;
+    relight_number(json_object_get_member(relight->info, "pixelSizeInMM"), &texel_mm);
+    theta = g_new(float, relight->n_lights);
+    phi = g_new(float, relight->n_lights);
+    for (int i = 0; i < relight->n_lights; i++) {
+        const double *d = relight->lights + 3 * i, flat = hypot(d[0], d[1]);
+        if (!(d[2] > 0))
+            return data_error_fail(relight->path, 0, error,
+                                   "light %d is %g %g %g, which is no direction above the sample",
+                                   i + 1, d[0], d[1], d[2]);
+        theta[i] = (float)(atan2(flat, d[2]) * 180 / G_PI);
+        phi[i] = flat > 0 ? (float)(fmod(atan2(d[1], d[0]) * 180 / G_PI + 360, 360)) : 0;
+    }
+    const struct import_material material = {
+        .source = relight->path,
+        .width = relight->width,
+        .height = relight->height,
+        .texel_mm = wish->texel_mm > 0 ? wish->texel_mm
+                    : texel_mm > 0     ? texel_mm
+                                       : 1,
+        .region = wish->region,
+        .n_views = 1,
+        .n_lights = relight->n_lights,
+        .view_theta_deg = &straight,
+        .view_phi_deg = &straight,
+        .light_theta_deg = theta,
+        .light_phi_deg = phi,
+        .picture = relight_give_picture,
+        .data = relight,
+    };
+    return import_material(path, &material, work, ret, error);
+}
+
+gboolean import_relight(const char *path, const char *file, const struct import_wish *wish,
+                        const struct work *work, struct import_result *ret, GError **error) {
+    struct relight relight = {.path = file};
+    GError *found = NULL;
+    g_autofree char *text = input_file_read_text(file, MAX_INFO_BYTES, &found);
+    g_autoptr(JsonParser) parser = json_parser_new_immutable();
+    if (!text) {
+        input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
+        return FALSE;
+    }
+    if (!json_parser_load_from_data(parser, text, -1, &found)) {
+        data_error_set(file, 0, error, "it is no JSON: %s", found->message);
+        g_error_free(found);
+        return FALSE;
+    }
+    JsonNode *root = json_parser_get_root(parser);
+    if (!root || !JSON_NODE_HOLDS_OBJECT(root))
+        return data_error_fail(file, 0, error, "it holds no object");
+    relight.info = json_node_get_object(root);
+    const gboolean ok = relight_import(&relight, path, wish, work, ret, error);
+    relight_clear(&relight);
+    return ok;
+}

@@ -1,0 +1,10 @@
+/* Heights from normals. Any thread. */
+#pragma once
+
+#include <glib.h>
+
+/* Heights z of a grid of texels whose slopes p = ∂z/∂x and q = ∂z/∂y are known (dimensionless; x to
+ * the right, y up, row 0 at the top), NaN where they are not. ret_z (height × width) is in units of
+ * step, the width of a texel, with mean 0, and NaN where a slope is. */
+void integrate_normals(const float *p, const float *q, int width, int height, double step,
+                       float *ret_z);

@@ -1,0 +1,211 @@
+/* Sets of Relight whose coefficients are known, against the formula of OpenLIME's shader. */
+#include "btf/btf_matrix.h"
+#include "formats/import.h"
+#include "scene/picture.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+
+#include "lib/process.h"
+#include "lib/session_fixture.h"
+
+#define WIDTH  4
+#define HEIGHT 3
+#define TEXELS (WIDTH * HEIGHT)
+#define LIGHTS 4
+
+static const struct work quietly = {0};
+static const double lights[LIGHTS][3] = {
+    {0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.64, 0.6}, {0, -0.995, 0.1}};
+
+static char *folder;
+
+static guint8 byte(int plane, int texel, int colour) {
+    return (guint8)((plane * 71 + texel * 37 + colour * 23 + 40) % 256);
+}
+static double scale(int k) {
+    return 0.5 + 0.05 * k;
+}
+static double bias(int k) {
+    return k < 3 ? 0.01 * k : 0.15 + 0.005 * k;
+}
+
+static char *in_folder(const char *name) {
+    return g_build_filename(folder, name, NULL);
+}
+
+static void write_planes(int n) {
+    for (int plane = 0; plane < n; plane++) {
+        g_autofree char *name = g_strdup_printf("plane_%d.png", plane), *path = in_folder(name);
+        guint8 rgb[TEXELS * 3];
+        for (int i = 0; i < TEXELS * 3; i++)
+            rgb[i] = byte(plane, i / 3, i % 3);
+        g_assert_true(picture_write_png(path, rgb, WIDTH, HEIGHT, NULL, NULL));
+    }
+}
+
+/* more: further members, each with a comma before it. */
+static char *write_info(const char *type, const char *space, int n_planes, const char *more) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    char *path = in_folder("info.json");
+    g_string_printf(text,
+                    "{\"width\": %d, \"height\": %d, \"format\": \"png\", \"type\": \"%s\", "
+                    "\"colorspace\": \"%s\", \"nplanes\": %d, \"pixelSizeInMM\": 0.125%s, "
+                    "\"materials\": [{\"scale\": [",
+                    WIDTH, HEIGHT, type, space, 3 * n_planes, more);
+    for (int k = 0; k < 3 * n_planes; k++)
+        g_string_append_printf(text, "%s%.4f", k ? "," : "", scale(k));
+    g_string_append(text, "], \"bias\": [");
+    for (int k = 0; k < 3 * n_planes; k++)
+        g_string_append_printf(text, "%s%.4f", k ? "," : "", bias(k));
+    g_string_append(text, "]}], \"lights\": [");
+    for (int i = 0; i < 3 * LIGHTS; i++)
+        g_string_append_printf(text, "%s%.4f", i ? "," : "", lights[i / 3][i % 3]);
+    g_string_append(text, "]}");
+    g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
+    return path;
+}
+
+/* As PTM.lightWeights() and HSH.lightWeights() of OpenLIME have them. */
+static void weights(gboolean hsh, const double *v, double *ret) {
+    const double theta = MIN(acos(v[2]), G_PI / 2 - 0.15), phi = atan2(v[1], v[0]);
+    const double c = cos(theta), c2 = c * c, s = sqrt(c - c2);
+    const double of_ptm[9] = {1, v[0], v[1], v[0] * v[0], v[0] * v[1], v[1] * v[1]};
+    const double of_hsh[9] = {1 / sqrt(2 * G_PI),
+                              sqrt(6 / G_PI) * cos(phi) * s,
+                              sqrt(3 / (2 * G_PI)) * (-1 + 2 * c),
+                              sqrt(6 / G_PI) * s * sin(phi),
+                              sqrt(30 / G_PI) * cos(2 * phi) * (-c + c2),
+                              sqrt(30 / G_PI) * cos(phi) * (-1 + 2 * c) * s,
+                              sqrt(5 / (2 * G_PI)) * (1 - 6 * c + 6 * c2),
+                              sqrt(30 / G_PI) * (-1 + 2 * c) * s * sin(phi),
+                              sqrt(30 / G_PI) * (-c + c2) * sin(2 * phi)};
+    for (int i = 0; i < 9; i++)
+        ret[i] = hsh ? of_hsh[i] : of_ptm[i];
+}
+
+static double channel(int k, int texel) {
+    return (byte(k / 3, texel, k % 3) / 255.0 - bias(k)) * scale(k);
+}
+
+static void check_set(gboolean hsh, gboolean lrgb, int n_planes) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = session_fixture_path("relight");
+    g_autofree char *info = write_info(hsh ? "hsh" : "ptm", lrgb ? "lrgb" : "rgb", n_planes, "");
+    const struct import_wish wish = {0};
+    struct import_result result;
+    int dark = 0;
+    write_planes(n_planes);
+    import_relight(path, info, &wish, &quietly, &result, &error);
+    g_assert_no_error(error);
+    struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(btf->layout.lights.n, ==, LIGHTS);
+    g_assert_cmpint(btf->layout.width, ==, WIDTH);
+    g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.125);
+    g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.phi_deg[3], 270, 1e-3);
+    for (int t = 0; t < TEXELS; t++)
+        for (int l = 0; l < LIGHTS; l++) {
+            double b[9], f[3] = {0}, lit = 0;
+            weights(hsh, lights[l], b);
+            for (int k = 0; k < 3 * n_planes; k++)
+                if (!lrgb)
+                    f[k % 3] += b[k / 3] * channel(k, t);
+                else if (k >= 3)
+                    lit += b[k - 3] * channel(k, t);
+            for (int c = 0; c < 3; c++) {
+                const double v = MAX(lrgb ? lit * channel(c, t) : f[c], 0);
+                const double linear = v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+                dark += v <= 0;
+                g_assert_cmpfloat_with_epsilon(
+                    (double)btf->values[((gsize)t * LIGHTS + (gsize)l) * 3 + (gsize)c], linear,
+                    1e-3 + 2e-3 * linear);
+            }
+        }
+    g_assert_cmpint(dark, <, TEXELS * LIGHTS * 3 / 2);
+    btf_matrix_free(btf);
+}
+
+static void test_sets(void) {
+    check_set(FALSE, FALSE, 6);
+    check_set(FALSE, TRUE, 3);
+    check_set(TRUE, FALSE, 4);
+    check_set(TRUE, FALSE, 9);
+    check_set(TRUE, TRUE, 4);
+}
+
+static void assert_refused(const char *info, const char *what) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = session_fixture_path("refused");
+    struct import_result result;
+    g_assert_false(import_relight(path, info, &(struct import_wish){0}, &quietly, &result, &error));
+    g_assert_nonnull(error);
+    assert_has(error->message, info);
+    assert_has(error->message, what);
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+static void test_bad(void) {
+    static const char *const bad[][2] = {
+        {"{", "it is no JSON"},
+        {"[]", "it holds no object"},
+        {"{}", "type is none and colorspace none; ptm or hsh with rgb or lrgb is read"},
+        {"{\"type\": 3, \"colorspace\": null}", "type is none"},
+        {"{\"type\": \"rbf\", \"colorspace\": \"mrgb\"}", "type is rbf and colorspace mrgb"},
+        {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": \"4\"}", "width is 0"},
+        {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
+         "27}",
+         "nplanes is 27, which is no ptm in rgb"},
+        {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
+         "18}",
+         "“materials” is expected"},
+        {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
+         "18, "
+         "\"materials\": [{\"scale\": [1, \"2\"]}]}",
+         "“scale” has 2 values; 18 numbers are expected"},
+    };
+    g_autofree char *info = in_folder("info.json"), *gone = in_folder("plane_2.png");
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_assert_true(g_file_set_contents(info, bad[i][0], -1, NULL));
+        assert_refused(info, bad[i][1]);
+    }
+    write_planes(6);
+    g_free(write_info("ptm", "rgb", 6, ""));
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(info, &text, NULL, NULL));
+    char *light = strstr(text, "0.1000]}");
+    memcpy(light, "-0.100", 6);
+    g_assert_true(g_file_set_contents(info, text, -1, NULL));
+    assert_refused(info, "light 4 is 0 -0.995 -0.1, which is no direction above the sample");
+    g_free(write_info("ptm", "rgb", 6, ""));
+    g_unlink(gone);
+    assert_refused(info, "there is no plane_2.png beside it; planes that are cut into tiles");
+}
+
+static void test_command(void) {
+    g_autofree char *path = session_fixture_path("command");
+    g_autofree char *info = write_info("ptm", "rgb", 6, "");
+    write_planes(6);
+    g_autofree char *said =
+        process_mesorig(0, "import relight %s -o %s -r 1,1,2,2 --json", info, path);
+    assert_has(said, "\"lights\": 4");
+    assert_has(said, "\"width\": 2");
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    folder = g_dir_make_tmp("mesorig-relight-XXXXXX", NULL);
+    g_test_add_func("/import_relight/sets", test_sets);
+    g_test_add_func("/import_relight/bad", test_bad);
+    g_test_add_func("/import_relight/command", test_command);
+    const int code = session_fixture_run();
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+    for (const char *name; dir && (name = g_dir_read_name(dir));) {
+        g_autofree char *path = in_folder(name);
+        g_unlink(path);
+    }
+    g_rmdir(folder);
+    g_free(folder);
+    return code;
+}
