@@ -18,9 +18,9 @@ struct command {
     const char *name, *arguments, *help;
     const GOptionEntry *options; /* its own, or NULL */
     const GOptionEntry *(*list_options)(
-        void);                   /* in place of options: made when they are asked for */
-    gboolean daemon;             /* --address and --bus, too */
-    int min, max;                /* number of positional arguments */
+        void);       /* in place of options: made when they are asked for */
+    gboolean daemon; /* --address and --bus, too */
+    int min, max;    /* number of positional arguments */
 
     /* Returns an exit code and fills call->record. With an error set, cli_run() prints it, and the
      * exit code is CLI_FAILED. */

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "base/work.h"
-#include "bonn.h"
+#include "bonn/bonn.h"
 #include "session/session.h"
 
 struct export_bonn_result {

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "bonn.h"
+#include "bonn/bonn.h"
 
 static gboolean import_bonn_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                       GError **error) {

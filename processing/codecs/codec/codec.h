@@ -44,10 +44,10 @@ struct codec;
 
 /* One point of a curve of error against size. */
 struct codec_point {
-    const char *series;  /* of one codec there may be several */
-    char *label; /* distinguishes the sizes of a codec, as in "8 clusters"; the callee takes it */
-    gint64 bytes;        /* as a renderer holds it */
-    double error;        /* relative RMS; −1: the callee measures model */
+    const char *series; /* of one codec there may be several */
+    char *label;  /* distinguishes the sizes of a codec, as in "8 clusters"; the callee takes it */
+    gint64 bytes; /* as a renderer holds it */
+    double error; /* relative RMS; −1: the callee measures model */
     gconstpointer model; /* needed for that alone */
 };
 typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
