@@ -42,7 +42,7 @@ struct import_material {
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
     ImportPixels picture; /* may be NULL; else in place of view, and memory holds one picture */
-    ImportLight light; /* may be NULL; region must then be everything */
+    ImportLight light;    /* may be NULL; region must then be everything */
     gpointer data;
     const struct session_grid
         *grid;       /* may be NULL: from the above, with the reference plane at 0 */

@@ -31,10 +31,10 @@ struct Rectify {
     int width, height; /* of the mosaic */
     gsize stride;      /* of padded rows: windows may reach beyond the border */
     gsize n_pixels;
-    guint8 *colour; /* of each pixel, as in demosaic.h */
-    int phase[4];   /* colours of the 2 × 2 filter cell, row by row */
-    gboolean mono;  /* all pixels see the same: one colour, or (planes is 3) all three */
-    gsize planes;   /* of a frame: 1, or 3 of "rgb" */
+    guint8 *colour;      /* of each pixel, as in demosaic.h */
+    int phase[4];        /* colours of the 2 × 2 filter cell, row by row */
+    gboolean mono;       /* all pixels see the same: one colour, or (planes is 3) all three */
+    gsize planes;        /* of a frame: 1, or 3 of "rgb" */
     struct rows area;    /* each pixel's share of the texel's area, times its gain */
     struct rows around;  /* smooth weights, for the colour of a texel */
     float (*balance)[3]; /* n_texels: weight of the other colours over that of this one, in around;

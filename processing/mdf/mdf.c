@@ -12,7 +12,7 @@
 #include "mdf_merge.h"
 
 #define LEAST_ANGLE                                                                                \
-    0.03                /* least sine of the angle between ray and sheet: below it depth is noise */
+    0.03 /* least sine of the angle between ray and sheet: below it depth is noise */
 /* Distances of two sweeps this close agree: a share of a texel, for what a texel's surface differs
  * within it, or of what a sweep's frame is deep, as peaks of the faintest lines are known to a
  * tenth of a frame. */
@@ -23,11 +23,11 @@
 #define ABOVE       5
 #define BELOW       10
 #define SEEN_SHARE  0.75f /* share of the pixels around a texel that must see the line */
-#define LIVE_SHARE  0.25 /* of the peaks in the best phase of the colour filter */
-#define FAINT       0.5  /* of the brightest line at a texel: such a line has half weight */
-#define CONFIRM     2    /* neighbouring texels that must have the same distance */
-#define CLOSE       0.2f /* factor of the agreement tolerance for smooth continuation */
-#define MANY_SWEEPS 4    /* from this number of sweeps on, one is not believed against others */
+#define LIVE_SHARE  0.25  /* of the peaks in the best phase of the colour filter */
+#define FAINT       0.5   /* of the brightest line at a texel: such a line has half weight */
+#define CONFIRM     2     /* neighbouring texels that must have the same distance */
+#define CLOSE       0.2f  /* factor of the agreement tolerance for smooth continuation */
+#define MANY_SWEEPS 4     /* from this number of sweeps on, one is not believed against others */
 /* Mean square of a texel's roughness over that of linear interpolation between points a texel
  * apart, κ / 2 · x (h − x) with x anywhere: 20.5 on a dome, 22.5 on a fold of curvature κ. */
 #define BETWEEN 21

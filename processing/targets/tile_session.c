@@ -9,8 +9,9 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
-#define MOST_WHITE 1.1 /* of a fiducial; more than 1 cannot be, but level and colour have errors   \
-                        */
+#define MOST_WHITE                                                                                 \
+    1.1 /* of a fiducial; more than 1 cannot be, but level and colour have errors                  \
+         */
 
 /* A frame under a lamp. */
 struct lit_frame {

@@ -15,8 +15,8 @@ struct Opener {
     GAsyncQueue *finished;      /* of struct opened */
     gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0: none */
     gint asked;
-    int under_way;       /* jobs asked for and not polled */
-    gint share;          /* atomic, in thousandths */
+    int under_way;                /* jobs asked for and not polled */
+    gint share;                   /* atomic, in thousandths */
     const struct opened *working; /* atomic: the job at work, or NULL; lives until it is polled */
 };
 

@@ -32,8 +32,8 @@ struct window {
     double x, y;   /* of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
-    gboolean stale;               /* must be drawn again */
-    gboolean panel, help;         /* shown */
+    gboolean stale;       /* must be drawn again */
+    gboolean panel, help; /* shown */
     gint64 file_time,
         asked_time; /* of the file that is shown, and of the one that is being opened */
     gint64 mdf_time, looked_us, views_us;

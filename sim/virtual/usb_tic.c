@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define STEP_US         500
-#define SAFE_START_US   200000 /* how long an "exit safe start" lasts */
+#define SAFE_START_US   200000  /* how long an "exit safe start" lasts */
 #define HOMING_SPEED    20000.0 /* steps/s, a setting */
 #define SWITCH_DISTANCE 20.0    /* from where the reverse switch opens to where it closes */
 

@@ -16,9 +16,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PAIRS      (RIG_VIEWS * RIG_VIEWS)
-#define STEEP_DEG  60 /* beyond it another limit holds */
-#define SHOWN_VIEW 2  /* from 45°, of the MDF's pictures */
+#define PAIRS         (RIG_VIEWS * RIG_VIEWS)
+#define STEEP_DEG     60     /* beyond it another limit holds */
+#define SHOWN_VIEW    2      /* from 45°, of the MDF's pictures */
 #define NORMAL_MEDIAN 0.4549 /* of the square of a standard normal deviate */
 
 static int texels = 24, supersample = 4, samples = 24;

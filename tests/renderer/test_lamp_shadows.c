@@ -4,10 +4,10 @@
 
 #include <string.h>
 
-#define W      320
-#define H      240
-#define N      3    /* lamps */
-#define BRIGHT 0.5F /* grey() under a lamp of 1 */
+#define W                 320
+#define H                 240
+#define N                 3    /* lamps */
+#define BRIGHT            0.5F /* grey() under a lamp of 1 */
 #define N_DIFFERENT(a, b) silhouettes_differ(a, b, 4 * W * H, 1.0F / 255)
 
 /* The first lamp gives red, green and blue alike, further ones one of them: so a picture tells

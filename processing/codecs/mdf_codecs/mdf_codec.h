@@ -20,10 +20,10 @@ struct mdf_codec_job {
 
 struct mdf_codec_result {
     int n_terms,
-        n_traced; /* number of maps, and of views traced along the surface; 0 for other forms */
-    gint64 bytes;          /* as a renderer holds them */
-    double error_mm;       /* RMS over the measured, visible texels */
-    double most_mm;        /* 99th percentile of the absolute error */
+        n_traced;    /* number of maps, and of views traced along the surface; 0 for other forms */
+    gint64 bytes;    /* as a renderer holds them */
+    double error_mm; /* RMS over the measured, visible texels */
+    double most_mm;  /* 99th percentile of the absolute error */
 };
 
 struct mdf_codec {

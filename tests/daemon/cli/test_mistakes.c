@@ -10,7 +10,7 @@
 struct mistake {
     const char *file;
     const char *head, *line; /* of the change */
-    const char *place; /* what the message has after the file's path */
+    const char *place;       /* what the message has after the file's path */
     const char *says;
 };
 
