@@ -9,6 +9,7 @@
 
 #include "base/data_error.h"
 #include "btf_missing.h"
+#include "btf_sigma.h"
 #include "exr/exr_half.h"
 
 #define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
@@ -47,18 +48,18 @@ static void btf_set_point(struct exr_part *part, const struct btf_view *view, co
 }
 
 /* A new part with the attributes of one light's picture. The channel "mark" is there if any texel
- * has a flag. */
+ * has a flag, and "sigma" if asked for. */
 static struct exr_part *btf_light_part(const struct btf_view *view, const struct btf_light *light,
-                                       const guint8 *flags) {
-    static const char *const channels[] = {"B", "G", "R", NULL};
-    static const char *const flagged_channels[] = {"B", "G", "R", "mark", NULL};
+                                       const guint8 *flags, gboolean sigma) {
     const gsize n = btf_texels(view);
     guint8 any = 0;
     for (gsize i = 0; i < n; i++)
         any |= flags[i];
+    const char *const last = sigma ? "sigma" : NULL;
+    const char *const channels[] = {"B", "G", "R", any ? "mark" : last, any ? last : NULL, NULL};
     g_autofree char *name = g_strdup_printf("light_%04d", light->index);
-    struct exr_part *part = exr_part_new(name, view->grid.width, view->grid.height,
-                                         any ? flagged_channels : channels, EXR_HALF);
+    struct exr_part *part =
+        exr_part_new(name, view->grid.width, view->grid.height, channels, EXR_HALF);
     for (gsize i = 0; any && i < n; i++)
         part->planes[3][i] = flags[i];
     for (gsize k = 0; k < G_N_ELEMENTS(btf_flag_attributes); k++) {
@@ -80,9 +81,10 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
 
 /* Reflectance ρ = π L / (o E) relative to a white Lambertian diffuser: L radiance (rgb: n × 3), E
  * irradiance of the texel facing the lamp, o what the lamp gives in this colour and shot relative
- * to rig_lamp_irradiance(). The cosine n·l stays in ρ. */
+ * to rig_lamp_irradiance(). The cosine n·l stays in ρ. variance (n × 3; may be NULL): of rgb on
+ * input, of ρ on output. */
 static void btf_to_reflectance(const struct btf_view *view, const struct btf_light *light,
-                               const float *rgb, struct exr_part *part) {
+                               const float *rgb, struct exr_part *part, float *variance) {
     const gsize n = btf_texels(view);
     const struct radiometry_lamp *lamp = light->radiometry;
     g_autofree float *irradiance = g_new(float, n);
@@ -93,6 +95,9 @@ static void btf_to_reflectance(const struct btf_view *view, const struct btf_lig
         const float scale = (float)G_PI / output;
         for (gsize i = 0; i < n; i++)
             part->planes[2 - c][i] = irradiance[i] > 0 ? rgb[3 * i + c] * scale / irradiance[i] : 0;
+        for (gsize i = 0; variance && i < n; i++)
+            variance[3 * i + c] *=
+                irradiance[i] > 0 ? scale * scale / (irradiance[i] * irradiance[i]) : 0;
     }
 }
 
@@ -102,6 +107,7 @@ struct mosaic {
     guint8 *bound; /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
     float shorter; /* values from here on come from shorter exposures; 0: there are none */
     int saturated; /* number of saturated pixels; −1: unknown */
+    struct btf_exposures exposures;
 };
 
 /* The frames of a view. */
@@ -164,7 +170,9 @@ static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mos
     static const char *const channels[] = {"Y", NULL};
     const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
     struct exr_part *frame = input_read(input, channels, error);
-    const gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error);
+    const gboolean ok =
+        frame && btf_check_frame(input, frame, &to->cfa, error) &&
+        (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok) {
         const float *mosaic = exr_part_plane(frame, "Y");
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
@@ -208,10 +216,20 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
         return NULL;
     }
     btf_set_flags(rectify, mosaic, values, mosaics->n_pixels, n, flags);
-    struct exr_part *part = btf_light_part(view, light, flags);
+    g_autofree float *variance = mosaic->exposures.n > 0 ? g_new(float, 3 * n) : NULL;
+    struct exr_part *part = btf_light_part(view, light, flags, variance != NULL);
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
-    btf_to_reflectance(view, light, rgb, part);
+    if (variance) {
+        g_autofree float *pixels = g_new(float, mosaics->n_pixels);
+        btf_sigma_pixels(view->noise, &mosaic->exposures, values, mosaics->n_pixels, pixels);
+        rectify_variance(rectify, values, pixels, variance);
+    }
+    btf_to_reflectance(view, light, rgb, part, variance);
+    for (gsize k = 0; k < n; k++)
+        flags[k] &= BTF_FLAG_HOLE;
+    if (variance)
+        btf_sigma_fill(part, variance, flags);
     return part;
 }
 
@@ -227,7 +245,7 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
         if (!weights)
             continue;
         btf_missing_flags(weights, taken, view->lights->len, n, flags);
-        parts[i] = btf_light_part(view, light, flags);
+        parts[i] = btf_light_part(view, light, flags, FALSE);
         btf_missing_fill(weights, taken, view->lights->len, flags, parts[i]);
     }
 }

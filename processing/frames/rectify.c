@@ -493,6 +493,96 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
     return holes;
 }
 
+/* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
+ * Without smooth weights (mono) the window is that of the area. Returns the window. */
+static const struct window *rectify_widen(const Rectify *rectify, int texel, float *ret_area) {
+    const struct window *area = &rectify->area.window[texel];
+    const struct window *window = &rectify->around.window[texel];
+    const float *weight = weights_of(&rectify->area, texel);
+    window = window->n_rows > 0 ? window : area;
+    const int columns = window->n_wide * LANES;
+    memset(ret_area, 0, sizeof(float) * window->n_rows * (gsize)columns);
+    for (int y = 0; y < area->n_rows; y++)
+        for (int x = 0; x < area->n_wide * LANES; x++, weight++) {
+            const int column = area->x + x - window->x, row = area->y + y - window->y;
+            if (*weight != 0 && column >= 0 && column < columns && row >= 0 && row < window->n_rows)
+                ret_area[row * columns + column] = *weight;
+        }
+    return window;
+}
+
+/* The derivatives of a texel's value by its pixels (see apply_all()), w being area weights, a
+ * smooth ones, and r ratios; the clamped excess is a constant: own colour:    ∂/∂m_p = w + own·a,
+ * own = others_c · balance / others of the surround other colours: ∂/∂m_p = excess·r·(w − other·a),
+ * other = others_c / others of the surround. */
+struct rectify_slopes {
+    float own[3], excess[3], other[3];
+};
+
+static struct rectify_slopes rectify_slopes_of(const Rectify *rectify, int texel,
+                                               const float *mosaic, const float *ratio) {
+    struct rectify_slopes ret = {{0}, {1, 1, 1}, {0}};
+    struct tally area, around;
+    add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
+    add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
+    for (int c = 0; c < 3; c++) {
+        const float others = around.others[c], balance = rectify->balance[texel][c];
+        if (!(balance > 0 && others > 0))
+            continue;
+        const float excess = around.own[c] / others * balance;
+        ret.excess[c] = CLAMP(excess, 1 / MOST_EXCESS, MOST_EXCESS);
+        if (excess != ret.excess[c])
+            continue;
+        ret.other[c] = area.others[c] / others;
+        ret.own[c] = ret.other[c] * balance;
+    }
+    return ret;
+}
+
+/* var_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. */
+void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
+                      float *ret_variance) {
+    const gsize height = (gsize)rectify->height, plane = rectify->stride * height;
+    g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
+    const float *ratio = found ? found : rectify->ratio;
+    g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
+    guint most = 0;
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        const struct window *a = &rectify->area.window[texel], *b = &rectify->around.window[texel];
+        most = MAX(most, (guint)MAX(a->n_rows * a->n_wide, b->n_rows * b->n_wide) * LANES);
+    }
+    g_autofree float *area = g_new(float, most), *none = g_new0(float, most);
+    pad(rectify, mosaic, values);
+    pad(rectify, pixels, variances);
+    for (int texel = 0; texel < rectify->n_texels; texel++, ret_variance += 3) {
+        const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
+        const struct window *window = rectify_widen(rectify, texel, area);
+        const gboolean smooth = window != &rectify->area.window[texel];
+        const float *around = smooth ? weights_of(&rectify->around, texel) : none, *weight = area;
+        wide sum[3] = {{0}};
+        for (int y = window->y; y < window->y + window->n_rows; y++) {
+            const gsize at = (gsize)y * rectify->stride + window->x;
+            const int *phase = &rectify->phase[2 * (y & 1)];
+            for (gsize x = at; x < at + window->n_wide * LANES; x += LANES) {
+                const wide w = *(const wide *)weight, a = *(const wide *)around;
+                const wide variance = *(const wide *)(variances + x);
+                for (int c = 0; c < 3; c++) {
+                    const float even = phase[0] == c, odd = phase[1] == c;
+                    const wide own = {even, odd, even, odd, even, odd, even, odd};
+                    const wide r = *(const wide *)(ratio + (gsize)c * plane + x);
+                    const wide slope = own * (w + slopes.own[c] * a) +
+                                       slopes.excess[c] * r * (w - slopes.other[c] * a);
+                    sum[c] += slope * slope * variance;
+                }
+                weight += LANES;
+                around += LANES;
+            }
+        }
+        for (int c = 0; c < 3; c++)
+            ret_variance[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * sum_of(&sum[c]);
+    }
+}
+
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const struct window *window = &rectify->area.window[texel];

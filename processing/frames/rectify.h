@@ -42,6 +42,13 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
  * pixel that has a share of 2 % or more in it. */
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
+/* Variances that rectify_apply() gives the texels of this mosaic, if pixels (height × width, in
+ * (DN/ms)²; finite) are the variances of its pixels and these are independent of each other. The
+ * guide, if there is one, is taken as exact. ret_variance: n_texels × 3, of R, G, B; 0 for texels
+ * outside. */
+void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
+                      float *ret_variance);
+
 /* Point of the reference plane in the sample frame; texel (i, j) covers columns i … i+1, rows j …
  * j+1. */
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row);

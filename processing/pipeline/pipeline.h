@@ -8,7 +8,8 @@
  *                                as calibrated, sample frame: a texel's exact directions are those
  *                                towards them); mesorig.saturated (int: pixels of the frame that
  *                                even the shortest exposure saturated); channel "mark" where any
- *                                texel has one, and how many have each: see btf.h
+ *                                texel has one, and how many have each: see btf.h; channel "sigma"
+ * and its attributes where the camera's noise is calibrated: see btf_sigma.h
  *
  *   products/mdf.exr             a part "view_0000" a view, float channels:
  *                                  "D" the distance, mm; −1: not known

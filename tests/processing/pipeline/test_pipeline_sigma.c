@@ -1,0 +1,168 @@
+/* Error bars of a BTF against a diffuser whose pictures have noise by formula: photons, readout and
+ * rounding of every exposure, drawn here, merged as captures are. */
+#include "lib/pipeline_fixture.h"
+
+#include "btf/btf_sigma.h"
+
+static const double exposures_ms[] = {2, 8, 27};
+enum { N_EXPOSURES = 3, LIMIT_DN = 4014, BLACK_DN = 60 };
+static const double gain_dn_e = 0.8, read_noise_e = 9;
+
+static double normal(GRand *random) {
+    return sqrt(-2 * log(1 - g_rand_double(random))) * cos(2 * G_PI * g_rand_double(random));
+}
+
+/* Every pixel of a lamp's picture as three exposures show it. */
+static void noisy(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind != SHOT_LAMP)
+        return;
+    GRand *random = g_rand_new_with_seed((guint32)shot->id);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        double sum = 0, time = 0;
+        for (int e = 0; e < N_EXPOSURES; e++) {
+            const double electrons = (double)part->planes[0][i] * exposures_ms[e] / gain_dn_e;
+            const double seen =
+                electrons + sqrt(electrons) * normal(random) + read_noise_e * normal(random);
+            const double dn = round(BLACK_DN + gain_dn_e * seen);
+            if (dn >= LIMIT_DN)
+                continue;
+            sum += dn - BLACK_DN;
+            time += exposures_ms[e];
+        }
+        g_assert_cmpfloat(time, >, 0);
+        part->planes[0][i] = (float)(sum / time);
+    }
+    g_rand_free(random);
+    exr_set_string(part, "mesorig.exposures_us", "2000;8000;27000");
+    exr_set_double(part, "mesorig.shorter_from", (LIMIT_DN - BLACK_DN) / exposures_ms[2]);
+}
+
+static void wrong_exposures(struct exr_part *part, const struct session_shot *shot) {
+    noisy(part, shot);
+    if (shot->id == 2)
+        exr_set_string(part, "mesorig.exposures_us", "2000;abc");
+}
+
+/* The fixture's rig, calibrated: noise as above, times the factor. */
+static Calibration *calibrated(double factor) {
+    const struct rig rig = fixture_make_rig();
+    Calibration *calibration = calibration_new(&rig);
+    for (int i = 0; i < N_CAMERAS; i++)
+        calibration->noise[i] = (struct calibration_noise){
+            TRUE, {.gain_dn_e = gain_dn_e * factor, .read_noise_e = read_noise_e, .quality = 1}};
+    return calibration;
+}
+
+static gboolean process(const struct fixture *fixture, const Calibration *calibration,
+                        GError **error) {
+    g_autofree char *text = calibration_to_text(calibration);
+    struct pipeline_options options = {
+        .n_eigenmaps = 2, .calibration = text, .work = {.n_threads = 2}};
+    struct pipeline_result result;
+    return pipeline_run(fixture->path, &options, &result, error);
+}
+
+/* ρ is the albedo times the cosine to the lamp, as pipeline.h defines it. */
+static double truth(const struct exr_part *part, int texel, int colour) {
+    double at[3], light[3];
+    g_assert_true(exr_get_v3d(part, "light.position_mm", at, NULL));
+    light[0] = at[0] - (-12 + (texel % TEXELS + 0.5) * 24 / TEXELS);
+    light[1] = at[1] - (12 - ((double)(texel / TEXELS) + 0.5) * 24 / TEXELS);
+    light[2] = at[2] - 5;
+    return albedo[colour] * light[2] / sqrt(analytic_dot(light, light));
+}
+
+/* Mean square of (ρ − truth) / σ of each colour, over all parts. */
+static void chi_squares(const struct fixture *fixture, double ret[3]) {
+    static const char *const channels[] = {"R", "G", "B"};
+    double sums[3] = {0};
+    int n = 0;
+    for (int view = 0; view < N_VIEWS; view++) {
+        g_autofree char *name = g_strdup_printf("btf/view_%04d.exr", view);
+        g_autofree char *path = fixture_product(fixture, name);
+        g_autoptr(ExrFile) file = exr_read(path, NULL);
+        for (guint k = 0; k < file->parts->len; k++) {
+            const struct exr_part *part = file->parts->pdata[k];
+            const float *sigma = exr_part_plane(part, "sigma");
+            struct btf_sigma said;
+            g_assert_nonnull(sigma);
+            g_assert_true(btf_sigma_read(part, &said));
+            for (int i = 0; i < TEXELS * TEXELS; i++, n++)
+                for (int c = 0; c < 3; c++) {
+                    const double value = (double)exr_part_plane(part, channels[c])[i];
+                    const double error = value - truth(part, i, c);
+                    sums[c] += pow(error / (said.colour[c] * (double)sigma[i]), 2);
+                }
+        }
+    }
+    for (int c = 0; c < 3; c++)
+        ret[c] = sums[c] / n;
+}
+
+/* With the noise that the pictures have, errors are as large as the error bars say, in each colour
+ * (the longest exposure saturates in red, and neither in green nor in blue); with a gain of four
+ * times less, they are far larger. */
+static void test_noise(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) right = calibrated(1), wrong = calibrated(0.25);
+    double chi[3];
+    fixture_capture(fixture, 0, fixture->n_shots, noisy);
+    process(fixture, right, &error);
+    g_assert_no_error(error);
+    chi_squares(fixture, chi);
+    for (int c = 0; c < 3; c++) {
+        g_test_message("χ² of colour %d: %.3f", c, chi[c]);
+        g_assert_cmpfloat(chi[c], >, 0.75);
+        g_assert_cmpfloat(chi[c], <, 1.3);
+    }
+    process(fixture, wrong, &error);
+    g_assert_no_error(error);
+    chi_squares(fixture, chi);
+    for (int c = 0; c < 3; c++)
+        g_assert_cmpfloat(chi[c], >, 2.5);
+}
+
+/* Error bars change no value: a session without them has the same pictures. */
+static void test_values(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) with = calibrated(1);
+    g_autofree char *path = fixture_product(fixture, "btf/view_0002.exr");
+    fixture_capture(fixture, 0, fixture->n_shots, noisy);
+    fixture_process(fixture, 2, FALSE);
+    g_autoptr(ExrFile) before = exr_read(path, NULL);
+    process(fixture, with, &error);
+    g_assert_no_error(error);
+    g_autoptr(ExrFile) after = exr_read(path, NULL);
+    g_assert_cmpint(before->parts->len, ==, after->parts->len);
+    for (guint k = 0; k < before->parts->len; k++) {
+        const struct exr_part *a = before->parts->pdata[k], *b = after->parts->pdata[k];
+        struct btf_sigma sigma;
+        g_assert_null(exr_part_plane(a, "sigma"));
+        g_assert_false(btf_sigma_read(a, &sigma));
+        g_assert_nonnull(exr_part_plane(b, "sigma"));
+        g_assert_cmpint(b->n_channels, ==, a->n_channels + 1);
+        for (int c = 0; c < a->n_channels; c++)
+            g_assert_cmpmem(a->planes[c], sizeof(float) * TEXELS * TEXELS,
+                            exr_part_plane(b, a->channels[c]), sizeof(float) * TEXELS * TEXELS);
+    }
+}
+
+/* A frame that does not say its exposures in numbers is refused by name. */
+static void test_exposures(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibrated(1);
+    fixture_capture(fixture, 0, fixture->n_shots, wrong_exposures);
+    g_assert_false(process(fixture, calibration, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "000002"));
+    g_assert_nonnull(strstr(error->message, "“2000;abc”"));
+}
+
+int main(int argc, char **argv) {
+    static const struct pipeline_test tests[] = {
+        {"/pipeline/sigma/noise", test_noise},
+        {"/pipeline/sigma/values", test_values},
+        {"/pipeline/sigma/exposures", test_exposures},
+    };
+    return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
+}
