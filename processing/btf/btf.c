@@ -228,8 +228,12 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     btf_to_reflectance(view, light, rgb, part, variance);
     for (gsize k = 0; k < n; k++)
         flags[k] &= BTF_FLAG_HOLE;
-    if (variance)
+    if (variance) {
+        double scale[3];
         btf_sigma_fill(part, variance, flags);
+        btf_sigma_scale(view->radiometry, light->radiometry, scale);
+        exr_set_v3d(part, "sigma.scale", scale[0], scale[1], scale[2]);
+    }
     return part;
 }
 

@@ -114,8 +114,25 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
     exr_set_double(part, "sigma.relative", btf_sigma_median(relative, seen));
 }
 
+/* ρ_c ∝ 1 / (response · camera colour_c · intensity · lamp colour_c): relative errors add in
+ * squares. */
+void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
+                     double ret[3]) {
+    for (int c = 0; c < 3; c++) {
+        double square = 0;
+        if (camera && camera->known)
+            square += pow(camera->response_error, 2) +
+                      pow(camera->colour_error[c] / camera->colour[c], 2);
+        if (lamp && lamp->known)
+            square +=
+                pow(lamp->intensity_error, 2) + pow(lamp->colour_error[c] / lamp->colour[c], 2);
+        ret[c] = sqrt(square);
+    }
+}
+
 gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret) {
     return exr_get_v3d(part, "sigma.colour", ret->colour, NULL) &&
+           exr_get_v3d(part, "sigma.scale", ret->scale, NULL) &&
            exr_get_double(part, "sigma.rms", &ret->rms, NULL) &&
            exr_get_double(part, "sigma.median", &ret->median, NULL) &&
            exr_get_double(part, "sigma.relative", &ret->relative, NULL);

@@ -12,6 +12,11 @@
  *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes
  *   sigma.median (double)        median over texels of sigma(x), without holes
  *   sigma.relative (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS
+ *   sigma.scale (v3d)            of R, G, B: relative standard error that all values of the light
+ * have in common, from the calibration of camera and lamp: response, intensity and colours. It is
+ * not in the channel and not in the other attributes; 0 where the radiometry is not calibrated.
+ * Errors of flat field and of the lamp's fall-off and aim are left out: the calibration file does
+ * not say how they are correlated
  *
  * Parts without the channel, such as those of predicted lights, of cameras whose noise is not
  * calibrated, and of older files, have errors that are not known. Any thread.
@@ -20,6 +25,7 @@
 
 #include "exr/exr.h"
 #include "radiometry/photon_transfer.h"
+#include "radiometry/radiometry.h"
 
 /* Version of the method, as BTF_METHOD is that of the values. */
 #define BTF_SIGMA_METHOD 1
@@ -45,9 +51,15 @@ void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposure
  * variances: n_texels × 3, of R, G, B in ρ². holes: n_texels; values without meaning. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes);
 
+/* Relative errors of R, G, B that a camera and a lamp of a light cause together. Either may be NULL
+ * or unknown. */
+void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
+                     double ret[3]);
+
 struct btf_sigma {
     double colour[3]; /* R, G, B */
     double rms, median, relative;
+    double scale[3]; /* R, G, B */
 };
 /* Of a part's headers. FALSE: not known. */
 gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret);

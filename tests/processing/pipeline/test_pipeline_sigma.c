@@ -122,6 +122,56 @@ static void test_noise(struct fixture *fixture, gconstpointer unused) {
         g_assert_cmpfloat(chi[c], >, 2.5);
 }
 
+/* What lamps and cameras are off by, as often as the calibration says, explains how far mean values
+ * of lights are from the truth: hundreds of calibrations are drawn with its errors. */
+static void test_scale(struct fixture *fixture, gconstpointer unused) {
+    const struct radiometry_camera camera = {
+        TRUE, {1.3, 1, 0.7}, .response_error = 0.01, .colour_error = {0.02, 0, 0.01}};
+    const struct radiometry_lamp source = {
+        TRUE, {0.9, 1, 1.2}, .intensity_error = 0.015, .colour_error = {0.009, 0, 0.03}};
+    double scale[3], none[3], sums[3] = {0};
+    enum { DRAWS = 4000 };
+    GRand *random = g_rand_new_with_seed(3);
+    btf_sigma_scale(&camera, &source, scale);
+    btf_sigma_scale(NULL, NULL, none);
+    for (int i = 0; i < DRAWS; i++) {
+        const double both = exp(0.01 * normal(random) + 0.015 * normal(random));
+        for (int c = 0; c < 3; c++) {
+            const double seen = camera.colour[c] + camera.colour_error[c] * normal(random);
+            const double lit = source.colour[c] + source.colour_error[c] * normal(random);
+            sums[c] += pow(both * seen * lit / (camera.colour[c] * source.colour[c]) - 1, 2);
+        }
+    }
+    g_rand_free(random);
+    for (int c = 0; c < 3; c++) {
+        g_assert_cmpfloat_with_epsilon(sums[c] / DRAWS / pow(scale[c], 2), 1, 0.1);
+        g_assert_cmpfloat(none[c], ==, 0);
+    }
+}
+
+/* A calibrated lamp's error stands in every part, and the values' own error bars are the same. */
+static void test_scale_in_file(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibrated(1);
+    g_autofree char *path = fixture_product(fixture, "btf/view_0001.exr");
+    struct btf_sigma before, after;
+    fixture_capture(fixture, 0, fixture->n_shots, noisy);
+    process(fixture, calibration, &error);
+    g_assert_no_error(error);
+    g_autoptr(ExrPart) first = exr_read_part(path, "light_0001", &error);
+    calibration->lamp_radiometry[0] =
+        (struct radiometry_lamp){TRUE, {1, 1, 1}, .intensity_error = 0.03};
+    process(fixture, calibration, &error);
+    g_assert_no_error(error);
+    g_autoptr(ExrPart) second = exr_read_part(path, "light_0001", &error);
+    g_assert_true(btf_sigma_read(first, &before) && btf_sigma_read(second, &after));
+    for (int c = 0; c < 3; c++) {
+        g_assert_cmpfloat(before.scale[c], ==, 0);
+        g_assert_cmpfloat_with_epsilon(after.scale[c], 0.03, 1e-9);
+    }
+    g_assert_cmpfloat(before.rms, ==, after.rms);
+}
+
 /* Error bars change no value: a session without them has the same pictures. */
 static void test_values(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
@@ -161,6 +211,8 @@ static void test_exposures(struct fixture *fixture, gconstpointer unused) {
 int main(int argc, char **argv) {
     static const struct pipeline_test tests[] = {
         {"/pipeline/sigma/noise", test_noise},
+        {"/pipeline/sigma/scale", test_scale},
+        {"/pipeline/sigma/scale-in-file", test_scale_in_file},
         {"/pipeline/sigma/values", test_values},
         {"/pipeline/sigma/exposures", test_exposures},
     };
