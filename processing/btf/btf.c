@@ -198,6 +198,22 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
+/* Of the radiance of each texel and colour: var = noise + detail + ½ δ² · shift, δ being the
+ * distance in pixels by which the camera is misregistered (rectify.h). */
+static void btf_add_up_variance(const struct btf_view *view, const Rectify *rectify,
+                                const struct btf_exposures *exposures, const float *values,
+                                gsize n_pixels, float *ret) {
+    const gsize n = 3 * btf_texels(view);
+    const float half = 0.5f * (float)(view->misregistration_px * view->misregistration_px);
+    g_autofree float *pixels = g_new(float, n_pixels);
+    g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
+    btf_sigma_pixels(view->noise, exposures, values, n_pixels, pixels);
+    rectify_variance(rectify, values, pixels, ret);
+    rectify_structure(rectify, values, pixels, detail, shift);
+    for (gsize i = 0; i < n; i++)
+        ret[i] += detail[i] + half * shift[i];
+}
+
 /* Rectifies one light's frame. An error if most of its texels are holes. */
 static struct exr_part *btf_make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                        const struct mosaics *mosaics, GError **error) {
@@ -220,11 +236,8 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     struct exr_part *part = btf_light_part(view, light, flags, variance != NULL);
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
-    if (variance) {
-        g_autofree float *pixels = g_new(float, mosaics->n_pixels);
-        btf_sigma_pixels(view->noise, &mosaic->exposures, values, mosaics->n_pixels, pixels);
-        rectify_variance(rectify, values, pixels, variance);
-    }
+    if (variance)
+        btf_add_up_variance(view, rectify, &mosaic->exposures, values, mosaics->n_pixels, variance);
     btf_to_reflectance(view, light, rgb, part, variance);
     for (gsize k = 0; k < n; k++)
         flags[k] &= BTF_FLAG_HOLE;

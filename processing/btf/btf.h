@@ -43,6 +43,7 @@ struct btf_view {
     const struct rig_camera *camera;            /* borrowed, as the next */
     const struct radiometry_camera *radiometry; /* may be not known */
     const struct transfer *noise; /* of the camera; NULL: not known, and so are errors of values */
+    double misregistration_px;    /* of the calibrated camera, RMS distance in the picture */
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */

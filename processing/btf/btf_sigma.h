@@ -7,7 +7,10 @@
  * (σ to 3 %): three channels, or all bits of a half, would make files larger for digits that no
  * error bar has.
  *
- *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes
+ *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
+ *                                edges within pixels and colours that a pixel does not see; and
+ *                                misregistration, as large as the calibration's residual of the
+ *                                camera (rectify.h, docs/accuracy.md)
  *   sigma.colour (v3d)           f_R f_G f_B: σ_c(x) = f_c · sigma(x)
  *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes
  *   sigma.median (double)        median over texels of sigma(x), without holes

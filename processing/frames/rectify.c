@@ -8,6 +8,7 @@
 
 #define SPACING_PX  0.25  /* distance of the points that sample a texel */
 #define MOST_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
+#define OWN_DETAIL  0.05f /* κ² of rectify_structure(), measured: docs/accuracy.md */
 #define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
 
 /* Adjacent pixels that one vector instruction sums. */
@@ -580,6 +581,84 @@ void rectify_variance(const Rectify *rectify, const float *mosaic, const float *
         }
         for (int c = 0; c < 3; c++)
             ret_variance[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * sum_of(&sum[c]);
+    }
+}
+
+/* A pixel and its neighbours to the left, right, above and below. */
+enum { HERE, NEIGHBOURS = 5 };
+
+/* Lanes of one row of the area's window: m is the picture in one colour, with the texel's excess,
+ * as m_p = mosaic · (1 for the colour's own pixels, else excess · ratio). Λ = m_p − mean of the
+ * four neighbours is what a pixel shows that these do not tell; half the differences across it are
+ * its slopes. */
+static inline __attribute__((always_inline)) void
+rectify_structure_add(const float *mosaic, const float *pixels, const float *ratio,
+                      const wide own[NEIGHBOURS], const gsize at[NEIGHBOURS], float excess,
+                      wide weight, wide trust, wide sums[3]) {
+    wide m[NEIGHBOURS], noise = {0};
+    for (int k = 0; k < NEIGHBOURS; k++) {
+        const wide factor = own[k] + excess * *(const wide *)(ratio + at[k]);
+        m[k] = *(const wide *)(mosaic + at[k]) * factor;
+        noise += *(const wide *)(pixels + at[k]) * factor * factor * (k == HERE ? 1 : 1.0f / 16);
+    }
+    const wide lambda = m[HERE] - 0.25f * (m[1] + m[2] + m[3] + m[4]);
+    sums[0] += weight * weight * trust * (lambda * lambda - noise);
+    sums[1] += 0.5f * weight * (m[2] - m[1]);
+    sums[2] += 0.5f * weight * (m[4] - m[3]);
+}
+
+/* detail_c = gain_c² · max(0, Σ_p w_p² κ_p² (Λ_p² − noise)), κ = 1 for pixels of other colours,
+ * whose value may be any between the neighbours' and theirs; shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ
+ * w ∂m/∂y)²). */
+void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
+                       float *ret_detail, float *ret_shift) {
+    const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
+    g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
+    const float *ratio = found ? found : rectify->ratio;
+    g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
+    g_autoptr(GArray) copy = g_array_new(FALSE, FALSE, sizeof(float));
+    pad(rectify, mosaic, values);
+    pad(rectify, pixels, variances);
+    for (int texel = 0; texel < rectify->n_texels; texel++, ret_detail += 3, ret_shift += 3) {
+        const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
+        const struct window *window = &rectify->area.window[texel];
+        const int columns = window->n_wide * LANES;
+        g_array_set_size(copy, (guint)(window->n_rows * columns));
+        float *weight = (float *)(void *)copy->data;
+        memcpy(weight, weights_of(&rectify->area, texel),
+               sizeof(float) * window->n_rows * (gsize)columns);
+        for (int i = 0; i < window->n_rows * columns; i++)
+            if (window->x + i % columns == 0 || window->x + i % columns >= rectify->width - 1)
+                weight[i] = 0;
+        wide sums[3][3] = {{{0}}};
+        for (int y = window->y; y < window->y + window->n_rows; y++, weight += columns) {
+            if (y == 0 || y == rectify->height - 1)
+                continue;
+            for (int x = 0; x < columns; x += LANES) {
+                const gsize p = (gsize)y * stride + window->x + (gsize)x;
+                const gsize at[NEIGHBOURS] = {p, p - 1, p + 1, p - stride, p + stride};
+                for (int c = 0; c < 3; c++) {
+                    const int *const phase[] = {&rectify->phase[2 * (y & 1)],
+                                                &rectify->phase[2 * (~y & 1)]};
+                    const float e = phase[0][0] == c, o = phase[0][1] == c;
+                    const float f = phase[1][0] == c, q = phase[1][1] == c;
+                    const wide even = {e, o, e, o, e, o, e, o}, odd = {o, e, o, e, o, e, o, e};
+                    const wide beside = {f, q, f, q, f, q, f, q};
+                    const wide own[NEIGHBOURS] = {even, odd, odd, beside, beside};
+                    const wide trust =
+                        rectify->mono ? (wide){0} + OWN_DETAIL : 1 - even * (1 - OWN_DETAIL);
+                    rectify_structure_add(values, variances, ratio + (gsize)c * plane, own, at,
+                                          slopes.excess[c], *(const wide *)(weight + x), trust,
+                                          sums[c]);
+                }
+            }
+        }
+        for (int c = 0; c < 3; c++) {
+            const float square = rectify->colour_gain[c] * rectify->colour_gain[c];
+            const float across = sum_of(&sums[c][1]), down = sum_of(&sums[c][2]);
+            ret_detail[c] = square * MAX(sum_of(&sums[c][0]), 0);
+            ret_shift[c] = square * (across * across + down * down);
+        }
     }
 }
 

@@ -254,7 +254,9 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
     btf->camera = &catalogue->rig.cameras[view->device];
     btf->radiometry = &catalogue->known->camera_radiometry[view->device];
     const struct calibration_noise *noise = &catalogue->known->noise[view->device];
+    const struct calibration_camera *camera = &catalogue->known->cameras[view->device];
     btf->noise = noise->known ? &noise->transfer : NULL;
+    btf->misregistration_px = camera->known ? camera->residual_rms_px : 0;
     btf->turntable_rad = catalogue_radians(view->turntable_deg);
     btf->grid = catalogue->grid;
     btf->lights = g_array_new(FALSE, FALSE, sizeof(struct btf_light));

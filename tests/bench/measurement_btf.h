@@ -8,6 +8,10 @@ struct bench_cell { /* a view and a lamp */
     GArray *errors; /* float: of each texel and colour, relative */
     GArray *bias;   /* with their signs */
     int saturated;  /* pixels */
+    /* Sums over values of (error / σ)², σ being of noise alone, and of noise and structure; values
+     * off by more than 3 σ */
+    double chi_noise, chi;
+    gint64 values, beyond;
 };
 
 /* ret: RIG_VIEWS × RIG_VIEWS cells, view by view; errors are appended. picture, if not NULL, gets

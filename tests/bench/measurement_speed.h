@@ -4,8 +4,8 @@
 #include "measurement_rig.h"
 
 struct bench_speed {
-    double decode_ms, rectify_ms; /* a frame */
-    double prepare_ms, guide_ms;  /* a view */
+    double decode_ms, rectify_ms, errors_ms; /* a frame */
+    double prepare_ms, guide_ms;             /* a view */
 };
 
 /* One core, a frame as capture stores it. */
