@@ -520,8 +520,8 @@ struct rectify_slopes {
     float own[3], excess[3], other[3];
 };
 
-static struct rectify_slopes rectify_slopes_of(const Rectify *rectify, int texel,
-                                               const float *mosaic, const float *ratio) {
+static inline __attribute__((always_inline)) struct rectify_slopes
+rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const float *ratio) {
     struct rectify_slopes ret = {{0}, {1, 1, 1}, {0}};
     struct tally area, around;
     add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
@@ -541,8 +541,10 @@ static struct rectify_slopes rectify_slopes_of(const Rectify *rectify, int texel
 }
 
 /* var_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. */
-void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
-                      float *ret_variance) {
+static inline __attribute__((always_inline)) void rectify_do_variance(const Rectify *rectify,
+                                                                      const float *mosaic,
+                                                                      const float *pixels,
+                                                                      float *ret_variance) {
     const gsize height = (gsize)rectify->height, plane = rectify->stride * height;
     g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
     const float *ratio = found ? found : rectify->ratio;
@@ -610,8 +612,9 @@ rectify_structure_add(const float *mosaic, const float *pixels, const float *rat
 /* detail_c = gain_c² · max(0, Σ_p w_p² κ_p² (Λ_p² − noise)), κ = 1 for pixels of other colours,
  * whose value may be any between the neighbours' and theirs; shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ
  * w ∂m/∂y)²). */
-void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
-                       float *ret_detail, float *ret_shift) {
+static inline __attribute__((always_inline)) void
+rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
+                     float *ret_detail, float *ret_shift) {
     const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
     g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
     const float *ratio = found ? found : rectify->ratio;
@@ -660,6 +663,43 @@ void rectify_structure(const Rectify *rectify, const float *mosaic, const float 
             ret_shift[c] = square * (across * across + down * down);
         }
     }
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void rectify_variance_avx2(const Rectify *rectify,
+                                                                  const float *mosaic,
+                                                                  const float *pixels,
+                                                                  float *ret_variance) {
+    rectify_do_variance(rectify, mosaic, pixels, ret_variance);
+}
+
+__attribute__((target("avx2"))) static void
+rectify_structure_avx2(const Rectify *rectify, const float *mosaic, const float *pixels,
+                       float *ret_detail, float *ret_shift) {
+    rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
+}
+#endif
+
+void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
+                      float *ret_variance) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        rectify_variance_avx2(rectify, mosaic, pixels, ret_variance);
+        return;
+    }
+#endif
+    rectify_do_variance(rectify, mosaic, pixels, ret_variance);
+}
+
+void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
+                       float *ret_detail, float *ret_shift) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        rectify_structure_avx2(rectify, mosaic, pixels, ret_detail, ret_shift);
+        return;
+    }
+#endif
+    rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
 }
 
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
