@@ -84,7 +84,7 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
     const float *const rho[] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                 exr_part_plane(part, "B")};
     g_autofree float *all = g_new(float, n), *relative = g_new(float, n);
-    double sums[3] = {0}, f[3];
+    double sums[3] = {0}, f[3], squares = 0;
     gsize seen = 0;
     for (gsize i = 0; i < n; i++)
         for (gsize c = 0; c < 3 && !holes[i]; c++)
@@ -106,10 +106,12 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
         if (holes[i])
             continue;
         all[seen] = sigma[i];
+        squares += value;
         relative[seen++] = sigma[i] / (float)fmax(sqrt(value), BTF_SIGMA_DARK);
     }
     exr_set_v3d(part, "sigma.colour", f[0], f[1], f[2]);
     exr_set_double(part, "sigma.rms", seen > 0 ? sqrt(mean / (double)seen) : 0);
+    exr_set_double(part, "sigma.value", seen > 0 ? sqrt(squares / (double)seen) : 0);
     exr_set_double(part, "sigma.median", btf_sigma_median(all, seen));
     exr_set_double(part, "sigma.relative", btf_sigma_median(relative, seen));
 }
@@ -134,6 +136,46 @@ gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret) {
     return exr_get_v3d(part, "sigma.colour", ret->colour, NULL) &&
            exr_get_v3d(part, "sigma.scale", ret->scale, NULL) &&
            exr_get_double(part, "sigma.rms", &ret->rms, NULL) &&
+           exr_get_double(part, "sigma.value", &ret->value, NULL) &&
            exr_get_double(part, "sigma.median", &ret->median, NULL) &&
            exr_get_double(part, "sigma.relative", &ret->relative, NULL);
+}
+
+void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
+    g_autofree char *folder = g_build_filename(directory, "products", "btf", NULL);
+    g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
+    g_autoptr(GArray) medians = g_array_new(FALSE, FALSE, sizeof(float));
+    g_autoptr(GArray) relatives = g_array_new(FALSE, FALSE, sizeof(float));
+    double errors = 0, values = 0;
+    const char *name;
+    *ret = (struct btf_sigma_sums){0};
+    while (names && (name = g_dir_read_name(names))) {
+        g_autofree char *path = g_build_filename(folder, name, NULL);
+        g_autoptr(ExrFile) file =
+            g_str_has_suffix(name, ".exr") ? exr_read_headers(path, NULL) : NULL;
+        for (guint k = 0; file && k < file->parts->len; k++) {
+            const struct exr_part *part = g_ptr_array_index(file->parts, k);
+            struct btf_sigma sigma;
+            ret->lights++;
+            if (!btf_sigma_read(part, &sigma))
+                continue;
+            const float median = (float)sigma.median, relative = (float)sigma.relative;
+            g_array_append_val(medians, median);
+            g_array_append_val(relatives, relative);
+            ret->known++;
+            errors += sigma.rms * sigma.rms;
+            values += sigma.value * sigma.value;
+            ret->large += sigma.relative > BTF_SIGMA_LARGE;
+            if (sigma.relative <= ret->worst)
+                continue;
+            ret->worst = sigma.relative;
+            exr_get_double(part, "view.theta_deg", &ret->worst_view_theta_deg, NULL);
+            exr_get_double(part, "view.phi_deg", &ret->worst_view_phi_deg, NULL);
+            exr_get_double(part, "light.theta_deg", &ret->worst_light_theta_deg, NULL);
+            exr_get_double(part, "light.phi_deg", &ret->worst_light_phi_deg, NULL);
+        }
+    }
+    ret->median = btf_sigma_median((float *)(void *)medians->data, medians->len);
+    ret->relative = btf_sigma_median((float *)(void *)relatives->data, relatives->len);
+    ret->share = values > 0 ? errors / values : 0;
 }

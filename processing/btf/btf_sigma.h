@@ -13,6 +13,7 @@
  *                                camera (rectify.h, docs/accuracy.md)
  *   sigma.colour (v3d)           f_R f_G f_B: σ_c(x) = f_c · sigma(x)
  *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes
+ *   sigma.value (double)         root mean square of ρ over the same
  *   sigma.median (double)        median over texels of sigma(x), without holes
  *   sigma.relative (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS
  *   sigma.scale (v3d)            of R, G, B: relative standard error that all values of the light
@@ -61,8 +62,24 @@ void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiom
 
 struct btf_sigma {
     double colour[3]; /* R, G, B */
-    double rms, median, relative;
+    double rms, value, median, relative;
     double scale[3]; /* R, G, B */
 };
 /* Of a part's headers. FALSE: not known. */
 gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret);
+
+/* Error bars of a session's whole BTF. */
+struct btf_sigma_sums {
+    int lights, known; /* pictures, and those of them whose errors are known */
+    double median;     /* of the known pictures' sigma.median */
+    double relative;   /* and of their sigma.relative */
+    double share;      /* Σ σ² / Σ ρ² over the known ones */
+    int large;         /* pictures whose sigma.relative is above BTF_SIGMA_LARGE */
+    double worst;      /* largest sigma.relative, in */
+    double worst_view_theta_deg, worst_view_phi_deg, worst_light_theta_deg, worst_light_phi_deg;
+};
+#define BTF_SIGMA_LARGE 0.05
+
+/* Reads the headers of all views in products/btf of a session's directory; views that cannot be
+ * read are left out, as are those of a session without any. */
+void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret);
