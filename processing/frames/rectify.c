@@ -8,7 +8,8 @@
 
 #define SPACING_PX  0.25  /* distance of the points that sample a texel */
 #define MOST_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
-#define OWN_DETAIL  0.05f /* κ² of rectify_structure(), measured: docs/accuracy.md */
+#define OWN_DETAIL  0.22f /* κ of rectify_structure() for a colour's own pixels, and */
+#define ELSE_DETAIL 0.84f /* for others; measured: docs/accuracy.md */
 #define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
 
 /* Adjacent pixels that one vector instruction sums. */
@@ -592,11 +593,11 @@ enum { HERE, NEIGHBOURS = 5 };
 /* Lanes of one row of the area's window: m is the picture in one colour, with the texel's excess,
  * as m_p = mosaic · (1 for the colour's own pixels, else excess · ratio). Λ = m_p − mean of the
  * four neighbours is what a pixel shows that these do not tell; half the differences across it are
- * its slopes. */
+ * its slopes. Adds up the variance by noise of w κ Λ, which it returns, and w times the slopes. */
 static inline __attribute__((always_inline)) void
 rectify_structure_add(const float *mosaic, const float *pixels, const float *ratio,
                       const wide own[NEIGHBOURS], const gsize at[NEIGHBOURS], float excess,
-                      wide weight, wide trust, wide sums[3]) {
+                      wide weight, wide kappa, wide sums[3], wide *ret) {
     wide m[NEIGHBOURS], noise = {0};
     for (int k = 0; k < NEIGHBOURS; k++) {
         const wide factor = own[k] + excess * *(const wide *)(ratio + at[k]);
@@ -604,39 +605,56 @@ rectify_structure_add(const float *mosaic, const float *pixels, const float *rat
         noise += *(const wide *)(pixels + at[k]) * factor * factor * (k == HERE ? 1 : 1.0f / 16);
     }
     const wide lambda = m[HERE] - 0.25f * (m[1] + m[2] + m[3] + m[4]);
-    sums[0] += weight * weight * trust * (lambda * lambda - noise);
+    const wide share = weight * kappa;
+    sums[0] += share * share * noise;
     sums[1] += 0.5f * weight * (m[2] - m[1]);
     sums[2] += 0.5f * weight * (m[4] - m[3]);
+    *ret = share * lambda;
 }
 
-/* detail_c = gain_c² · max(0, Σ_p w_p² κ_p² (Λ_p² − noise)), κ = 1 for pixels of other colours,
- * whose value may be any between the neighbours' and theirs; shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ
- * w ∂m/∂y)²). */
+/* A texel's area weights, 0 for pixels in the first and last column of the picture. Owned by copy.
+ */
+static float *rectify_inner_weights(const Rectify *rectify, int texel, GArray *copy) {
+    const struct window *window = &rectify->area.window[texel];
+    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
+    g_array_set_size(copy, (guint)n);
+    float *ret = (float *)(void *)copy->data;
+    for (int i = 0; i < n; i++) {
+        const int x = window->x + i % columns;
+        ret[i] = x == 0 || x >= rectify->width - 1 ? 0 : weights_of(&rectify->area, texel)[i];
+    }
+    return ret;
+}
+
+/* Errors are alike along an edge, and it is not known where edges run: of u_p = w_p κ_p Λ_p, κ
+ * being larger for pixels of other colours, the largest of three sums counts. detail_c = gain_c² ·
+ * max(0, max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)²) − noise) shift_c = gain_c² · ((Σ w
+ * ∂m/∂x)² + (Σ w ∂m/∂y)²) */
 static inline __attribute__((always_inline)) void
 rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
                      float *ret_detail, float *ret_shift) {
     const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
     g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
     const float *ratio = found ? found : rectify->ratio;
+    const float other = rectify->mono ? OWN_DETAIL : ELSE_DETAIL;
     g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
     g_autoptr(GArray) copy = g_array_new(FALSE, FALSE, sizeof(float));
+    g_autoptr(GArray) down = g_array_new(FALSE, FALSE, sizeof(float));
     pad(rectify, mosaic, values);
     pad(rectify, pixels, variances);
     for (int texel = 0; texel < rectify->n_texels; texel++, ret_detail += 3, ret_shift += 3) {
         const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
         const struct window *window = &rectify->area.window[texel];
         const int columns = window->n_wide * LANES;
-        g_array_set_size(copy, (guint)(window->n_rows * columns));
-        float *weight = (float *)(void *)copy->data;
-        memcpy(weight, weights_of(&rectify->area, texel),
-               sizeof(float) * window->n_rows * (gsize)columns);
-        for (int i = 0; i < window->n_rows * columns; i++)
-            if (window->x + i % columns == 0 || window->x + i % columns >= rectify->width - 1)
-                weight[i] = 0;
-        wide sums[3][3] = {{{0}}};
+        float *weight = rectify_inner_weights(rectify, texel, copy);
+        wide sums[3][3] = {{{0}}}, squares[3] = {{0}};
+        float rows[3] = {0};
+        g_array_set_size(down, (guint)(3 * columns));
+        memset(down->data, 0, sizeof(float) * 3 * (gsize)columns);
         for (int y = window->y; y < window->y + window->n_rows; y++, weight += columns) {
             if (y == 0 || y == rectify->height - 1)
                 continue;
+            wide row[3] = {{0}};
             for (int x = 0; x < columns; x += LANES) {
                 const gsize p = (gsize)y * stride + window->x + (gsize)x;
                 const gsize at[NEIGHBOURS] = {p, p - 1, p + 1, p - stride, p + stride};
@@ -648,19 +666,29 @@ rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *p
                     const wide even = {e, o, e, o, e, o, e, o}, odd = {o, e, o, e, o, e, o, e};
                     const wide beside = {f, q, f, q, f, q, f, q};
                     const wide own[NEIGHBOURS] = {even, odd, odd, beside, beside};
-                    const wide trust =
-                        rectify->mono ? (wide){0} + OWN_DETAIL : 1 - even * (1 - OWN_DETAIL);
+                    const wide kappa = other - even * (other - OWN_DETAIL);
+                    wide u;
                     rectify_structure_add(values, variances, ratio + (gsize)c * plane, own, at,
-                                          slopes.excess[c], *(const wide *)(weight + x), trust,
-                                          sums[c]);
+                                          slopes.excess[c], *(const wide *)(weight + x), kappa,
+                                          sums[c], &u);
+                    *(wide *)((float *)(void *)down->data + c * columns + x) += u;
+                    squares[c] += u * u;
+                    row[c] += u;
                 }
             }
+            for (int c = 0; c < 3; c++)
+                rows[c] += sum_of(&row[c]) * sum_of(&row[c]);
         }
         for (int c = 0; c < 3; c++) {
             const float square = rectify->colour_gain[c] * rectify->colour_gain[c];
-            const float across = sum_of(&sums[c][1]), down = sum_of(&sums[c][2]);
-            ret_detail[c] = square * MAX(sum_of(&sums[c][0]), 0);
-            ret_shift[c] = square * (across * across + down * down);
+            const float dx = sum_of(&sums[c][1]), dy = sum_of(&sums[c][2]);
+            const float *column = (const float *)(void *)down->data + c * columns;
+            float most = MAX(sum_of(&squares[c]), rows[c]), over_columns = 0;
+            for (int x = 0; x < columns; x++)
+                over_columns += column[x] * column[x];
+            most = MAX(most, over_columns) - sum_of(&sums[c][0]);
+            ret_detail[c] = square * MAX(most, 0);
+            ret_shift[c] = square * (dx * dx + dy * dy);
         }
     }
 }
