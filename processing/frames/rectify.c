@@ -627,9 +627,9 @@ static float *rectify_inner_weights(const Rectify *rectify, int texel, GArray *c
 }
 
 /* Errors are alike along an edge, and it is not known where edges run: of u_p = w_p κ_p Λ_p, κ
- * being larger for pixels of other colours, the largest of three sums counts. detail_c = gain_c² ·
- * max(0, max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)²) − noise) shift_c = gain_c² · ((Σ w
- * ∂m/∂x)² + (Σ w ∂m/∂y)²) */
+ * being larger for pixels of other colours, the largest of three sums counts.
+ *   detail_c = gain_c² · max(0, max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)²) − noise)
+ *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²) */
 static inline __attribute__((always_inline)) void
 rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
                      float *ret_detail, float *ret_shift) {
