@@ -70,10 +70,12 @@ static int btf_sigma_by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts the values. */
+/* Sorts the values, which may be NULL if there are none: then 0. */
 static double btf_sigma_median(float *values, gsize n) {
+    if (n == 0)
+        return 0;
     qsort(values, n, sizeof *values, btf_sigma_by_size);
-    return n > 0 ? (double)values[n / 2] : 0;
+    return (double)values[n / 2];
 }
 
 /* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², with f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Holes are left
