@@ -385,3 +385,15 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
         *ret = found;
     return ok;
 }
+
+/* The merged value is m = Σ DN / T, T the sum of the exposures. With K gain, σ_r read noise and d
+ * dark current in DN/ms, photons and dark electrons give K·(m + d)·T, each exposure's readout
+ * K²σ_r², and its rounding to whole DN 1/12:
+ *   var(m) = K·(m + d)/T + n·(K²σ_r² + 1/12)/T². */
+void transfer_noise(const struct transfer *transfer, double sum_ms, int n, double *ret_floor,
+                    double *ret_slope) {
+    const double gain = transfer->gain_dn_e, read = gain * transfer->read_noise_e;
+    *ret_slope = gain / sum_ms;
+    *ret_floor = *ret_slope * fmax(transfer->dark_dn_s, 0) * 1e-3 +
+                 n * (read * read + 1.0 / 12) / (sum_ms * sum_ms);
+}

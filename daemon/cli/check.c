@@ -1,6 +1,7 @@
 /* check: whether what was measured can be: energy, reciprocity, views that agree on the surface. */
 #include "check.h"
 #include "base/data_error.h"
+#include "btf/btf_sigma.h"
 #include "command/cli.h"
 #include "command/work.h"
 #include "mdf/mdf_views.h"
@@ -103,6 +104,32 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
                    mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
 }
 
+static void tell_sigma(Record *to, const char *path) {
+    struct btf_sigma_sums sigma;
+    btf_sigma_sum(path, &sigma);
+    record_int(to, "sigma_known", sigma.known);
+    record_double(to, "sigma_median", sigma.median);
+    record_double(to, "sigma_relative", sigma.relative);
+    record_int(to, "sigma_large", sigma.large);
+    record_double(to, "sigma_worst", sigma.worst);
+    if (sigma.known == 0) {
+        record_say(to, "error bars   not known: the noise of its cameras is not calibrated, or it "
+                       "was processed by an older version\n");
+        return;
+    }
+    record_say(to, "error bars   median σ %.4g, %.2f %% of a value\n", sigma.median,
+               100 * sigma.relative);
+    if (sigma.large > 0)
+        record_say(
+            to,
+            "  warning: in %d of %d pictures σ is more than %.0f %% of half of the values, up "
+            "to %.1f %% (view %.1f° %.1f°, light %.1f° %.1f°): longer exposures help against "
+            "noise, more pixels a texel on edges\n",
+            sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE, 100 * sigma.worst,
+            sigma.worst_view_theta_deg, sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
+            sigma.worst_light_phi_deg);
+}
+
 static void cli_check_tell(Record *to, const struct check *check) {
     const struct btf_matrix *btf = check->btf;
     if (check->energy) {
@@ -120,6 +147,7 @@ static void cli_check_tell(Record *to, const struct check *check) {
             "lights'\n",
             percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
             percent(btf->predicted, all));
+        tell_sigma(to, check->path);
     }
     if (check->has_mdf)
         tell_surface(to, &check->mdf);

@@ -1,11 +1,14 @@
 /* compare: the difference between two forms of a material, or the errors of every codec. */
 #include "base/data_error.h"
+#include "btf/btf_sigma.h"
 #include "codecs/codecs.h"
 #include "command/cli.h"
 #include "command/work.h"
 #include "curve.h"
 #include "formats/compare_pictures.h"
 #include "plot.h"
+
+#include <math.h>
 
 #define WORST  5  /* number of worst views and lights that are printed as text */
 #define SERIES 24 /* characters of the longest name of a model */
@@ -91,6 +94,37 @@ static void cli_compare_tell_directions(Record *to, const char *what, const floa
     }
 }
 
+/* What the error bars of A, and of B if it is a session as well, make of the difference: what they
+ * let expect, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its part of the difference's square. */
+static void cli_compare_tell_sigma(Record *to, const struct compare *compare) {
+    const struct material_info *infos[] = {material_info(compare->of_a),
+                                           material_info(compare->of_b)};
+    const Material *const materials[] = {compare->of_a, compare->of_b};
+    double share = 0;
+    int known = 0, lights = 0;
+    for (gsize i = 0; i < G_N_ELEMENTS(materials); i++) {
+        const struct btf_matrix *btf = material_btf(materials[i]);
+        struct btf_sigma_sums sigma = {0};
+        if (btf && btf->directory)
+            btf_sigma_sum(btf->directory, &sigma);
+        known += sigma.known;
+        lights += (int)(btf ? infos[i]->layout->views.n * infos[i]->layout->lights.n : 0);
+        share += sigma.share;
+    }
+    const double error = compare->comparison->all.error;
+    const double part = error > 0 ? share / (error * error) : 0;
+    record_int(to, "sigma_known", known);
+    record_double(to, "sigma", sqrt(share));
+    record_double(to, "sigma_part", part);
+    if (known > 0)
+        record_say(to,
+                   "error bars %.3f %% RMS of R, G, B%s: they explain %.0f %% of the difference's "
+                   "square\n",
+                   100 * sqrt(share), known < lights ? " where known" : "", 100 * MIN(part, 1));
+    else
+        record_say(to, "error bars not known\n");
+}
+
 static void cli_compare_tell(Record *to, const struct compare *compare) {
     const struct material_info *a = material_info(compare->of_a), *b = material_info(compare->of_b);
     const struct comparison *c = compare->comparison;
@@ -112,6 +146,7 @@ static void cli_compare_tell(Record *to, const struct compare *compare) {
     record_say(to, "ΔE         %.3f on average (CIEDE2000, white is the diffuser)\n",
                c->all.delta_e);
     record_say(to, "largest    %.4f\n", c->largest);
+    cli_compare_tell_sigma(to, compare);
     cli_compare_tell_directions(to, "view", a->layout->views.theta_deg, a->layout->views.phi_deg,
                                 c->views, c->n_views);
     cli_compare_tell_directions(to, "light", a->layout->lights.theta_deg, a->layout->lights.phi_deg,

@@ -2,6 +2,7 @@
 #include "info.h"
 
 #include "btf/btf.h"
+#include "btf/btf_sigma.h"
 #include "codecs/codecs.h"
 #include "command/cli.h"
 #include "exr/exr.h"
@@ -122,6 +123,18 @@ static void tell_products(Record *to, const char *directory) {
                    marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
 
+/* Medians alone: which pictures are worse, `mesorig check` tells. */
+static void tell_sigma(Record *to, const char *directory) {
+    struct btf_sigma_sums sigma;
+    btf_sigma_sum(directory, &sigma);
+    record_int(to, "btf_sigma_known", sigma.known);
+    record_double(to, "btf_sigma_median", sigma.median);
+    record_double(to, "btf_sigma_relative", sigma.relative);
+    if (sigma.known > 0)
+        record_say(to, "error bars median σ %.4g, %.2f %% of a value, in %d of %d pictures\n",
+                   sigma.median, 100 * sigma.relative, sigma.known, sigma.lights);
+}
+
 static void tell_events(Record *to, const GPtrArray *events) {
     const guint from = events->len > SHOWN_EVENTS ? events->len - SHOWN_EVENTS : 0;
     if (from > 0)
@@ -188,6 +201,7 @@ static void tell_session(Record *to, Session *session, const char *state,
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
     record_say(to, "frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
     tell_products(to, directory);
+    tell_sigma(to, directory);
     tell_events(to, events);
 }
 

@@ -9,6 +9,7 @@
 
 #include "base/data_error.h"
 #include "btf_missing.h"
+#include "btf_sigma.h"
 #include "exr/exr_half.h"
 
 #define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
@@ -47,18 +48,18 @@ static void btf_set_point(struct exr_part *part, const struct btf_view *view, co
 }
 
 /* A new part with the attributes of one light's picture. The channel "mark" is there if any texel
- * has a flag. */
+ * has a flag, and "sigma" if asked for. */
 static struct exr_part *btf_light_part(const struct btf_view *view, const struct btf_light *light,
-                                       const guint8 *flags) {
-    static const char *const channels[] = {"B", "G", "R", NULL};
-    static const char *const flagged_channels[] = {"B", "G", "R", "mark", NULL};
+                                       const guint8 *flags, gboolean sigma) {
     const gsize n = btf_texels(view);
     guint8 any = 0;
     for (gsize i = 0; i < n; i++)
         any |= flags[i];
+    const char *const last = sigma ? "sigma" : NULL;
+    const char *const channels[] = {"B", "G", "R", any ? "mark" : last, any ? last : NULL, NULL};
     g_autofree char *name = g_strdup_printf("light_%04d", light->index);
-    struct exr_part *part = exr_part_new(name, view->grid.width, view->grid.height,
-                                         any ? flagged_channels : channels, EXR_HALF);
+    struct exr_part *part =
+        exr_part_new(name, view->grid.width, view->grid.height, channels, EXR_HALF);
     for (gsize i = 0; any && i < n; i++)
         part->planes[3][i] = flags[i];
     for (gsize k = 0; k < G_N_ELEMENTS(btf_flag_attributes); k++) {
@@ -80,9 +81,10 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
 
 /* Reflectance ρ = π L / (o E) relative to a white Lambertian diffuser: L radiance (rgb: n × 3), E
  * irradiance of the texel facing the lamp, o what the lamp gives in this colour and shot relative
- * to rig_lamp_irradiance(). The cosine n·l stays in ρ. */
+ * to rig_lamp_irradiance(). The cosine n·l stays in ρ. variance (n × 3; may be NULL): of rgb on
+ * input, of ρ on output. */
 static void btf_to_reflectance(const struct btf_view *view, const struct btf_light *light,
-                               const float *rgb, struct exr_part *part) {
+                               const float *rgb, struct exr_part *part, float *variance) {
     const gsize n = btf_texels(view);
     const struct radiometry_lamp *lamp = light->radiometry;
     g_autofree float *irradiance = g_new(float, n);
@@ -93,6 +95,9 @@ static void btf_to_reflectance(const struct btf_view *view, const struct btf_lig
         const float scale = (float)G_PI / output;
         for (gsize i = 0; i < n; i++)
             part->planes[2 - c][i] = irradiance[i] > 0 ? rgb[3 * i + c] * scale / irradiance[i] : 0;
+        for (gsize i = 0; variance && i < n; i++)
+            variance[3 * i + c] *=
+                irradiance[i] > 0 ? scale * scale / (irradiance[i] * irradiance[i]) : 0;
     }
 }
 
@@ -102,6 +107,7 @@ struct mosaic {
     guint8 *bound; /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
     float shorter; /* values from here on come from shorter exposures; 0: there are none */
     int saturated; /* number of saturated pixels; −1: unknown */
+    struct btf_exposures exposures;
 };
 
 /* The frames of a view. */
@@ -189,7 +195,9 @@ static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mos
     const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
     struct exr_part *frame = input_read(input, any, error);
     const gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error) &&
-                        btf_store_planes(input, frame, i, to, error);
+                        btf_store_planes(input, frame, i, to, error) &&
+                        (!view->noise || strcmp(to->cfa, "rgb") == 0 ||
+                         btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok)
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
     exr_part_free(frame);
@@ -212,6 +220,22 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
+/* Of the radiance of each texel and colour: var = noise + detail + ½ δ² · shift, δ being the
+ * distance in pixels by which the camera is misregistered (rectify.h). */
+static void btf_add_up_variance(const struct btf_view *view, const Rectify *rectify,
+                                const struct btf_exposures *exposures, const float *values,
+                                gsize n_pixels, float *ret) {
+    const gsize n = 3 * btf_texels(view);
+    const float half = 0.5f * (float)(view->misregistration_px * view->misregistration_px);
+    g_autofree float *pixels = g_new(float, n_pixels);
+    g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
+    btf_sigma_pixels(view->noise, exposures, values, n_pixels, pixels);
+    rectify_variance(rectify, values, pixels, ret);
+    rectify_structure(rectify, values, pixels, detail, shift);
+    for (gsize i = 0; i < n; i++)
+        ret[i] += detail[i] + half * shift[i];
+}
+
 /* Rectifies one light's frame. An error if most of its texels are holes. */
 static struct exr_part *btf_make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                        const struct mosaics *mosaics, GError **error) {
@@ -230,10 +254,21 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
         return NULL;
     }
     btf_set_flags(rectify, mosaic, values, mosaics, n, flags);
-    struct exr_part *part = btf_light_part(view, light, flags);
+    g_autofree float *variance = mosaic->exposures.n > 0 ? g_new(float, 3 * n) : NULL;
+    struct exr_part *part = btf_light_part(view, light, flags, variance != NULL);
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
-    btf_to_reflectance(view, light, rgb, part);
+    if (variance)
+        btf_add_up_variance(view, rectify, &mosaic->exposures, values, mosaics->n_pixels, variance);
+    btf_to_reflectance(view, light, rgb, part, variance);
+    for (gsize k = 0; k < n; k++)
+        flags[k] &= BTF_FLAG_HOLE;
+    if (variance) {
+        double scale[3];
+        btf_sigma_fill(part, variance, flags);
+        btf_sigma_scale(view->radiometry, light->radiometry, scale);
+        exr_set_v3d(part, "sigma.scale", scale[0], scale[1], scale[2]);
+    }
     return part;
 }
 
@@ -249,7 +284,7 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
         if (!weights)
             continue;
         btf_missing_flags(weights, taken, view->lights->len, n, flags);
-        parts[i] = btf_light_part(view, light, flags);
+        parts[i] = btf_light_part(view, light, flags, FALSE);
         btf_missing_fill(weights, taken, view->lights->len, flags, parts[i]);
     }
 }

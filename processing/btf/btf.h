@@ -5,6 +5,7 @@
 #pragma once
 
 #include "frames/rectify.h"
+#include "radiometry/photon_transfer.h"
 #include "session/inputs.h"
 
 /* Version of the method: it increases whenever the same frames give other values. Products of an
@@ -41,6 +42,8 @@ struct btf_view {
     double theta_deg, phi_deg;
     const struct rig_camera *camera;            /* borrowed, as the next */
     const struct radiometry_camera *radiometry; /* may be not known */
+    const struct transfer *noise; /* of the camera; NULL: not known, and so are errors of values */
+    double misregistration_px;    /* of the calibrated camera, RMS distance in the picture */
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
@@ -52,8 +55,8 @@ void btf_view_free(struct btf_view *view); /* NULL is ignored */
 
 /* Writes the file. Its parts have, besides the attributes of pipeline.h, mesorig.inputs (string)
  * and mesorig.holes, mesorig.bounds, mesorig.shorter, mesorig.predicted (int): number of texels
- * with each flag. A missing light is predicted: the plane over (sin θ cos φ, sin θ sin φ) that
- * fits ρ / cos θ_l of the nearest lights best, times its own cos θ_l. */
+ * with each flag; and error bars (btf_sigma.h). A missing light is predicted: the plane over (sin θ
+ * cos φ, sin θ sin φ) that fits ρ / cos θ_l of the nearest lights best, times its own cos θ_l. */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 

@@ -8,6 +8,8 @@
 
 #define SPACING_PX  0.25  /* distance of the points that sample a texel */
 #define MOST_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
+#define OWN_DETAIL  0.22f /* κ of rectify_structure() for a colour's own pixels, and */
+#define ELSE_DETAIL 0.84f /* for others; measured: docs/accuracy.md */
 #define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
 
 /* Adjacent pixels that one vector instruction sums. */
@@ -522,6 +524,241 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
             ret_holes[texel] = !seen;
     }
     return holes;
+}
+
+/* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
+ * Without smooth weights (mono) the window is that of the area. Returns the window. */
+static const struct window *rectify_widen(const Rectify *rectify, int texel, float *ret_area) {
+    const struct window *area = &rectify->area.window[texel];
+    const struct window *window = &rectify->around.window[texel];
+    const float *weight = weights_of(&rectify->area, texel);
+    window = window->n_rows > 0 ? window : area;
+    const int columns = window->n_wide * LANES;
+    memset(ret_area, 0, sizeof(float) * window->n_rows * (gsize)columns);
+    for (int y = 0; y < area->n_rows; y++)
+        for (int x = 0; x < area->n_wide * LANES; x++, weight++) {
+            const int column = area->x + x - window->x, row = area->y + y - window->y;
+            if (*weight != 0 && column >= 0 && column < columns && row >= 0 && row < window->n_rows)
+                ret_area[row * columns + column] = *weight;
+        }
+    return window;
+}
+
+/* The derivatives of a texel's value by its pixels (see apply_all()), w being area weights, a
+ * smooth ones, and r ratios; the clamped excess is a constant: own colour:    ∂/∂m_p = w + own·a,
+ * own = others_c · balance / others of the surround other colours: ∂/∂m_p = excess·r·(w − other·a),
+ * other = others_c / others of the surround. */
+struct rectify_slopes {
+    float own[3], excess[3], other[3];
+};
+
+static inline __attribute__((always_inline)) struct rectify_slopes
+rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const float *ratio) {
+    struct rectify_slopes ret = {{0}, {1, 1, 1}, {0}};
+    struct tally area, around;
+    add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
+    add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
+    for (int c = 0; c < 3; c++) {
+        const float others = around.others[c], balance = rectify->balance[texel][c];
+        if (!(balance > 0 && others > 0))
+            continue;
+        const float excess = around.own[c] / others * balance;
+        ret.excess[c] = CLAMP(excess, 1 / MOST_EXCESS, MOST_EXCESS);
+        if (excess != ret.excess[c])
+            continue;
+        ret.other[c] = area.others[c] / others;
+        ret.own[c] = ret.other[c] * balance;
+    }
+    return ret;
+}
+
+/* var_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. */
+static inline __attribute__((always_inline)) void rectify_do_variance(const Rectify *rectify,
+                                                                      const float *mosaic,
+                                                                      const float *pixels,
+                                                                      float *ret_variance) {
+    const gsize height = (gsize)rectify->height, plane = rectify->stride * height;
+    g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
+    const float *ratio = found ? found : rectify->ratio;
+    g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
+    guint most = 0;
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        const struct window *a = &rectify->area.window[texel], *b = &rectify->around.window[texel];
+        most = MAX(most, (guint)MAX(a->n_rows * a->n_wide, b->n_rows * b->n_wide) * LANES);
+    }
+    g_autofree float *area = g_new(float, most), *none = g_new0(float, most);
+    pad(rectify, mosaic, values);
+    pad(rectify, pixels, variances);
+    for (int texel = 0; texel < rectify->n_texels; texel++, ret_variance += 3) {
+        const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
+        const struct window *window = rectify_widen(rectify, texel, area);
+        const gboolean smooth = window != &rectify->area.window[texel];
+        const float *around = smooth ? weights_of(&rectify->around, texel) : none, *weight = area;
+        wide sum[3] = {{0}};
+        for (int y = window->y; y < window->y + window->n_rows; y++) {
+            const gsize at = (gsize)y * rectify->stride + window->x;
+            const int *phase = &rectify->phase[2 * (y & 1)];
+            for (gsize x = at; x < at + window->n_wide * LANES; x += LANES) {
+                const wide w = *(const wide *)weight, a = *(const wide *)around;
+                const wide variance = *(const wide *)(variances + x);
+                for (int c = 0; c < 3; c++) {
+                    const float even = phase[0] == c, odd = phase[1] == c;
+                    const wide own = {even, odd, even, odd, even, odd, even, odd};
+                    const wide r = *(const wide *)(ratio + (gsize)c * plane + x);
+                    const wide slope = own * (w + slopes.own[c] * a) +
+                                       slopes.excess[c] * r * (w - slopes.other[c] * a);
+                    sum[c] += slope * slope * variance;
+                }
+                weight += LANES;
+                around += LANES;
+            }
+        }
+        for (int c = 0; c < 3; c++)
+            ret_variance[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * sum_of(&sum[c]);
+    }
+}
+
+/* A pixel and its neighbours to the left, right, above and below. */
+enum { HERE, NEIGHBOURS = 5 };
+
+/* Lanes of one row of the area's window: m is the picture in one colour, with the texel's excess,
+ * as m_p = mosaic · (1 for the colour's own pixels, else excess · ratio). Λ = m_p − mean of the
+ * four neighbours is what a pixel shows that these do not tell; half the differences across it are
+ * its slopes. Adds up the variance by noise of w κ Λ, which it returns, and w times the slopes. */
+static inline __attribute__((always_inline)) void
+rectify_structure_add(const float *mosaic, const float *pixels, const float *ratio,
+                      const wide own[NEIGHBOURS], const gsize at[NEIGHBOURS], float excess,
+                      wide weight, wide kappa, wide sums[3], wide *ret) {
+    wide m[NEIGHBOURS], noise = {0};
+    for (int k = 0; k < NEIGHBOURS; k++) {
+        const wide factor = own[k] + excess * *(const wide *)(ratio + at[k]);
+        m[k] = *(const wide *)(mosaic + at[k]) * factor;
+        noise += *(const wide *)(pixels + at[k]) * factor * factor * (k == HERE ? 1 : 1.0f / 16);
+    }
+    const wide lambda = m[HERE] - 0.25f * (m[1] + m[2] + m[3] + m[4]);
+    const wide share = weight * kappa;
+    sums[0] += share * share * noise;
+    sums[1] += 0.5f * weight * (m[2] - m[1]);
+    sums[2] += 0.5f * weight * (m[4] - m[3]);
+    *ret = share * lambda;
+}
+
+/* A texel's area weights, 0 for pixels in the first and last column of the picture. Owned by copy.
+ */
+static float *rectify_inner_weights(const Rectify *rectify, int texel, GArray *copy) {
+    const struct window *window = &rectify->area.window[texel];
+    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
+    g_array_set_size(copy, (guint)n);
+    float *ret = (float *)(void *)copy->data;
+    for (int i = 0; i < n; i++) {
+        const int x = window->x + i % columns;
+        ret[i] = x == 0 || x >= rectify->width - 1 ? 0 : weights_of(&rectify->area, texel)[i];
+    }
+    return ret;
+}
+
+/* Errors are alike along an edge, and it is not known where edges run: of u_p = w_p κ_p Λ_p, κ
+ * being larger for pixels of other colours, the largest of three sums counts.
+ *   detail_c = gain_c² · max(0, max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)²) − noise)
+ *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²) */
+static inline __attribute__((always_inline)) void
+rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
+                     float *ret_detail, float *ret_shift) {
+    const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
+    g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
+    const float *ratio = found ? found : rectify->ratio;
+    const float other = rectify->mono ? OWN_DETAIL : ELSE_DETAIL;
+    g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
+    g_autoptr(GArray) copy = g_array_new(FALSE, FALSE, sizeof(float));
+    g_autoptr(GArray) down = g_array_new(FALSE, FALSE, sizeof(float));
+    pad(rectify, mosaic, values);
+    pad(rectify, pixels, variances);
+    for (int texel = 0; texel < rectify->n_texels; texel++, ret_detail += 3, ret_shift += 3) {
+        const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
+        const struct window *window = &rectify->area.window[texel];
+        const int columns = window->n_wide * LANES;
+        float *weight = rectify_inner_weights(rectify, texel, copy);
+        wide sums[3][3] = {{{0}}}, squares[3] = {{0}};
+        float rows[3] = {0};
+        g_array_set_size(down, (guint)(3 * columns));
+        memset(down->data, 0, sizeof(float) * 3 * (gsize)columns);
+        for (int y = window->y; y < window->y + window->n_rows; y++, weight += columns) {
+            if (y == 0 || y == rectify->height - 1)
+                continue;
+            wide row[3] = {{0}};
+            for (int x = 0; x < columns; x += LANES) {
+                const gsize p = (gsize)y * stride + window->x + (gsize)x;
+                const gsize at[NEIGHBOURS] = {p, p - 1, p + 1, p - stride, p + stride};
+                for (int c = 0; c < 3; c++) {
+                    const int *const phase[] = {&rectify->phase[2 * (y & 1)],
+                                                &rectify->phase[2 * (~y & 1)]};
+                    const float e = phase[0][0] == c, o = phase[0][1] == c;
+                    const float f = phase[1][0] == c, q = phase[1][1] == c;
+                    const wide even = {e, o, e, o, e, o, e, o}, odd = {o, e, o, e, o, e, o, e};
+                    const wide beside = {f, q, f, q, f, q, f, q};
+                    const wide own[NEIGHBOURS] = {even, odd, odd, beside, beside};
+                    const wide kappa = other - even * (other - OWN_DETAIL);
+                    wide u;
+                    rectify_structure_add(values, variances, ratio + (gsize)c * plane, own, at,
+                                          slopes.excess[c], *(const wide *)(weight + x), kappa,
+                                          sums[c], &u);
+                    *(wide *)((float *)(void *)down->data + c * columns + x) += u;
+                    squares[c] += u * u;
+                    row[c] += u;
+                }
+            }
+            for (int c = 0; c < 3; c++)
+                rows[c] += sum_of(&row[c]) * sum_of(&row[c]);
+        }
+        for (int c = 0; c < 3; c++) {
+            const float square = rectify->colour_gain[c] * rectify->colour_gain[c];
+            const float dx = sum_of(&sums[c][1]), dy = sum_of(&sums[c][2]);
+            const float *column = (const float *)(void *)down->data + c * columns;
+            float most = MAX(sum_of(&squares[c]), rows[c]), over_columns = 0;
+            for (int x = 0; x < columns; x++)
+                over_columns += column[x] * column[x];
+            most = MAX(most, over_columns) - sum_of(&sums[c][0]);
+            ret_detail[c] = square * MAX(most, 0);
+            ret_shift[c] = square * (dx * dx + dy * dy);
+        }
+    }
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void rectify_variance_avx2(const Rectify *rectify,
+                                                                  const float *mosaic,
+                                                                  const float *pixels,
+                                                                  float *ret_variance) {
+    rectify_do_variance(rectify, mosaic, pixels, ret_variance);
+}
+
+__attribute__((target("avx2"))) static void
+rectify_structure_avx2(const Rectify *rectify, const float *mosaic, const float *pixels,
+                       float *ret_detail, float *ret_shift) {
+    rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
+}
+#endif
+
+void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
+                      float *ret_variance) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        rectify_variance_avx2(rectify, mosaic, pixels, ret_variance);
+        return;
+    }
+#endif
+    rectify_do_variance(rectify, mosaic, pixels, ret_variance);
+}
+
+void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
+                       float *ret_detail, float *ret_shift) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        rectify_structure_avx2(rectify, mosaic, pixels, ret_detail, ret_shift);
+        return;
+    }
+#endif
+    rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
 }
 
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {

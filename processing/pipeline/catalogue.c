@@ -4,6 +4,7 @@
 #include "catalogue.h"
 
 #include "base/data_error.h"
+#include "btf/btf_sigma.h"
 
 #include <math.h>
 #include <string.h>
@@ -252,10 +253,16 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
     btf->phi_deg = view->phi_deg;
     btf->camera = &catalogue->rig.cameras[view->device];
     btf->radiometry = &catalogue->known->camera_radiometry[view->device];
+    const struct calibration_noise *noise = &catalogue->known->noise[view->device];
+    const struct calibration_camera *camera = &catalogue->known->cameras[view->device];
+    btf->noise = noise->known ? &noise->transfer : NULL;
+    btf->misregistration_px = camera->known ? camera->residual_rms_px : 0;
     btf->turntable_rad = catalogue_radians(view->turntable_deg);
     btf->grid = catalogue->grid;
     btf->lights = g_array_new(FALSE, FALSE, sizeof(struct btf_light));
     g_autoptr(GChecksum) sum = view_checksum(catalogue, "btf", view);
+    if (btf->noise)
+        input_hash(sum, "sigma %d", BTF_SIGMA_METHOD);
     enum catalogue_state state = catalogue->lights->len ? CATALOGUE_READY : CATALOGUE_IMPOSSIBLE;
     for (guint i = 0; i < catalogue->lights->len; i++) {
         const struct session_direction *direction = g_ptr_array_index(catalogue->lights, i);

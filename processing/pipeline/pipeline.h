@@ -6,7 +6,8 @@
  * light.theta_deg light.phi_deg (double) (nominal); view.centre_mm light.position_mm (v3d: camera
  * and lamp as calibrated, sample frame: a texel's exact directions are those towards them);
  * mesorig.saturated (int: pixels of the frame that even the shortest exposure saturated); channel
- * "mark" where any texel has one, and how many have each: see btf.h
+ * "mark" where any texel has one, and how many have each: see btf.h; channel
+ * "sigma" and its attributes where the camera's noise is calibrated: see btf_sigma.h
  *
  *   products/mdf.exr             a part "view_0000" a view, float channels:
  *                                  "D" the distance, mm; −1: not known

@@ -137,6 +137,39 @@ static void print_curve(struct bench_setup setup) {
     printf(json ? "]" : "");
 }
 
+/* Of error bars (btf_sigma.h), for each view's elevation, and of all values together. */
+static void print_chi_squares(const struct bench_cell *cells) {
+    struct bench_cell all = {0};
+    printf(json ? ", \"btf_chi_square\": ["
+                : "  χ² of error bars, and of noise alone, in views of\n");
+    for (int view = 0; view <= RIG_VIEWS; view++) {
+        struct bench_cell sum = {0};
+        for (int i = view * RIG_VIEWS; view < RIG_VIEWS && i < (view + 1) * RIG_VIEWS; i++) {
+            sum.chi += cells[i].chi;
+            sum.chi_noise += cells[i].chi_noise;
+            sum.values += cells[i].values;
+            sum.beyond += cells[i].beyond;
+        }
+        all.chi += sum.chi;
+        all.chi_noise += sum.chi_noise;
+        all.values += sum.values;
+        all.beyond += sum.beyond;
+        const struct bench_cell *cell = view < RIG_VIEWS ? &sum : &all;
+        const double n = (double)cell->values;
+        if (json)
+            printf("%s{\"elevation_deg\": %g, \"chi_square\": %.4f, \"noise_alone\": %.4f, "
+                   "\"beyond_3_sigma\": %.5f}",
+                   view ? ", " : "", view < RIG_VIEWS ? bench_elevation_deg(view) : -1,
+                   cell->chi / n, cell->chi_noise / n, (double)cell->beyond / n);
+        else
+            printf("    %s%.0f°: %.2f, %.1f; %.2f %% beyond 3 σ\n",
+                   view < RIG_VIEWS ? "" : "all, to ",
+                   bench_elevation_deg(MIN(view, RIG_VIEWS - 1)), cell->chi / n,
+                   cell->chi_noise / n, 100 * (double)cell->beyond / n);
+    }
+    printf(json ? "]" : "");
+}
+
 static double part(gint64 n, gint64 of) {
     return of > 0 ? (double)n / (double)of : 0;
 }
@@ -348,11 +381,13 @@ static void print_speed(void) {
     struct bench_setup setup = {
         .material = "weave", .texels = 128, .texel_mm = 0.390625, .pixels_a_texel = pixels};
     struct bench_speed s = bench_speed(&setup, 2);
-    printf(json ? "%s\"speed\": {\"decode_ms\": %.2f, \"rectify_ms\": %.2f, \"prepare_ms\": %.0f, "
+    printf(json ? "%s\"speed\": {\"decode_ms\": %.2f, \"rectify_ms\": %.2f, \"errors_ms\": %.2f, "
+                  "\"prepare_ms\": %.0f, "
                   "\"guide_ms\": %.0f}"
-                : "%sa frame of 128 × 128 texels: decoded in %.2f ms, rectified in %.2f; a view "
+                : "%sa frame of 128 × 128 texels: decoded in %.2f ms, rectified in %.2f, its error "
+                  "bars found in %.2f; a view "
                   "prepared in %.0f ms, its guide made in %.0f\n",
-           json ? ", " : "", s.decode_ms, s.rectify_ms, s.prepare_ms, s.guide_ms);
+           json ? ", " : "", s.decode_ms, s.rectify_ms, s.errors_ms, s.prepare_ms, s.guide_ms);
 }
 
 static void draw(const char *material, const struct demo_btf *picture) {
@@ -406,6 +441,7 @@ static void measure(const char *material) {
                 printf("%8.2f /%6.2f%s", 100 * median, 100 * p95, i % RIG_VIEWS < 4 ? "" : "\n");
         }
         printf(json ? "]" : "");
+        print_chi_squares(cells);
     }
     printf(json ? "}" : "");
     fflush(stdout);

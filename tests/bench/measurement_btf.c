@@ -1,5 +1,6 @@
 #include "measurement_parts.h"
 
+#include "btf/btf_sigma.h"
 #include "capture/radiance.h"
 #include "exr/exr_half.h"
 #include "frames/rectify.h"
@@ -105,11 +106,42 @@ static void guide_by_all(World *world, int view, const struct darks *darks, Rect
     rectify_guide(rectify, sum);
 }
 
+struct bench_sigma {
+    float *noise, *detail;
+};
+
+/* The simulated sensors' noise as a photon transfer tells it: K = (2^bits − 1 − black) / full well.
+ */
+static const struct transfer transfer = {.gain_dn_e = (4095 - 64) / 15000.0, .read_noise_e = 4};
+
+/* The standard error of each texel as btf.c finds it, in the unit of rgb: n × 3 variances each. */
+static void find_errors(const Rectify *rectify, const float *mosaic, gsize n_pixels, int saturation,
+                        int n, struct bench_sigma *ret) {
+    struct btf_exposures exposures = {.n = N_EXPOSURES};
+    g_autofree float *pixels = g_new(float, n_pixels), *shift = g_new(float, 3 * n);
+    for (int e = 0; e < N_EXPOSURES; e++)
+        exposures.ms[e] = (double)exposures_us[e] * 1e-3;
+    exposures.shorter = (float)((saturation - 64) / exposures.ms[N_EXPOSURES - 1]);
+    btf_sigma_pixels(&transfer, &exposures, mosaic, n_pixels, pixels);
+    ret->noise = g_new(float, 3 * n);
+    ret->detail = g_new(float, 3 * n);
+    rectify_variance(rectify, mosaic, pixels, ret->noise);
+    rectify_structure(rectify, mosaic, pixels, ret->detail, shift);
+}
+
 static void compare(const float *rgb, const float *irradiance, const float *truth, int n,
-                    gboolean mono, GArray *errors, GArray *bias) {
+                    gboolean mono, const struct bench_sigma *sigma, struct bench_cell *cell) {
+    GArray *errors = cell->errors, *bias = cell->bias;
     for (int i = 0; i < n; i++)
         for (int c = mono; c < (mono ? 2 : 3); c++) {
             float value = rgb[3 * i + c] * (float)G_PI / irradiance[i], exact = truth[3 * i + c];
+            const double off = (double)((value - exact) * irradiance[i]) / G_PI;
+            const double noise = (double)sigma->noise[3 * i + c];
+            const double all = noise + (double)sigma->detail[3 * i + c];
+            cell->values++;
+            cell->chi_noise += off * off / noise;
+            cell->chi += off * off / all;
+            cell->beyond += off * off > 9 * all;
             float error = (value - exact) / MAX(exact, (float)LEAST);
             float size = fabsf(error);
             g_array_append_val(errors, size);
@@ -168,7 +200,12 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
                 demo_btf_add(picture, part, truth);
                 exr_part_free(part);
             }
-            compare(rgb, irradiance, truth, n, setup->mono, cell->errors, cell->bias);
+            struct bench_sigma sigma;
+            find_errors(rectify, mosaic, (gsize)rig.cameras[view].width * rig.cameras[view].height,
+                        radiance_saturation(12), n, &sigma);
+            compare(rgb, irradiance, truth, n, setup->mono, &sigma, cell);
+            g_free(sigma.noise);
+            g_free(sigma.detail);
         }
         for (int e = 0; e < N_EXPOSURES; e++)
             g_free(darks.level[e]);

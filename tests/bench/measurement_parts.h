@@ -8,6 +8,10 @@ struct bench_cell { /* a view and a lamp */
     GArray *errors; /* float: of each texel and colour, relative */
     GArray *bias;   /* with their signs */
     int saturated;  /* pixels */
+    /* Sums over values of (error / σ)², σ being of noise alone, and of noise and structure; values
+     * off by more than 3 σ */
+    double chi_noise, chi;
+    gint64 values, beyond;
 };
 
 /* ret: RIG_VIEWS × RIG_VIEWS cells, view by view; errors are appended. picture, if not NULL, gets
@@ -53,8 +57,8 @@ struct bench_peaks bench_peaks(double amplitude_dn, double sigma);
 
 /* What rectifying costs beside decoding. */
 struct bench_speed {
-    double decode_ms, rectify_ms; /* a frame */
-    double prepare_ms, guide_ms;  /* a view */
+    double decode_ms, rectify_ms, errors_ms; /* a frame */
+    double prepare_ms, guide_ms;             /* a view */
 };
 
 /* One core, a frame as capture stores it. */

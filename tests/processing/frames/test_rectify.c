@@ -231,6 +231,45 @@ static void test_outside(void) {
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
 }
 
+/* Of a picture in which a single pixel has a variance of 1, texels have the squares of their
+ * derivatives by that pixel, as a small change of it shows. Colours vary, so that the excess over
+ * the guide counts, too. */
+static void test_variance(void) {
+    const float change = 2e-3f;
+    for (guint f = 0; f < G_N_ELEMENTS(filters); f++) {
+        struct pinhole pinhole = camera_at(40, 1100);
+        struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+        camera.response = 1000;
+        camera.vignetting = 0.1;
+        g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, filters[f], 0.5, &grid, NULL);
+        g_autofree float *mosaic = linear_mosaic(filters[f], &camera), *pixels = NULL;
+        g_autofree float *low = g_new(float, 24 * 20 * 3), *high = g_new(float, 24 * 20 * 3);
+        g_autofree float *variance = g_new(float, 24 * 20 * 3);
+        rectify_guide(rectify, mosaic);
+        for (int i = 0; i < 160 * 160; i++)
+            mosaic[i] *= 1 + 0.3f * sinf((float)i);
+        for (int k = 0; k < 16; k++) {
+            const int pixel = 160 * (76 + k / 2) + 70 + k % 4 * 5;
+            float most = 0;
+            pixels = g_renew(float, pixels, 160 * 160);
+            memset(pixels, 0, sizeof(float) * 160 * 160);
+            pixels[pixel] = 1;
+            rectify_variance(rectify, mosaic, pixels, variance);
+            mosaic[pixel] -= change;
+            rectify_apply(rectify, mosaic, low, NULL);
+            mosaic[pixel] += 2 * change;
+            rectify_apply(rectify, mosaic, high, NULL);
+            mosaic[pixel] -= change;
+            for (int i = 0; i < 24 * 20 * 3; i++) {
+                const float slope = (high[i] - low[i]) / (2 * change);
+                most = MAX(most, fabsf(slope));
+                g_assert_cmpfloat_with_epsilon(sqrtf(variance[i]), fabsf(slope), 1e-3);
+            }
+            g_assert_cmpfloat(most, >, 0.02);
+        }
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/rectify/linear", test_linear);
@@ -241,5 +280,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/rectify/border", test_border);
     g_test_add_func("/rectify/holes", test_holes);
     g_test_add_func("/rectify/outside", test_outside);
+    g_test_add_func("/rectify/variance", test_variance);
     return g_test_run();
 }

@@ -1,0 +1,183 @@
+/* From a sensor's noise to the error bars of texels: pixels' variances by the exposures that each
+ * was merged of, and the channel that holds what rectify_variance() makes of them. */
+#include "btf_sigma.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/data_error.h"
+
+#define SIGNIFICANT_BITS 5 /* of a stored σ */
+
+gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
+                            struct btf_exposures *ret, GError **error) {
+    const char *text = NULL;
+    double shorter = 0;
+    *ret = (struct btf_exposures){0};
+    if (!exr_get_string(frame, "mesorig.exposures_us", &text, NULL))
+        return TRUE;
+    g_auto(GStrv) items = g_strsplit(text, ";", -1);
+    const guint n = g_strv_length(items);
+    for (guint i = 0; i < n; i++) {
+        char *end = NULL;
+        const double ms = g_ascii_strtod(items[i], &end) * 1e-3;
+        if (n <= BTF_SIGMA_EXPOSURES && end != items[i] && *end == '\0' && isfinite(ms) &&
+            ms > (i > 0 ? ret->ms[i - 1] : 0)) {
+            ret->ms[i] = ms;
+            continue;
+        }
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: mesorig.exposures_us is “%s”, which is not a list of 1 to %d rising "
+                    "numbers with ; between them; capture this shot again",
+                    path, text, BTF_SIGMA_EXPOSURES);
+        return FALSE;
+    }
+    ret->n = (int)n;
+    if (exr_get_double(frame, "mesorig.shorter_from", &shorter, NULL) && shorter > 0)
+        ret->shorter = (float)shorter;
+    return TRUE;
+}
+
+/* A pixel was merged of the exposures t_i that it does not saturate: m < shorter · t_n / t_i, of
+ * the shortest at least. To its noise comes that of rounding m to a half: (m · 2⁻¹¹)² / 3. */
+void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
+                      const float *values, gsize n, float *ret_variances) {
+    float slope[BTF_SIGMA_EXPOSURES], floor[BTF_SIGMA_EXPOSURES], from[BTF_SIGMA_EXPOSURES];
+    double sum_ms = 0;
+    for (int i = 0; i < exposures->n; i++) {
+        double a, b;
+        sum_ms += exposures->ms[i];
+        transfer_noise(transfer, sum_ms, i + 1, &a, &b);
+        floor[i] = (float)a;
+        slope[i] = (float)b;
+        from[i] =
+            i == 0 || exposures->shorter <= 0
+                ? INFINITY
+                : (float)(exposures->shorter * exposures->ms[exposures->n - 1] / exposures->ms[i]);
+    }
+    for (gsize k = 0; k < n; k++) {
+        const float value = isfinite(values[k]) ? MAX(values[k], 0) : 0;
+        const float rounding = value * (float)(1.0 / 2048);
+        int used = exposures->n - 1;
+        while (used > 0 && value >= from[used])
+            used--;
+        ret_variances[k] = floor[used] + slope[used] * value + rounding * rounding / 3;
+    }
+}
+
+static int btf_sigma_by_size(const void *a, const void *b) {
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* Sorts the values, which may be NULL if there are none: then 0. */
+static double btf_sigma_median(float *values, gsize n) {
+    if (n == 0)
+        return 0;
+    qsort(values, n, sizeof *values, btf_sigma_by_size);
+    return (double)values[n / 2];
+}
+
+/* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², with f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Holes are left
+ * out. */
+void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes) {
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    float *sigma = exr_part_plane(part, "sigma");
+    const float *const rho[] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
+                                exr_part_plane(part, "B")};
+    g_autofree float *all = g_new(float, n), *relative = g_new(float, n);
+    double sums[3] = {0}, f[3], squares = 0;
+    gsize seen = 0;
+    for (gsize i = 0; i < n; i++)
+        for (gsize c = 0; c < 3 && !holes[i]; c++)
+            sums[c] += (double)variances[3 * i + c];
+    const double mean = (sums[0] + sums[1] + sums[2]) / 3;
+    for (gsize c = 0; c < 3; c++)
+        f[c] = mean > 0 && sums[c] > 0 ? sqrt(sums[c] / mean) : 1;
+    for (gsize i = 0; i < n; i++) {
+        double square = 0, value = 0;
+        for (gsize c = 0; c < 3; c++) {
+            square += (double)variances[3 * i + c] / (3 * f[c] * f[c]);
+            value += (double)(rho[c][i] * rho[c][i]) / 3;
+        }
+        int exponent;
+        const double digits = frexp(sqrt(square), &exponent);
+        sigma[i] = holes[i] ? 0
+                            : (float)ldexp(round(ldexp(digits, SIGNIFICANT_BITS)),
+                                           exponent - SIGNIFICANT_BITS);
+        if (holes[i])
+            continue;
+        all[seen] = sigma[i];
+        squares += value;
+        relative[seen++] = sigma[i] / (float)fmax(sqrt(value), BTF_SIGMA_DARK);
+    }
+    exr_set_v3d(part, "sigma.colour", f[0], f[1], f[2]);
+    exr_set_double(part, "sigma.rms", seen > 0 ? sqrt(mean / (double)seen) : 0);
+    exr_set_double(part, "sigma.value", seen > 0 ? sqrt(squares / (double)seen) : 0);
+    exr_set_double(part, "sigma.median", btf_sigma_median(all, seen));
+    exr_set_double(part, "sigma.relative", btf_sigma_median(relative, seen));
+}
+
+/* ρ_c ∝ 1 / (response · camera colour_c · intensity · lamp colour_c): relative errors add in
+ * squares. */
+void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
+                     double ret[3]) {
+    for (int c = 0; c < 3; c++) {
+        double square = 0;
+        if (camera && camera->known)
+            square += pow(camera->response_error, 2) +
+                      pow(camera->colour_error[c] / camera->colour[c], 2);
+        if (lamp && lamp->known)
+            square +=
+                pow(lamp->intensity_error, 2) + pow(lamp->colour_error[c] / lamp->colour[c], 2);
+        ret[c] = sqrt(square);
+    }
+}
+
+gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret) {
+    return exr_get_v3d(part, "sigma.colour", ret->colour, NULL) &&
+           exr_get_v3d(part, "sigma.scale", ret->scale, NULL) &&
+           exr_get_double(part, "sigma.rms", &ret->rms, NULL) &&
+           exr_get_double(part, "sigma.value", &ret->value, NULL) &&
+           exr_get_double(part, "sigma.median", &ret->median, NULL) &&
+           exr_get_double(part, "sigma.relative", &ret->relative, NULL);
+}
+
+void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
+    g_autofree char *folder = g_build_filename(directory, "products", "btf", NULL);
+    g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
+    g_autoptr(GArray) medians = g_array_new(FALSE, FALSE, sizeof(float));
+    g_autoptr(GArray) relatives = g_array_new(FALSE, FALSE, sizeof(float));
+    double errors = 0, values = 0;
+    const char *name;
+    *ret = (struct btf_sigma_sums){0};
+    while (names && (name = g_dir_read_name(names))) {
+        g_autofree char *path = g_build_filename(folder, name, NULL);
+        g_autoptr(ExrFile) file =
+            g_str_has_suffix(name, ".exr") ? exr_read_headers(path, NULL) : NULL;
+        for (guint k = 0; file && k < file->parts->len; k++) {
+            const struct exr_part *part = g_ptr_array_index(file->parts, k);
+            struct btf_sigma sigma;
+            ret->lights++;
+            if (!btf_sigma_read(part, &sigma))
+                continue;
+            const float median = (float)sigma.median, relative = (float)sigma.relative;
+            g_array_append_val(medians, median);
+            g_array_append_val(relatives, relative);
+            ret->known++;
+            errors += sigma.rms * sigma.rms;
+            values += sigma.value * sigma.value;
+            ret->large += sigma.relative > BTF_SIGMA_LARGE;
+            if (sigma.relative <= ret->worst)
+                continue;
+            ret->worst = sigma.relative;
+            exr_get_double(part, "view.theta_deg", &ret->worst_view_theta_deg, NULL);
+            exr_get_double(part, "view.phi_deg", &ret->worst_view_phi_deg, NULL);
+            exr_get_double(part, "light.theta_deg", &ret->worst_light_theta_deg, NULL);
+            exr_get_double(part, "light.phi_deg", &ret->worst_light_phi_deg, NULL);
+        }
+    }
+    ret->median = btf_sigma_median((float *)(void *)medians->data, medians->len);
+    ret->relative = btf_sigma_median((float *)(void *)relatives->data, relatives->len);
+    ret->share = values > 0 ? errors / values : 0;
+}

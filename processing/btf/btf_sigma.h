@@ -1,0 +1,85 @@
+/*
+ * Error bars of a BTF: the standard error σ of each value ρ, beside the values in a view's file
+ * (pipeline.h). What a value has of its own is in a channel, since it follows what the pixels of a
+ * texel show: of which exposures they were merged, and whether an edge runs through them. A model
+ * in attributes of each light (a constant, photons, relative errors, slopes between texels) would
+ * cost nothing and miss both. One channel serves all three colours, and holds 5 significant bits
+ * (σ to 3 %): three channels, or all bits of a half, would make files larger for digits that no
+ * error bar has.
+ *
+ *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
+ *                                edges within pixels and colours that a pixel does not see; and
+ *                                misregistration, as large as the calibration's residual of the
+ *                                camera (rectify.h, docs/accuracy.md)
+ *   sigma.colour (v3d)           f_R f_G f_B: σ_c(x) = f_c · sigma(x)
+ *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes
+ *   sigma.value (double)         root mean square of ρ over the same
+ *   sigma.median (double)        median over texels of sigma(x), without holes
+ *   sigma.relative (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS
+ *   sigma.scale (v3d)            of R, G, B: relative standard error that all values of the light
+ * have in common, from the calibration of camera and lamp: response, intensity and colours. It is
+ * not in the channel and not in the other attributes; 0 where the radiometry is not calibrated.
+ * Errors of flat field and of the lamp's fall-off and aim are left out: the calibration file does
+ * not say how they are correlated
+ *
+ * Parts without the channel, such as those of predicted lights, of cameras whose noise is not
+ * calibrated, and of older files, have errors that are not known. Any thread.
+ */
+#pragma once
+
+#include "exr/exr.h"
+#include "radiometry/photon_transfer.h"
+#include "radiometry/radiometry.h"
+
+/* Version of the method, as BTF_METHOD is that of the values. */
+#define BTF_SIGMA_METHOD 1
+
+#define BTF_SIGMA_DARK 0.02 /* of ρ: what relative errors of dark values relate to */
+
+/* The exposures of a frame, from its attributes mesorig.exposures_us and mesorig.shorter_from. */
+#define BTF_SIGMA_EXPOSURES 16
+struct btf_exposures {
+    int n; /* 0: not known */
+    double ms[BTF_SIGMA_EXPOSURES];
+    float shorter; /* DN/ms from which on the longest exposure is saturated; 0: never */
+};
+/* DATA_ERROR_INVALID with path for exposures that are not rising numbers. */
+gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
+                            struct btf_exposures *ret, GError **error);
+
+/* Variances of a frame's pixels in (DN/ms)². values, ret_variances: n. */
+void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
+                      const float *values, gsize n, float *ret_variances);
+
+/* Fills the channel "sigma" of a part, which has B, G and R, and sets the attributes.
+ * variances: n_texels × 3, of R, G, B in ρ². holes: n_texels; values without meaning. */
+void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes);
+
+/* Relative errors of R, G, B that a camera and a lamp of a light cause together. Either may be NULL
+ * or unknown. */
+void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
+                     double ret[3]);
+
+struct btf_sigma {
+    double colour[3]; /* R, G, B */
+    double rms, value, median, relative;
+    double scale[3]; /* R, G, B */
+};
+/* Of a part's headers. FALSE: not known. */
+gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret);
+
+/* Error bars of a session's whole BTF. */
+struct btf_sigma_sums {
+    int lights, known; /* pictures, and those of them whose errors are known */
+    double median;     /* of the known pictures' sigma.median */
+    double relative;   /* and of their sigma.relative */
+    double share;      /* Σ σ² / Σ ρ² over the known ones */
+    int large;         /* pictures whose sigma.relative is above BTF_SIGMA_LARGE */
+    double worst;      /* largest sigma.relative, in */
+    double worst_view_theta_deg, worst_view_phi_deg, worst_light_theta_deg, worst_light_phi_deg;
+};
+#define BTF_SIGMA_LARGE 0.05
+
+/* Reads the headers of all views in products/btf of a session's directory; views that cannot be
+ * read are left out, as are those of a session without any. */
+void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret);
