@@ -300,8 +300,9 @@ static exr_result_t write_filled(exr_context_t context, int index, struct conten
         rc = part->planes[c] ? EXR_ERR_SUCCESS : EXR_ERR_OUT_OF_MEMORY;
     }
     if (rc == EXR_ERR_SUCCESS)
-        rc = content->fill(part, content->data, &content->failed) ? write_part(context, index, part)
-                                                                  : EXR_ERR_UNKNOWN;
+        rc = content->fill && content->fill(part, content->data, &content->failed)
+                 ? write_part(context, index, part)
+                 : EXR_ERR_UNKNOWN;
     exr_part_drop_planes(part);
     return rc;
 }

@@ -187,7 +187,8 @@ static gboolean relight_give_picture(int view, int light, const struct import_re
         const gsize at = 3 * (y * (gsize)relight->width + x);
         double f[3] = {0}, lit = 0;
         for (int k = 0; k < 3 * relight->n_planes; k++) {
-            const double c = relight->planes[k / 3][at + (gsize)k % 3] / 255.0;
+            const guint8 *plane = relight->planes[k / 3];
+            const double c = plane[at + (gsize)k % 3] / 255.0;
             const double value = (c - relight->bias[k]) * relight->scale[k];
             if (!relight->lrgb)
                 f[k % 3] += value * (double)terms[k / 3];

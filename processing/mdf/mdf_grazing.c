@@ -89,7 +89,8 @@ static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
     mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
     const double by = STEP / hypot(step[0], step[1]);
     for (gsize k = 0; k < n; k++) {
-        const double row = (double)(k / t->width), column = (double)(k % t->width);
+        const gsize j = k / t->width;
+        const double row = (double)j, column = (double)(k % t->width);
         double before = 0.0, above = 0.0, met = t->deepest_mm;
         for (double depth = 0.0; depth < t->deepest_mm; depth += by) {
             double over = 0.0;

@@ -66,7 +66,8 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     double cosine = MAX(cos(theta * DEG), LEAST_COS);
     for (gsize k = 0; k < n; k++) {
         if (near) {
-            const double row = (double)(k / t->width), column = (double)(k % t->width);
+            const gsize j = k / t->width;
+            const double row = (double)j, column = (double)(k % t->width);
             const double x = (column + 0.5 - 0.5 * t->width) * t->texel_mm;
             const double y = (0.5 * t->height - row - 0.5) * t->texel_mm;
             const double up = centre[2] - reference_mm;

@@ -184,7 +184,7 @@ static void fit_normals_row(int row, gpointer data) {
     struct fit *fit = data;
     const gsize width = fit->layout->width;
     for (gsize texel = (gsize)row * width; texel < ((gsize)row + 1) * width; texel++) {
-        double c[HSH_MAX_TERMS];
+        double c[HSH_MAX_TERMS] = {0};
         gboolean clipped = FALSE, shadowed = FALSE;
         coefficients(fit, texel, c);
         const struct vec3 n =

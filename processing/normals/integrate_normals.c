@@ -8,6 +8,7 @@
 #include "integrate_normals.h"
 
 #include <math.h>
+#include <string.h>
 
 #define COARSEST   8    /* texels across, below which no coarser grid helps */
 #define ITERATIONS 400  /* at most, on each grid */
@@ -26,8 +27,7 @@ static gboolean joined(const struct grid *grid, gsize i, gsize j) {
 /* L z (slopes FALSE), or b (slopes TRUE; z may be NULL): sums over a texel's pairs. */
 static void apply(const struct grid *grid, const double *z, gboolean slopes, double *ret) {
     const gsize width = (gsize)grid->width, n = width * (gsize)grid->height;
-    for (gsize i = 0; i < n; i++)
-        ret[i] = 0;
+    memset(ret, 0, sizeof(double) * n);
     for (gsize i = 0; i < n; i++) {
         if (i % width + 1 < width && joined(grid, i, i + 1)) {
             const double rise = ((double)grid->p[i] + (double)grid->p[i + 1]) / 2 * grid->step;
@@ -54,7 +54,7 @@ static double dot(const double *a, const double *b, gsize n) {
 /* Conjugate gradients from what z holds; L is singular, but b has no part in its kernel. */
 static void relax(const struct grid *grid, double *z) {
     const gsize n = (gsize)grid->width * (gsize)grid->height;
-    g_autofree double *r = g_new(double, n), *along = g_new(double, n), *l = g_new(double, n);
+    g_autofree double *r = g_new0(double, n), *along = g_new0(double, n), *l = g_new0(double, n);
     apply(grid, NULL, TRUE, r);
     const double least = PRECISION * PRECISION * dot(r, r, n);
     apply(grid, z, FALSE, l);
@@ -102,7 +102,7 @@ static void integrate_grid(const struct grid *grid, double *z) {
     const int width = (grid->width + 1) / 2, height = (grid->height + 1) / 2;
     const gsize n = (gsize)width * (gsize)height;
     if (MAX(grid->width, grid->height) > COARSEST) {
-        g_autofree float *p = g_new(float, n), *q = g_new(float, n);
+        g_autofree float *p = g_new0(float, n), *q = g_new0(float, n);
         g_autofree double *coarse = g_new0(double, n);
         const struct grid half = halve(grid, p, q);
         integrate_grid(&half, coarse);

@@ -81,7 +81,7 @@ static gboolean render_frame(struct studio *studio, int frame, const struct view
         return FALSE;
     studio->drawn.seconds += (g_get_monotonic_time() - from) * 1e-6;
     studio->drawn.n_frames++;
-    if (studio->sheet == NULL)
+    if (studio->sheet == NULL || rgb == NULL)
         return studio_write(studio, path, s, rgb, light, o->width, o->height, error);
     const gsize row = 3 * (gsize)o->width;
     guint8 *to =

@@ -102,7 +102,7 @@ struct mesh *sample_plate(const struct sample_options *options, GError **error) 
     png_image image = {.version = PNG_IMAGE_VERSION};
     struct plate plate = {options, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0}};
     g_autofree guint16 *values = NULL;
-    if (!read_print(&image, options->albedo_path, &values, error))
+    if (!read_print(&image, options->albedo_path, &values, error) || !values)
         return NULL;
     struct mesh *mesh = sample_mesh_new();
     place_axis(options, plate.across);

@@ -246,13 +246,14 @@ void truth_btf(World *world, int camera, int lamp, double turntable_deg, double 
     g_autofree double *facing = g_new0(double, grid->width);
     memset(ret_rgb, 0, sizeof(float) * 3 * (gsize)grid->width * (gsize)grid->height);
     for (int row = 0; row < grid->height * samples; row++) {
-        double y = grid->height_mm * (0.5 - (row / samples + 0.5) / grid->height);
+        const int j = row / samples;
+        double y = grid->height_mm * (0.5 - (j + 0.5) / grid->height);
         for (int i = 0; i < grid->width; i++) {
             double x = grid->width_mm * ((i + 0.5) / grid->width - 0.5);
             facing[i] = optics_lamp_irradiance(&light.lamp, v3(x, y, grid->reference_mm));
         }
         raster_trace(&raster, row);
-        add_reflectance(&raster, &light, facing, ret_rgb + 3 * grid->width * (row / samples));
+        add_reflectance(&raster, &light, facing, ret_rgb + 3 * grid->width * j);
     }
     raster_clear(&raster);
     cache_release(world->cache, bounce);

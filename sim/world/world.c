@@ -202,7 +202,7 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
     g_autofree float *rate = lit ? g_new0(float, n) : NULL;
     for (int i = 0; i < world->n_lamps; i++) {
         float output = state->lamp_output[i];
-        if (!(output > 0))
+        if (!rate || !(output > 0))
             continue;
         struct cache_entry *entry =
             world_lamp_picture(world, camera, i, state->turntable_deg, state->arc_deg);
