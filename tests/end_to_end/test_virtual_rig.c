@@ -148,7 +148,10 @@ static void abandoned(void) {
         GError *error = NULL;
         mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
         g_assert_no_error(error);
-        g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
+        /* A stopped daemon that goes on must notice the lamp, not the silent interlock. */
+        g_autoptr(GString) text = g_string_new(virtual_rig_text(mishap.rig));
+        g_assert_cmpint(g_string_replace(text, "lost_ms = 3000\n", "lost_ms = 10000\n", 0), ==, 1);
+        g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
         g_autoptr(GSubprocess) daemon = starts_daemon(path, address);
         mishap.capture =
             starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
