@@ -42,7 +42,8 @@ gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
  * the shortest at least. To its noise comes that of rounding m to a half: (m · 2⁻¹¹)² / 3. */
 void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
                       const float *values, gsize n, float *ret_variances) {
-    float slope[BTF_SIGMA_EXPOSURES], floor[BTF_SIGMA_EXPOSURES], from[BTF_SIGMA_EXPOSURES];
+    float slope[BTF_SIGMA_EXPOSURES] = {0}, floor[BTF_SIGMA_EXPOSURES] = {0},
+          from[BTF_SIGMA_EXPOSURES] = {0};
     double sum_ms = 0;
     for (int i = 0; i < exposures->n; i++) {
         double a, b;
@@ -59,7 +60,7 @@ void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposure
         const float value = isfinite(values[k]) ? MAX(values[k], 0) : 0;
         const float rounding = value * (float)(1.0 / 2048);
         int used = exposures->n - 1;
-        while (used > 0 && value >= from[used])
+        while (used > 0 && used < BTF_SIGMA_EXPOSURES && value >= from[used])
             used--;
         ret_variances[k] = floor[used] + slope[used] * value + rounding * rounding / 3;
     }

@@ -579,7 +579,7 @@ static inline __attribute__((always_inline)) void rectify_do_variance(const Rect
                                                                       float *ret_variance) {
     const gsize height = (gsize)rectify->height, plane = rectify->stride * height;
     g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
-    const float *ratio = found ? found : rectify->ratio;
+    const float *ratio = rectify->ratio ? rectify->ratio : found;
     g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
     guint most = 0;
     for (int texel = 0; texel < rectify->n_texels; texel++) {
@@ -666,7 +666,7 @@ rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *p
                      float *ret_detail, float *ret_shift) {
     const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
     g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
-    const float *ratio = found ? found : rectify->ratio;
+    const float *ratio = rectify->ratio ? rectify->ratio : found;
     const float other = rectify->mono ? OWN_DETAIL : ELSE_DETAIL;
     g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
     g_autoptr(GArray) copy = g_array_new(FALSE, FALSE, sizeof(float));
