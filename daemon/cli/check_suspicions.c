@@ -176,10 +176,10 @@ void check_suspect_mdf(const struct mdf_views_sums *mdf, double depth_mm, GPtrAr
     if (mdf->texels == 0 || mdf->seen >= LEAST_SEEN * mdf->texels)
         return;
     g_ptr_array_add(ret,
-                    g_strdup_printf("only %.0f %% of the surface is seen, and points more than 1 "
-                                    "mm below depth_mm = %g are left out: does the structure reach "
-                                    "deeper below the reference plane? Give its depth (--depth of "
-                                    "mesorig import poses, depth_mm in [sample] of the session "
-                                    "file) and its reference plane",
+                    g_strdup_printf("only %.0f %% of the surface is seen, and points far below "
+                                    "depth_mm = %g are left out: does the structure reach deeper "
+                                    "below the reference plane? Give its depth (--depth of mesorig "
+                                    "import poses, depth_mm in [sample] of the session file) and "
+                                    "its reference plane",
                                     100.0 * (double)mdf->seen / (double)mdf->texels, depth_mm));
 }
