@@ -1,4 +1,5 @@
-/* What may be wrong with a BTF or an MDF that cannot be, from what it shows itself.
+/* Finds mistakes in the input of a BTF or an MDF from the product alone: values that no material
+ * has.
  *
  * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each mistake is undone, and
  * the asymmetry compared, a being the one and b the other of a pair of exchanged directions: s =
@@ -6,12 +7,12 @@
  * and for B^(1/2.2) and B^2.2, which sRGB is near to. Only pairs of different polar angles tell. */
 #include "check.h"
 
-#include "base/vec.h"
+#include "base/direction.h"
+#include "btf/energy.h"
 
 #include <math.h>
 
-#define SAME_COS     0.99985 /* of directions that count as one: 1° */
-#define LEAST_COS    0.05
+#define LEAST_COS    0.05 /* least difference of cos θ within a pair */
 #define LEAST_PAIRS  6
 #define LEAST_SKEW   0.05 /* asymmetry below it is no sign of a mistake */
 #define BETTER       4.0  /* times less of it is the sign of one */
@@ -28,33 +29,22 @@ struct exchanged { /* pair of indices into view × light */
     double cos_one, cos_other; /* of their lights */
 };
 
-static struct vec3 direction_of(const struct direction_list *list, gsize i) {
-    const double theta = (double)list->theta_deg[i] * G_PI / 180;
-    const double phi = (double)list->phi_deg[i] * G_PI / 180;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
-static int index_of(const struct direction_list *list, struct vec3 to) {
-    for (gsize i = 0; i < list->n; i++)
-        if (vec3_dot(direction_of(list, i), to) >= SAME_COS)
-            return (int)i;
-    return -1;
+static double cos_deg(double deg) {
+    return cos(deg * G_PI / 180);
 }
 
 /* struct exchanged, of lights at different polar angles. */
-static GArray *find_exchanged(const struct btf_matrix *btf) {
-    const struct direction_list *views = &btf->layout.views, *lights = &btf->layout.lights;
+static GArray *find_exchanged(const struct btf_layout *layout) {
+    const int n_lights = (int)layout->lights.n, n = (int)layout->views.n * n_lights;
+    g_autofree int *other = energy_exchanges(layout);
     GArray *pairs = g_array_new(FALSE, FALSE, sizeof(struct exchanged));
-    for (gsize v = 0; v < views->n; v++)
-        for (gsize l = 0; l < lights->n; l++) {
-            const struct vec3 to_eye = direction_of(views, v), to_lamp = direction_of(lights, l);
-            const int light = index_of(lights, to_eye), view = index_of(views, to_lamp);
-            const struct exchanged pair = {(int)(v * lights->n + l), view * (int)lights->n + light,
-                                           to_lamp.z, to_eye.z};
-            if (light >= 0 && view >= 0 && pair.one < pair.other && to_eye.z > LEAST_COS &&
-                to_lamp.z > LEAST_COS && fabs(to_eye.z - to_lamp.z) > LEAST_COS)
-                g_array_append_val(pairs, pair);
-        }
+    for (int i = 0; i < n; i++) {
+        const double cos_view = cos_deg((double)layout->views.theta_deg[i / n_lights]);
+        const double cos_light = cos_deg((double)layout->lights.theta_deg[i % n_lights]);
+        const struct exchanged pair = {i, other[i], cos_light, cos_view};
+        if (other[i] > i && fabs(cos_view - cos_light) > LEAST_COS)
+            g_array_append_val(pairs, pair);
+    }
     return pairs;
 }
 
@@ -76,8 +66,7 @@ static double *find_means(const struct btf_matrix *btf, GError **error) {
                 return NULL;
             for (gsize i = 0; i < (gsize)rows * n_lights; i++) {
                 const float *rgb = from + i / n_lights * stride + 3 * (i % n_lights);
-                const double y =
-                    0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
+                const double y = (double)rgb_luminance(rgb);
                 for (int tone = 0; tone < TONES; tone++)
                     means[(gsize)tone * n + view * n_lights + i % n_lights] +=
                         pow(MAX(y, 0), power[tone]) / n_texels;
@@ -149,7 +138,7 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
 
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error) {
-    g_autoptr(GArray) pairs = find_exchanged(btf);
+    g_autoptr(GArray) pairs = find_exchanged(&btf->layout);
     g_autofree double *means = find_means(btf, error);
     const guint before = ret->len;
     if (!means)

@@ -57,23 +57,22 @@ static double *energy_weigh_views(const struct vec3 *views, int n) {
     return weight;
 }
 
-/* n_views × n_lights: index of the pair (l, v) whose directions are those of (v, l) exchanged; −1
- * if it was not measured. */
-static int *energy_exchanges(const struct btf_matrix *btf, const struct vec3 *views,
-                             const struct vec3 *lights) {
-    g_autofree int *view_as_light = g_new(int, btf->layout.views.n);
-    g_autofree int *light_as_view = g_new(int, btf->layout.lights.n);
-    int *other = g_new(int, btf->layout.views.n * btf->layout.lights.n);
-    for (gsize v = 0; v < btf->layout.views.n; v++)
-        view_as_light[v] = energy_same(lights, btf->layout.lights.n, views[v]);
-    for (gsize l = 0; l < btf->layout.lights.n; l++)
-        light_as_view[l] = energy_same(views, btf->layout.views.n, lights[l]);
-    for (gsize v = 0; v < btf->layout.views.n; v++)
-        for (gsize l = 0; l < btf->layout.lights.n; l++) {
+int *energy_exchanges(const struct btf_layout *layout) {
+    const gsize n_views = layout->views.n, n_lights = layout->lights.n;
+    g_autofree struct vec3 *views = energy_directions(&layout->views);
+    g_autofree struct vec3 *lights = energy_directions(&layout->lights);
+    g_autofree int *view_as_light = g_new(int, n_views), *light_as_view = g_new(int, n_lights);
+    int *other = g_new(int, n_views *n_lights);
+    for (gsize v = 0; v < n_views; v++)
+        view_as_light[v] = energy_same(lights, n_lights, views[v]);
+    for (gsize l = 0; l < n_lights; l++)
+        light_as_view[l] = energy_same(views, n_views, lights[l]);
+    for (gsize v = 0; v < n_views; v++)
+        for (gsize l = 0; l < n_lights; l++) {
             gboolean there = view_as_light[v] >= 0 && light_as_view[l] >= 0 &&
                              views[v].z > LEAST_COSINE && lights[l].z > LEAST_COSINE;
-            other[v * btf->layout.lights.n + l] =
-                there ? light_as_view[l] * (int)btf->layout.lights.n + view_as_light[v] : -1;
+            other[v * n_lights + l] =
+                there ? light_as_view[l] * (int)n_lights + view_as_light[v] : -1;
         }
     return other;
 }
@@ -193,7 +192,7 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
         texel = btf->layout.height / 2 * btf->layout.width + btf->layout.width / 2;
     g_autofree struct vec3 *views = energy_directions(&btf->layout.views);
     g_autofree struct vec3 *lights = energy_directions(&btf->layout.lights);
-    g_autofree int *other = energy_exchanges(btf, views, lights);
+    g_autofree int *other = energy_exchanges(&btf->layout);
     g_autofree double *mean = g_new0(double, btf->layout.views.n * btf->layout.lights.n);
     struct energy *energy = energy_new(btf, texel);
     if (!energy_sum_texels(btf, other, lights, energy, mean, error)) {

@@ -31,3 +31,7 @@ struct energy {
 /* texel: index; −1: the central one. DATA_ERROR_INVALID if there is no such texel. */
 struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error);
 void energy_free(struct energy *energy); /* NULL is ignored */
+
+/* n_views × n_lights: index of the pair (l, v) whose directions are those of (v, l) exchanged; −1
+ * if it was not measured within 1°, or cos θ of either is at most 0.05. g_free() */
+int *energy_exchanges(const struct btf_layout *layout);
