@@ -17,8 +17,9 @@
 /* Least correlation of a board that was found. */
 #define LEAST_FIT 0.45
 #define STEP_MM   0.01 /* step of numerical derivatives */
-/* How far points tell how a lens bends the board, in squares; the share of all weights that keeps
- * the slope of that small; and the least sum of weights. */
+/* The local correction of the homography is a weighted linear fit to the detector's points. REACH:
+ * radius in which points count, in squares. RIDGE: damping of the fit's slope, as a share of the
+ * sum of weights. FEWEST: least sum of weights for a correction. */
 #define REACH  1.0
 #define RIDGE  0.05
 #define FEWEST 1e-3

@@ -39,7 +39,7 @@ enum lamps_error {
     LAMPS_ERROR_MISTAKE,    /* what is known of the pictures is wrong; the message says what */
 };
 
-/* What to do about it; two names follow. */
+/* Advice of an error about two exchanged lamps; printf arguments: the names of both. */
 #define LAMPS_EXCHANGE_THEM                                                                        \
     "exchange the indexes of [lamp %s] and [lamp %s] in the rig file, or their wiring, or for "    \
     "imported pictures their names in the table, and capture or import again"

@@ -1,8 +1,8 @@
 #include "bus_errors.h"
 #include "bus_private.h"
 
-/* What a handler does when it has failed: answers with the error. Changed properties are sent
- * before a call is answered: who asks must not find the state of before. */
+/* Ends a failed method call: returns the error to the client. Handlers emit changed properties
+ * before they return a result, so that the client never reads an old state after its call. */
 static gboolean bus_calls_refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return TRUE;

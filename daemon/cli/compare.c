@@ -94,8 +94,8 @@ static void cli_compare_tell_directions(Record *to, const char *what, const floa
     }
 }
 
-/* What the error bars of A, and of B if it is a session as well, make of the difference: what they
- * let expect, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its part of the difference's square. */
+/* Reports the difference that the error bars predict, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its share of
+ * the squared difference. B has error bars only if it is a session, too. */
 static void cli_compare_tell_sigma(Record *to, const struct compare *compare) {
     const struct material_info *infos[] = {material_info(compare->of_a),
                                            material_info(compare->of_b)};

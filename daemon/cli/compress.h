@@ -1,4 +1,5 @@
-/* What the sources of compress share: its methods are the entries of codecs[] and mdf_codecs[]. */
+/* Private header of the command compress. Its methods are the entries of codecs[] and mdf_codecs[].
+ */
 #pragma once
 
 #include "codecs/codecs.h"

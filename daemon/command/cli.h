@@ -1,4 +1,4 @@
-/* What all commands of the command line share: options, errors, exit codes, JSON. */
+/* Options, errors, exit codes and JSON output, for all commands of the command line. */
 #pragma once
 
 #include "record.h"

@@ -27,5 +27,5 @@ gboolean link_is_private(const Link *link);
 /* The daemon has gone: its connection was closed, or its name on the bus is nobody's. */
 gboolean link_is_lost(const Link *link);
 
-/* What a private daemon has written to stderr, to explain why it has failed; g_free(). */
+/* Returns the stderr output of a private daemon, which explains why it has failed; g_free(). */
 char *link_log(const Link *link);

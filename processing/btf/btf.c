@@ -188,7 +188,7 @@ static gboolean btf_store_planes(const struct input *input, const struct exr_par
     return TRUE;
 }
 
-/* Loads one light's frame. */
+/* Loads one light's frame. Pictures in RGB have no calibrated noise, hence no error bars. */
 static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                                 GError **error) {
     static const char *const any[] = {NULL};
@@ -261,10 +261,10 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     if (variance)
         btf_add_up_variance(view, rectify, &mosaic->exposures, values, mosaics->n_pixels, variance);
     btf_to_reflectance(view, light, rgb, part, variance);
-    for (gsize k = 0; k < n; k++)
-        flags[k] &= BTF_FLAG_HOLE;
     if (variance) {
         double scale[3];
+        for (gsize k = 0; k < n; k++)
+            flags[k] &= BTF_FLAG_HOLE;
         btf_sigma_fill(part, variance, flags);
         btf_sigma_scale(view->radiometry, light->radiometry, scale);
         exr_set_v3d(part, "sigma.scale", scale[0], scale[1], scale[2]);
