@@ -9,6 +9,7 @@
 #define CHUNK   EIGENMAPS_CHUNK
 #define COLOURS 3
 
+/* A column of A: all texels and lights of one view, rows = n_lights × n_texels × COLOURS. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error) {
     if (!job->column(view, ret, job->data, error))
@@ -31,6 +32,8 @@ float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **er
     return ret;
 }
 
+/* Columns as doubles, CHUNK rows at a time: AᵀA in floats would lose what the last eigen-maps
+ * explain. to: n_columns × CHUNK. Returns how many rows there were. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
     gsize n = MIN(CHUNK, rows - from);
     for (int c = 0; c < n_columns; c++)
@@ -39,6 +42,7 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
     return n;
 }
 
+/* M = V diag (λ) Vᵀ; V takes the place of M, its columns in ascending order of λ. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error) {
     int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, ret_values);
     if (info != 0)
@@ -47,6 +51,8 @@ gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GErro
     return info == 0;
 }
 
+/* The error of k terms is √(Σ_{i≥k} σ_i² / Σ_i σ_i²). squares: σ_i² of the
+ * first n, descending; rest: the sum of all others. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error) {
     double all = rest;
     for (int i = n - 1; i >= 0; i--)
@@ -64,6 +70,8 @@ gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GErro
     return FALSE;
 }
 
+/* The weights of a term are one right singular vector, n_terms × n_views in rows. Its sign is free:
+ * the largest weight is made positive, so that the same BTF gives the same file everywhere. */
 void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs) {
     int n = maps->layout.views.n;
     g_free(maps->weights);

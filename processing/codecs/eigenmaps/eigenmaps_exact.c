@@ -33,7 +33,8 @@ static void multiply(const struct gram *gram, int first, int n, int view) {
     }
 }
 
-/* The upper half of AᵀA. */
+/* The upper half of AᵀA, n_views², a block of columns after the other: what lies right of the
+ * block is read one column at a time, so that A is read n_views / block / 2 times. */
 static gboolean gram_matrix(struct gram *gram, GError **error) {
     for (int first = 0; first < gram->n_views; first += gram->block) {
         int n = MIN(gram->block, gram->n_views - first);
@@ -52,7 +53,8 @@ static gboolean gram_matrix(struct gram *gram, GError **error) {
     return TRUE;
 }
 
-/* From light × texel × RGB, as columns are, to term × light × texel × RGB: the same order. */
+/* Map_t = Σ_view w_t,view A_view, from light × texel × RGB, as columns are, to term × light ×
+ * texel × RGB: the same order. */
 static gboolean project_columns(const struct gram *gram, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     maps->maps = g_new0(float, gram->rows *(gsize)maps->n_terms);
@@ -73,6 +75,7 @@ static gboolean project_columns(const struct gram *gram, GError **error) {
     return TRUE;
 }
 
+/* AᵀA = V diag (σ²) Vᵀ: weights are the first columns of V, maps A V. */
 static gboolean decompose(struct gram *gram, double *ret_error, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     const int n = maps->layout.views.n;

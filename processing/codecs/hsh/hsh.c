@@ -69,6 +69,7 @@ static float *hsh_design(const struct hsh *hsh) {
     return ret;
 }
 
+/* Σ_i c_i H_i (l), values: n_terms × COLOURS, basis: n_terms. */
 static void hsh_sum(const float *values, const float *basis, int n_terms, float ret[COLOURS]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (int i = 0; i < n_terms; i++)
@@ -88,6 +89,7 @@ struct hsh_at_lights {
     const float *design;
 };
 
+/* ret: n_views × n_lights × COLOURS of one texel. */
 static void hsh_reconstruct_with(gconstpointer model, int texel, float *ret) {
     const struct hsh_at_lights *at = model;
     const struct hsh *hsh = at->hsh;
@@ -172,6 +174,7 @@ static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const g
         ret[i] = (float)columns[i];
 }
 
+/* BLOCK texels in all views, each with all its lights or, where some are NaN, with the rest. */
 static void hsh_fit_block(int block, gpointer data) {
     const struct hsh_fit *fit = data;
     const int n = fit->btf->layout.lights.n, views = fit->btf->layout.views.n;

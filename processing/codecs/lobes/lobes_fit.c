@@ -37,6 +37,8 @@ static int lobes_of(const struct lobes_fit *fit) {
     return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? fit->n_lobes : 0;
 }
 
+/* fields, Lafortune: k × (g = s d, log N), then D for Lafortune. Microfacets: both slopes of the
+ * normal, the tangent's angle, log U, log V, diffuse, specular. */
 int lobes_fit_parameters(const struct lobes_fit *fit) {
     switch (fit->model) {
     case LOBES_FIELDS:
@@ -48,6 +50,7 @@ int lobes_fit_parameters(const struct lobes_fit *fit) {
     }
 }
 
+/* p: g = s d with ‖d‖ = 1, and log n. s is what the lobe gives along d, whatever n is. */
 LANES_INLINE void prepare_lobe(const lanes *p, struct prepared_lobe *ret) {
     const lanes squares = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
     ret->s = lanes_sqrt(lanes_max(squares, lanes_all(TINY)));
@@ -126,6 +129,8 @@ LANES_INLINE void prepare_frame(const lanes *p, struct prepared_facet *ret) {
     }
 }
 
+/* p: slopes a, b, angle ψ, log U, log V, diffuse, specular; scale is s's factor of U and V alone.
+ */
 LANES_INLINE void prepare_facet(enum lobes_model model, const lanes *p,
                                 struct prepared_facet *ret) {
     prepare_frame(p, ret);
@@ -156,6 +161,7 @@ LANES_INLINE lanes ward_exponent(const struct prepared_facet *f, lanes hx, lanes
     return e;
 }
 
+/* E = q (U hx² + V hy²), q = ln hn / (1 − hn²); near the normal q = −1/2 and dq/dhn = 1/2. */
 LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, lanes hy, lanes hn,
                                       lanes ret[5]) {
     const lanes high = lanes_max(hn, lanes_all(1e-3F)), rest = 1.0F - high * high;
@@ -188,6 +194,8 @@ LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl
     return nl / (hl * most);
 }
 
+/* f = diffuse n·l + specular s (v, l), and j, its derivatives by the seven parameters: by the frame
+ * through ∂t, ∂b, ∂n (turns), by log U and log V through the exponent and the scale. */
 LANES_INLINE lanes facet(enum lobes_model model, const struct prepared_facet *f, const lanes v[3],
                          const lanes l[3], lanes *j) {
     const lanes *t = f->frame[0], *b = f->frame[1], *n = f->frame[2];
@@ -227,6 +235,7 @@ LANES_INLINE void prepare(enum lobes_model model, int k, const lanes *p, struct 
             prepare_lobe(p + 4 * i, &ret->lobes[i]);
 }
 
+/* f of one pair of directions for LANES texels at once, and j, its derivatives by p. */
 LANES_INLINE lanes model_at(enum lobes_model model, int k, const lanes *p,
                             const struct prepared *prepared, const float *view, const float *light,
                             lanes *j) {
@@ -257,7 +266,8 @@ LANES_INLINE void clear(struct normal *normal, int n) {
         normal->matrix[i] = lanes_all(0);
 }
 
-/* Sums of a view are taken on their own first: thousands of floats in a row lose digits. */
+/* ‖r‖², Jᵀr and JᵀJ over all pairs of directions, r = y − f, NaN left out. Sums of a view are taken
+ * on their own first: thousands of floats in a row lose digits. */
 LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobes_fit *fit,
                          const lanes *p, const lanes *values, struct normal *ret) {
     struct prepared prepared;

@@ -156,6 +156,7 @@ static void lpca_compute_read_sample(const struct sample *sample, const int *tex
     }
 }
 
+/* One tile of X Xᵀ, lower half; X: the sample, n × d. */
 static void gram_tile(int block, gpointer data) {
     const struct sample *sample = data;
     const int n = sample->n, tiles = (n + TILE - 1) / TILE, d = sample->run->d;
@@ -167,6 +168,7 @@ static void gram_tile(int block, gpointer data) {
                 sample->gram + (gsize)i * (gsize)n + (gsize)j, n);
 }
 
+/* A strip of columns of the axes: vectors (found × n) times X (n × d). */
 static void axes_strip(int block, gpointer data) {
     const struct sample *sample = data;
     const int d = sample->run->d, from = block * STRIP;
@@ -294,6 +296,7 @@ static gboolean reduce(struct lpca_run *run, GError **error) {
     return TRUE;
 }
 
+/* Clusters in the reduced space, then eigen-BRDFs and weights in all dimensions. */
 static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GError **error) {
     struct lpca_reduced reduced = {.n = run->n,
                                    .r = run->r,
