@@ -9,7 +9,7 @@ static const struct command *const commands[] = {
     &cli_plan,     &cli_capture,   &cli_resume,   &cli_status,  &cli_watch,    &cli_pause,
     &cli_continue, &cli_abort,     &cli_safe,     &cli_process, &cli_compress, &cli_compare,
     &cli_check,    &cli_calibrate, &cli_board,    &cli_info,    &cli_drivers,  &cli_devices,
-    &cli_import,   &cli_export,    &cli_resample, &cli_verify,
+    &cli_import,   &cli_export,    &cli_resample, &cli_verify,  &cli_report,
 };
 
 static void cli_print_help(void) {
