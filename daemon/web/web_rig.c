@@ -334,8 +334,11 @@ static gboolean encode(GVariant *answer, const char *camera, struct web_picture 
     gsize length;
     g_variant_get(answer, "(uu@ayd)", &width, &height, &bytes, &time_s);
     const guint8 *rgb = g_variant_get_fixed_array(bytes, &length, 1);
-    png_image image = {
-        .version = PNG_IMAGE_VERSION, .width = width, .height = height, .format = PNG_FORMAT_RGB};
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = width,
+                       .height = height,
+                       .format = PNG_FORMAT_RGB,
+                       .flags = PNG_IMAGE_FLAG_FAST};
     png_alloc_size_t size = 0;
     if (length != (gsize)COLOURS * width * height || length == 0 ||
         !png_image_write_to_memory(&image, NULL, &size, 0, rgb, 0, NULL)) {

@@ -3,7 +3,7 @@
 
 const $ = id => document.getElementById(id);
 const api = "/api/v1/";
-const pictureInterval = 1000; // ms between two pictures of a camera
+const pictureInterval = 2000; // ms between two pictures of a camera
 let state = {};
 
 function text(id, value) {
