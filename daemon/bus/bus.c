@@ -126,7 +126,7 @@ gboolean bus_need_absolute(const char *path, GError **error) {
 static void show_idle(Bus *bus) {
     g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "prompt", "",
                  "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
-                 bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
+                 bus->devices && devices_are_simulated(bus->devices), "session", "", "shots", 0,
                  "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
                  0.0, "predicted-end", (guint64)0, NULL);
     show_devices(bus);
