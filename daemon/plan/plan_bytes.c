@@ -37,7 +37,8 @@ static guint64 file_bytes(const struct rig_camera *camera, const struct kind *ki
     const guint64 pixels = (guint64)camera->width * (guint64)camera->height;
     const guint64 values = pixels * (guint64)(kind->parts * kind->channels * kind->value_bytes);
     const int line_bytes = kind->parts > 1 ? PART_LINE_BYTES : LINE_BYTES;
-    const guint64 heads = (guint64)(kind->parts * (kind->head_bytes + camera->height * line_bytes));
+    const guint64 lines = (guint64)camera->height * (guint64)line_bytes;
+    const guint64 heads = (guint64)kind->parts * ((guint64)kind->head_bytes + lines);
     const guint64 bytes = pixels > SMALL_PIXELS && kind->left < 1
                               ? (guint64)((double)values * kind->left)
                               : values + heads;
