@@ -1,4 +1,4 @@
-/* All commands but `calibrate`, which has a room of its own. */
+/* All commands but `calibrate` and those for devices by hand, which have rooms of their own. */
 #pragma once
 
 #include "command/cli.h"

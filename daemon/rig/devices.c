@@ -299,6 +299,25 @@ static void devices_stop(Axis *axis, GError **collected) {
     devices_collect(collected, error);
 }
 
+static gboolean is_simulated(const struct device *device) {
+    return !device || g_str_has_prefix(device->info->name, "sim-");
+}
+
+gboolean devices_are_simulated(const struct devices *devices) {
+    gboolean all = is_simulated((const struct device *)devices->turntable) &&
+                   is_simulated((const struct device *)devices->arc);
+    for (int i = 0; i < devices->geometry.n_cameras; i++)
+        all &= is_simulated(&devices->cameras[i]->device);
+    for (int i = 0; i < devices->n_banks; i++)
+        all &= is_simulated(&devices->banks[i]->device);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        all &= is_simulated(&devices->lasers[i]->device) &&
+               is_simulated((const struct device *)devices->sweeps[i]);
+    for (int i = 0; i < devices->n_interlocks; i++)
+        all &= is_simulated(&devices->interlocks[i]->device);
+    return all;
+}
+
 gboolean devices_make_safe(struct devices *devices, GError **error) {
     GError *collected = NULL;
 

@@ -75,6 +75,9 @@ gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **e
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
+/* Every device is simulated, whatever clock it has. */
+gboolean devices_are_simulated(const struct devices *devices);
+
 /* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
