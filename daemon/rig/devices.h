@@ -85,6 +85,11 @@ void devices_close(struct devices *devices);
  * into the first one; every device is tried. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
+/* What became of it: class, name and "read back", "commanded only" (no answer yet) or "NOT safe" of
+ * each laser, lamp bank and axis, as a(sss), floating. ret: DEVICE_TOLD if one has not answered,
+ * else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
+GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
+
 /* The same, and waits until every device has confirmed: lasers and lamps that they are off, axes
  * that they stand, also those that another program has started. FALSE: at least one has not
  * confirmed. Runs the main loop, and removes all other listeners from the devices. */
