@@ -33,7 +33,8 @@ struct VirtualUsb {
     char *node;
     UMockdevIoctlBase *handler;
     GMutex mutex;
-    GQueue flying; /* of struct flight */
+    GQueue flying;        /* of struct flight */
+    gboolean asked_again; /* since anything was submitted or reaped, there was nothing to reap */
     enum virtual_usb_fault fault;
     int n_requests;
     guint8 *room; /* for what a bulk transfer brings */
@@ -183,6 +184,7 @@ static void virtual_usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *clie
         (bulk ? send_out : submit_control)(usb, flight, buffer);
     }
     g_queue_push_tail(&usb->flying, flight);
+    usb->asked_again = FALSE;
     umockdev_ioctl_client_complete(client, 0, 0);
 }
 
@@ -227,7 +229,19 @@ static gboolean on_patient(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* A device of bulk transfers waits most of its time, and there may be eight of them. */
+static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *client) {
+    gint64 due_us = G_MAXINT64;
+    for (const GList *l = usb->flying.head; l; l = l->next) {
+        const struct flight *flight = l->data;
+        if (flight->client == client)
+            due_us = MIN(due_us, flight->due_us);
+    }
+    return due_us;
+}
+
+/* A device of bulk transfers waits most of its time, and there may be eight of them. But libusb
+ * reaps until there is nothing left, and submits nothing before it knows that: the first time, it
+ * is told at once; and a transfer whose time is known is not slept over. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;
@@ -237,7 +251,15 @@ static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
         umockdev_ioctl_client_complete(client, -1, code);
         return;
     }
+    gint64 due_us = next_due_us(usb, client);
+    gboolean first = !usb->asked_again && due_us == G_MAXINT64;
+    usb->asked_again = TRUE;
+    if (first) {
+        umockdev_ioctl_client_complete(client, -1, EAGAIN);
+        return;
+    }
     GSource *source = g_timeout_source_new(PATIENT_MS);
+    g_source_set_ready_time(source, MIN(due_us, g_get_monotonic_time() + PATIENT_MS * 1000));
     g_source_set_callback(source, on_patient, g_object_ref(client), g_object_unref);
     g_source_attach(source, g_main_context_get_thread_default());
     g_source_unref(source);
@@ -249,6 +271,7 @@ static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData
         try_later(usb, client);
         return;
     }
+    usb->asked_again = FALSE;
     urb_of(flight)->status = flight->status;
     urb_of(flight)->actual_length = flight->length;
     g_autoptr(UMockdevIoctlData) pointer =
