@@ -11,7 +11,7 @@
 #include "lib/operator.h"
 #include "session/session.h"
 
-#define ROUNDS  8  /* MESORIG_INTEGRITY_ROUNDS in the environment: more */
+#define ALL     96 /* damages in all; MESORIG_DAMAGES in the environment: more, in larger rounds */
 #define DAMAGES 12 /* of a round */
 #define SEED    20261122
 
@@ -87,17 +87,19 @@ static void check_whole(struct operation *run, const char *products) {
 }
 
 static void test_any(void) {
-    const char *asked = g_getenv("MESORIG_INTEGRITY_ROUNDS");
-    const int rounds = asked ? atoi(asked) : ROUNDS;
+    const char *asked = g_getenv("MESORIG_DAMAGES");
+    const int all = asked ? atoi(asked) : ALL;
     struct operation *run = processed();
     g_autofree char *products = operator_products(run->session);
     g_autoptr(GRand) random = g_rand_new_with_seed(SEED);
-    int flips = 0, deletions = 0;
+    int flips = 0, deletions = 0, rounds = 0;
     check_whole(run, products);
-    for (int round = 0; round < rounds; round++) {
+    for (; flips + deletions < all; rounds++) {
         g_autoptr(GPtrArray) files = files_of(run);
         g_autoptr(GHashTable) damaged = g_hash_table_new(g_str_hash, g_str_equal);
-        for (int i = 0; i < DAMAGES; i++) {
+        /* From a single one to most of the session. */
+        const int damages = asked ? g_rand_int_range(random, 1, 2 * (gint32)files->len) : DAMAGES;
+        for (int i = 0; i < damages && flips + deletions < all; i++) {
             const char *file = files->pdata[g_rand_int_range(random, 0, (gint32)files->len)];
             g_autofree char *path = g_build_filename(run->session, file, NULL);
             if (!g_hash_table_add(damaged, (gpointer)file))
