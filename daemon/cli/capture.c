@@ -190,16 +190,21 @@ static int run_resume(const struct call *call, GError **error) {
     return rig ? cli_capture_run(call, rig, NULL, directory, error) : CLI_FAILED;
 }
 
-const struct command cli_capture = {.name = "capture",
-                                    .arguments = "RIG SESSION -o DIR",
-                                    .help = "Capture a session, or begin to, and show how it goes.",
-                                    .options = capture_entries,
-                                    .daemon = TRUE,
-                                    .min = 2,
-                                    .max = 2,
-                                    .run = run_capture};
+const struct command cli_capture = {
+    .name = "capture",
+    .arguments = "RIG SESSION -o DIR",
+    .examples =
+        "  mesorig capture rig.conf session.conf -o weave.session\n"
+        "  mesorig capture rig.conf session.conf -o weave.session -c rig.calibration --process\n",
+    .help = "Capture a session, or begin to, and show how it goes.",
+    .options = capture_entries,
+    .daemon = TRUE,
+    .min = 2,
+    .max = 2,
+    .run = run_capture};
 const struct command cli_resume = {.name = "resume",
                                    .arguments = "DIR",
+                                   .examples = "  mesorig resume weave.session\n",
                                    .help =
                                        "Go on with a session: exactly what is missing is taken.",
                                    .options = resume_entries,

@@ -179,6 +179,8 @@ static int cli_check_run(const struct call *call, GError **error) {
 const struct command cli_check = {
     .name = "check",
     .arguments = "DIR",
+    .examples = "  mesorig check weave.session --plot energy.svg\n"
+                "  mesorig check weave.session --strict && mesorig compress weave.session\n",
     .help = "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
     .options = entries,
     .min = 1,

@@ -193,6 +193,8 @@ static int run_test(const struct call *call, GError **error) {
 const struct command hands_test = {
     .name = "test",
     .arguments = "",
+    .examples = "  mesorig test\n"
+                "  mesorig test --rig etc/demo/rig.conf\n",
     .help =
         "Try every device once: interlocks, axes (each moves), cameras, and whether a camera sees "
         "each lamp and laser. Fails unless all answer.",

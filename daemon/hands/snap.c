@@ -130,6 +130,8 @@ static int run_live(const struct call *call, GError **error) {
 const struct command hands_snap = {
     .name = "snap",
     .arguments = "CAMERA",
+    .examples = "  mesorig snap cam45 --lamp lamp30\n"
+                "  mesorig snap cam45 -e 2000 -o cam45.png\n",
     .help =
         "Take one picture: what it looks like, its histogram, how much is saturated and dark, how "
         "sharp it is. Nothing may be captured meanwhile.",
@@ -141,6 +143,7 @@ const struct command hands_snap = {
 const struct command hands_live = {
     .name = "live",
     .arguments = "CAMERA",
+    .examples = "  mesorig live cam45 --lamp lamp30\n",
     .help = "Take pictures one after the other, as snap does, until Ctrl-C: to point and focus.",
     .options = live_entries,
     .daemon = TRUE,
