@@ -1,5 +1,7 @@
 #include "options.h"
 
+#include "nearest.h"
+
 #include "json.h"
 
 #include <errno.h>
@@ -202,34 +204,10 @@ static gsize stem_length(const char *name) {
     return length;
 }
 
-/* Takes name if its Levenshtein distance from key is less than *distance. Names longer than 63 are
- * not compared. */
-static void closer(const char *key, const char *name, const char **nearest, int *distance) {
-    int n = (int)strlen(name), row[64];
-    if (n > 63 || strlen(key) > 63)
-        return;
-    for (int j = 0; j <= n; j++)
-        row[j] = j;
-    for (int i = 1; key[i - 1]; i++) {
-        int diagonal = row[0];
-        row[0] = i;
-        for (int j = 1; j <= n; j++) {
-            int here = MIN(diagonal + (key[i - 1] != name[j - 1]), MIN(row[j], row[j - 1]) + 1);
-            diagonal = row[j];
-            row[j] = here;
-        }
-    }
-    if (row[n] < *distance) {
-        *distance = row[n];
-        *nearest = name;
-    }
-}
-
 /* FALSE. */
 static gboolean unknown_key(const struct option *table, const struct config_section *section,
                             const char *const *also, const char *key, GError **error) {
-    const char *nearest = NULL;
-    int distance = (int)MIN(strlen(key) / 3 + 1, 3) + 1;
+    struct nearest nearest = nearest_new(key);
     for (const struct option *option = table; option && option->name; option++) {
         const gsize stem = stem_length(key);
         if (stem == stem_length(option->name) && strncmp(option->name, key, stem) == 0) {
@@ -239,13 +217,13 @@ static gboolean unknown_key(const struct option *table, const struct config_sect
                              option->unit ? ")" : "");
             return FALSE;
         }
-        closer(key, option->name, &nearest, &distance);
+        nearest_consider(&nearest, option->name);
     }
     for (; also && *also; also++)
-        closer(key, *also, &nearest, &distance);
-    if (nearest)
+        nearest_consider(&nearest, *also);
+    if (nearest.name)
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
-                         "there is no such key; did you mean %s?", nearest);
+                         "there is no such key; did you mean %s?", nearest.name);
     else
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key, "there is no such key here");
     return FALSE;

@@ -2,6 +2,7 @@
 #include "command/cli.h"
 #include "command/link.h"
 #include "command/monitor.h"
+#include "hands/guard.h"
 #include "hands/rig_link.h"
 #include "process.h"
 #include "rig/devices.h"
@@ -15,7 +16,9 @@ static gboolean process, yes;
 #define YES_ENTRY                                                                                  \
     {                                                                                              \
         "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
-            "Answer every question about manual steps with yes; on a simulated rig", NULL          \
+            "Go on whatever test shots say; on a simulated rig, answer every question about "      \
+            "manual steps with yes",                                                               \
+            NULL                                                                                   \
     }
 
 static const GOptionEntry capture_entries[] = {
@@ -77,6 +80,52 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     return done ? CLI_DONE : CLI_FAILED;
 }
 
+static gboolean is_calibrated(const char *rig_path) {
+    g_autoptr(Config) config = config_load(rig_path, NULL);
+    gsize n = 0;
+    const struct config_section *sections = config ? config_sections(config, &n) : NULL;
+    for (gsize i = 0; i < n; i++)
+        if (strcmp(sections[i].group, "rig") == 0)
+            return config_value(&sections[i], "calibration", NULL) != NULL;
+    return FALSE;
+}
+
+/* Before a long capture. FALSE: they say that it would be spoilt, and --yes was not given; or a
+ * device has failed. What else is wrong with the session Start says. */
+static gboolean take_test_shots(Link *link, const char *rig_path, const char *session,
+                                GError **error) {
+    g_auto(SessionConf) conf = {0};
+    struct rig rig;
+    while (
+        g_main_context_iteration(NULL, FALSE)) /* what the daemon shows since it opened the rig */
+        ;
+    const char *state = bus_rig1_get_state(link_rig(link));
+    const gboolean free_now = g_strcmp0(state, "idle") == 0 || g_strcmp0(state, "done") == 0 ||
+                              g_strcmp0(state, "aborted") == 0;
+    if (!free_now || !session_conf_load(&conf, session, NULL) ||
+        !devices_read_geometry(rig_path, &rig, NULL) || !guard_is_worth_it(&conf))
+        return TRUE;
+    g_autoptr(GPtrArray) warnings = guard_try(link, &conf, &rig, error);
+    if (!warnings) {
+        g_prefix_error(error, "test shots before the capture: ");
+        return FALSE;
+    }
+    if (!calibration && !is_calibrated(rig_path))
+        g_printerr(
+            "mesorig: warning: %s is not calibrated: geometry and light are as its file says, "
+            "which is millimetres and tenths off; see mesorig calibrate, then [rig] "
+            "calibration, or -c FILE\n",
+            rig_path);
+    for (guint i = 0; i < warnings->len; i++)
+        g_printerr("mesorig: warning: %s\n", (char *)warnings->pdata[i]);
+    if (warnings->len > 0 && !yes)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "test shots say that the capture would be spoilt (%u warning%s); --yes goes on "
+                    "all the same",
+                    warnings->len, warnings->len == 1 ? "" : "s");
+    return warnings->len == 0 || yes;
+}
+
 /* session: NULL to resume. */
 static int cli_capture_run(const struct call *call, const char *rig, const char *session,
                            const char *directory, GError **error) {
@@ -84,12 +133,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     g_autoptr(Link) link = rig_link_find(rig, &simulated, error);
     if (!link)
         return CLI_FAILED;
-    if (yes && !simulated) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-                    "--yes is for simulated rigs: at %s somebody has to do what is asked for", rig);
-        return CLI_FAILED;
-    }
-    if (!rig_link_open(link, rig, error))
+    if (!rig_link_open(link, rig, error) ||
+        (session && !take_test_shots(link, rig, session, error)))
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     const gboolean ok = session ? bus_rig1_call_start_sync(link_rig(link), session, directory,
@@ -98,7 +143,7 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
                                                             start_options(), NULL, error);
     if (!ok)
         return CLI_FAILED;
-    monitor_set_answer(monitor, yes ? ANSWER_AT_ONCE : ANSWER_ENTER);
+    monitor_set_answer(monitor, yes && simulated ? ANSWER_AT_ONCE : ANSWER_ENTER);
     const enum monitor_end end = monitor_run(monitor, FALSE);
     const gboolean private = link_is_private(link);
     const int code = cli_capture_tell_end(link, monitor, end, directory, error);
@@ -145,16 +190,21 @@ static int run_resume(const struct call *call, GError **error) {
     return rig ? cli_capture_run(call, rig, NULL, directory, error) : CLI_FAILED;
 }
 
-const struct command cli_capture = {.name = "capture",
-                                    .arguments = "RIG SESSION -o DIR",
-                                    .help = "Capture a session, or begin to, and show how it goes.",
-                                    .options = capture_entries,
-                                    .daemon = TRUE,
-                                    .min = 2,
-                                    .max = 2,
-                                    .run = run_capture};
+const struct command cli_capture = {
+    .name = "capture",
+    .arguments = "RIG SESSION -o DIR",
+    .examples =
+        "  mesorig capture rig.conf session.conf -o weave.session\n"
+        "  mesorig capture rig.conf session.conf -o weave.session -c rig.calibration --process\n",
+    .help = "Capture a session, or begin to, and show how it goes.",
+    .options = capture_entries,
+    .daemon = TRUE,
+    .min = 2,
+    .max = 2,
+    .run = run_capture};
 const struct command cli_resume = {.name = "resume",
                                    .arguments = "DIR",
+                                   .examples = "  mesorig resume weave.session\n",
                                    .help =
                                        "Go on with a session: exactly what is missing is taken.",
                                    .options = resume_entries,

@@ -155,11 +155,13 @@ static void cli_check_tell(Record *to, const struct check *check) {
 
 static char *plot_option;
 static int texel_option = -1;
+static gboolean strict;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
      "Draw the energy of each view and light into this .svg or .png", "FILE"},
     {"texel", 't', 0, G_OPTION_ARG_INT, &texel_option,
      "The texel that is drawn, counted row by row (the middle)", "N"},
+    {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with 1 if anything is suspect", NULL},
     {NULL},
 };
 
@@ -167,15 +169,18 @@ static int cli_check_run(const struct call *call, GError **error) {
     struct check check = {call->arguments[0], plot_option, texel_option,
                           .suspicions = g_ptr_array_new_with_free_func(g_free)};
     const gboolean ok = cli_work_run(check_session, &check, NULL, error);
+    const gboolean suspect = check.suspicions->len > 0;
     if (ok)
         cli_check_tell(call->record, &check);
     check_clear(&check);
-    return ok ? CLI_DONE : CLI_FAILED;
+    return ok && !(strict && suspect) ? CLI_DONE : CLI_FAILED;
 }
 
 const struct command cli_check = {
     .name = "check",
     .arguments = "DIR",
+    .examples = "  mesorig check weave.session --plot energy.svg\n"
+                "  mesorig check weave.session --strict && mesorig compress weave.session\n",
     .help = "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
     .options = entries,
     .min = 1,

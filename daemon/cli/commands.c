@@ -1,6 +1,7 @@
 /* The table of commands, and how one of them is found. */
 #include "commands.h"
 
+#include "base/nearest.h"
 #include "calibrate/calibrate.h"
 #include "hands/hands.h"
 
@@ -35,6 +36,12 @@ int cli_main(int argc, char **argv) {
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
         if (strcmp(commands[i]->name, argv[1]) == 0)
             return cli_run(commands[i], argc - 1, argv + 1);
-    g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
+    struct nearest nearest = nearest_new(argv[1]);
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        nearest_consider(&nearest, commands[i]->name);
+    if (nearest.name)
+        g_printerr("mesorig: no command “%s”: did you mean “%s”?\n", argv[1], nearest.name);
+    else
+        g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
     return CLI_USAGE;
 }

@@ -187,6 +187,8 @@ static int cli_export_run(const struct call *call, GError **error) {
 const struct command cli_export = {
     .name = "export",
     .arguments = "KIND DIR -o FILE",
+    .examples = "  mesorig export btf weave.session -o weave.btf\n"
+                "  mesorig export normals weave.session -o normals.exr\n",
     .help =
         "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), "
         "points (of "

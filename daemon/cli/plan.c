@@ -77,6 +77,9 @@ static int run_drivers(const struct call *call, GError **error) {
 
 const struct command cli_plan = {.name = "plan",
                                  .arguments = "RIG SESSION",
+                                 .examples =
+                                     "  mesorig plan rig.conf session.conf\n"
+                                     "  mesorig plan rig.conf session.conf --json | jq .bytes\n",
                                  .help = "Check a session, and predict its order and time.",
                                  .options = entries,
                                  .daemon = TRUE,

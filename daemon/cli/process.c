@@ -139,6 +139,9 @@ static int cli_process_run(const struct call *call, GError **error) {
 
 const struct command cli_process = {.name = "process",
                                     .arguments = "DIR",
+                                    .examples =
+                                        "  mesorig process weave.session\n"
+                                        "  mesorig process weave.session -c better.calibration\n",
                                     .help = "Make BTF, MDF and eigen-maps of a session.",
                                     .options = entries,
                                     .min = 1,

@@ -1,5 +1,7 @@
 #include "cli.h"
 
+#include "base/nearest.h"
+
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -47,8 +49,23 @@ static gboolean cli_parse(const struct command *command, int *argc, char ***argv
     if (command->daemon)
         g_option_context_add_main_entries(context, link_entries, NULL);
     g_option_context_add_main_entries(context, json_entries, NULL);
+    if (command->examples) {
+        g_autofree char *text = g_strconcat("Examples:\n", command->examples, NULL);
+        g_option_context_set_description(context, text);
+    }
     if (!g_option_context_parse(context, argc, argv, &error)) {
-        cli_usage(command, "%s", error->message);
+        const GOptionEntry *const tables[] = {entries, command->daemon ? link_entries : NULL,
+                                              json_entries};
+        const char *wrong = strstr(error->message, "--");
+        struct nearest nearest = nearest_new(wrong ? wrong + 2 : "");
+        for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+            for (const GOptionEntry *entry = tables[i]; entry && entry->long_name; entry++)
+                nearest_consider(&nearest, entry->long_name);
+        const gboolean meant =
+            wrong && nearest.name &&
+            g_error_matches(error, G_OPTION_ERROR, G_OPTION_ERROR_UNKNOWN_OPTION);
+        cli_usage(command, "%s%s%s%s", error->message, meant ? "; did you mean --" : "",
+                  meant ? nearest.name : "", meant ? "?" : "");
         return FALSE;
     }
     if (*argc > 1 && strcmp((*argv)[1], "--") == 0) {

@@ -16,6 +16,7 @@ struct call {
 /* A row of the table of commands; each command has a file of its own. */
 struct command {
     const char *name, *arguments, *help;
+    const char *examples;        /* for people, a line each with two blanks before it; or NULL */
     const GOptionEntry *options; /* its own, or NULL */
     const GOptionEntry *(*list_options)(
         void);       /* in place of options: made when they are asked for */

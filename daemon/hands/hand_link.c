@@ -47,7 +47,8 @@ static gboolean read_pixels(int fd, Frame *frame, GError **error) {
     return TRUE;
 }
 
-Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, GError **error) {
+Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
+                 GError **error) {
     guint width, height, bits;
     double black;
     gint64 exposed_us;
@@ -55,8 +56,9 @@ Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, GError **er
     g_autofree char *filter = NULL;
     g_autoptr(GVariant) handle = NULL;
     g_autoptr(GUnixFDList) list = NULL;
-    if (!bus_rig1_call_snap_sync(link_rig(link), camera, exposure_us, 0, NULL, &width, &height,
-                                 &bits, &black, &filter, &exposed_us, &handle, &list, NULL, error))
+    if (!bus_rig1_call_snap_sync(link_rig(link), camera, exposure_us, gain_db, NULL, &width,
+                                 &height, &bits, &black, &filter, &exposed_us, &handle, &list, NULL,
+                                 error))
         return NULL;
     const int fd = list ? g_unix_fd_list_get(list, g_variant_get_handle(handle), error) : -1;
     if (fd < 0)

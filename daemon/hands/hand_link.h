@@ -17,7 +17,8 @@ extern char *hand_rig; /* --rig */
 Link *hand_link(GError **error);
 
 /* As the methods of these names; they wait for the answer. */
-Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, GError **error);
+Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
+                 GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
 gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error);
 gboolean hand_home(Link *link, const char *axis, double *ret_deg, GError **error);

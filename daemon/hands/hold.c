@@ -152,6 +152,8 @@ static int run_home(const struct call *call, GError **error) {
 
 const struct command hands_lamp = {.name = "lamp",
                                    .arguments = "LAMP",
+                                   .examples = "  mesorig lamp lamp30\n"
+                                               "  mesorig lamp lamp30 --for 5\n",
                                    .help = "Switch a lamp on until Ctrl-C.",
                                    .options = light_entries,
                                    .daemon = TRUE,
@@ -161,6 +163,7 @@ const struct command hands_lamp = {.name = "lamp",
 const struct command hands_laser = {
     .name = "laser",
     .arguments = "LASER",
+    .examples = "  mesorig laser laser45 --for 2\n",
     .help = "Switch a laser on until Ctrl-C, or until an interlock opens. Mind your eyes.",
     .options = light_entries,
     .daemon = TRUE,
@@ -170,6 +173,8 @@ const struct command hands_laser = {
 const struct command hands_move = {
     .name = "move",
     .arguments = "AXIS DEGREES",
+    .examples = "  mesorig move turntable 90\n"
+                "  mesorig move -- arc -15\n",
     .help = "Move an axis to an angle; “home” comes first. Ctrl-C stops it. Before a negative "
             "angle write --.",
     .options = axis_entries,
@@ -179,6 +184,7 @@ const struct command hands_move = {
     .run = run_move};
 const struct command hands_home = {.name = "home",
                                    .arguments = "AXIS",
+                                   .examples = "  mesorig home turntable\n",
                                    .help = "Send an axis to its reference. Ctrl-C stops it.",
                                    .options = axis_entries,
                                    .daemon = TRUE,

@@ -23,11 +23,13 @@ struct picture_report picture_report(const Frame *frame) {
     const gsize n = (gsize)frame->width * (gsize)frame->height;
     const int top = (1 << frame->bits) - 1, step = frame->cfa == CFA_MONO ? 1 : 2;
     const double dark_dn = frame->black_level + DARK_PART * (top - frame->black_level);
-    gsize saturated = 0, dark = 0, inner = 0;
+    gsize saturated = 0, dark = 0, inner = 0, above = 0;
+    g_autofree guint *counts = g_new0(guint, (gsize)top + 1);
     double sum = 0, squares = 0;
     for (gsize i = 0; i < n; i++) {
         const int dn = MIN(frame->pixels[i], top);
         sum += dn;
+        counts[dn]++;
         ret.max_dn = MAX(ret.max_dn, dn);
         saturated += dn == top;
         dark += dn < dark_dn;
@@ -41,6 +43,9 @@ struct picture_report picture_report(const Frame *frame) {
             squares += laplacian * laplacian;
             inner++;
         }
+    for (ret.high_dn = top; ret.high_dn > 0; ret.high_dn--)
+        if ((above += counts[(int)ret.high_dn]) * 100 > n)
+            break;
     ret.mean_dn = sum / (double)n;
     ret.saturated = (double)saturated / (double)n;
     ret.dark = (double)dark / (double)n;

@@ -8,6 +8,7 @@
 
 struct picture_report {
     double mean_dn, max_dn;
+    double high_dn;           /* 99th percentile */
     double saturated;         /* part of the pixels at the end of the converter's range */
     double dark;              /* part of the pixels less than 1/256 of the range above black */
     double focus;             /* see below; 0: it is dark */

@@ -79,7 +79,7 @@ static void try_axis(struct trial *trial, const char *name) {
 static void try_camera(struct trial *trial, int i) {
     g_autoptr(GError) error = NULL;
     const char *name = trial->rig.cameras[i].name;
-    g_autoptr(Frame) frame = hand_snap(trial->link, name, exposure_us, &error);
+    g_autoptr(Frame) frame = hand_snap(trial->link, name, exposure_us, 0, &error);
     if (!frame) {
         trial_fail(trial, "camera", name, error);
         return;
@@ -105,7 +105,7 @@ static void try_light(struct trial *trial, gboolean laser, const char *name) {
         if (!trial->dark_known[i])
             continue;
         g_autoptr(Frame) frame =
-            hand_snap(trial->link, trial->rig.cameras[i].name, exposure_us, &error);
+            hand_snap(trial->link, trial->rig.cameras[i].name, exposure_us, 0, &error);
         if (!frame)
             break;
         const struct picture_report lit = picture_report(frame), *dark = &trial->dark[i];
@@ -193,6 +193,8 @@ static int run_test(const struct call *call, GError **error) {
 const struct command hands_test = {
     .name = "test",
     .arguments = "",
+    .examples = "  mesorig test\n"
+                "  mesorig test --rig etc/demo/rig.conf\n",
     .help =
         "Try every device once: interlocks, axes (each moves), cameras, and whether a camera sees "
         "each lamp and laser. Fails unless all answer.",

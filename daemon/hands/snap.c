@@ -68,7 +68,7 @@ static int run_snap(const struct call *call, GError **error) {
     g_autoptr(Link) link = look_begin(call, error);
     if (!link)
         return error && *error ? CLI_FAILED : CLI_USAGE;
-    g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, error);
+    g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);
     if (!frame || !set_lights(link, FALSE, error) ||
         (output && !picture_write(output, camera, frame, error)))
         return CLI_FAILED;
@@ -92,7 +92,7 @@ static gboolean on_signal(gpointer data) {
  * or with --json one of JSON. */
 static gboolean show_next(Link *link, const char *camera, enum picture_way way, gboolean first,
                           GError **error) {
-    g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, error);
+    g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);
     if (!frame)
         return FALSE;
     const struct picture_report report = picture_report(frame);
@@ -130,6 +130,8 @@ static int run_live(const struct call *call, GError **error) {
 const struct command hands_snap = {
     .name = "snap",
     .arguments = "CAMERA",
+    .examples = "  mesorig snap cam45 --lamp lamp30\n"
+                "  mesorig snap cam45 -e 2000 -o cam45.png\n",
     .help =
         "Take one picture: what it looks like, its histogram, how much is saturated and dark, how "
         "sharp it is. Nothing may be captured meanwhile.",
@@ -141,6 +143,7 @@ const struct command hands_snap = {
 const struct command hands_live = {
     .name = "live",
     .arguments = "CAMERA",
+    .examples = "  mesorig live cam45 --lamp lamp30\n",
     .help = "Take pictures one after the other, as snap does, until Ctrl-C: to point and focus.",
     .options = live_entries,
     .daemon = TRUE,

@@ -84,6 +84,7 @@ static void tones(void) {
         g_assert_null(first ? strstr(first + 1, "suspect ") : NULL);
         if (all[k].says)
             assert_has(told, all[k].says);
+        g_free(process_mesorig(all[k].says ? 1 : 0, "check %s --strict", session));
     }
 }
 

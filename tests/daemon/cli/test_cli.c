@@ -151,6 +151,13 @@ static void test_usage(void) {
     static const struct step steps[] = {
         {0, "--version", "mesorig " MESORIG_VERSION},
         {2, "develop", "develop"},
+        {2, "captur " RIG, "no command “captur”: did you mean “capture”?"},
+        {2, "proces S", "did you mean “process”?"},
+        {2, "sing S", "no command “sing”; “mesorig --help” lists them"},
+        {2, "check S --strct", "Unknown option --strct; did you mean --strict?"},
+        {2, "plan " RIG " " SESSION " --adress=x", "did you mean --address?"},
+        {0, "capture --help", "  mesorig capture rig.conf session.conf -o weave.session\n"},
+        {0, "snap --help", "Examples:\n  mesorig snap cam45 --lamp lamp30\n"},
         {2, "plan " RIG},
         {2, "capture " RIG " " SESSION, "-o"},
         {2, "status --bus=coach"},

@@ -489,6 +489,29 @@ static void test_cancelled(void) {
     assert_not_imported(path, error, "");
 }
 
+/* The last report of each stage, by its name. */
+static void keep_last(const struct work_progress *progress, gpointer data) {
+    g_hash_table_insert(data, g_strdup(progress->stage), g_memdup2(progress, sizeof *progress));
+}
+
+/* Each stage ends with all of it done. */
+static void test_progress(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GHashTable) last = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("progress");
+    struct import_result result;
+    const struct work work = {.progress = keep_last, .data = last};
+    static const char *const stages[] = {"import", "eigenmaps"};
+    write_set(dir);
+    import_pictures(path, dir, &plainly, &work, &result, &error);
+    g_assert_no_error(error);
+    for (gsize i = 0; i < G_N_ELEMENTS(stages); i++) {
+        const struct work_progress *end = g_hash_table_lookup(last, stages[i]);
+        g_assert_nonnull(end);
+        g_assert_cmpint(end->done, ==, end->total);
+    }
+}
+
 static void test_command(void) {
     g_autofree char *file = in_folder("command.btf"), *path = session_fixture_path("command");
     g_autofree char *back = in_folder("back.btf");
@@ -524,6 +547,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/import/bonn", test_bonn);
     g_test_add_func("/import/exists", test_exists);
     g_test_add_func("/import/cancelled", test_cancelled);
+    g_test_add_func("/import/progress", test_progress);
     g_test_add_func("/export/bonn", test_export_bonn);
     g_test_add_func("/import/command", test_command);
     return session_fixture_run();

@@ -1,0 +1,33 @@
+#include "nearest.h"
+
+#include <string.h>
+
+#define LONGEST 63
+
+struct nearest nearest_new(const char *key) {
+    return (struct nearest){.key = key, .distance = (int)MIN(strlen(key) / 3 + 1, 3) + 1};
+}
+
+void nearest_consider(struct nearest *nearest, const char *name) {
+    const char *key = nearest->key;
+    const int n = (int)strlen(name);
+    int row[LONGEST + 1];
+    if (n > LONGEST || strlen(key) > LONGEST)
+        return;
+    for (int j = 0; j <= n; j++)
+        row[j] = j;
+    for (int i = 1; key[i - 1]; i++) {
+        int diagonal = row[0];
+        row[0] = i;
+        for (int j = 1; j <= n; j++) {
+            const int here =
+                MIN(diagonal + (key[i - 1] != name[j - 1]), MIN(row[j], row[j - 1]) + 1);
+            diagonal = row[j];
+            row[j] = here;
+        }
+    }
+    if (row[n] < nearest->distance) {
+        nearest->distance = row[n];
+        nearest->name = name;
+    }
+}
