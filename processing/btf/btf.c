@@ -230,8 +230,7 @@ static void btf_add_up_variance(const struct btf_view *view, const Rectify *rect
     g_autofree float *pixels = g_new(float, n_pixels);
     g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
     btf_sigma_pixels(view->noise, exposures, values, n_pixels, pixels);
-    rectify_variance(rectify, values, pixels, ret);
-    rectify_structure(rectify, values, pixels, detail, shift);
+    rectify_errors(rectify, values, pixels, ret, detail, shift);
     for (gsize i = 0; i < n; i++)
         ret[i] += detail[i] + half * shift[i];
 }

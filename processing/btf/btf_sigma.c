@@ -1,5 +1,5 @@
 /* From a sensor's noise to the error bars of texels: pixels' variances by the exposures that each
- * was merged of, and the channel that holds what rectify_variance() makes of them. */
+ * was merged of, and the channel that holds what rectify_errors() makes of them. */
 #include "btf_sigma.h"
 
 #include <math.h>

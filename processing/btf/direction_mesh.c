@@ -52,7 +52,7 @@ static double direction_mesh_cosine(const double point[2]) {
     return (1 - r2) / (1 + r2);
 }
 
-static double apart(const double *a, const double *b) {
+static double direction_mesh_apart(const double *a, const double *b) {
     return hypot(a[0] - b[0], a[1] - b[1]);
 }
 
@@ -80,7 +80,9 @@ static void direction_mesh_triangulate(DirectionMesh *mesh) {
         const double *p[3];
         for (int k = 0; k < 3; k++)
             p[k] = points + (gsize)(2 * c[k]);
-        const double longest = MAX(apart(p[0], p[1]), MAX(apart(p[1], p[2]), apart(p[2], p[0])));
+        const double longest =
+            MAX(direction_mesh_apart(p[0], p[1]),
+                MAX(direction_mesh_apart(p[1], p[2]), direction_mesh_apart(p[2], p[0])));
         if (direction_mesh_area(p[0], p[1], p[2]) > FLAT * longest * longest)
             g_array_append_val(mesh->triangles, triangle);
     }
@@ -123,7 +125,8 @@ static void direction_mesh_fit_slope(DirectionMesh *mesh, int at) {
     spread(mesh, within);
     for (int i = 0; i < mesh->n; i++)
         if (within[i] && i != at)
-            around[n++] = (struct near){i, apart(mesh->points + (gsize)(2 * i), own)};
+            around[n++] =
+                (struct near){i, direction_mesh_apart(mesh->points + (gsize)(2 * i), own)};
     if (n < TERMS)
         return;
     qsort(around, (gsize)n, sizeof *around, direction_mesh_by_distance);
@@ -163,8 +166,9 @@ DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip
     for (int i = 0; i < n; i++) {
         mesh->used[i] = i != skip;
         for (int k = 0; k < i && mesh->used[i]; k++)
-            mesh->used[i] = !mesh->used[k] || apart(mesh->points + (gsize)(2 * i),
-                                                    mesh->points + (gsize)(2 * k)) > TOGETHER;
+            mesh->used[i] =
+                !mesh->used[k] || direction_mesh_apart(mesh->points + (gsize)(2 * i),
+                                                       mesh->points + (gsize)(2 * k)) > TOGETHER;
     }
     direction_mesh_triangulate(mesh);
     for (int i = 0; i < n; i++)
@@ -259,7 +263,7 @@ void direction_mesh_share(const DirectionMesh *mesh, const double *points, const
     if (triangle < 0) {
         *ret = (struct direction_share){.weight = {1}, .clamped = TRUE};
         for (int i = 0; i < mesh->n; i++) {
-            const double distance = apart(points + (gsize)(2 * i), at);
+            const double distance = direction_mesh_apart(points + (gsize)(2 * i), at);
             if (!mesh->used[i] || distance >= best)
                 continue;
             best = distance;

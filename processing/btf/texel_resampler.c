@@ -49,7 +49,8 @@ static DirectionMesh *texel_resampler_back_mesh(const struct resampler_target *t
     return mesh;
 }
 
-static struct resampler_left_out *leave_out(const struct vec3 *directions, int n, gboolean lights) {
+static struct resampler_left_out *texel_resampler_leave_out(const struct vec3 *directions, int n,
+                                                            gboolean lights) {
     struct resampler_left_out *ret = g_new(struct resampler_left_out, n);
     for (int i = 0; i < n; i++) {
         ret[i].mesh = direction_mesh_new(directions, n, i, lights);
@@ -81,8 +82,8 @@ void resampler_init(struct resampler *r, const struct near_field *near,
                                             &r->to_view_points, &r->back_views);
     r->to_lights = texel_resampler_back_mesh(r->lights, to->lights.n, lights, near->lights.n, TRUE,
                                              &r->to_light_points, &r->back_lights);
-    r->left_views = leave_out(views, near->views.n, FALSE);
-    r->left_lights = leave_out(lights, near->lights.n, TRUE);
+    r->left_views = texel_resampler_leave_out(views, near->views.n, FALSE);
+    r->left_lights = texel_resampler_leave_out(lights, near->lights.n, TRUE);
 }
 
 void resampler_clear(struct resampler *r) {
@@ -379,7 +380,7 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
 }
 
 /* Angles between target and measured directions, and the share beyond extrapolation. */
-static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
+static void texel_resampler_add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);
     int clamped = 0;
@@ -458,7 +459,7 @@ void resampler_texel(const struct resampler *r, int texel, const float *values, 
     texel_resampler_begin(&w);
     take_values(&w, values);
     forward(&w, ret);
-    add_moved(&w, sums);
+    texel_resampler_add_moved(&w, sums);
     add_nominal(&w, ret, sums);
     round_trip(&w, ret, sums);
     if (texel % r->left_step == 0) {

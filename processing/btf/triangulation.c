@@ -19,7 +19,7 @@ struct Triangulation {
     guint last;   /* triangle of the last query: the next one is likely near */
 };
 
-static const double *point(const Triangulation *t, int index) {
+static const double *triangulation_point(const Triangulation *t, int index) {
     return t->points + 2 * index;
 }
 
@@ -29,17 +29,18 @@ static double triangulation_area(const double *a, const double *b, const double 
 }
 
 static double triangulation_turn(const Triangulation *t, int a, int b, int c) {
-    return triangulation_area(point(t, a), point(t, b), point(t, c));
+    return triangulation_area(triangulation_point(t, a), triangulation_point(t, b),
+                              triangulation_point(t, c));
 }
 
 /* Whether a point d lies within the circumcircle of a counter-clockwise triangle: the determinant
  * of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
-    const double *d = point(t, other);
+    const double *d = triangulation_point(t, other);
     for (int k = 0; k < 3; k++) {
-        m[k][0] = point(t, corner[k])[0] - d[0];
-        m[k][1] = point(t, corner[k])[1] - d[1];
+        m[k][0] = triangulation_point(t, corner[k])[0] - d[0];
+        m[k][1] = triangulation_point(t, corner[k])[1] - d[1];
         m[k][2] = m[k][0] * m[k][0] + m[k][1] * m[k][1];
     }
     double det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
@@ -50,7 +51,8 @@ static gboolean in_circle(const Triangulation *t, const int corner[3], int other
 
 static int compare_x(gconstpointer a, gconstpointer b, gpointer data) {
     const Triangulation *t = data;
-    const double *p = point(t, *(const int *)a), *q = point(t, *(const int *)b);
+    const double *p = triangulation_point(t, *(const int *)a),
+                 *q = triangulation_point(t, *(const int *)b);
     if (p[0] != q[0])
         return p[0] < q[0] ? -1 : 1;
     return p[1] < q[1] ? -1 : p[1] > q[1];
@@ -158,7 +160,8 @@ void triangulation_free(Triangulation *t) {
 /* Barycentric weights b_k = area(opposite edge, point) / area(triangle); inside if all are ≥ 0. */
 static gboolean inside(const Triangulation *t, guint k, const double at[2], double ret[3]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
-    const double *a = point(t, corner[0]), *b = point(t, corner[1]), *c = point(t, corner[2]);
+    const double *a = triangulation_point(t, corner[0]), *b = triangulation_point(t, corner[1]),
+                 *c = triangulation_point(t, corner[2]);
     double whole = triangulation_area(a, b, c);
     if (whole <= 0.0)
         return FALSE;
@@ -186,7 +189,7 @@ void triangulation_weights(Triangulation *t, const double at[2], int ret_index[3
     double best = G_MAXDOUBLE;
     for (guint k = 0; k < t->hull->len; k++) {
         const int i = hull[k], j = hull[(k + 1) % t->hull->len];
-        const double *a = point(t, i), *b = point(t, j);
+        const double *a = triangulation_point(t, i), *b = triangulation_point(t, j);
         const double along[2] = {b[0] - a[0], b[1] - a[1]};
         const double length = along[0] * along[0] + along[1] * along[1];
         const double scaled = (at[0] - a[0]) * along[0] + (at[1] - a[1]) * along[1];

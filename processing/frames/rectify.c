@@ -8,8 +8,8 @@
 
 #define SPACING_PX  0.25  /* distance of the points that sample a texel */
 #define MOST_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
-#define OWN_DETAIL  0.22f /* κ of rectify_structure() for a colour's own pixels, and */
-#define ELSE_DETAIL 0.84f /* for others; measured: docs/accuracy.md */
+#define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/accuracy.md */
+#define CHROMA_PX   4.0   /* see rectify_structure(); measured: docs/accuracy.md */
 #define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
 
 /* Adjacent pixels that one vector instruction sums. */
@@ -29,9 +29,9 @@ struct rows {
 };
 
 struct Rectify {
-    int n_texels, n_outside;
-    int width, height; /* of the mosaic */
-    gsize stride;      /* of padded rows: windows may reach beyond the border */
+    int n_texels, columns, n_outside; /* columns: of texels */
+    int width, height;                /* of the mosaic */
+    gsize stride;                     /* of padded rows: windows may reach beyond the border */
     gsize n_pixels;
     guint8 *colour;      /* of each pixel, as in demosaic.h */
     int phase[4];        /* colours of the 2 × 2 filter cell, row by row */
@@ -42,6 +42,7 @@ struct Rectify {
     float (*balance)[3]; /* n_texels: weight of the other colours over that of this one, in around;
                             0: none */
     float colour_gain[3];
+    float chroma; /* CHROMA_PX / pixels across a texel, in the direction in which it is shortest */
     float
         *ratio; /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
 };
@@ -238,31 +239,45 @@ static void balance(Rectify *rectify, int texel) {
         rectify->balance[texel][c] = own[c] > 0 && all - own[c] > 0 ? (all - own[c]) / own[c] : 0;
 }
 
-/* Sample points per texel and direction so that their distance is at most spacing_px: ⌈longest
- * side of a corner texel / spacing⌉. */
-static int points_aside(const struct rig_camera *camera, double turntable_rad,
-                        const struct session_grid *grid, double spacing_px) {
-    double most = 0;
-    for (int k = 0; k < 4;
-         k++) { /* the size varies smoothly over the grid: corners have the extremes */
+/* Shortest and longest side of a texel in pixels; FALSE if a corner texel is not before the camera.
+ * The size varies smoothly over the grid: corners have the extremes. */
+static gboolean rectify_sides_px(const struct rig_camera *camera, double turntable_rad,
+                                 const struct session_grid *grid, double *ret_shortest,
+                                 double *ret_longest) {
+    *ret_shortest = INFINITY;
+    *ret_longest = 0;
+    for (int k = 0; k < 4; k++) {
         double column = k & 1 ? grid->width - 1 : 0, row = k >> 1 ? grid->height - 1 : 0;
         double x[3], y[3];
         for (int c = 0; c < 3; c++) {
             struct vec3 p = rectify_point_mm(grid, column + (c == 1), row + (c == 2));
             if (!rig_project(camera, rig_turn(p, turntable_rad), &x[c], &y[c]))
-                return 4;
+                return FALSE;
         }
-        most = MAX(most, MAX(hypot(x[1] - x[0], y[1] - y[0]), hypot(x[2] - x[0], y[2] - y[0])));
+        for (int c = 1; c < 3; c++) {
+            const double side = hypot(x[c] - x[0], y[c] - y[0]);
+            *ret_shortest = MIN(*ret_shortest, side);
+            *ret_longest = MAX(*ret_longest, side);
+        }
     }
-    return (int)CLAMP(ceil(most / spacing_px), 2, 64);
+    return TRUE;
+}
+
+/* Sample points per texel and direction so that their distance is at most spacing_px: ⌈longest
+ * side of a corner texel / spacing⌉. */
+static int points_aside(double longest_px, double spacing_px) {
+    return (int)CLAMP(ceil(longest_px / spacing_px), 2, 64);
 }
 
 static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
                       const struct radiometry_camera *radiometry, double turntable_rad,
                       const struct session_grid *grid) {
     const gsize n = rectify->n_pixels, width = (gsize)camera->width;
-    int side = points_aside(camera, turntable_rad, grid, SPACING_PX);
-    int coarse = points_aside(camera, turntable_rad, grid, 4 * SPACING_PX);
+    double shortest, longest;
+    const gboolean seen = rectify_sides_px(camera, turntable_rad, grid, &shortest, &longest);
+    const int side = seen ? points_aside(longest, SPACING_PX) : 4;
+    const int coarse = seen ? points_aside(longest, 4 * SPACING_PX) : 4;
+    rectify->chroma = seen && shortest > 0 ? (float)(CHROMA_PX / shortest) : 1;
     g_autofree double *x = g_new(double, side *side), *y = g_new(double, side *side);
     g_autofree float *gain = g_new(float, n), *sum = g_new0(float, n);
     g_autofree gboolean *touched = g_new0(gboolean, n);
@@ -295,6 +310,7 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
                      GError **error) {
     g_autoptr(Rectify) rectify = g_new0(Rectify, 1);
     rectify->n_texels = grid->width * grid->height;
+    rectify->columns = grid->width;
     rectify->width = camera->width;
     rectify->height = camera->height;
     rectify->n_pixels = (gsize)camera->width * (gsize)camera->height;
@@ -371,7 +387,7 @@ struct tally {
     float own[3], others[3];
 };
 
-static inline float sum_of(const wide *value) {
+static inline float rectify_sum_of(const wide *value) {
     const float *v = (const float *)value;
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
@@ -398,7 +414,8 @@ static inline __attribute__((always_inline)) void add_up(const Rectify *rectify,
         }
         own[y & 1] += all;
     }
-    *ret = (struct tally){{0}, {sum_of(&red), sum_of(&green), sum_of(&blue)}};
+    *ret =
+        (struct tally){{0}, {rectify_sum_of(&red), rectify_sum_of(&green), rectify_sum_of(&blue)}};
     for (int k = 0; k < 4; k++) {
         const wide *v = &own[k / 2];
         const int from = k % 2;
@@ -438,7 +455,7 @@ static void apply_plane(const Rectify *rectify, const float *padded, gsize c, fl
             for (int x = 0; x < window->n_wide * LANES; x += LANES, weight += LANES)
                 sum += *(const wide *)weight * *(const wide *)(from + x);
         }
-        ret_rgb[3 * (gsize)texel + c] = rectify->colour_gain[c] * sum_of(&sum);
+        ret_rgb[3 * (gsize)texel + c] = rectify->colour_gain[c] * rectify_sum_of(&sum);
     }
 }
 
@@ -544,17 +561,18 @@ static const struct window *rectify_widen(const Rectify *rectify, int texel, flo
     return window;
 }
 
-/* The derivatives of a texel's value by its pixels (see apply_all()), w being area weights, a
- * smooth ones, and r ratios; the clamped excess is a constant: own colour:    ∂/∂m_p = w + own·a,
- * own = others_c · balance / others of the surround other colours: ∂/∂m_p = excess·r·(w − other·a),
- * other = others_c / others of the surround. */
+/* Of one texel and each colour: the derivatives of its value by its pixels (see apply_all()), with
+ * area weights w, smooth ones a, and ratios r; a clamped excess counts as a constant:
+ *   own colour:    ∂/∂m_p = w + own·a,   own = others_c · balance / others of the surround
+ *   other colours: ∂/∂m_p = excess·r·(w − other·a),   other = others_c / others of the surround.
+ * chroma: how much ln excess differs between adjacent texels, as a mean square. */
 struct rectify_slopes {
-    float own[3], excess[3], other[3];
+    float own[3], excess[3], other[3], log_excess[3], chroma[3];
 };
 
 static inline __attribute__((always_inline)) struct rectify_slopes
 rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const float *ratio) {
-    struct rectify_slopes ret = {{0}, {1, 1, 1}, {0}};
+    struct rectify_slopes ret = {{0}, {1, 1, 1}, {0}, {0}, {0}};
     struct tally area, around;
     add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
     add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
@@ -564,6 +582,7 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
             continue;
         const float excess = around.own[c] / others * balance;
         ret.excess[c] = CLAMP(excess, 1 / MOST_EXCESS, MOST_EXCESS);
+        ret.log_excess[c] = logf(ret.excess[c]);
         if (excess != ret.excess[c])
             continue;
         ret.other[c] = area.others[c] / others;
@@ -572,193 +591,241 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
     return ret;
 }
 
-/* var_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. */
-static inline __attribute__((always_inline)) void rectify_do_variance(const Rectify *rectify,
-                                                                      const float *mosaic,
-                                                                      const float *pixels,
-                                                                      float *ret_variance) {
-    const gsize height = (gsize)rectify->height, plane = rectify->stride * height;
+/* Squares of the differences of ln excess between a texel and the one step after it, for each
+ * colour; FALSE if either is outside of the picture. */
+static gboolean rectify_chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes,
+                                    int texel, int step, float ret[3]) {
+    if (rectify->area.window[texel].n_rows == 0 || rectify->area.window[texel + step].n_rows == 0)
+        return FALSE;
+    for (int c = 0; c < 3; c++) {
+        const float d = slopes[texel + step].log_excess[c] - slopes[texel].log_excess[c];
+        ret[c] = d * d;
+    }
+    return TRUE;
+}
+
+/* chroma of each texel: the mean over the adjacent pairs among the 3 × 3 texels around it. */
+static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
+    const int width = rectify->columns, height = rectify->n_texels / width;
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        const int x0 = MAX(texel % width - 1, 0), x1 = MIN(texel % width + 1, width - 1);
+        const int y0 = MAX(texel / width - 1, 0), y1 = MIN(texel / width + 1, height - 1);
+        float sum[3] = {0}, step[3];
+        int pairs = 0;
+        for (int y = y0; y <= y1; y++)
+            for (int x = x0; x <= x1; x++)
+                for (int down = 0; down < 2; down++) {
+                    if ((down ? y == y1 : x == x1) ||
+                        !rectify_chroma_step(rectify, slopes, y * width + x, down ? width : 1,
+                                             step))
+                        continue;
+                    for (int c = 0; c < 3; c++)
+                        sum[c] += step[c];
+                    pairs++;
+                }
+        for (int c = 0; c < 3 && pairs > 0; c++)
+            slopes[texel].chroma[c] = sum[c] / (float)pairs;
+    }
+}
+
+/* A frame as its errors are found: padded planes of values, of their variances, and of the picture
+ * in red, green and blue: what the guide predicts from the pixels of other colours. */
+struct rectify_frame {
+    const float *values, *variances, *colours, *ratio;
+    const struct rectify_slopes *slopes;
+};
+
+/* noise_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. area: room for the weights of one texel; none: 0s. */
+static inline __attribute__((always_inline)) void rectify_noise(const Rectify *rectify, int texel,
+                                                                const struct rectify_frame *frame,
+                                                                float *area, const float *none,
+                                                                float ret[3]) {
+    const gsize plane = rectify->stride * (gsize)rectify->height;
+    const struct rectify_slopes *slopes = &frame->slopes[texel];
+    const struct window *window = rectify_widen(rectify, texel, area);
+    const gboolean smooth = window != &rectify->area.window[texel];
+    const float *around = smooth ? weights_of(&rectify->around, texel) : none, *weight = area;
+    wide sum[3] = {{0}};
+    for (int y = window->y; y < window->y + window->n_rows; y++) {
+        const gsize at = (gsize)y * rectify->stride + window->x;
+        const int *phase = &rectify->phase[2 * (y & 1)];
+        for (gsize x = at; x < at + window->n_wide * LANES; x += LANES) {
+            const wide w = *(const wide *)weight, a = *(const wide *)around;
+            const wide variance = *(const wide *)(frame->variances + x);
+            for (int c = 0; c < 3; c++) {
+                const float even = phase[0] == c, odd = phase[1] == c;
+                const wide own = {even, odd, even, odd, even, odd, even, odd};
+                const wide r = *(const wide *)(frame->ratio + (gsize)c * plane + x);
+                const wide slope = own * (w + slopes->own[c] * a) +
+                                   slopes->excess[c] * r * (w - slopes->other[c] * a);
+                sum[c] += slope * slope * variance;
+            }
+            weight += LANES;
+            around += LANES;
+        }
+    }
+    for (int c = 0; c < 3; c++)
+        ret[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * rectify_sum_of(&sum[c]);
+}
+
+/* A texel's area weights, 0 for pixels in the first and last column of the picture. copy: room for
+ * them. */
+static const float *rectify_inner_weights(const Rectify *rectify, int texel, float *copy) {
+    const struct window *window = &rectify->area.window[texel];
+    const float *weight = weights_of(&rectify->area, texel);
+    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
+    if (window->x > 0 && window->x + columns < rectify->width)
+        return weight;
+    for (int i = 0; i < n; i++) {
+        const int x = window->x + i % columns;
+        copy[i] = x == 0 || x >= rectify->width - 1 ? 0 : weight[i];
+    }
+    return copy;
+}
+
+/* Sums over a texel's pixels for one colour: of u², of squares of what the other colours predict,
+ * and of slopes along x and y. */
+struct rectify_sums {
+    wide squares, others, dx, dy;
+};
+
+/* LANES pixels of one row in one colour: m is the plane times a factor, which is 1 for the colour's
+ * own pixels and the texel's excess for others: here, beside it in the row, and above and below.
+ * Λ_p = m_p − mean of the four neighbours is what these do not tell of p; half the differences
+ * between them are the slopes. other: 0 for the colour's own pixels, otherwise 1.
+ * ret: u_p = w_p Λ_p. */
+static inline __attribute__((always_inline)) void
+rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
+                      wide other, wide weight, struct rectify_sums *sums, wide *ret) {
+    const float *const next = plane + stride, *const last = plane - stride;
+    const wide left = *(const wide *)(plane - 1), right = *(const wide *)(plane + 1);
+    const wide up = *(const wide *)last, down = *(const wide *)next;
+    const wide m = weight * here * *(const wide *)plane, x = weight * aside, y = weight * below;
+    const wide u = m - 0.25f * (x * (left + right) + y * (up + down));
+    sums->squares += u * u;
+    sums->others += other * m * m;
+    sums->dx += x * (right - left);
+    sums->dy += y * (down - up);
+    *ret = u;
+}
+
+/* Errors are alike along an edge, and it is not known where edges run: with u_p = w_p Λ_p,
+ *   most_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
+ *   coherence_c = most_c / Σ_p u_p².
+ * Where in a pixel an edge lies gives a variance of κ² most_c. A pixel of another colour is off by
+ * how far its colours deviate from the texel's, which no picture shows. In a texel CHROMA_PX across
+ * they deviate as much as those of adjacent texels, and the more the fewer pixels it has:
+ *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
+ *   detail_c = max(0, κ² (gain_c² most_c − 1.25 noise_c)) + gain_c² coherence_c off_c,
+ *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²).
+ * down: room for 3 × columns of the window. */
+static inline __attribute__((always_inline)) void
+rectify_structure(const Rectify *rectify, int texel, const struct rectify_frame *frame,
+                  const float *weight, float *down, const float noise[3], float ret_detail[3],
+                  float ret_shift[3]) {
+    const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
+    const struct rectify_slopes *slopes = &frame->slopes[texel];
+    const struct window *window = &rectify->area.window[texel];
+    const int columns = window->n_wide * LANES;
+    struct rectify_sums sums[3] = {{{0}}};
+    float rows[3] = {0}, total[3] = {0};
+    memset(down, 0, sizeof(float) * 3 * (gsize)columns);
+    for (int y = window->y; y < window->y + window->n_rows; y++, weight += columns) {
+        const int *const here = &rectify->phase[2 * (y & 1)];
+        const int *const next = &rectify->phase[2 * (~y & 1)];
+        wide row[3] = {{0}};
+        if (y == 0 || y == rectify->height - 1)
+            continue;
+        for (int x = 0; x < columns; x += LANES) {
+            const float *p = frame->colours + (gsize)y * stride + window->x + (gsize)x;
+            for (int c = 0; c < 3; c++) {
+                const float k = slopes->excess[c];
+                const float e = here[0] == c ? 1 : k, o = here[1] == c ? 1 : k;
+                const float f = next[0] == c ? 1 : k, q = next[1] == c ? 1 : k;
+                const float g = here[0] != c, h = here[1] != c;
+                const wide even = {e, o, e, o, e, o, e, o}, odd = {o, e, o, e, o, e, o, e};
+                const wide below = {f, q, f, q, f, q, f, q}, other = {g, h, g, h, g, h, g, h};
+                wide u;
+                rectify_add_structure(p + (gsize)c * plane, stride, even, odd, below, other,
+                                      *(const wide *)(weight + x), &sums[c], &u);
+                *(wide *)(down + c * columns + x) += u;
+                row[c] += u;
+            }
+        }
+        for (int c = 0; c < 3; c++) {
+            const float sum = rectify_sum_of(&row[c]);
+            rows[c] += sum * sum;
+            total[c] += sum;
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        const float gain = rectify->colour_gain[c] * rectify->colour_gain[c];
+        const float squares = rectify_sum_of(&sums[c].squares),
+                    others = rectify_sum_of(&sums[c].others);
+        const float dx = 0.5f * rectify_sum_of(&sums[c].dx),
+                    dy = 0.5f * rectify_sum_of(&sums[c].dy);
+        float most = MAX(MAX(squares, rows[c]), total[c] * total[c]), over_columns = 0;
+        for (int x = 0; x < columns; x++)
+            over_columns += down[c * columns + x] * down[c * columns + x];
+        most = MAX(most, over_columns);
+        const float coherence = squares > 0 ? most / squares : 1;
+        const float edges = EDGE_DETAIL * (gain * most - 1.25f * noise[c]);
+        const float off = slopes->chroma[c] * rectify->chroma * others;
+        ret_detail[c] = MAX(edges, 0) + gain * coherence * off;
+        ret_shift[c] = gain * (dx * dx + dy * dy);
+    }
+}
+
+static inline __attribute__((always_inline)) void
+rectify_do_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
+                  float *ret_noise, float *ret_detail, float *ret_shift) {
+    const gsize plane = rectify->stride * (gsize)rectify->height;
     g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
     const float *ratio = rectify->ratio ? rectify->ratio : found;
-    g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
+    g_autofree float *values = g_new0(float, plane), *variances = g_new(float, plane);
+    g_autofree float *colours = g_new(float, 3 * plane);
+    g_autofree struct rectify_slopes *slopes = g_new(struct rectify_slopes, rectify->n_texels);
+    const struct rectify_frame frame = {values, variances, colours, ratio, slopes};
+    pad(rectify, mosaic, values);
+    pad(rectify, pixels, variances);
+    for (gsize c = 0; c < 3; c++)
+        for (gsize i = 0; i < plane; i++)
+            colours[c * plane + i] =
+                values[i] * (ratio[c * plane + i] > 0 ? ratio[c * plane + i] : 1);
     guint most = 0;
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const struct window *a = &rectify->area.window[texel], *b = &rectify->around.window[texel];
         most = MAX(most, (guint)MAX(a->n_rows * a->n_wide, b->n_rows * b->n_wide) * LANES);
+        slopes[texel] = rectify_slopes_of(rectify, texel, values, ratio);
     }
+    rectify_find_chroma(rectify, slopes);
     g_autofree float *area = g_new(float, most), *none = g_new0(float, most);
-    pad(rectify, mosaic, values);
-    pad(rectify, pixels, variances);
-    for (int texel = 0; texel < rectify->n_texels; texel++, ret_variance += 3) {
-        const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
-        const struct window *window = rectify_widen(rectify, texel, area);
-        const gboolean smooth = window != &rectify->area.window[texel];
-        const float *around = smooth ? weights_of(&rectify->around, texel) : none, *weight = area;
-        wide sum[3] = {{0}};
-        for (int y = window->y; y < window->y + window->n_rows; y++) {
-            const gsize at = (gsize)y * rectify->stride + window->x;
-            const int *phase = &rectify->phase[2 * (y & 1)];
-            for (gsize x = at; x < at + window->n_wide * LANES; x += LANES) {
-                const wide w = *(const wide *)weight, a = *(const wide *)around;
-                const wide variance = *(const wide *)(variances + x);
-                for (int c = 0; c < 3; c++) {
-                    const float even = phase[0] == c, odd = phase[1] == c;
-                    const wide own = {even, odd, even, odd, even, odd, even, odd};
-                    const wide r = *(const wide *)(ratio + (gsize)c * plane + x);
-                    const wide slope = own * (w + slopes.own[c] * a) +
-                                       slopes.excess[c] * r * (w - slopes.other[c] * a);
-                    sum[c] += slope * slope * variance;
-                }
-                weight += LANES;
-                around += LANES;
-            }
-        }
-        for (int c = 0; c < 3; c++)
-            ret_variance[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * sum_of(&sum[c]);
-    }
-}
-
-/* A pixel and its neighbours to the left, right, above and below. */
-enum { HERE, NEIGHBOURS = 5 };
-
-/* Lanes of one row of the area's window: m is the picture in one colour, with the texel's excess,
- * as m_p = mosaic · (1 for the colour's own pixels, else excess · ratio). Λ = m_p − mean of the
- * four neighbours is what a pixel shows that these do not tell; half the differences across it are
- * its slopes. Adds up the variance by noise of w κ Λ, which it returns, and w times the slopes. */
-static inline __attribute__((always_inline)) void
-rectify_structure_add(const float *mosaic, const float *pixels, const float *ratio,
-                      const wide own[NEIGHBOURS], const gsize at[NEIGHBOURS], float excess,
-                      wide weight, wide kappa, wide sums[3], wide *ret) {
-    wide m[NEIGHBOURS], noise = {0};
-    for (int k = 0; k < NEIGHBOURS; k++) {
-        const wide factor = own[k] + excess * *(const wide *)(ratio + at[k]);
-        m[k] = *(const wide *)(mosaic + at[k]) * factor;
-        noise += *(const wide *)(pixels + at[k]) * factor * factor * (k == HERE ? 1 : 1.0f / 16);
-    }
-    const wide lambda = m[HERE] - 0.25f * (m[1] + m[2] + m[3] + m[4]);
-    const wide share = weight * kappa;
-    sums[0] += share * share * noise;
-    sums[1] += 0.5f * weight * (m[2] - m[1]);
-    sums[2] += 0.5f * weight * (m[4] - m[3]);
-    *ret = share * lambda;
-}
-
-/* A texel's area weights, 0 for pixels in the first and last column of the picture. Owned by copy.
- */
-static float *rectify_inner_weights(const Rectify *rectify, int texel, GArray *copy) {
-    const struct window *window = &rectify->area.window[texel];
-    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
-    g_array_set_size(copy, (guint)n);
-    float *ret = (float *)(void *)copy->data;
-    for (int i = 0; i < n; i++) {
-        const int x = window->x + i % columns;
-        ret[i] = x == 0 || x >= rectify->width - 1 ? 0 : weights_of(&rectify->area, texel)[i];
-    }
-    return ret;
-}
-
-/* Errors are alike along an edge, and it is not known where edges run: of u_p = w_p κ_p Λ_p, κ
- * being larger for pixels of other colours, the largest of three sums counts.
- *   detail_c = gain_c² · max(0, max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)²) − noise)
- *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²) */
-static inline __attribute__((always_inline)) void
-rectify_do_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
-                     float *ret_detail, float *ret_shift) {
-    const gsize stride = rectify->stride, plane = stride * (gsize)rectify->height;
-    g_autofree float *found = rectify->ratio ? NULL : find_ratios(rectify, mosaic);
-    const float *ratio = rectify->ratio ? rectify->ratio : found;
-    const float other = rectify->mono ? OWN_DETAIL : ELSE_DETAIL;
-    g_autofree float *values = g_new(float, plane), *variances = g_new(float, plane);
-    g_autoptr(GArray) copy = g_array_new(FALSE, FALSE, sizeof(float));
-    g_autoptr(GArray) down = g_array_new(FALSE, FALSE, sizeof(float));
-    pad(rectify, mosaic, values);
-    pad(rectify, pixels, variances);
-    for (int texel = 0; texel < rectify->n_texels; texel++, ret_detail += 3, ret_shift += 3) {
-        const struct rectify_slopes slopes = rectify_slopes_of(rectify, texel, values, ratio);
-        const struct window *window = &rectify->area.window[texel];
-        const int columns = window->n_wide * LANES;
-        float *weight = rectify_inner_weights(rectify, texel, copy);
-        wide sums[3][3] = {{{0}}}, squares[3] = {{0}};
-        float rows[3] = {0};
-        g_array_set_size(down, (guint)(3 * columns));
-        memset(down->data, 0, sizeof(float) * 3 * (gsize)columns);
-        for (int y = window->y; y < window->y + window->n_rows; y++, weight += columns) {
-            if (y == 0 || y == rectify->height - 1)
-                continue;
-            wide row[3] = {{0}};
-            for (int x = 0; x < columns; x += LANES) {
-                const gsize p = (gsize)y * stride + window->x + (gsize)x;
-                const gsize at[NEIGHBOURS] = {p, p - 1, p + 1, p - stride, p + stride};
-                for (int c = 0; c < 3; c++) {
-                    const int *const phase[] = {&rectify->phase[2 * (y & 1)],
-                                                &rectify->phase[2 * (~y & 1)]};
-                    const float e = phase[0][0] == c, o = phase[0][1] == c;
-                    const float f = phase[1][0] == c, q = phase[1][1] == c;
-                    const wide even = {e, o, e, o, e, o, e, o}, odd = {o, e, o, e, o, e, o, e};
-                    const wide beside = {f, q, f, q, f, q, f, q};
-                    const wide own[NEIGHBOURS] = {even, odd, odd, beside, beside};
-                    const wide kappa = other - even * (other - OWN_DETAIL);
-                    wide u;
-                    rectify_structure_add(values, variances, ratio + (gsize)c * plane, own, at,
-                                          slopes.excess[c], *(const wide *)(weight + x), kappa,
-                                          sums[c], &u);
-                    *(wide *)((float *)(void *)down->data + c * columns + x) += u;
-                    squares[c] += u * u;
-                    row[c] += u;
-                }
-            }
-            for (int c = 0; c < 3; c++)
-                rows[c] += sum_of(&row[c]) * sum_of(&row[c]);
-        }
-        for (int c = 0; c < 3; c++) {
-            const float square = rectify->colour_gain[c] * rectify->colour_gain[c];
-            const float dx = sum_of(&sums[c][1]), dy = sum_of(&sums[c][2]);
-            const float *column = (const float *)(void *)down->data + c * columns;
-            float most = MAX(sum_of(&squares[c]), rows[c]), over_columns = 0;
-            for (int x = 0; x < columns; x++)
-                over_columns += column[x] * column[x];
-            most = MAX(most, over_columns) - sum_of(&sums[c][0]);
-            ret_detail[c] = square * MAX(most, 0);
-            ret_shift[c] = square * (dx * dx + dy * dy);
-        }
+    g_autofree float *down = g_new(float, 3 * (gsize)most);
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        const gsize i = 3 * (gsize)texel;
+        rectify_noise(rectify, texel, &frame, area, none, ret_noise + i);
+        rectify_structure(rectify, texel, &frame, rectify_inner_weights(rectify, texel, area), down,
+                          ret_noise + i, ret_detail + i, ret_shift + i);
     }
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void rectify_variance_avx2(const Rectify *rectify,
-                                                                  const float *mosaic,
-                                                                  const float *pixels,
-                                                                  float *ret_variance) {
-    rectify_do_variance(rectify, mosaic, pixels, ret_variance);
-}
-
 __attribute__((target("avx2"))) static void
-rectify_structure_avx2(const Rectify *rectify, const float *mosaic, const float *pixels,
-                       float *ret_detail, float *ret_shift) {
-    rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
+rectify_errors_avx2(const Rectify *rectify, const float *mosaic, const float *pixels,
+                    float *ret_noise, float *ret_detail, float *ret_shift) {
+    rectify_do_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
 }
 #endif
 
-void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
-                      float *ret_variance) {
+void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
+                    float *ret_noise, float *ret_detail, float *ret_shift) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
-        rectify_variance_avx2(rectify, mosaic, pixels, ret_variance);
+        rectify_errors_avx2(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
         return;
     }
 #endif
-    rectify_do_variance(rectify, mosaic, pixels, ret_variance);
-}
-
-void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
-                       float *ret_detail, float *ret_shift) {
-#if defined(__x86_64__)
-    if (__builtin_cpu_supports("avx2")) {
-        rectify_structure_avx2(rectify, mosaic, pixels, ret_detail, ret_shift);
-        return;
-    }
-#endif
-    rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
+    rectify_do_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
 }
 
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {

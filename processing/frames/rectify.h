@@ -44,20 +44,16 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
  * pixel that has a share of 2 % or more in it. */
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
-/* Variances that rectify_apply() gives the texels of this mosaic, if pixels (height × width, in
- * (DN/ms)²; finite) are the variances of its pixels and these are independent of each other. The
- * guide, if there is one, is taken as exact. ret_variance: n_texels × 3, of R, G, B; 0 for texels
- * outside. */
-void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
-                      float *ret_variance);
-
-/* What is not known of the picture between its pixels, n_texels × 3 each, of R, G, B:
- * ret_detail: variance of a texel's value from where in a pixel an edge lies, and from colours that
- * pixels do not see; the part of it that is noise (pixels, as above) is taken off.
+/* Squared errors of what rectify_apply() finds in this mosaic; n_texels × 3 each, of R, G, B, and 0
+ * for texels outside. pixels (height × width, in (DN/ms)²; finite): the variances of the mosaic's
+ * pixels, which are independent of each other. The guide, if there is one, is taken as exact.
+ * ret_noise: variance that pixels cause.
+ * ret_detail: variance from what the picture does not show: where in a pixel an edge lies, and the
+ * colours that pixels do not see. Noise is not in it, nor pixels on the picture's border.
  * ret_shift: square of the value's change for a shift of the picture by one pixel, summed over two
- * directions at right angles. Pixels on the picture's border are left out. */
-void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
-                       float *ret_detail, float *ret_shift);
+ * directions at right angles; without pixels on the border. */
+void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
+                    float *ret_noise, float *ret_detail, float *ret_shift);
 
 /* Point of the reference plane in the sample frame; texel (i, j) covers columns i … i+1, rows j …
  * j+1. */

@@ -125,8 +125,7 @@ static void find_errors(const Rectify *rectify, const float *mosaic, gsize n_pix
     btf_sigma_pixels(&transfer, &exposures, mosaic, n_pixels, pixels);
     ret->noise = g_new(float, 3 * n);
     ret->detail = g_new(float, 3 * n);
-    rectify_variance(rectify, mosaic, pixels, ret->noise);
-    rectify_structure(rectify, mosaic, pixels, ret->detail, shift);
+    rectify_errors(rectify, mosaic, pixels, ret->noise, ret->detail, shift);
 }
 
 static void compare(const float *rgb, const float *irradiance, const float *truth, int n,

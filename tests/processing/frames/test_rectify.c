@@ -245,6 +245,7 @@ static void test_variance(void) {
         g_autofree float *mosaic = linear_mosaic(filters[f], &camera), *pixels = NULL;
         g_autofree float *low = g_new(float, 24 * 20 * 3), *high = g_new(float, 24 * 20 * 3);
         g_autofree float *variance = g_new(float, 24 * 20 * 3);
+        g_autofree float *detail = g_new(float, 24 * 20 * 3), *shift = g_new(float, 24 * 20 * 3);
         rectify_guide(rectify, mosaic);
         for (int i = 0; i < 160 * 160; i++)
             mosaic[i] *= 1 + 0.3f * sinf((float)i);
@@ -254,7 +255,7 @@ static void test_variance(void) {
             pixels = g_renew(float, pixels, 160 * 160);
             memset(pixels, 0, sizeof(float) * 160 * 160);
             pixels[pixel] = 1;
-            rectify_variance(rectify, mosaic, pixels, variance);
+            rectify_errors(rectify, mosaic, pixels, variance, detail, shift);
             mosaic[pixel] -= change;
             rectify_apply(rectify, mosaic, low, NULL);
             mosaic[pixel] += 2 * change;
@@ -270,6 +271,88 @@ static void test_variance(void) {
     }
 }
 
+/* A field of waves of many lengths and directions, of mean 0 and variance 1. */
+static float *random_waves(guint32 seed, double shortest_px, double longest_px) {
+    enum { WAVES = 40 };
+    float *ret = g_new0(float, 160 * 160);
+    GRand *rand = g_rand_new_with_seed(seed);
+    for (int k = 0; k < WAVES; k++) {
+        const double length = g_rand_double_range(rand, shortest_px, longest_px);
+        const double angle = g_rand_double_range(rand, 0, G_PI);
+        const double phase = g_rand_double_range(rand, 0, 2 * G_PI);
+        for (int i = 0; i < 160 * 160; i++)
+            ret[i] += (float)(sqrt(2.0 / WAVES) *
+                              sin(2 * G_PI / length *
+                                      (cos(angle) * (i % 160) + sin(angle) * (double)(i / 160)) +
+                                  phase));
+    }
+    g_rand_free(rand);
+    return ret;
+}
+
+/* Squared errors of a camera with a colour filter, as they are and as it says: means over texels
+ * and colours. Its truth are the values that a camera with all three colours in each pixel finds.
+ * The guide shows three flat colours; pattern and chroma are what a light adds to ln m, of all
+ * colours alike and of red. */
+struct filter_errors {
+    double squares, detail;
+};
+
+static struct filter_errors find_filter_errors(double theta_deg, const float *pattern,
+                                               const float *chroma) {
+    static const float flat[] = {3, 2, 1};
+    const int n = 160 * 160, texels = 24 * 20;
+    const struct pinhole pinhole = camera_at(theta_deg, 1664);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    g_autoptr(Rectify) filtered = rectify_new(&camera, NULL, "rggb", 0.5, &grid, NULL);
+    g_autoptr(Rectify) whole = rectify_new(&camera, NULL, "rgb", 0.5, &grid, NULL);
+    g_autofree float *planes = g_new(float, 3 * n), *mosaic = g_new(float, n);
+    g_autofree float *guide = g_new(float, n), *pixels = g_new0(float, n);
+    g_autofree float *noise = g_new(float, 3 * texels), *detail = g_new(float, 3 * texels);
+    g_autofree float *shift = g_new(float, 3 * texels);
+    g_autofree float *rgb = g_new(float, 3 * texels), *truth = g_new(float, 3 * texels);
+    struct filter_errors ret = {0};
+    for (int i = 0; i < n; i++) {
+        const int colour = colour_at("rggb", i % 160, i / 160);
+        for (int c = 0; c < 3; c++)
+            planes[c * n + i] = flat[c] * expf(pattern[i] + (c == 0 ? chroma[i] : 0));
+        mosaic[i] = planes[colour * n + i];
+        guide[i] = flat[colour];
+    }
+    rectify_guide(filtered, guide);
+    rectify_apply(filtered, mosaic, rgb, NULL);
+    rectify_apply(whole, planes, truth, NULL);
+    rectify_errors(filtered, mosaic, pixels, noise, detail, shift);
+    for (int i = 0; i < 3 * texels; i++) {
+        g_assert_cmpfloat(noise[i], ==, 0);
+        ret.squares += pow((double)(rgb[i] - truth[i]), 2) / (3 * texels);
+        ret.detail += (double)detail[i] / (3 * texels);
+    }
+    return ret;
+}
+
+/* What changes all colours alike from light to light needs none of a colour filter's error bars,
+ * however sharp it is: they are of the size of the few errors that there are. Where red alone
+ * changes at edges, they hold its errors. */
+static void test_colours(void) {
+    g_autofree float *pattern = random_waves(1, 4, 20), *nothing = g_new0(float, 160 * 160);
+    for (int i = 0; i < 160 * 160; i++)
+        pattern[i] *= 0.3f;
+    for (guint32 view = 0; view < 4; view++) {
+        g_autofree float *red = random_waves(10 + view, 8, 40);
+        for (int i = 0; i < 160 * 160; i++)
+            red[i] = red[i] > 0 ? 0.3f : -0.3f;
+        const struct filter_errors grey = find_filter_errors(20 * view, pattern, nothing);
+        const struct filter_errors coloured = find_filter_errors(20 * view, pattern, red);
+        g_test_message("%u°: grey %.3g, said %.3g; coloured %.3g, said %.3g", 20 * view,
+                       grey.squares, grey.detail, coloured.squares, coloured.detail);
+        g_assert_cmpfloat(grey.detail, >, grey.squares);
+        g_assert_cmpfloat(grey.detail, <, 5 * grey.squares);
+        g_assert_cmpfloat(coloured.detail, >, coloured.squares);
+        g_assert_cmpfloat(coloured.detail, <, 8 * coloured.squares);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/rectify/linear", test_linear);
@@ -281,5 +364,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/rectify/holes", test_holes);
     g_test_add_func("/rectify/outside", test_outside);
     g_test_add_func("/rectify/variance", test_variance);
+    g_test_add_func("/rectify/colours", test_colours);
     return g_test_run();
 }
