@@ -739,8 +739,9 @@ rectify_structure_avx2(const Rectify *rectify, const float *mosaic, const float 
 }
 #endif
 
-void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
-                      float *ret_variance) {
+/* Of one plane of a frame, as if all of its pixels saw the three colours. */
+static void rectify_plane_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
+                                   float *ret_variance) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
         rectify_variance_avx2(rectify, mosaic, pixels, ret_variance);
@@ -750,8 +751,8 @@ void rectify_variance(const Rectify *rectify, const float *mosaic, const float *
     rectify_do_variance(rectify, mosaic, pixels, ret_variance);
 }
 
-void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
-                       float *ret_detail, float *ret_shift) {
+static void rectify_plane_structure(const Rectify *rectify, const float *mosaic,
+                                    const float *pixels, float *ret_detail, float *ret_shift) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
         rectify_structure_avx2(rectify, mosaic, pixels, ret_detail, ret_shift);
@@ -759,6 +760,40 @@ void rectify_structure(const Rectify *rectify, const float *mosaic, const float 
     }
 #endif
     rectify_do_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
+}
+
+/* Of "rgb" each colour's values come from its own plane. */
+static void rectify_take_colour(const Rectify *rectify, const float *found, gsize c, float *ret) {
+    for (gsize i = c; i < 3 * (gsize)rectify->n_texels; i += 3)
+        ret[i] = found[i];
+}
+
+void rectify_variance(const Rectify *rectify, const float *mosaic, const float *pixels,
+                      float *ret_variance) {
+    if (rectify->planes == 1) {
+        rectify_plane_variance(rectify, mosaic, pixels, ret_variance);
+        return;
+    }
+    g_autofree float *found = g_new0(float, 3 * (gsize)rectify->n_texels);
+    for (gsize c = 0, at = 0; c < rectify->planes; c++, at += rectify->n_pixels) {
+        rectify_plane_variance(rectify, mosaic + at, pixels + at, found);
+        rectify_take_colour(rectify, found, c, ret_variance);
+    }
+}
+
+void rectify_structure(const Rectify *rectify, const float *mosaic, const float *pixels,
+                       float *ret_detail, float *ret_shift) {
+    if (rectify->planes == 1) {
+        rectify_plane_structure(rectify, mosaic, pixels, ret_detail, ret_shift);
+        return;
+    }
+    g_autofree float *detail = g_new0(float, 3 * (gsize)rectify->n_texels);
+    g_autofree float *shift = g_new0(float, 3 * (gsize)rectify->n_texels);
+    for (gsize c = 0, at = 0; c < rectify->planes; c++, at += rectify->n_pixels) {
+        rectify_plane_structure(rectify, mosaic + at, pixels + at, detail, shift);
+        rectify_take_colour(rectify, detail, c, ret_detail);
+        rectify_take_colour(rectify, shift, c, ret_shift);
+    }
 }
 
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {

@@ -44,7 +44,7 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
  * pixel that has a share of 2 % or more in it. */
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
-/* Variances that rectify_apply() gives the texels of this mosaic, if pixels (height × width, in
+/* Variances that rectify_apply() gives the texels of this mosaic, if pixels (as many, in
  * (DN/ms)²; finite) are the variances of its pixels and these are independent of each other. The
  * guide, if there is one, is taken as exact. ret_variance: n_texels × 3, of R, G, B; 0 for texels
  * outside. */
