@@ -4,6 +4,7 @@
 #include "base/input_file.h"
 
 #include <gio/gio.h>
+#include <math.h>
 #include <string.h>
 
 #define MAX_BYTES (16 << 20)
@@ -59,6 +60,55 @@ struct calibration_part *calibration_set_part(struct calibration *calibration,
     part->checksum = g_strdup(checksum);
     part->rejected = rejected ? rejected : g_ptr_array_new_with_free_func(g_free);
     return part;
+}
+
+/* C becomes T C Tᵀ for rows and columns at, at + 1 of an n × n matrix, T the rotation of x and y.
+ */
+static void turn_covariance(double *covariance, int n, int at, double angle_rad) {
+    const double c = cos(angle_rad), s = sin(angle_rad);
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < n; i++) {
+            double *x = covariance + (side ? i * n + at : at * n + i), *y = x + (side ? 1 : n);
+            const double was = *x;
+            *x = c * was - s * *y;
+            *y = s * was + c * *y;
+        }
+}
+
+/* A camera's R p + t is the same of p' = T p: R becomes R Tᵀ, and the error ω of R = R₀ (1 + [ω]×)
+ * becomes T ω. */
+void calibration_turn(struct calibration *calibration, double angle_rad) {
+    struct rig *rig = &calibration->rig;
+    for (int i = 0; i < rig->n_cameras; i++) {
+        struct mat3 *rotation = &rig->cameras[i].rotation;
+        for (int row = 0; row < 3; row++) {
+            const struct vec3 turned = rig_turn(
+                vec3(rotation->m[row][0], rotation->m[row][1], rotation->m[row][2]), angle_rad);
+            rotation->m[row][0] = turned.x;
+            rotation->m[row][1] = turned.y;
+        }
+        turn_covariance(&calibration->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS,
+                        CALIBRATION_TURN_X, angle_rad);
+    }
+    for (int i = 0; i < rig->n_lamps; i++) {
+        rig->lamps[i].position_mm = rig_turn(rig->lamps[i].position_mm, angle_rad);
+        rig->lamps[i].aim = rig_turn(rig->lamps[i].aim, angle_rad);
+        turn_covariance(&calibration->lamps[i].position_covariance_mm2[0][0], 3, 0, angle_rad);
+    }
+    for (int i = 0; i < rig->n_lasers; i++) {
+        struct rig_laser *laser = &rig->lasers[i];
+        laser->position_mm = rig_turn(laser->position_mm, angle_rad);
+        laser->axis = rig_turn(laser->axis, angle_rad);
+        laser->normal = rig_turn(laser->normal, angle_rad);
+    }
+    for (int i = 0; i < rig->n_fiducials; i++)
+        rig->fiducials[i].centre_mm = rig_turn(rig->fiducials[i].centre_mm, angle_rad);
+    double *const pairs[] = {rig->arc.tilt_rad, rig->arc.centre_mm};
+    for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
+        const struct vec3 turned = rig_turn(vec3(pairs[k][0], pairs[k][1], 0), angle_rad);
+        pairs[k][0] = turned.x;
+        pairs[k][1] = turned.y;
+    }
 }
 
 /* SHA-256 over the lines of checksums, each ended by a newline. */

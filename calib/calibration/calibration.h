@@ -114,6 +114,10 @@ void calibration_free(struct calibration *calibration); /* NULL is ignored */
 typedef struct calibration Calibration;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
 
+/* Turns the rig frame: azimuth a becomes a + angle, of cameras, lamps, lasers, arc, fiducials and
+ * their errors. What they see of each other is as before. */
+void calibration_turn(struct calibration *calibration, double angle_rad);
+
 /* "cameras", "lights", "laser", "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 

@@ -264,7 +264,9 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
         g_array_append_val(to->stops, s);
     }
     for (int l = 0; l < work->bundle.n_lays; l++) {
-        struct cameras_lay lay = {cameras_tilt_rad(&work->bundle.lays[l]) * 180 / G_PI, 0};
+        const double *r = work->bundle.lays[l].rotation; /* its first column is the board's x */
+        struct cameras_lay lay = {.tilt_deg = cameras_tilt_rad(&work->bundle.lays[l]) * 180 / G_PI,
+                                  .azimuth_deg = atan2(r[3], r[0]) * 180 / G_PI};
         for (int i = 0; i < work->task->n_pictures; i++)
             lay.pictures += work->seen[i].lay == l && work->seen[i].corners;
         g_array_append_val(to->lays, lay);

@@ -58,7 +58,8 @@ struct cameras_stop {
 };
 
 struct cameras_lay {
-    double tilt_deg; /* angle between the board's normal and the axis */
+    double tilt_deg;    /* angle between the board's normal and the axis */
+    double azimuth_deg; /* of the board's x axis with the turntable at 0, seen from above */
     int pictures;
 };
 

@@ -94,6 +94,6 @@ void tile_fit_clear(struct tile_fit *fit);
 
 /* Fits all parameters and sets response in rig's cameras, and intensity, exponent and aim in its
  * lamps. The geometry is taken as correct. Every lamp must be used at two arc angles or more that
- * are 30° apart. */
+ * are 30° apart; or the arc never turns, and there are lamps on sides that are 30° apart. */
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
                   const struct tile_cell *cells, int n_cells, struct tile_fit *ret, GError **error);

@@ -16,6 +16,7 @@
 #define MOST_OUTLIERS   0.05
 #define MOST_RESIDUAL   0.03
 #define APART_RAD       (30 * G_PI / 180)
+#define STILL_RAD       (1 * G_PI / 180) /* arc angles that differ by less are one */
 #define MOST_FLAT_ERROR 0.05
 #define FEW_CELLS       30 /* of a camera */
 
@@ -238,26 +239,39 @@ static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
     return TRUE;
 }
 
-/* Every lamp must be used at arc angles that differ enough to separate its fall-off from the
- * cameras' vignetting. */
+/* The azimuth that a lamp lights the tile from in a shot. */
+static double lit_from_rad(const struct problem *p, int shot) {
+    const struct vec3 at = rig_lamp_position_mm(&p->rig->arc, &p->rig->lamps[p->shots[shot].lamp],
+                                                p->shots[shot].arc_rad);
+    return atan2(at.y, at.x);
+}
+
+/* A lamp's fall-off is separated from the cameras' vignetting by light from several sides: of the
+ * lamp itself at several angles of the arc, or, where no lamp ever turns, of the lamps together.
+ * Then it is known less well, as its error says; its product with the vignetting, which is all that
+ * pictures of that rig depend on, is known as well. */
 static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
+    gboolean turns = FALSE;
+    for (int s = 1; s < p->n_shots; s++)
+        turns |= fabs(remainder(p->shots[s].arc_rad - p->shots[0].arc_rad, 2 * G_PI)) > STILL_RAD;
     for (int l = 0; l < p->rig->n_lamps; l++) {
         double first = 0, apart = 0;
         int n = 0;
         for (int s = 0; s < p->n_shots; s++) {
-            if (p->shots[s].lamp != l)
+            if (p->shots[s].lamp != l && turns)
                 continue;
-            first = n++ == 0 ? p->shots[s].arc_rad : first;
-            double turn = fabs(remainder(p->shots[s].arc_rad - first, 2 * G_PI));
-            apart = MAX(apart, turn);
+            const double from = turns ? p->shots[s].arc_rad : lit_from_rad(p, s);
+            first = n++ == 0 ? from : first;
+            apart = MAX(apart, fabs(remainder(from - first, 2 * G_PI)));
         }
         if (n == 0 || apart >= APART_RAD)
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                    "lamp %s lights the tile from one side only (arc angles within %.0f°): its "
+                    "lamp %s lights the tile from one side only (%s within %.0f°): its "
                     "fall-off and the cameras' vignetting cannot be separated; take it at several "
-                    "arc angles",
-                    p->rig->lamps[l].name, apart * 180 / G_PI);
+                    "arc angles, or with lamps that stand still from several sides",
+                    p->rig->lamps[l].name, turns ? "arc angles" : "all lamps stand",
+                    apart * 180 / G_PI);
         return FALSE;
     }
     return TRUE;

@@ -7,12 +7,17 @@
 #define KEPT_VECTORS  400 /* residuals of a camera, for the report */
 
 static char *board_option, *images_option, *name_option;
+static gboolean azimuth_option;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
      "The board, as measured, in mm; mesorig board draws one",
      "8x8,square=9,marker=6.75,thickness=3"},
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration, and keep what it says of lamps and lasers"),
+    {"board-azimuth", 0, 0, G_OPTION_ARG_NONE, &azimuth_option,
+     "Azimuth 0 is the x axis of the board that lies flat, with the turntable at 0; default: the "
+     "cameras keep their mean azimuth",
+     NULL},
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &images_option,
      "No sessions: photographs (JPEG, PNG, TIFF) that one camera took of a board held at different "
      "tilts",
@@ -119,6 +124,16 @@ static void keep_turntable(struct job *job) {
     calibrate_keep(&job->base, "turntable", &tilt_column, 1, tilts);
 }
 
+/* Turns the rig so that the board that lies flattest has its x axis at azimuth 0. */
+static void turn_to_board(struct job *job) {
+    const struct cameras_lay *flat = &g_array_index(job->result->lays, struct cameras_lay, 0);
+    for (guint i = 1; i < job->result->lays->len; i++) {
+        const struct cameras_lay *lay = &g_array_index(job->result->lays, struct cameras_lay, i);
+        flat = lay->tilt_deg < flat->tilt_deg ? lay : flat;
+    }
+    calibration_turn(job->base.calibration, -flat->azimuth_deg * G_PI / 180);
+}
+
 static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     if (images_option && !gather_photographs(job, error))
@@ -140,6 +155,8 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
         keep_residuals(job, c);
     if (job->result && !images_option)
         keep_turntable(job);
+    if (job->result && azimuth_option)
+        turn_to_board(job);
     for (guint i = 0; job->result && i < base->rejected->len; i++)
         g_ptr_array_add(base->calibration->parts[CALIBRATION_CAMERAS].rejected,
                         g_strdup(base->rejected->pdata[i]));
@@ -172,6 +189,8 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
         return cli_usage(call->command, "no board is given: give --board");
     if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR");
+    if (images_option && azimuth_option)
+        return cli_usage(call->command, "--board-azimuth is for sessions, not for --images");
     if (!board_parse(&job.board, board_option, &bad) ||
         (!images_option && !board_check_upright(&job.board, &bad)))
         return cli_usage(call->command, "%s", bad->message);

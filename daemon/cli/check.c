@@ -7,11 +7,21 @@
 #include "mdf/mdf_views.h"
 #include "session/session.h"
 
+/* The folder is there without views, too: in a session of sweeps alone. */
+static gboolean check_has_views(const char *folder) {
+    g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
+    const char *name;
+    while (names && (name = g_dir_read_name(names)))
+        if (g_str_has_prefix(name, "view_"))
+            return TRUE;
+    return FALSE;
+}
+
 gboolean check_session(const struct work *work, gpointer data, GError **error) {
     struct check *check = data;
     g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
     g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
-    const gboolean has_btf = g_file_test(btf, G_FILE_TEST_IS_DIR);
+    const gboolean has_btf = check_has_views(btf);
     check->has_mdf = g_file_test(mdf, G_FILE_TEST_IS_REGULAR);
     if (!has_btf && !check->has_mdf) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,

@@ -188,16 +188,16 @@ static gboolean btf_store_planes(const struct input *input, const struct exr_par
     return TRUE;
 }
 
-/* Loads one light's frame. Pictures in RGB have no calibrated noise, hence no error bars. */
+/* Loads one light's frame. */
 static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                                 GError **error) {
     static const char *const any[] = {NULL};
     const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
     struct exr_part *frame = input_read(input, any, error);
-    const gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error) &&
-                        btf_store_planes(input, frame, i, to, error) &&
-                        (!view->noise || strcmp(to->cfa, "rgb") == 0 ||
-                         btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
+    const gboolean ok =
+        frame && btf_check_frame(input, frame, &to->cfa, error) &&
+        btf_store_planes(input, frame, i, to, error) &&
+        (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok)
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
     exr_part_free(frame);
@@ -224,12 +224,12 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
  * distance in pixels by which the camera is misregistered (rectify.h). */
 static void btf_add_up_variance(const struct btf_view *view, const Rectify *rectify,
                                 const struct btf_exposures *exposures, const float *values,
-                                gsize n_pixels, float *ret) {
+                                gsize n_values, float *ret) {
     const gsize n = 3 * btf_texels(view);
     const float half = 0.5f * (float)(view->misregistration_px * view->misregistration_px);
-    g_autofree float *pixels = g_new(float, n_pixels);
+    g_autofree float *pixels = g_new(float, n_values);
     g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
-    btf_sigma_pixels(view->noise, exposures, values, n_pixels, pixels);
+    btf_sigma_pixels(view->noise, exposures, values, n_values, pixels);
     rectify_errors(rectify, values, pixels, ret, detail, shift);
     for (gsize i = 0; i < n; i++)
         ret[i] += detail[i] + half * shift[i];
@@ -258,7 +258,7 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
     if (variance)
-        btf_add_up_variance(view, rectify, &mosaic->exposures, values, mosaics->n_pixels, variance);
+        btf_add_up_variance(view, rectify, &mosaic->exposures, values, mosaics->n_values, variance);
     btf_to_reflectance(view, light, rgb, part, variance);
     if (variance) {
         double scale[3];

@@ -7,14 +7,14 @@
 #include "base/data_error.h"
 #include "base/input_file.h"
 #include "base/text_table.h"
-#include "import_private.h"
+#include "import_poses_private.h"
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
 
 struct nominal_place {
     double width, height, focal_px, cx_px, cy_px, k1, k2, k3, p1, p2, vignetting, response,
-        turn_deg;
+        turn_deg, full_well_e, read_noise_e;
     double eye_mm[3], target_mm[3], position_mm[3], aim_mm[3], axis[3], intensity, exponent;
 };
 
@@ -39,6 +39,9 @@ static const struct nominal_key camera_keys[] = {
      "camera's turn about its line of sight, clockwise from behind; 0: the picture is level"},
     {"response", PLACE(response), 1, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1000",
      "4095 × share of white in a second per W/(sr m²); calibrate radiometry finds it"},
+    {"full_well_e", PLACE(full_well_e), 1, 1, 1e9, "nan",
+     "electrons of a white pixel, as the data sheet says; values then have error bars"},
+    {"read_noise_e", PLACE(read_noise_e), 1, 0, 1e6, "0", "and those of its noise without light"},
     {"vignetting", PLACE(vignetting), 1, -1, 1, "0", "share by which the corners are darker"},
     {"cx_px", PLACE(cx_px), 1, -1e9, 1e9, "nan", "principal point; the middle if nothing is said"},
     {"cy_px", PLACE(cy_px), 1, -1e9, 1e9, "nan", ""},
@@ -168,7 +171,9 @@ static gboolean nominal_laser(const struct config_section *section, const struct
 }
 
 static gboolean nominal_section(const struct config_section *section,
-                                const struct nominal_kind *kind, struct rig *rig, GError **error) {
+                                const struct nominal_kind *kind, struct calibration *to,
+                                GError **error) {
+    struct rig *rig = &to->rig;
     const int counts[] = {rig->n_cameras, rig->n_lamps, rig->n_lasers};
     struct nominal_place place = {0};
     if (!section->name || strlen(section->name) >= RIG_NAME)
@@ -191,13 +196,24 @@ static gboolean nominal_section(const struct config_section *section,
     for (const struct nominal_key *key = kind->keys; key->name; key++)
         if (!nominal_numbers(section, key, &place, error))
             return FALSE;
-    return kind->keys == camera_keys ? nominal_camera(section, &place, rig, error)
-           : kind->keys == lamp_keys ? nominal_lamp(section, &place, rig, error)
-                                     : nominal_laser(section, &place, rig, error);
+    if (kind->keys == camera_keys) {
+        if (!nominal_camera(section, &place, rig, error))
+            return FALSE;
+        /* Of the photon transfer the gain alone is known: DN of an electron, white being 4095. */
+        if (isfinite(place.full_well_e))
+            to->noise[rig->n_cameras - 1] = (struct calibration_noise){
+                .known = TRUE,
+                .transfer = {.gain_dn_e = IMPORT_WHITE_DN / place.full_well_e,
+                             .read_noise_e = place.read_noise_e}};
+        return TRUE;
+    }
+    return kind->keys == lamp_keys ? nominal_lamp(section, &place, rig, error)
+                                   : nominal_laser(section, &place, rig, error);
 }
 
 static struct calibration *nominal_from_config(const Config *config, GError **error) {
-    struct rig rig = {.id = "nominal"};
+    const struct rig rig = {.id = "nominal"};
+    g_autoptr(Calibration) ret = calibration_new(&rig);
     gsize n;
     const struct config_section *sections = config_sections(config, &n);
     for (gsize i = 0; i < n; i++) {
@@ -215,11 +231,11 @@ static struct calibration *nominal_from_config(const Config *config, GError **er
             return NULL;
         }
         if (id)
-            g_strlcpy(rig.id, id, sizeof rig.id);
-        else if (!nominal_section(section, kind, &rig, error))
+            g_strlcpy(ret->rig.id, id, sizeof ret->rig.id);
+        else if (!nominal_section(section, kind, ret, error))
             return NULL;
     }
-    return calibration_new(&rig);
+    return g_steal_pointer(&ret);
 }
 
 struct calibration *nominal_read(const char *path, GError **error) {

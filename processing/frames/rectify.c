@@ -817,8 +817,9 @@ rectify_errors_avx2(const Rectify *rectify, const float *mosaic, const float *pi
 }
 #endif
 
-void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
-                    float *ret_noise, float *ret_detail, float *ret_shift) {
+/* Of one plane of a frame, as if all of its pixels saw the three colours. */
+static void rectify_plane_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
+                                 float *ret_noise, float *ret_detail, float *ret_shift) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
         rectify_errors_avx2(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
@@ -826,6 +827,29 @@ void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pi
     }
 #endif
     rectify_do_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
+}
+
+/* Of "rgb" each colour's values come from its own plane. */
+static void rectify_take_colour(const Rectify *rectify, const float *found, gsize c, float *ret) {
+    for (gsize i = c; i < 3 * (gsize)rectify->n_texels; i += 3)
+        ret[i] = found[i];
+}
+
+void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
+                    float *ret_noise, float *ret_detail, float *ret_shift) {
+    if (rectify->planes == 1) {
+        rectify_plane_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
+        return;
+    }
+    const gsize n = 3 * (gsize)rectify->n_texels;
+    g_autofree float *noise = g_new0(float, n), *detail = g_new0(float, n);
+    g_autofree float *shift = g_new0(float, n);
+    for (gsize c = 0, at = 0; c < rectify->planes; c++, at += rectify->n_pixels) {
+        rectify_plane_errors(rectify, mosaic + at, pixels + at, noise, detail, shift);
+        rectify_take_colour(rectify, noise, c, ret_noise);
+        rectify_take_colour(rectify, detail, c, ret_detail);
+        rectify_take_colour(rectify, shift, c, ret_shift);
+    }
 }
 
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {

@@ -45,7 +45,7 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
 /* Squared errors of what rectify_apply() finds in this mosaic; n_texels × 3 each, of R, G, B, and 0
- * for texels outside. pixels (height × width, in (DN/ms)²; finite): the variances of the mosaic's
+ * for texels outside. pixels (as many as the mosaic, in (DN/ms)²; finite): the variances of its
  * pixels, which are independent of each other. The guide, if there is one, is taken as exact.
  * ret_noise: variance that pixels cause.
  * ret_detail: variance from what the picture does not show: where in a pixel an edge lies, and the

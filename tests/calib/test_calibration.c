@@ -3,6 +3,7 @@
 #include "calibration/calibration.h"
 
 #include <glib/gstdio.h>
+#include <math.h>
 #include <string.h>
 
 static struct rig nominal(void) {
@@ -38,6 +39,131 @@ static struct calibration *example(void) {
             calibration->cameras[1].covariance[i][j] = (i == j ? 1 : 0.2 / 7) * 1e-6;
     g_key_file_set_string(calibration->extra, "my notes", "said", "clean the lens; then again");
     return calibration;
+}
+
+/* A calibration in which everything is known. */
+static struct calibration *complete(void) {
+    struct calibration *calibration = example();
+    struct rig *rig = &calibration->rig;
+    rig->n_fiducials = 1;
+    rig->fiducials[0] = (struct rig_fiducial){"mark", {30, 5, 2}, 3, {0.9, 0.9, 0.9}};
+    rig->arc = (struct rig_arc){0.01, {0.002, -0.003}, {0.4, -0.7}};
+    for (int k = 0; k < CALIBRATION_PARTS; k++) {
+        GPtrArray *rejected = g_ptr_array_new_with_free_func(g_free);
+        g_ptr_array_add(rejected, g_strdup("a picture: dark"));
+        g_ptr_array_add(rejected, g_strdup("another: dark"));
+        calibration_set_part(calibration, (enum calibration_kind)k, "by hand", 2, "00", rejected);
+    }
+    for (int i = 0; i < rig->n_cameras; i++) {
+        calibration->cameras[i].known = calibration->noise[i].known = TRUE;
+        calibration->camera_radiometry[i].known = TRUE;
+        for (int c = 0; c < 3; c++)
+            calibration->camera_radiometry[i].colour[c] = 1;
+    }
+    for (int i = 0; i < 3; i++) {
+        calibration->lamps[0].position_covariance_mm2[i][i] = 1 + i;
+        calibration->lamp_radiometry[0].colour[i] = 1;
+    }
+    calibration->arc.known = calibration->lamps[0].known = calibration->lasers[0].known = TRUE;
+    calibration->lamp_radiometry[0].known = calibration->fiducials[0].known = TRUE;
+    calibration->colour.known = TRUE;
+    return calibration;
+}
+
+/* "section key" for each key of the manual page, sections being numbered 0. */
+static GHashTable *documented(void) {
+    GHashTable *found = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_autofree char *page = NULL;
+    g_auto(GStrv) sections = NULL;
+    g_assert_true(
+        g_file_get_contents(SOURCE_DIR "/etc/man/mesorig-calibration.5", &page, NULL, NULL));
+    g_auto(GStrv) lines = g_strsplit(page, "\n", -1);
+    for (char **line = lines; *line; line++) {
+        if (g_str_has_prefix(*line, ".Ss ")) {
+            g_strfreev(sections);
+            sections = g_strsplit(*line + 4, ", ", -1);
+        }
+        if (!sections || !g_str_has_prefix(*line, ".It Ic "))
+            continue;
+        g_auto(GStrv) keys = g_strsplit(*line + 7, " , ", -1);
+        for (char **key = keys; *key; key++)
+            for (char **section = sections; *section && strcmp(*key, "...") != 0; section++)
+                g_hash_table_add(found, g_strdup_printf("%s %s", *section, *key));
+    }
+    return found;
+}
+
+/* mesorig-calibration(5) has every key that is written, and no other. */
+static void test_manual(void) {
+    g_autoptr(Calibration) calibration = complete();
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autoptr(GHashTable) page = documented();
+    g_autofree char *text = calibration_to_text(calibration);
+    guint n = 0;
+    g_assert_true(g_key_file_load_from_data(file, text, (gsize)-1, G_KEY_FILE_NONE, NULL));
+    g_key_file_remove_group(file, "my notes", NULL);
+    g_auto(GStrv) groups = g_key_file_get_groups(file, NULL);
+    for (char **group = groups; *group; group++) {
+        g_auto(GStrv) keys = g_key_file_get_keys(file, *group, NULL, NULL);
+        const gboolean further = g_str_has_suffix(*group, " 1"); /* the same as of 0 */
+        for (char **key = keys; *key && !further; key++, n++) {
+            g_autofree char *name = g_strdup_printf("[%s] %s", *group, *key);
+            if (!g_hash_table_contains(page, name))
+                g_error("etc/man/mesorig-calibration.5 lacks %s", name);
+        }
+    }
+    g_assert_cmpuint(g_hash_table_size(page), ==, n);
+}
+
+/* In a frame that is turned, everything sees the same: pictures, lamps and sheets of all angles. */
+static void test_turn(void) {
+    const double angle = 0.7;
+    g_autoptr(Calibration) before = complete();
+    g_autoptr(Calibration) turned = complete();
+    struct calibration_camera *camera = &turned->cameras[1];
+    /* A rotation about x only is known badly: in the turned frame, about (cos, sin). */
+    camera->covariance[CALIBRATION_TURN_X][CALIBRATION_TURN_X] = 1;
+    calibration_turn(turned, angle);
+    for (int i = 0; i < 27; i++) {
+        const struct vec3 p = vec3(20 * (i % 3 - 1), 20 * (i / 3 % 3 - 1), 5 * (int)(i / 9));
+        const struct vec3 q = rig_turn(p, angle);
+        const double arc_rad = 0.3 * i, sweep_rad = 0.01 * i;
+        const struct rig *a = &before->rig, *b = &turned->rig;
+        double x[2], y[2];
+        for (int c = 0; c < 2; c++) {
+            g_assert_true(rig_project(&a->cameras[c], p, &x[0], &y[0]));
+            g_assert_true(rig_project(&b->cameras[c], q, &x[1], &y[1]));
+            g_assert_cmpfloat_with_epsilon(x[0], x[1], 1e-9);
+            g_assert_cmpfloat_with_epsilon(y[0], y[1], 1e-9);
+        }
+        const struct vec3 lamp =
+            rig_turn(rig_lamp_position_mm(&a->arc, &a->lamps[0], arc_rad), angle);
+        g_assert_cmpfloat_with_epsilon(
+            vec3_length(vec3_sub(lamp, rig_lamp_position_mm(&b->arc, &b->lamps[0], arc_rad))), 0,
+            1e-9);
+        g_assert_cmpfloat_with_epsilon(rig_lamp_irradiance(&a->arc, &a->lamps[0], arc_rad, p),
+                                       rig_lamp_irradiance(&b->arc, &b->lamps[0], arc_rad, q),
+                                       1e-9);
+        const struct rig_plane one = rig_laser_sheet(&a->arc, &a->lasers[0], arc_rad, sweep_rad);
+        const struct rig_plane two = rig_laser_sheet(&b->arc, &b->lasers[0], arc_rad, sweep_rad);
+        g_assert_cmpfloat_with_epsilon(vec3_dot(one.normal, p) - one.offset_mm,
+                                       vec3_dot(two.normal, q) - two.offset_mm, 1e-9);
+    }
+    const double c = cos(angle), s = sin(angle);
+    g_assert_cmpfloat_with_epsilon(camera->covariance[CALIBRATION_TURN_X][CALIBRATION_TURN_X],
+                                   c * c, 1e-5);
+    g_assert_cmpfloat_with_epsilon(camera->covariance[CALIBRATION_TURN_X][CALIBRATION_TURN_Y],
+                                   c * s, 1e-5);
+    g_assert_cmpfloat_with_epsilon(camera->covariance[CALIBRATION_TURN_Y][CALIBRATION_TURN_Y],
+                                   s * s, 1e-5);
+    const double(*lamp)[3] = turned->lamps[0].position_covariance_mm2; /* was 1, 2, 3 */
+    g_assert_cmpfloat_with_epsilon(lamp[0][0], c * c + 2 * s * s, 1e-9);
+    g_assert_cmpfloat_with_epsilon(lamp[0][1], -c * s, 1e-9);
+    g_assert_cmpfloat_with_epsilon(lamp[2][2], 3, 1e-9);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *text = calibration_to_text(turned);
+    g_autoptr(Calibration) readable = calibration_from_text(text, "x", &error);
+    g_assert_no_error(error);
 }
 
 static void test_comes_back(void) {
@@ -231,5 +357,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibration/unreadable", test_unreadable);
     g_test_add_func("/calibration/files", test_files);
     g_test_add_func("/calibration/other rig", test_other_rig);
+    g_test_add_func("/calibration/manual", test_manual);
+    g_test_add_func("/calibration/turn", test_turn);
     return g_test_run();
 }

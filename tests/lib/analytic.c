@@ -14,10 +14,14 @@ static void pinhole_axes(const struct pinhole *p, double *right, double *down, d
     right[0] = 0, right[1] = 1, right[2] = 0;
     down[0] = c, down[1] = 0, down[2] = -s;
     forward[0] = -s, forward[1] = 0, forward[2] = -c;
+    analytic_turn(right, p->azimuth, right);
+    analytic_turn(down, p->azimuth, down);
+    analytic_turn(forward, p->azimuth, forward);
 }
 
 void pinhole_eye(const struct pinhole *p, double *eye) {
     eye[0] = p->distance_mm * sin(p->theta), eye[1] = 0, eye[2] = p->distance_mm * cos(p->theta);
+    analytic_turn(eye, p->azimuth, eye);
 }
 
 void pinhole_project(const struct pinhole *p, const double *point, double *ret_x, double *ret_y) {
@@ -26,15 +30,23 @@ void pinhole_project(const struct pinhole *p, const double *point, double *ret_x
     pinhole_eye(p, eye);
     double way[3] = {point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]};
     double depth = analytic_dot(way, forward);
-    *ret_x = 0.5 * (p->width - 1) + p->focal_px * analytic_dot(way, right) / depth;
-    *ret_y = 0.5 * (p->height - 1) + p->focal_px * analytic_dot(way, down) / depth;
+    const double u = analytic_dot(way, right) / depth, v = analytic_dot(way, down) / depth;
+    const double factor = p->focal_px * (1 + p->k1 * (u * u + v * v));
+    *ret_x = 0.5 * (p->width - 1) + p->off_px[0] + factor * u;
+    *ret_y = 0.5 * (p->height - 1) + p->off_px[1] + factor * v;
 }
 
 void pinhole_ray(const struct pinhole *p, double x, double y, double *ret) {
     double right[3], down[3], forward[3];
     pinhole_axes(p, right, down, forward);
-    double u = (x - 0.5 * (p->width - 1)) / p->focal_px;
-    double v = (y - 0.5 * (p->height - 1)) / p->focal_px, length = sqrt(1 + u * u + v * v);
+    const double shown_u = (x - 0.5 * (p->width - 1) - p->off_px[0]) / p->focal_px;
+    const double shown_v = (y - 0.5 * (p->height - 1) - p->off_px[1]) / p->focal_px;
+    double u = shown_u, v = shown_v;
+    for (int i = 0; p->k1 != 0 && i < 6; i++) { /* each step is k1 r² times as far off */
+        const double factor = 1 + p->k1 * (u * u + v * v);
+        u = shown_u / factor, v = shown_v / factor;
+    }
+    const double length = sqrt(1 + u * u + v * v);
     for (int i = 0; i < 3; i++)
         ret[i] = (u * right[i] + v * down[i] + forward[i]) / length;
 }
@@ -44,8 +56,9 @@ struct rig_camera pinhole_to_rig(const struct pinhole *p, const char *name) {
                                 .height = p->height,
                                 .fx_px = p->focal_px,
                                 .fy_px = p->focal_px,
-                                .cx_px = 0.5 * (p->width - 1),
-                                .cy_px = 0.5 * (p->height - 1),
+                                .cx_px = 0.5 * (p->width - 1) + p->off_px[0],
+                                .cy_px = 0.5 * (p->height - 1) + p->off_px[1],
+                                .k1 = p->k1,
                                 .response = 6000};
     double rows[3][3];
     g_strlcpy(camera.name, name, sizeof camera.name);
@@ -82,7 +95,7 @@ struct rig_lamp arc_lamp_to_rig(const struct arc_lamp *lamp, const char *name) {
     double s = sin(lamp->theta), c = cos(lamp->theta);
     struct rig_lamp rig = {.position_mm = vec3(lamp->distance_mm * s, 0, lamp->distance_mm * c),
                            .aim = vec3(-s, 0, -c),
-                           .exponent = 0,
+                           .exponent = lamp->exponent,
                            .intensity = lamp->intensity};
     g_strlcpy(rig.name, name, sizeof rig.name);
     return rig;

@@ -14,10 +14,14 @@ double analytic_dot(const double *a, const double *b);
 /* Rz(angle) applied to (x, y, z). */
 void analytic_turn(const double *a, double angle, double *ret);
 
-/* A camera over azimuth 0, at an angle from the zenith, that looks at the origin. */
+/* A camera at an angle from the zenith that looks at the origin. */
 struct pinhole {
     int width, height;
     double theta, distance_mm, focal_px;
+    double azimuth;   /* of the camera, radians */
+    double off_px[2]; /* of the principal point from the picture's middle */
+    double k1; /* distortion: a point at r from the principal point is shown at r (1 + k1 r²),
+                  in focal lengths */
 };
 
 void pinhole_eye(const struct pinhole *p, double *eye);
@@ -38,9 +42,10 @@ void line_laser_position(const struct line_laser *laser, double arc, double *ret
 double line_laser_sweep(const struct line_laser *laser, double arc, const double *point);
 struct rig_laser line_laser_to_rig(const struct line_laser *laser, const char *name);
 
-/* A lamp on the arc, aimed at the origin, equally bright in all directions it shines in. */
+/* A lamp on the arc, aimed at the origin; beside its aim it falls off with cos^exponent. */
 struct arc_lamp {
     double theta, distance_mm, intensity;
+    double exponent;
 };
 
 struct rig_lamp arc_lamp_to_rig(const struct arc_lamp *lamp, const char *name);

@@ -353,6 +353,29 @@ static void test_colours(void) {
     }
 }
 
+/* Error bars of each colour of "rgb" are those of a grey camera that took its plane. */
+static void test_variance_rgb(void) {
+    enum { N = 160 * 160, VALUES = 24 * 20 * 3 };
+    struct pinhole pinhole = camera_at(40, 1100);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    g_autoptr(Rectify) rgb = rectify_new(&camera, NULL, "rgb", 0.5, &grid, NULL);
+    g_autoptr(Rectify) mono = rectify_new(&camera, NULL, "mono", 0.5, &grid, NULL);
+    g_autofree float *frame = g_new(float, 3 * N), *pixels = g_new(float, 3 * N);
+    float found[3][VALUES], wanted[3][VALUES];
+    for (int i = 0; i < 3 * N; i++) {
+        const int c = i / N;
+        frame[i] = (float)(1 + c) * (1 + 0.3f * sinf((float)i));
+        pixels[i] = 0.01f * frame[i] * (float)(3 - c);
+    }
+    rectify_errors(rgb, frame, pixels, found[0], found[1], found[2]);
+    for (int c = 0; c < 3; c++) {
+        rectify_errors(mono, frame + c * N, pixels + c * N, wanted[0], wanted[1], wanted[2]);
+        for (int i = c; i < VALUES; i += 3)
+            for (int k = 0; k < 3; k++)
+                g_assert_cmpfloat(found[k][i], ==, wanted[k][i]);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/rectify/linear", test_linear);
@@ -365,5 +388,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/rectify/outside", test_outside);
     g_test_add_func("/rectify/variance", test_variance);
     g_test_add_func("/rectify/colours", test_colours);
+    g_test_add_func("/rectify/variance_rgb", test_variance_rgb);
     return g_test_run();
 }
