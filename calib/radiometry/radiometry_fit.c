@@ -102,8 +102,8 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     const struct tile_shot *shot = &p->shots[cell->shot];
     const struct rig_lamp *l = &p->rig->lamps[shot->lamp];
     const double *x = p->x + lamp_at(p, shot->lamp);
-    struct vec3 direction = vec3_unit(
-        vec3_sub(rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), l->position_mm));
+    struct vec3 direction = vec3_unit(vec3_sub(
+        rig_lamp_point_back(&p->rig->arc, l, shot->arc_rad, cell->point_mm), l->position_mm));
     struct vec3 aim = tilted_aim(l, x[4], x[5]), e[2];
     double exponent = l->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
     radiometry_fit_across(l, &e[0], &e[1]);

@@ -52,9 +52,10 @@ static struct rig_timing timing_of(double warm_up_s) {
         .arc = {0, 360, TRUE, 45, 60, 0.1, 200},
     };
 
-    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
-        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
+    for (int i = 0; i < RIG_MAX_LAMPS; i++)
         t.lamp_warm_up_s[i] = warm_up_s;
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
         t.laser_warm_up_s[i] = 0.1;
         t.readout_us[i] = 40000;
         t.min_exposure_us[i] = 10;
@@ -526,7 +527,7 @@ static struct rig_timing random_timing(GRand *rand) {
 
     t.turntable = random_motion(rand, g_rand_boolean(rand));
     t.arc = random_motion(rand, g_rand_boolean(rand));
-    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
         t.lamp_warm_up_s[i] = g_rand_double_range(rand, 0, g_rand_boolean(rand) ? 0.5 : 8);
         t.laser_warm_up_s[i] = g_rand_double_range(rand, 0, 2);
         t.readout_us[i] = g_rand_int_range(rand, 0, 200000);
