@@ -79,6 +79,11 @@ struct devices *devices_open(const char *rig_path, GError **error);
 
 /* The geometry alone, checked in the same way, without opening a device. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
+/* Geometry and timing from the rig file's options alone, for a plan without the hardware: nothing
+ * real is opened. What devices only tell when they are asked is assumed; a line about each such is
+ * added to assumed (char *, with a free function). */
+gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
+                             struct rig_timing *ret_timing, GPtrArray *assumed, GError **error);
 /* Reads the geometry from the text of a rig file that a session keeps; path is used in errors. */
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
