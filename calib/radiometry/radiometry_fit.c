@@ -238,8 +238,10 @@ static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
     return TRUE;
 }
 
-/* Every lamp must be used at arc angles that differ enough to separate its fall-off from the
- * cameras' vignetting. */
+/* Every lamp on the arc must be used at arc angles that differ enough to separate its fall-off from
+ * the cameras' vignetting. One that stands by itself lights the tile from one side alone: what all
+ * such lamps' patterns and all cameras' flat fields could have in common is told by their priors,
+ * and cancels in what a camera shows of the tile's plane. */
 static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
     for (int l = 0; l < p->rig->n_lamps; l++) {
         double first = 0, apart = 0;
@@ -251,7 +253,7 @@ static gboolean radiometry_fit_check_shots(const struct problem *p, GError **err
             double turn = fabs(remainder(p->shots[s].arc_rad - first, 2 * G_PI));
             apart = MAX(apart, turn);
         }
-        if (n == 0 || apart >= APART_RAD)
+        if (n == 0 || apart >= APART_RAD || p->rig->lamps[l].fixed)
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
                     "lamp %s lights the tile from one side only (arc angles within %.0f°): its "
