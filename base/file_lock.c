@@ -1,5 +1,7 @@
 #include "file_lock.h"
 
+#include "new_file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -54,6 +56,16 @@ int file_lock_take(const char *path, const char *what, GError **error) {
         }
         close(fd);
     }
+}
+
+int file_lock_take_output(const char *path, char **ret_lock, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
+    g_autofree char *prefix = g_strconcat(name, ".", NULL);
+    *ret_lock = g_strconcat(path, ".lock", NULL);
+    const int lock = file_lock_take(*ret_lock, path, error);
+    if (lock >= 0)
+        new_file_remove_left(folder, "", prefix);
+    return lock;
 }
 
 void file_lock_give(int lock, const char *path) {

@@ -10,6 +10,11 @@
 /* Never waits. −1: error, G_IO_ERROR_BUSY if another process holds it. what: what is written, for
  * the message, as in "products of this session". */
 int file_lock_take(const char *path, const char *what, GError **error);
+
+/* The lock of who makes the file at path: PATH.lock, *ret_lock (g_free()), in any case. Removes
+ * what killed makers left beside it. */
+int file_lock_take_output(const char *path, char **ret_lock, GError **error);
+
 void file_lock_give(int lock, const char *path); /* −1 is ignored */
 
 /* Only asks: a process that takes the lock meanwhile is not disturbed. */

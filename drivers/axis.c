@@ -22,6 +22,7 @@ struct axis_state {
     gpointer data;
     enum activity activity;
     gboolean homed;
+    gboolean doubt;        /* it did not stop, or a fault has ended its last motion */
     gboolean driver_moves; /* the driver has not reported yet; FALSE while settling */
     gboolean stopping;
     gboolean
@@ -124,6 +125,7 @@ static void axis_end(Axis *axis, enum axis_event event, const GError *error) {
     cancel_timers(axis);
     state->activity = IDLE;
     state->driver_moves = state->stopping = FALSE;
+    state->doubt = event == AXIS_FAULT;
     if (state->func)
         state->func(axis, event, error, state->data);
 }
@@ -254,6 +256,7 @@ gboolean axis_stop(Axis *axis, GError **error) {
     }
     if (!axis->driver->stop(axis, error)) {
         state->stopping = FALSE;
+        state->doubt = TRUE;
         return FALSE;
     }
     state->slack_unknown = TRUE;
@@ -280,6 +283,13 @@ gboolean axis_halt(Axis *axis, GError **error) {
 
 gboolean axis_is_homed(const Axis *axis) {
     return axis->state->homed;
+}
+
+enum device_safety axis_safety(const Axis *axis) {
+    const struct axis_state *state = axis->state;
+    if (state->activity != IDLE)
+        return state->doubt && !state->stopping ? DEVICE_UNSAFE : DEVICE_TOLD;
+    return state->doubt ? DEVICE_UNSAFE : DEVICE_SAFE;
 }
 
 gboolean axis_is_moving(const Axis *axis) {

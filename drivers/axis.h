@@ -103,6 +103,7 @@ gboolean axis_stop(Axis *axis, GError **error);
 gboolean axis_halt(Axis *axis, GError **error);
 
 gboolean axis_is_homed(const Axis *axis);
+enum device_safety axis_safety(const Axis *axis); /* whether it stands */
 gboolean axis_is_moving(const Axis *axis); /* until its event was delivered, settling included */
 double axis_position_deg(Axis *axis);
 

@@ -50,6 +50,13 @@ struct driver_info {
     gsize priv_size; /* allocated zeroed, filled from the options, freed by the class */
 };
 
+/* What is known of a device that was told to be off or to stand. */
+enum device_safety {
+    DEVICE_SAFE,   /* it has answered so since it was told last; drivers read it back */
+    DEVICE_UNSAFE, /* it refused, did not answer in time, or says otherwise */
+    DEVICE_TOLD,   /* it has not answered yet */
+};
+
 /* First member of every class's device struct. */
 struct device {
     const struct driver_info *info;

@@ -21,6 +21,7 @@ struct lamps_state {
     LampsFunc func;
     gpointer data;
     GQueue pending; /* of struct pending, in order */
+    gboolean doubt; /* an "off" failed, and none of all lamps has succeeded since */
     struct lamp *lamps;
 };
 
@@ -92,6 +93,7 @@ static void lamps_on_deadline(gpointer data) {
         "%s did not answer to \"%s\" within %d s" ERROR_ADVICE "check its cable and power", what,
         on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC));
     pending->deadline = 0;
+    bank->state->doubt |= !on;
     g_queue_remove(&bank->state->pending, pending);
     lamps_pending_free(pending);
     lamps_notify(bank, index, on, clock_now_us(bank->device.clock), error);
@@ -106,6 +108,7 @@ static gboolean lamps_start(LampBank *bank, int index, gboolean on, GError **err
     if (!bank->driver->set(bank, index, on, error)) {
         g_queue_remove(&bank->state->pending, pending);
         lamps_pending_free(pending);
+        bank->state->doubt |= !on;
         return FALSE;
     }
     pending->deadline = clock_call_in(bank->device.clock, DEADLINE_US, lamps_on_deadline, pending);
@@ -126,6 +129,16 @@ gboolean lamps_all_off(LampBank *bank, GError **error) {
 gboolean lamps_is_on(const LampBank *bank, int index) {
     g_return_val_if_fail(index >= 0 && index < bank->n, FALSE);
     return bank->state->lamps[index].on;
+}
+
+enum device_safety lamps_safety(const LampBank *bank) {
+    const struct lamps_state *state = bank->state;
+    gboolean lit = FALSE;
+    for (int i = 0; i < bank->n; i++)
+        lit |= state->lamps[i].on;
+    if (!g_queue_is_empty((GQueue *)&state->pending))
+        return DEVICE_TOLD;
+    return lit || state->doubt ? DEVICE_UNSAFE : DEVICE_SAFE;
 }
 
 gint64 lamps_on_since_us(const LampBank *bank, int index) {
@@ -152,6 +165,8 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
         return;
     g_queue_pop_head(&bank->state->pending);
     lamps_pending_free(pending);
+    if (!on && (owned || index < 0))
+        bank->state->doubt = owned != NULL;
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; !owned && i < bank->n; i++) {
         struct lamp *lamp = &bank->state->lamps[i];

@@ -44,6 +44,7 @@ gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
 gboolean lamps_all_off(LampBank *bank, GError **error);
 
 gboolean lamps_is_on(const LampBank *bank, int index);     /* as last reported */
+enum device_safety lamps_safety(const LampBank *bank);     /* of all its lamps */
 gint64 lamps_on_since_us(const LampBank *bank, int index); /* -1 while off */
 double lamps_hours(const LampBank *bank, int index);       /* burnt since opened */
 

@@ -14,6 +14,7 @@ struct laser_state {
     LaserFunc func;
     gpointer data;
     gboolean on;    /* as last reported */
+    gboolean doubt; /* the last "off" failed */
     GQueue pending; /* of struct pending, in order */
     Interlock *guard;
     guint guard_id;
@@ -86,6 +87,7 @@ static void laser_on_deadline(gpointer data) {
         on ? ERROR_ADVICE "check its cable and power"
            : ERROR_ADVICE "it may still shine: cut its power by hand");
     pending->deadline = 0;
+    laser->state->doubt |= !on;
     g_queue_remove(&laser->state->pending, pending);
     laser_pending_free(pending);
     laser_notify(laser, on, error);
@@ -99,6 +101,7 @@ static gboolean laser_start(Laser *laser, gboolean on, GError **error) {
     if (!laser->driver->set(laser, on, error)) {
         g_queue_remove(&laser->state->pending, pending);
         laser_pending_free(pending);
+        laser->state->doubt |= !on;
         return FALSE;
     }
     pending->deadline = clock_call_in(laser->device.clock, DEADLINE_US, laser_on_deadline, pending);
@@ -151,6 +154,13 @@ gboolean laser_is_on(const Laser *laser) {
     return laser->state->on || (last && last->on);
 }
 
+enum device_safety laser_safety(const Laser *laser) {
+    const struct laser_state *state = laser->state;
+    if (!g_queue_is_empty((GQueue *)&state->pending))
+        return DEVICE_TOLD;
+    return state->on || state->doubt ? DEVICE_UNSAFE : DEVICE_SAFE;
+}
+
 gboolean laser_mount(Laser *laser, const char *place, GError **error) {
     return !laser->driver->mount || laser->driver->mount(laser, place, error);
 }
@@ -169,5 +179,7 @@ void laser_report(Laser *laser, gboolean on, GError *error) {
     laser_pending_free(pending);
     if (!owned)
         laser->state->on = on;
+    if (!on)
+        laser->state->doubt = owned != NULL;
     laser_notify(laser, on, owned);
 }

@@ -42,6 +42,7 @@ void laser_guard(Laser *laser, Interlock *interlock);
 /* Off always works, on is refused with DEVICE_ERROR_INTERLOCK while the interlock is open. */
 gboolean laser_set(Laser *laser, gboolean on, GError **error);
 gboolean laser_is_on(const Laser *laser); /* as last reported, or asked for */
+enum device_safety laser_safety(const Laser *laser);
 
 /* Says that somebody has mounted the unit at the place of that section of the rig file. */
 gboolean laser_mount(Laser *laser, const char *place, GError **error);

@@ -1,5 +1,6 @@
 #include "bus_devices.h"
 #include "bus_errors.h"
+#include "bus_hands.h"
 #include "bus_private.h"
 #include "plan/report.h"
 
@@ -16,9 +17,7 @@ static void bus_notify(Bus *bus) {
         bus->func(bus, bus->data);
 }
 
-static void bus_on_event(Capture *capture, const char *level, const char *source,
-                         const char *message, gpointer data) {
-    Bus *bus = data;
+void bus_report(Bus *bus, const char *level, const char *source, const char *message) {
     const gboolean bad = strcmp(level, "error") == 0;
     bus_rig1_emit_event(bus->object, level, source, message);
     if (bad)
@@ -26,6 +25,11 @@ static void bus_on_event(Capture *capture, const char *level, const char *source
     g_log_structured(G_LOG_DOMAIN,
                      strcmp(level, "info") == 0 ? G_LOG_LEVEL_MESSAGE : G_LOG_LEVEL_WARNING,
                      "MESORIG_SOURCE", source, "MESSAGE", "%s: %s", source, message);
+}
+
+static void bus_on_event(Capture *capture, const char *level, const char *source,
+                         const char *message, gpointer data) {
+    bus_report(data, level, source, message);
 }
 
 static void show_status(Bus *bus, const struct capture_status *status) {
@@ -47,7 +51,7 @@ static void show_status(Bus *bus, const struct capture_status *status) {
                  "predicted-end", end, NULL);
 }
 
-static void show_devices(Bus *bus) {
+void bus_show_devices(Bus *bus) {
     bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults));
 }
 
@@ -69,7 +73,7 @@ static gboolean end_capture_idle(gpointer data) {
     Bus *bus = data;
     bus->end_id = 0;
     end_capture(bus);
-    show_devices(bus);
+    bus_show_devices(bus);
     bus_notify(bus);
     return G_SOURCE_REMOVE;
 }
@@ -81,7 +85,7 @@ static void bus_changed(Capture *capture, gpointer data) {
         return; /* from within capture_start() */
     capture_get_status(capture, &status);
     show_status(bus, &status);
-    show_devices(bus);
+    bus_show_devices(bus);
     bus_show_thumbnails(bus);
     if (status.state >= CAPTURE_DONE && !bus->end_id)
         bus->end_id = g_idle_add(end_capture_idle, bus);
@@ -126,16 +130,14 @@ gboolean bus_need_absolute(const char *path, GError **error) {
 static void show_idle(Bus *bus) {
     g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "prompt", "",
                  "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
-                 bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
+                 bus->devices && devices_are_simulated(bus->devices), "session", "", "shots", 0,
                  "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
                  0.0, "predicted-end", (guint64)0, NULL);
-    show_devices(bus);
+    bus_show_devices(bus);
     bus_notify(bus);
 }
 
-/* A simulated rig's time stands still until something is asked of it: what is to happen to it after
- * so many seconds would else have happened before the first call. */
-static void hold_clock(Bus *bus, gboolean hold) {
+void bus_hold_clock(Bus *bus, gboolean hold) {
     if (bus->holds_clock == hold || !bus->devices)
         return;
     bus->holds_clock = hold;
@@ -167,7 +169,8 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
                       "\"Watchdogs of devices\" in docs/safety.md",
                       laser->device.name, laser->device.info->name);
     }
-    hold_clock(bus, TRUE);
+    bus_hold_clock(bus, TRUE);
+    bus_hands_watch(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
     show_idle(bus);
@@ -179,12 +182,16 @@ void bus_close_rig(Bus *bus) {
     if (bus->ending)
         return; /* from within bus_end(), which runs the main loop */
     bus_jobs_stop_all(bus, "the rig was closed meanwhile");
+    if (bus->devices) {
+        bus_hands_end(bus, "the rig was closed meanwhile");
+        bus_hands_watch(bus, FALSE);
+    }
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
     bus_drop_thumbnails(bus);
     if (bus->guardian && !bus->is_safe && !bus_end(bus, &error))
         g_warning("the rig is NOT safe: %s", error->message);
-    hold_clock(bus, FALSE);
+    bus_hold_clock(bus, FALSE);
     guardian_set_busy(bus->guardian, TRUE); /* who does not answer is waited for once more */
     g_clear_pointer(&bus->devices, devices_close);
     guardian_end(bus->guardian, bus->is_safe);
@@ -210,7 +217,7 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_free(bus->directory);
     bus->directory = g_strdup(directory);
     bus->capture = capture;
-    hold_clock(bus, FALSE);
+    bus_hold_clock(bus, FALSE);
     bus_drop_thumbnails(bus);
     capture_get_status(capture, &status);
     bus->started_us = g_get_monotonic_time();
@@ -224,7 +231,7 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
     if (process && !(bus->follower = follower_start(directory, &error)))
-        bus_on_event(capture, "warning", "process", error->message, bus);
+        bus_report(bus, "warning", "process", error->message);
     bus_changed(capture, bus);
 }
 
@@ -232,6 +239,7 @@ gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char
                    gboolean process, GError **error) {
     const struct capture_callbacks callbacks = {bus_changed, bus_on_event, bus};
     bus->is_safe = FALSE;
+    bus_hands_end(bus, "a capture begins");
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
     Capture *capture = resumed ? capture_go_on(bus->devices, directory, warning, &callbacks, error)
@@ -245,11 +253,12 @@ gboolean bus_make_safe(Bus *bus, GError **error) {
     if (!bus_need_rig(bus, error))
         return FALSE;
     bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
-    hold_clock(bus, FALSE);
+    bus_hands_stop(bus, "SafeState ended it");
+    bus_hold_clock(bus, FALSE);
     if (bus->capture)
         capture_abort(bus->capture);
     const gboolean ok = devices_make_safe(bus->devices, error);
-    show_devices(bus);
+    bus_show_devices(bus);
     return ok;
 }
 
@@ -261,6 +270,7 @@ Bus *bus_new(const char *address) {
     bus->address = g_strdup(address);
     bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     bus->jobs = g_ptr_array_new();
+    bus->hands = g_ptr_array_new();
     memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
     bus->queue = bus_queue_new(bus);
     bus_answer_calls(bus);
@@ -272,8 +282,9 @@ gboolean bus_end(Bus *bus, GError **error) {
     bus_jobs_stop_all(bus, "mesorigd ends");
     if (!bus->devices)
         return TRUE;
+    bus_hands_end(bus, "mesorigd ends");
     end_capture(bus);
-    hold_clock(bus, FALSE);
+    bus_hold_clock(bus, FALSE);
     bus->ending = TRUE;
     bus->is_safe = devices_secure(bus->devices, error);
     bus->ending = FALSE;
@@ -296,6 +307,7 @@ void bus_free(Bus *bus) {
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
     g_ptr_array_unref(bus->jobs);
+    g_ptr_array_unref(bus->hands);
     g_free(bus->address);
     g_free(bus);
 }
@@ -317,6 +329,8 @@ static void connection_closed(GDBusConnection *connection, gboolean by_peer, GEr
     Bus *bus = g_object_get_data(object, "bus");
     if (bus)
         bus_jobs_stop_client(bus, connection);
+    if (bus)
+        bus_hands_end_client(bus, connection);
     if (!bus || bus->client != connection)
         return;
     bus->client = NULL;

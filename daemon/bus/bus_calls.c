@@ -1,5 +1,5 @@
 #include "bus_errors.h"
-#include "bus_private.h"
+#include "bus_hands.h"
 
 /* Ends a failed method call: returns the error to the client. Handlers emit changed properties
  * before they return a result, so that the client never reads an old state after its call. */
@@ -101,6 +101,36 @@ static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocat
     return TRUE;
 }
 
+static gboolean on_snap(BusRig1 *object, GDBusMethodInvocation *invocation, GUnixFDList *list,
+                        const char *camera, gint64 exposure_us, double gain_db, Bus *bus) {
+    bus_hands_snap(bus, invocation, camera, exposure_us, gain_db);
+    return TRUE;
+}
+
+static gboolean on_set_lamp(BusRig1 *object, GDBusMethodInvocation *invocation, const char *lamp,
+                            gboolean on, Bus *bus) {
+    bus_hands_set_lamp(bus, invocation, lamp, on);
+    return TRUE;
+}
+
+static gboolean on_set_laser(BusRig1 *object, GDBusMethodInvocation *invocation, const char *laser,
+                             gboolean on, Bus *bus) {
+    bus_hands_set_laser(bus, invocation, laser, on);
+    return TRUE;
+}
+
+static gboolean on_move_axis(BusRig1 *object, GDBusMethodInvocation *invocation, const char *axis,
+                             double deg, Bus *bus) {
+    bus_hands_move(bus, invocation, axis, deg);
+    return TRUE;
+}
+
+static gboolean on_home_axis(BusRig1 *object, GDBusMethodInvocation *invocation, const char *axis,
+                             Bus *bus) {
+    bus_hands_home(bus, invocation, axis);
+    return TRUE;
+}
+
 /* All but SafeState, which bus_queue.c answers. */
 void bus_answer_calls(Bus *bus) {
     const struct {
@@ -116,6 +146,11 @@ void bus_answer_calls(Bus *bus) {
         {"handle-continue", G_CALLBACK(on_continue)},
         {"handle-abort", G_CALLBACK(on_abort)},
         {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
+        {"handle-snap", G_CALLBACK(on_snap)},
+        {"handle-set-lamp", G_CALLBACK(on_set_lamp)},
+        {"handle-set-laser", G_CALLBACK(on_set_laser)},
+        {"handle-move-axis", G_CALLBACK(on_move_axis)},
+        {"handle-home-axis", G_CALLBACK(on_home_axis)},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)
         g_signal_connect(bus->object, handlers[i].signal, handlers[i].handler, bus);

@@ -1,7 +1,7 @@
 /*
  * What bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras' last
  * pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a child
- * works for) and bus_queue.c (calls that wait) share.
+ * works for), bus_hands.c (devices by hand) and bus_queue.c (calls that wait) share.
  */
 #pragma once
 
@@ -29,6 +29,8 @@ struct Bus {
     Capture *capture; /* NULL: nothing under way, not even paused */
     char *directory;  /* of the session that is or was captured */
     Follower *follower;
+    GPtrArray *hands; /* of struct hand: devices that somebody has in hand (bus_hands.h) */
+    guint hand_interlocks[DEVICES_MAX_INTERLOCKS];
     GHashTable *faults;       /* device name to message */
     gint64 started_us;        /* real time */
     double started_elapsed_s; /* on the rig's clock */
@@ -50,6 +52,14 @@ gboolean bus_need_capture(Bus *bus, GError **error);
 /* Errors BUS_ERROR_BUSY and BUS_ERROR_BAD_PATH. */
 gboolean bus_need_free(Bus *bus, GError **error);
 gboolean bus_need_absolute(const char *path, GError **error);
+
+/* An event for all clients and the log; of level "error", also as the fault of a device. */
+void bus_report(Bus *bus, const char *level, const char *source, const char *message);
+void bus_show_devices(Bus *bus);
+
+/* A simulated rig's time stands still until something is asked of it: what is to happen to it after
+ * so many seconds would else have happened before the first call. */
+void bus_hold_clock(Bus *bus, gboolean hold);
 
 /* As the methods of these names. */
 void bus_close_rig(Bus *bus);

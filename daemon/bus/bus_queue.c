@@ -8,6 +8,11 @@
 #define MAX_OF_CLIENT 32
 #define MAX_WAITING   128
 
+/* SafeState: how often and for how long devices are asked whether they have answered. The classes'
+ * own deadlines of lasers and lamps are shorter. */
+#define LOOK_MS   2
+#define ANSWER_US (3 * G_USEC_PER_SEC)
+
 struct waiting_call { /* a SafeState */
     GDBusConnection *connection;
     GDBusMessage *message;
@@ -21,6 +26,12 @@ struct bus_queue {
     GHashTable *of_client; /* client to how many of its calls wait */
     int n_waiting;
     GQueue safe_calls; /* of struct waiting_call */
+};
+
+struct securing { /* devices that were told, and calls that wait for what they answer */
+    struct bus_queue *queue;
+    GQueue calls; /* of struct waiting_call */
+    gint64 until_us;
 };
 
 struct ticket { /* of a call that waits */
@@ -77,8 +88,9 @@ static void run_soon(struct bus_queue *queue, int priority, GSourceFunc func, gp
     g_source_attach(source, queue->context);
 }
 
-/* Takes the error. */
-static void reply(GDBusConnection *connection, GDBusMessage *message, GError *error) {
+/* body: floating, or NULL. Takes the error. */
+static void reply(GDBusConnection *connection, GDBusMessage *message, GVariant *body,
+                  GError *error) {
     g_autoptr(GDBusMessage) answer = NULL;
     if (error) {
         error = bus_errors_wrap(error);
@@ -87,27 +99,71 @@ static void reply(GDBusConnection *connection, GDBusMessage *message, GError *er
         g_error_free(error);
     } else {
         answer = g_dbus_message_new_method_reply(message);
+        if (body)
+            g_dbus_message_set_body(answer, body);
     }
     if (!(g_dbus_message_get_flags(message) & G_DBUS_MESSAGE_FLAGS_NO_REPLY_EXPECTED))
         g_dbus_connection_send_message(connection, answer, G_DBUS_SEND_MESSAGE_FLAGS_NONE, NULL,
                                        NULL);
 }
 
+/* body: floating, or NULL. */
+static void securing_answer(struct securing *securing, GVariant *body, const GError *error) {
+    g_autoptr(GVariant) owned = body ? g_variant_ref_sink(body) : NULL;
+    for (struct waiting_call *call; (call = g_queue_pop_head(&securing->calls)); call_free(call))
+        reply(call->connection, call->message, owned, error ? g_error_copy(error) : NULL);
+}
+
+static void securing_free(gpointer data) {
+    struct securing *securing = data;
+    g_queue_clear_full(&securing->calls, call_free);
+    queue_unref(securing->queue);
+    g_free(securing);
+}
+
+static gboolean securing_look(gpointer data) {
+    struct securing *securing = data;
+    const Bus *bus = securing->queue->bus;
+    enum device_safety safety;
+    if (!bus || !bus->devices) {
+        g_autoptr(GError) error = g_error_new_literal(
+            BUS_ERROR, BUS_ERROR_CANCELLED,
+            "the rig was told to be safe, and closed before all devices had answered");
+        securing_answer(securing, NULL, error);
+        return G_SOURCE_REMOVE;
+    }
+    g_autoptr(GVariant) devices = g_variant_ref_sink(devices_safety(bus->devices, &safety));
+    if (safety == DEVICE_TOLD && g_get_monotonic_time() < securing->until_us)
+        return G_SOURCE_CONTINUE;
+    securing_answer(securing, g_variant_new("(b@a(sss))", safety == DEVICE_SAFE, devices), NULL);
+    return G_SOURCE_REMOVE;
+}
+
 /* One safe state answers all who have asked for it meanwhile. */
 static gboolean bus_queue_make_safe(gpointer data) {
     struct bus_queue *queue = data;
-    GQueue calls = G_QUEUE_INIT;
+    struct securing *securing = g_new0(struct securing, 1);
     g_autoptr(GError) error = NULL;
+    securing->queue = g_atomic_rc_box_acquire(queue);
+    securing->until_us = g_get_monotonic_time() + ANSWER_US;
     g_mutex_lock(&queue->lock);
-    calls = queue->safe_calls;
+    securing->calls = queue->safe_calls;
     g_queue_init(&queue->safe_calls);
     g_mutex_unlock(&queue->lock);
     if (queue->bus)
         bus_make_safe(queue->bus, &error);
     else
         g_set_error_literal(&error, BUS_ERROR, BUS_ERROR_CANCELLED, "mesorigd ends");
-    for (struct waiting_call *call; (call = g_queue_pop_head(&calls)); call_free(call))
-        reply(call->connection, call->message, error ? g_error_copy(error) : NULL);
+    if (error)
+        securing_answer(securing, NULL, error);
+    if (error || !securing_look(securing)) {
+        securing_free(securing);
+        return G_SOURCE_REMOVE;
+    }
+    g_autoptr(GSource) source = g_timeout_source_new(LOOK_MS);
+    g_source_set_priority(source, G_PRIORITY_HIGH);
+    g_source_set_callback(source, securing_look, securing, securing_free);
+    g_source_attach(source, queue->context);
     return G_SOURCE_REMOVE;
 }
 
@@ -177,7 +233,7 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
         sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);
     const int n = bus_queue_enter(queue, client);
     if (n < 0 || n >= MAX_OF_CLIENT) {
-        reply(connection, message,
+        reply(connection, message, NULL,
               n < 0
                   ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
                                 "%d calls of all clients are waiting, which is the most: try again",

@@ -8,3 +8,7 @@
 
 /* ret_rgb: width × height × 3, g_free(). */
 void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb);
+
+/* The same with at most this many pixels; a colour filter's tile is one at least. */
+void thumbnail_make_sized(const Frame *frame, int most_pixels, int *ret_width, int *ret_height,
+                          guint8 **ret_rgb);

@@ -2,6 +2,7 @@
 #include "command/cli.h"
 #include "command/link.h"
 #include "command/monitor.h"
+#include "hands/rig_link.h"
 #include "process.h"
 #include "rig/devices.h"
 #include "session/session.h"
@@ -33,47 +34,6 @@ static const GOptionEntry resume_entries[] = {
     YES_ENTRY,
     {NULL},
 };
-
-/* Finds a daemon that has the rig, or may open it; a simulated rig gets a private daemon. */
-static Link *find_daemon(const char *rig, GError **error) {
-    GError *why = NULL;
-    gboolean simulated = TRUE; /* every driver is */
-    struct rig geometry;
-    gsize n = 0;
-    /* Reports a mistake in the file before anything about a daemon. */
-    g_autoptr(Config) config =
-        devices_read_geometry(rig, &geometry, error) ? config_load(rig, error) : NULL;
-    if (!config)
-        return NULL;
-    const struct config_section *sections = config_sections(config, &n);
-    for (gsize i = 0; i < n; i++) {
-        const char *driver = config_value(&sections[i], "driver", NULL);
-        simulated &= !driver || g_str_has_prefix(driver, "sim-");
-    }
-    if (yes && !simulated) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-                    "--yes is for simulated rigs: at %s somebody has to do what is asked for", rig);
-        return NULL;
-    }
-    Link *link = link_find_rig(rig, &why);
-    if (why)
-        g_propagate_error(error, why);
-    else if (!link)
-        link = simulated ? link_start(error) : link_find(NULL, error);
-    return link;
-}
-
-static gboolean open_rig(Link *link, const char *rig, GError **error) {
-    const char *open = bus_rig1_get_rig_path(link_rig(link));
-    if (g_strcmp0(open, rig) == 0)
-        return TRUE;
-    if (!open || !*open)
-        return bus_rig1_call_open_rig_sync(link_rig(link), rig, NULL, error);
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                "the daemon has another rig open, %s; busctl call %s %s %s CloseRig closes it",
-                open, BUS_NAME, BUS_PATH, BUS_NAME);
-    return FALSE;
-}
 
 static GVariant *start_options(void) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
@@ -120,8 +80,16 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
 /* session: NULL to resume. */
 static int cli_capture_run(const struct call *call, const char *rig, const char *session,
                            const char *directory, GError **error) {
-    g_autoptr(Link) link = find_daemon(rig, error);
-    if (!link || !open_rig(link, rig, error))
+    gboolean simulated = FALSE;
+    g_autoptr(Link) link = rig_link_find(rig, &simulated, error);
+    if (!link)
+        return CLI_FAILED;
+    if (yes && !simulated) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "--yes is for simulated rigs: at %s somebody has to do what is asked for", rig);
+        return CLI_FAILED;
+    }
+    if (!rig_link_open(link, rig, error))
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     const gboolean ok = session ? bus_rig1_call_start_sync(link_rig(link), session, directory,

@@ -7,18 +7,7 @@
 #include "mdf/mdf_views.h"
 #include "session/session.h"
 
-struct check {
-    const char *path, *plot;
-    int texel;
-    /* found */
-    struct btf_matrix *btf;
-    struct energy *energy;
-    gboolean has_mdf;
-    struct mdf_views_sums mdf;
-    GPtrArray *suspicions; /* char * */
-};
-
-static gboolean cli_check_work(const struct work *work, gpointer data, GError **error) {
+gboolean check_session(const struct work *work, gpointer data, GError **error) {
     struct check *check = data;
     g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
     g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
@@ -49,6 +38,12 @@ static gboolean cli_check_work(const struct work *work, gpointer data, GError **
         return FALSE;
     check_suspect_mdf(&check->mdf, grid.depth_mm, check->suspicions);
     return TRUE;
+}
+
+void check_clear(struct check *check) {
+    btf_matrix_free(check->btf);
+    energy_free(check->energy);
+    g_ptr_array_unref(check->suspicions);
 }
 
 static double percent(gint64 n, gint64 of) {
@@ -171,12 +166,10 @@ static const GOptionEntry entries[] = {
 static int cli_check_run(const struct call *call, GError **error) {
     struct check check = {call->arguments[0], plot_option, texel_option,
                           .suspicions = g_ptr_array_new_with_free_func(g_free)};
-    const gboolean ok = cli_work_run(cli_check_work, &check, NULL, error);
+    const gboolean ok = cli_work_run(check_session, &check, NULL, error);
     if (ok)
         cli_check_tell(call->record, &check);
-    btf_matrix_free(check.btf);
-    energy_free(check.energy);
-    g_ptr_array_unref(check.suspicions);
+    check_clear(&check);
     return ok ? CLI_DONE : CLI_FAILED;
 }
 

@@ -5,6 +5,22 @@
 #include "mdf/mdf_views.h"
 #include "plot.h"
 
+struct check {
+    const char *path, *plot; /* plot: NULL, or the picture to draw */
+    int texel;               /* that is drawn; −1: the central one */
+    /* found */
+    struct btf_matrix *btf; /* NULL: there is none */
+    struct energy *energy;
+    gboolean has_mdf;
+    struct mdf_views_sums mdf;
+    GPtrArray *suspicions; /* char * */
+};
+
+/* A CliWork; data: struct check, whose first fields and suspicions are set. It is an error if there
+ * is neither a BTF nor an MDF. */
+gboolean check_session(const struct work *work, gpointer data, GError **error);
+void check_clear(struct check *check);
+
 /* E_r of all views and E_i of all lights, of one texel and of the mean, as in Meseth et al. 2003
  * Fig. 3. */
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,

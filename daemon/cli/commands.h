@@ -1,11 +1,12 @@
-/* All commands but `calibrate`, which has a room of its own. */
+/* All commands but `calibrate` and those for devices by hand, which have rooms of their own. */
 #pragma once
 
 #include "command/cli.h"
 
 extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
     cli_continue, cli_abort, cli_safe, cli_process, cli_compress, cli_compare, cli_check, cli_board,
-    cli_info, cli_drivers, cli_devices, cli_import, cli_export, cli_resample, cli_verify;
+    cli_info, cli_drivers, cli_devices, cli_import, cli_export, cli_resample, cli_verify,
+    cli_report;
 
 /* All of mesorig: finds the command and runs it. An exit code. */
 int cli_main(int argc, char **argv);

@@ -88,21 +88,12 @@ static char *cli_compress_output(const struct compress_asked *asked, GError **er
     return session ? g_build_filename(directory, "products", name, NULL) : NULL;
 }
 
-int compress_lock(const char *path, char **ret_lock, GError **error) {
-    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
-    g_autofree char *prefix = g_strconcat(name, ".", NULL);
-    *ret_lock = g_strconcat(path, ".lock", NULL);
-    const int lock = file_lock_take(*ret_lock, path, error);
-    if (lock >= 0)
-        new_file_remove_left(folder, "", prefix);
-    return lock;
-}
-
 static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
     g_autofree char *lock_path = NULL;
     compress->written = cli_compress_output(compress->asked, error);
-    const int lock = compress->written ? compress_lock(compress->written, &lock_path, error) : -1;
+    const int lock =
+        compress->written ? file_lock_take_output(compress->written, &lock_path, error) : -1;
     const gboolean ok = lock >= 0 && compress_btf(compress, work, error);
     file_lock_give(lock, lock_path);
     return ok;

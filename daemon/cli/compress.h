@@ -34,8 +34,4 @@ void compress_clear(struct compress_asked *asked);
 /* All that the result depends on besides the BTF; the same however it was written. g_free() */
 char *compress_inputs(const struct compress_asked *asked);
 
-/* Takes the lock of a file, so that no other process makes it, and removes what killed processes
- * left of it: file_lock_give(lock, *ret_lock). −1: error; ret_lock is the caller's all the same. */
-int compress_lock(const char *path, char **ret_lock, GError **error);
-
 int compress_mdf(const struct compress_asked *asked, Record *to, GError **error);

@@ -82,7 +82,7 @@ int compress_mdf(const struct compress_asked *asked, Record *to, GError **error)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
     g_autofree char *lock_path = NULL;
-    const int lock = compress_lock(asked->output, &lock_path, error);
+    const int lock = file_lock_take_output(asked->output, &lock_path, error);
     const gboolean ok = lock >= 0 && cli_work_run(cli_compress_mdf_work, &job, &seconds, error);
     file_lock_give(lock, lock_path);
     if (ok)

@@ -1,4 +1,5 @@
 /* status, watch, pause, continue, abort, safe: of what a daemon does. */
+#include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
 #include "commands.h"
@@ -94,7 +95,6 @@ static const struct request {
     {"continue", bus_rig1_call_continue_sync, "going on"},
     {"abort", bus_rig1_call_abort_sync,
      "aborted, the rig is safe; what was taken stays: “mesorig resume” goes on"},
-    {"safe", bus_rig1_call_safe_state_sync, "lamps and lasers were told to be off, axes to stop"},
 };
 
 static int run_request(const struct call *call, GError **error) {
@@ -108,6 +108,38 @@ static int run_request(const struct call *call, GError **error) {
     record_string(call->record, "done", request->name);
     record_say(call->record, "%s\n", request->done);
     return CLI_DONE;
+}
+
+/* Says of each device what it has answered. Not read back is a failure. */
+static int run_safe(const struct call *call, GError **error) {
+    g_autofree char *directory = directory_of(call);
+    g_autoptr(Link) link = link_find(directory, error);
+    g_autoptr(GVariant) devices = NULL;
+    g_autoptr(GString) open = g_string_new(NULL);
+    gboolean safe = FALSE;
+    if (!link || !bus_rig1_call_safe_state_sync(link_rig(link), &safe, &devices, NULL, error))
+        return CLI_FAILED;
+    GVariantIter iter;
+    const char *class_name, *name, *state;
+    g_variant_iter_init(&iter, devices);
+    while (g_variant_iter_next(&iter, "(&s&s&s)", &class_name, &name, &state)) {
+        record_say(call->record, "%-10s %-16s %s\n", class_name, name, state);
+        if (!g_str_equal(state, "read back"))
+            g_string_append_printf(open, "%s%s %s (%s)", open->len ? ", " : "", class_name, name,
+                                   state);
+    }
+    record_string(call->record, "done", "safe");
+    record_boolean(call->record, "safe", safe);
+    record_variant(call->record, "devices", devices);
+    if (safe) {
+        record_say(call->record, "lamps and lasers are off, axes stand\n");
+        return CLI_DONE;
+    }
+    g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
+                "the rig was told to be safe, but not read back: %s; look at it, and switch it off "
+                "by hand",
+                open->str);
+    return CLI_FAILED;
 }
 
 #define CONTROL(name_, run_, help_)                                                                \
@@ -124,4 +156,4 @@ const struct command cli_continue =
 const struct command cli_abort =
     CONTROL("abort", run_request, "End a capture now; it can be resumed.");
 const struct command cli_safe =
-    CONTROL("safe", run_request, "End what is under way; lamps and lasers off, axes stopped.");
+    CONTROL("safe", run_safe, "End what is under way; lamps and lasers off, axes stopped.");

@@ -37,6 +37,18 @@ struct job {
     struct fit_normals_result fit;
 };
 
+/* What is written is told by KIND, not by the file's name, which must not say something else. */
+static gboolean export_check_name(const char *what, const char *format_name, const char *end,
+                                  GError **error) {
+    g_autofree char *lower = g_ascii_strdown(output, -1);
+    if (g_str_has_suffix(lower, end))
+        return TRUE;
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_FILENAME,
+                "%s: %s are written as %s; give a name that ends in %s", output, what, format_name,
+                end);
+    return FALSE;
+}
+
 static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     return export_bonn(job->session, output, job->kind, components ? components : COMPONENTS, work,
@@ -53,7 +65,8 @@ static int export_btf(const struct call *call, struct job *job, GError **error) 
     if (components < 0 || components > LPCA_MAX_COMPONENTS)
         return cli_usage(call->command, "--components=%d is out of range: 1 to %d", components,
                          LPCA_MAX_COMPONENTS);
-    if (!cli_work_run(work_btf, job, &seconds, error))
+    if (!export_check_name("BTFs", "Bonn's format", ".btf", error) ||
+        !cli_work_run(work_btf, job, &seconds, error))
         return CLI_FAILED;
     g_autofree char *time = report_duration(seconds);
     record_string(to, "file", output);
@@ -120,6 +133,9 @@ static int export_shape(const struct call *call, struct job *job, enum export_su
     double seconds = 0;
     if (least_views < 0 || least_views > 255)
         return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
+    if (!(what == EXPORT_POINTS ? export_check_name("points", "PLY", ".ply", error)
+                                : export_check_name("maps", "OpenEXR", ".exr", error)))
+        return CLI_FAILED;
     job->options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
     if (what != EXPORT_POINTS && fit_normals_applies(job->session))

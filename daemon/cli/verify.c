@@ -25,8 +25,8 @@ static const char *const folders[] = {"frames", "laser", "products", "products/b
 /* What belongs to a session without a row of its own: the database, locks, work that goes on, and
  * the raw pictures of a frame, in a folder of its name. */
 static gboolean is_expected(const char *path, gboolean folder, GHashTable *known) {
-    static const char *const files[] = {"session.db", "session.db-wal", "session.db-shm",
-                                        "capture.lock", NULL};
+    static const char *const files[] = {"session.db",   "session.db-wal",         "session.db-shm",
+                                        "capture.lock", "ro-crate-metadata.json", NULL};
     g_autofree char *frame = g_strconcat(path, ".exr", NULL);
 
     if (g_strv_contains(folder ? folders : files, path))

@@ -21,7 +21,7 @@ struct Progress {
 Progress *progress_new(const char *what) {
     Progress *progress = g_new0(Progress, 1);
     progress->what = g_strdup(what);
-    progress->tty = isatty(STDOUT_FILENO);
+    progress->tty = isatty(STDERR_FILENO);
     progress->utf8 = g_get_charset(NULL);
     progress->told = -1;
     return progress;
@@ -29,9 +29,8 @@ Progress *progress_new(const char *what) {
 
 void progress_end(Progress *progress) {
     if (progress->drawn)
-        fputc('\n', stdout);
+        fputc('\n', stderr);
     progress->drawn = FALSE;
-    fflush(stdout);
 }
 
 void progress_free(Progress *progress) {
@@ -61,7 +60,7 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
 static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =
-        ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+        ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
     g_autoptr(GString) line = g_string_new(NULL);
     g_string_append_printf(line, "%s %3d %% ", progress->what, (int)floor(fraction * 100));
     const int used = (int)g_utf8_strlen(line->str, -1) + (int)g_utf8_strlen(text, -1);
@@ -70,11 +69,10 @@ static void cli_progress_draw(Progress *progress, double fraction, const char *t
     g_string_append(line, text);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
-    /* Past g_print(), which replaces control characters. */
-    fputs("\r", stdout);
-    g_print("%s", cut);
-    fputs("\033[K", stdout);
-    fflush(stdout);
+    /* Past g_printerr(), which replaces control characters. */
+    fputs("\r", stderr);
+    g_printerr("%s", cut);
+    fputs("\033[K", stderr);
     progress->drawn = TRUE;
 }
 
@@ -90,8 +88,7 @@ void progress_show(Progress *progress, double fraction, const char *text, gboole
         cli_progress_draw(progress, fraction, text);
     } else if ((int)(fraction * 10) > progress->told) {
         progress->told = (int)(fraction * 10);
-        g_print("%s: %d %%, %s\n", progress->what, (int)floor(fraction * 100), text);
-        fflush(stdout);
+        g_printerr("%s: %d %%, %s\n", progress->what, (int)floor(fraction * 100), text);
     }
 }
 
@@ -103,8 +100,7 @@ void progress_line(Progress *progress, const char *format, ...) {
     g_autofree char *text = g_strdup_vprintf(format, arguments);
     va_end(arguments);
     if (progress->drawn)
-        fputs("\r\033[K", stdout);
-    fflush(stdout);
+        fputs("\r\033[K", stderr);
     g_print("%s\n", text);
     progress->drawn = FALSE;
     fflush(stdout);

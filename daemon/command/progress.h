@@ -1,4 +1,5 @@
-/* A progress bar on a terminal; a line every ten per cent elsewhere; nothing with --json. */
+/* On standard error, so that standard output has results alone: a progress bar on a terminal; a
+ * line every ten per cent elsewhere; nothing with --json. */
 #pragma once
 
 #include <glib.h>
@@ -15,5 +16,5 @@ void progress_end(Progress *progress);
  * bar. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
-/* A line of its own, above the bar. Not printed with --json. */
+/* A line of its own on standard output, above the bar. Not printed with --json. */
 void progress_line(Progress *progress, const char *format, ...) G_GNUC_PRINTF(2, 3);

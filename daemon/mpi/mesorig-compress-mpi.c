@@ -1,6 +1,7 @@
 /* Local PCA of a BTF by several processes, each with some of its texels in memory: docs/slurm.md.
  */
 #include "base/data_error.h"
+#include "base/file_lock.h"
 #include "base/json.h"
 #include "lpca/lpca.h"
 #include "session/session.h"
@@ -14,7 +15,7 @@
 
 static int clusters = 32, components = 8, threads;
 static char *quantise_option, *colours_option, *output;
-static gboolean json;
+static gboolean json, help, version;
 static const GOptionEntry entries[] = {
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters of texels: 1 … 1024 (32)", "K"},
     {"components", 'c', 0, G_OPTION_ARG_INT, &components, "Eigen-BRDFs of a cluster: 1 … 64 (8)",
@@ -27,6 +28,8 @@ static const GOptionEntry entries[] = {
     {"threads", 't', 0, G_OPTION_ARG_INT, &threads, "Of each process; 0: one a processor (0)", "N"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Write this file", "FILE"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
+    {"help", 'h', 0, G_OPTION_ARG_NONE, &help, "Show help options", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
     {NULL},
 };
 
@@ -82,9 +85,6 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
-    g_autofree char *directory = g_path_get_dirname(output);
-    if (team->rank == 0 && g_access(directory, W_OK) != 0) /* the first rank alone writes */
-        return data_error_fail(directory, 0, error, "files cannot be written into that folder");
     struct btf_matrix *btf = btf_matrix_read_shared(team, path, &options.work, error);
     g_autoptr(Lpca) lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     gboolean ok = lpca != NULL;
@@ -101,15 +101,48 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
     return ok;
 }
 
-/* 2: not understood, which the first rank says for all. */
-static int mpi_compress_parse(int *argc, char ***argv, int rank, enum lpca_quantise *ret_quantise) {
+/* The first rank alone writes, and holds the lock of the file meanwhile. A rank that fails ends all
+ * of them; the kernel gives its lock back. */
+static gboolean mpi_compress_locked(const char *path, const struct team *team,
+                                    enum lpca_quantise quantise, GError **error) {
+    g_autofree char *directory = g_path_get_dirname(output), *lock_path = NULL;
+    int lock = -1;
+    if (team->rank == 0) {
+        if (g_access(directory, W_OK) != 0)
+            return data_error_fail(directory, 0, error, "files cannot be written into that folder");
+        lock = file_lock_take_output(output, &lock_path, error);
+        if (lock < 0)
+            return FALSE;
+    }
+    const gboolean ok = mpi_compress_compress(path, team, quantise, error);
+    file_lock_give(lock, lock_path);
+    return ok;
+}
+
+/* What starts several processes tells each its rank; -1 if nothing did. */
+static int mpi_compress_told_rank(void) {
+    static const char *const names[] = {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK",
+                                        "SLURM_PROCID"};
+    for (gsize i = 0; i < G_N_ELEMENTS(names); i++)
+        if (g_getenv(names[i]))
+            return atoi(g_getenv(names[i]));
+    return -1;
+}
+
+/* 2: not understood. The first rank says so for all, and answers --help and --version, in UTF-8 in
+ * any locale. MPI need not work for that. */
+static int mpi_compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context =
         g_option_context_new("SESSION -o FILE — compress a BTF by several processes");
+    const gboolean first = mpi_compress_told_rank() <= 0;
     g_autoptr(GError) error = NULL;
     g_option_context_add_main_entries(context, entries, NULL);
     const char *what = NULL;
+    g_option_context_set_help_enabled(context, FALSE);
     if (!g_option_context_parse(context, argc, argv, &error))
         what = error->message;
+    else if (help || version)
+        ;
     else if (*argc != 2 || !output)
         what = "one session and -o FILE are needed";
     else if (threads < 0)
@@ -120,8 +153,14 @@ static int mpi_compress_parse(int *argc, char ***argv, int rank, enum lpca_quant
     else if (colours_option && !g_str_equal(colours_option, "rgb") &&
              !g_str_equal(colours_option, "log"))
         what = "--colours is rgb or log";
-    if (what && rank == 0)
+    if (what && first)
         fprintf(stderr, "mesorig-compress-mpi: %s\n", what);
+    if (!what && help && first) {
+        g_autofree char *text = g_option_context_get_help(context, TRUE, NULL);
+        fputs(text, stdout);
+    } else if (!what && version && first) {
+        puts("mesorig-compress-mpi " MESORIG_VERSION);
+    }
     return what ? 2 : 0;
 }
 
@@ -129,14 +168,16 @@ int main(int argc, char **argv) {
     enum lpca_quantise quantise = LPCA_HALF;
     g_autoptr(GError) error = NULL;
     int level;
+    const int rc = mpi_compress_parse(&argc, &argv, &quantise);
+    if (rc != 0 || help || version)
+        return rc;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);
     const struct team team = mpi_team();
-    const int rc = mpi_compress_parse(&argc, &argv, team.rank, &quantise);
-    if (rc == 0 && !mpi_compress_compress(argv[1], &team, quantise, &error)) {
+    if (!mpi_compress_locked(argv[1], &team, quantise, &error)) {
         fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);
         /* One may have failed where the others wait for it. */
         MPI_Abort(MPI_COMM_WORLD, 1);
     }
     MPI_Finalize();
-    return rc;
+    return 0;
 }

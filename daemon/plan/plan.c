@@ -311,21 +311,9 @@ static void plan_count(const struct plan_build *b, struct plan *plan) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
-        const guint64 n = (guint64)shot_n_frames(b->conf, shot);
-        guint64 pixels = 0;
-        for (int c = 0; c < b->rig->n_cameras; c++)
-            if (shot->cameras & 1u << c)
-                pixels += (guint64)b->rig->cameras[c].width * (guint64)b->rig->cameras[c].height;
-        plan->n_frames += (int)n * __builtin_popcount(shot->cameras);
-        if (shot->kind == SHOT_LAMP)
-            plan->bytes += pixels * 2;
-        else if (shot->kind == SHOT_DARK)
-            plan->bytes += pixels * 4 * (n / (guint64)b->conf->dark_frames);
-        else
-            plan->bytes += pixels * 4 * (3 + (b->conf->keep_laser_frames ? n : 0));
-        if (shot->kind != SHOT_SWEEP && b->conf->keep_exposures)
-            plan->bytes += pixels * 4 * n;
+        plan->n_frames += shot_n_frames(b->conf, shot) * __builtin_popcount(shot->cameras);
     }
+    plan->bytes = plan_bytes(b);
 }
 
 static void plan_predict(struct plan_build *b, struct plan *plan) {

@@ -1,7 +1,8 @@
 /*
  * What the parts of the planner share: plan_directions.c finds the angles that show each direction,
  * plan.c makes shots of them, plan_blocked.c keeps the arc out of the pictures, plan_tour.c orders
- * poses, plan_order.c the shots, plan_search.c improves both, plan_time.c predicts time.
+ * poses, plan_order.c the shots, plan_search.c improves both, plan_time.c predicts time,
+ * plan_bytes.c disk space.
  */
 #pragma once
 
@@ -81,6 +82,9 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
 void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
                     const char *section, const char *key, const char *format, ...)
     G_GNUC_PRINTF(6, 7);
+
+/* Disk space of the session's frames and database, in blocks of 4 KiB; without products. */
+guint64 plan_bytes(const struct plan_build *b);
 
 /* Describes the effect of skipped shots on the BTF: pictures that it will interpolate, views that
  * it will lack. g_free(); NULL: none. */

@@ -18,6 +18,7 @@ static const struct {
 struct fields { /* the session, and what is checked before it becomes a part of it */
     struct session_conf conf;
     char *name;
+    char *described, *operator_name, *notes, *license; /* read again by the archive */
     double flat_mm, flat_error_mm, flat_radius_mm;
     struct option_doubles flat_hole_mm;
     int texels, texels_x, texels_y;
@@ -29,6 +30,14 @@ struct fields { /* the session, and what is checked before it becomes a part of 
 
 static const struct option session_options[] = {
     {"name", OPTION_STRING, .offset = FIELD(name), .help = "Name of the sample or session"},
+    {"sample", OPTION_STRING, .fallback = "", .offset = FIELD(described),
+     .help = "What the sample is: material, maker, batch; for the report"},
+    {"operator", OPTION_STRING, .fallback = "", .offset = FIELD(operator_name),
+     .help = "Who captures it; for the report"},
+    {"notes", OPTION_STRING, .fallback = "", .offset = FIELD(notes),
+     .help = "Anything else that whoever uses the data should know; for the report"},
+    {"license", OPTION_STRING, .fallback = "", .offset = FIELD(license),
+     .help = "Address (URL) of the licence of the data; for the report"},
     {NULL},
 };
 

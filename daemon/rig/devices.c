@@ -300,9 +300,31 @@ static void devices_collect(GError **collected, GError *error) {
 static void devices_stop(Axis *axis, GError **collected) {
     GError *error = NULL;
 
-    if (axis)
+    /* One in doubt is asked again, even if it should stand. */
+    if (axis && axis_safety(axis) == DEVICE_UNSAFE)
+        axis_halt(axis, &error);
+    else if (axis)
         axis_stop(axis, &error);
     devices_collect(collected, error);
+}
+
+static gboolean is_simulated(const struct device *device) {
+    return !device || g_str_has_prefix(device->info->name, "sim-");
+}
+
+gboolean devices_are_simulated(const struct devices *devices) {
+    gboolean all = is_simulated((const struct device *)devices->turntable) &&
+                   is_simulated((const struct device *)devices->arc);
+    for (int i = 0; i < devices->geometry.n_cameras; i++)
+        all &= is_simulated(&devices->cameras[i]->device);
+    for (int i = 0; i < devices->n_banks; i++)
+        all &= is_simulated(&devices->banks[i]->device);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        all &= is_simulated(&devices->lasers[i]->device) &&
+               is_simulated((const struct device *)devices->sweeps[i]);
+    for (int i = 0; i < devices->n_interlocks; i++)
+        all &= is_simulated(&devices->interlocks[i]->device);
+    return all;
 }
 
 gboolean devices_make_safe(struct devices *devices, GError **error) {
@@ -328,6 +350,34 @@ gboolean devices_make_safe(struct devices *devices, GError **error) {
         return TRUE;
     g_propagate_error(error, collected);
     return FALSE;
+}
+
+static void devices_add_safety(GVariantBuilder *list, const struct device *device,
+                               enum device_safety safety, enum device_safety *most) {
+    static const char *const words[] = {"read back", "NOT safe", "commanded only"};
+    g_variant_builder_add(list, "(sss)", device->info->class_name, device->name, words[safety]);
+    *most = MAX(*most, safety);
+}
+
+GVariant *devices_safety(const struct devices *devices, enum device_safety *ret) {
+    GVariantBuilder list;
+    const Axis *const axes[] = {devices->arc, devices->turntable};
+    *ret = DEVICE_SAFE;
+    g_variant_builder_init(&list, G_VARIANT_TYPE("a(sss)"));
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            devices_add_safety(&list, &devices->lasers[i]->device, laser_safety(devices->lasers[i]),
+                               ret);
+    for (int i = 0; i < devices->n_banks; i++)
+        devices_add_safety(&list, &devices->banks[i]->device, lamps_safety(devices->banks[i]), ret);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (is_first_sweep(devices, i) && devices->sweeps[i])
+            devices_add_safety(&list, &devices->sweeps[i]->device, axis_safety(devices->sweeps[i]),
+                               ret);
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        if (axes[i])
+            devices_add_safety(&list, &axes[i]->device, axis_safety(axes[i]), ret);
+    return g_variant_builder_end(&list);
 }
 
 /* What a device has answered to devices_secure(). */

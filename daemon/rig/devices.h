@@ -88,12 +88,20 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
+/* Every device is simulated, whatever clock it has. */
+gboolean devices_are_simulated(const struct devices *devices);
+
 /* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
 /* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected
  * into the first one; every device is tried. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
+
+/* What became of it: class, name and "read back", "commanded only" (no answer yet) or "NOT safe" of
+ * each laser, lamp bank and axis, as a(sss), floating. ret: DEVICE_TOLD if one has not answered,
+ * else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
+GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
 /* The same, and waits until every device has confirmed: lasers and lamps that they are off, axes
  * that they stand, also those that another program has started. FALSE: at least one has not

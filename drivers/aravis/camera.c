@@ -232,6 +232,9 @@ static gboolean opened(Camera *camera, GError **error) {
         error_details_add_subject(error, camera->device.who);
         return FALSE;
     }
+    const char *const *warning = aravis_worker_warnings(priv->worker);
+    for (; warning && *warning; warning++)
+        g_warning("%s: %s", camera->device.who, *warning);
     camera->format = (struct camera_format){
         .width = priv->limits.width,
         .height = priv->limits.height,

@@ -1,6 +1,7 @@
 #include "device.h"
 
 #include "connect.h"
+#include "raw.h"
 #include "socket_buffer.h"
 
 #include <errno.h>
@@ -34,7 +35,8 @@ struct AravisDevice {
     struct aravis_limits limits;
     double ticks_per_us; /* GigE Vision; 0: none */
     gboolean sfnc_clock; /* TimestampLatch, in ns */
-    gint unplugged;      /* atomic: a USB camera has left the bus */
+    char **warnings;
+    gint unplugged; /* atomic: a USB camera has left the bus */
 };
 
 static enum device_error code_of(const GError *why) {
@@ -56,8 +58,7 @@ static enum device_error code_of(const GError *why) {
     }
 }
 
-/* Frees why and sets an error that names the call that failed; TRUE if why is NULL. */
-static gboolean aravis_device_check(GError *why, const char *what, GError **error) {
+gboolean aravis_device_check(GError *why, const char *what, GError **error) {
     if (!why)
         return TRUE;
     enum device_error code = code_of(why);
@@ -84,27 +85,6 @@ static gboolean aravis_device_has(AravisDevice *device, const char *feature) {
     return arv_camera_is_feature_available(device->camera, feature, NULL);
 }
 
-/* Switches off everything that changes pictures by itself: a measurement needs raw values. */
-static gboolean switch_off_automatics(AravisDevice *device, GError **error) {
-    static const char *const automatics[] = {"ExposureAuto", "GainAuto", "BlackLevelAuto",
-                                             "BalanceWhiteAuto"};
-    GError *why = NULL;
-    for (gsize i = 0; i < G_N_ELEMENTS(automatics); i++) {
-        if (!aravis_device_has(device, automatics[i]))
-            continue;
-        arv_camera_set_string(device->camera, automatics[i], "Off", &why);
-        if (!aravis_device_check(why, automatics[i], error))
-            return FALSE;
-    }
-    if (aravis_device_has(device, "GammaEnable"))
-        arv_camera_set_boolean(device->camera, "GammaEnable", FALSE, &why);
-    if (!aravis_device_check(why, "GammaEnable", error))
-        return FALSE;
-    if (aravis_device_has(device, "AcquisitionMode"))
-        arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
-    return aravis_device_check(why, "AcquisitionMode", error);
-}
-
 static gboolean set_features(AravisDevice *device, GError **error) {
     for (char **f = device->options->features; f && *f; f++) {
         GError *why = NULL;
@@ -116,19 +96,79 @@ static gboolean set_features(AravisDevice *device, GError **error) {
     return TRUE;
 }
 
+/* The rig file's "features" set it: its owner knows. */
+static gboolean aravis_device_asked_for(const AravisDevice *device, const char *feature) {
+    gsize n = strcspn(feature, "[");
+    for (char **f = device->options->features; f && *f; f++) {
+        g_autofree char *name = g_strndup(*f, strcspn(*f, "="));
+        if (strlen(g_strstrip(name)) == n && strncmp(name, feature, n) == 0)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+/* A measurement needs raw values: switches off what the camera does to pictures, sets what the rig
+ * file asks for besides, and tells what is still on. */
+static gboolean set_raw(AravisDevice *device, GError **error) {
+    GError *why = NULL;
+    g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);
+    if (!tried || !set_features(device, error))
+        return FALSE;
+    g_autoptr(GPtrArray) left = aravis_raw_survey(device->device, FALSE, error);
+    g_autoptr(GStrvBuilder) warnings = g_strv_builder_new();
+    for (guint i = 0; left && i < left->len; i++) {
+        const struct aravis_raw *raw = left->pdata[i];
+        const char *refused = raw->why;
+        if (!raw->why || aravis_device_asked_for(device, raw->feature))
+            continue;
+        for (guint k = 0; k < tried->len; k++) {
+            const struct aravis_raw *before = tried->pdata[k];
+            if (before->what == raw->what && before->why)
+                refused = before->why;
+        }
+        g_autoptr(GError) told = device_error_new(
+            DEVICE_ERROR_UNSUPPORTED, NULL,
+            "%s cannot be switched off (%s = %s: %s); %s" ERROR_ADVICE
+            "switch it off with the maker's program and save that in the camera, or choose another "
+            "pixel_format",
+            raw->what, raw->feature, raw->value, refused, raw->effect);
+        if (raw->unsteady) {
+            g_propagate_error(error, g_steal_pointer(&told));
+            return FALSE;
+        }
+        g_strv_builder_add(warnings, told->message);
+    }
+    if (!left)
+        return FALSE;
+    device->warnings = g_strv_builder_end(warnings);
+    if (aravis_device_has(device, "AcquisitionMode"))
+        arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
+    return aravis_device_check(why, "AcquisitionMode", error);
+}
+
+static gboolean aravis_device_is_grey(AravisDevice *device) {
+    return aravis_device_has(device, "PixelColorFilter") &&
+           g_strcmp0(arv_camera_get_string(device->camera, "PixelColorFilter", NULL), "None") == 0;
+}
+
 static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
     const char *wanted = device->options->pixel_format;
     guint n = 0;
     g_autoptr(GString) names = g_string_new(NULL);
     GError *why = NULL;
-    const struct aravis_format *format = NULL;
+    const struct aravis_format *format = NULL, *coloured = NULL;
     g_autofree gint64 *codes = arv_camera_dup_available_pixel_formats(device->camera, &n, &why);
     if (!aravis_device_check(why, "PixelFormat", error))
         return FALSE;
-    for (const struct aravis_format *f = aravis_formats; f->name && !format; f++)
+    for (const struct aravis_format *f = aravis_formats; f->name; f++)
         for (guint i = 0; i < n; i++)
-            if (codes[i] == f->code && (!*wanted || g_str_equal(wanted, f->name)))
-                format = f;
+            if (codes[i] == f->code && (!*wanted || g_str_equal(wanted, f->name))) {
+                format = format ? format : f;
+                coloured = coloured || f->cfa == CFA_MONO ? coloured : f;
+            }
+    /* What a sensor with colour filters sends as Mono is computed from several pixels. */
+    if (coloured && !aravis_device_is_grey(device))
+        format = coloured;
     for (guint i = 0; i < n; i++) {
         const struct aravis_format *f = aravis_format_by_code((guint32)codes[i]);
         if (f)
@@ -276,10 +316,9 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     device->camera = arv_camera_new_with_device(device->device, &why);
     if (!aravis_device_check(why, options->device, error))
         return NULL;
-    if (!switch_off_automatics(device, error) || !aravis_device_set_format(device, error) ||
-        !set_region(device, error) || !set_features(device, error) || !set_trigger(device, error) ||
-        !set_limits(device, error) || !set_transport(device, error) ||
-        !make_stream(device, func, data, error))
+    if (!aravis_device_set_format(device, error) || !set_region(device, error) ||
+        !set_raw(device, error) || !set_trigger(device, error) || !set_limits(device, error) ||
+        !set_transport(device, error) || !make_stream(device, func, data, error))
         return NULL;
     gboolean stamped = options->stamp != ARAVIS_STAMP_NONE;
     if (stamped && ARV_IS_GV_DEVICE(device->device))
@@ -302,11 +341,16 @@ void aravis_device_close(AravisDevice *device) {
     g_clear_object(&device->stream);
     g_clear_object(&device->camera);
     g_clear_object(&device->device);
+    g_strfreev(device->warnings);
     g_free(device);
 }
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device) {
     return &device->limits;
+}
+
+const char *const *aravis_device_warnings(const AravisDevice *device) {
+    return (const char *const *)device->warnings;
 }
 
 gboolean aravis_device_has_control(AravisDevice *device) {

@@ -43,6 +43,11 @@ void aravis_device_close(AravisDevice *device); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
+
+/* What alters its pictures and could not be switched off, a text each. Ends with NULL; the
+ * device's. */
+const char *const *aravis_device_warnings(const AravisDevice *device);
+
 gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
 
 /* TRUE: after a picture that did not come it has to be opened again. The endpoint of a USB camera's
@@ -70,6 +75,9 @@ struct aravis_clock {
     double offset_us, error_us;
 };
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret);
+
+/* Frees why, an error of Aravis, and sets one that names what failed; TRUE if why is NULL. */
+gboolean aravis_device_check(GError *why, const char *what, GError **error);
 
 /* TRUE for errors after which the camera has to be opened again. */
 gboolean aravis_device_is_lost(const GError *error);

@@ -48,6 +48,7 @@ struct AravisWorker {
     GCond cond;
     gboolean opened, ended;
     GError *open_error;
+    char **warnings;  /* of the first time that it was opened */
     gboolean pending; /* a trigger was sent and not answered */
     guint armed;      /* the generation that is armed */
     gint64 sent_us;
@@ -71,6 +72,7 @@ static void worker_unref(AravisWorker *worker) {
     g_free(worker->options.trigger);
     g_free(worker->options.pulse_path);
     g_strfreev(worker->options.features);
+    g_strfreev(worker->warnings);
     g_async_queue_unref(worker->jobs);
     g_mutex_clear(&worker->mutex);
     g_cond_clear(&worker->cond);
@@ -307,7 +309,8 @@ static gpointer aravis_worker_work(gpointer data) {
         [BUFFER] = take_buffer,
     };
     AravisWorker *worker = data;
-    aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error);
+    if (aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error))
+        worker->warnings = g_strdupv((char **)aravis_device_warnings(worker->device));
     aravis_worker_announce(worker, &worker->opened);
     for (gboolean go_on = worker->device != NULL; go_on;) {
         g_autofree struct job *job = g_async_queue_timeout_pop(
@@ -378,6 +381,10 @@ gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GE
     }
     *ret = worker->limits;
     return TRUE;
+}
+
+const char *const *aravis_worker_warnings(const AravisWorker *worker) {
+    return (const char *const *)worker->warnings;
 }
 
 void aravis_worker_free(AravisWorker *worker) {

@@ -32,6 +32,9 @@ AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *o
 /* Waits until it is open: before anything else but aravis_worker_free(). */
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error);
 
+/* Once it is open: what aravis_device_warnings() said. The worker's. */
+const char *const *aravis_worker_warnings(const AravisWorker *worker);
+
 /* No hook is called any more. Waits until the camera is released, but not for one that does not
  * answer. NULL is ignored. */
 void aravis_worker_free(AravisWorker *worker);

@@ -409,6 +409,9 @@ static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
     if (lacking)
         g_message("%s: %s (%s) has no control for: %s", v4l2->who, v4l2->node.path, v4l2->node.card,
                   lacking);
+    g_auto(GStrv) left = video_controls_left(&v4l2->node, v4l2->controls_set);
+    for (char **text = left; *text; text++)
+        g_warning("%s: %s (%s): %s", v4l2->who, v4l2->node.path, v4l2->node.card, *text);
     return TRUE;
 }
 

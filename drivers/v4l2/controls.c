@@ -10,20 +10,44 @@
 
 #define MAX_CONTROLS 512
 
-/* In this order: controls that enable others come first. */
+enum neutral { VALUE, LEAST, HUNDREDTHS, DELIVERED };
+
+static const char curved[] = "values are not proportional to the light";
+static const char neighbours[] = "a value depends on the light at neighbouring pixels";
+static const char coloured[] = "values depend on the light of other colours";
+
+/* What alters pictures, in this order: controls that enable others come first. effect: NULL if it
+ * changes values from picture to picture, so that a camera that refuses cannot be used. Gamma has
+ * no unit but UVC's, hundredths, which a range that begins above 0 and holds 100 suggests. Of
+ * contrast and colour only the value that the camera is delivered with is known. */
 static const struct {
     guint32 id;
+    enum neutral neutral;
     int value;
-} automatic[] = {
-    {V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL},
-    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, 0}, /* may not lower the frame rate */
-    {V4L2_CID_AUTOGAIN, 0},
-    {V4L2_CID_AUTO_WHITE_BALANCE, 0},
-    {V4L2_CID_HUE_AUTO, 0},
-    {V4L2_CID_AUTOBRIGHTNESS, 0},
-    {V4L2_CID_BACKLIGHT_COMPENSATION, 0},
-    {V4L2_CID_WIDE_DYNAMIC_RANGE, 0},
-    {V4L2_CID_IMAGE_STABILIZATION, 0},
+    const char *effect;
+} altering[] = {
+    {V4L2_CID_SCENE_MODE, VALUE, V4L2_SCENE_MODE_NONE, NULL},
+    {V4L2_CID_EXPOSURE_AUTO, VALUE, V4L2_EXPOSURE_MANUAL, NULL},
+    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, VALUE, 0, NULL}, /* may not lower the frame rate */
+    {V4L2_CID_ISO_SENSITIVITY_AUTO, VALUE, V4L2_ISO_SENSITIVITY_MANUAL, NULL},
+    {V4L2_CID_AUTOGAIN, VALUE, 0, NULL},
+    {V4L2_CID_CHROMA_AGC, VALUE, 0, NULL},
+    {V4L2_CID_AUTO_WHITE_BALANCE, VALUE, 0, NULL},
+    {V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE, VALUE, V4L2_WHITE_BALANCE_MANUAL, NULL},
+    {V4L2_CID_HUE_AUTO, VALUE, 0, NULL},
+    {V4L2_CID_AUTOBRIGHTNESS, VALUE, 0, NULL},
+    {V4L2_CID_FOCUS_AUTO, VALUE, 0, NULL},
+    {V4L2_CID_BACKLIGHT_COMPENSATION, VALUE, 0, NULL},
+    {V4L2_CID_WIDE_DYNAMIC_RANGE, VALUE, 0, NULL},
+    {V4L2_CID_IMAGE_STABILIZATION, VALUE, 0, NULL},
+    {V4L2_CID_GAMMA, HUNDREDTHS, 100, curved},
+    {V4L2_CID_SHARPNESS, LEAST, 0, neighbours},
+    {V4L2_CID_COLORFX, VALUE, V4L2_COLORFX_NONE, coloured},
+    {V4L2_CID_BRIGHTNESS, DELIVERED, 0, curved},
+    {V4L2_CID_CONTRAST, DELIVERED, 0, curved},
+    {V4L2_CID_SATURATION, DELIVERED, 0, coloured},
+    {V4L2_CID_HUE, DELIVERED, 0, coloured},
+    {V4L2_CID_TEST_PATTERN, VALUE, 0, "pictures do not show what the sensor sees"},
 };
 
 static gboolean v4l2_controls_query(const struct video_node *node, guint32 id,
@@ -85,20 +109,6 @@ gboolean video_control_set(const struct video_node *node, guint32 id, gint64 val
                             value, is.value);
 }
 
-gboolean video_controls_by_hand(const struct video_node *node, GError **error) {
-    for (gsize i = 0; i < G_N_ELEMENTS(automatic); i++) {
-        struct v4l2_queryctrl control;
-        gboolean passive = V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE;
-        if (!v4l2_controls_query(node, automatic[i].id, &control) ||
-            control.flags & (guint32)passive || automatic[i].value < control.minimum ||
-            automatic[i].value > control.maximum)
-            continue;
-        if (!video_control_set(node, automatic[i].id, automatic[i].value, error))
-            return FALSE;
-    }
-    return TRUE;
-}
-
 /* As v4l2-ctl writes names: "White Balance, Automatic" is white_balance_automatic. */
 static char *plain_name(const struct v4l2_queryctrl *control) {
     g_autofree char *name = g_strndup((const char *)control->name, sizeof control->name);
@@ -115,6 +125,70 @@ static char *plain_name(const struct v4l2_queryctrl *control) {
         gap = FALSE;
     }
     return g_string_free(plain, FALSE);
+}
+
+/* Where the control does nothing; FALSE: that is not known, or out of its range. */
+static gboolean neutral_value(gsize i, const struct v4l2_queryctrl *control, gint64 *ret) {
+    enum neutral neutral = altering[i].neutral;
+    *ret = neutral == LEAST       ? MAX(control->minimum, MIN(altering[i].value, control->maximum))
+           : neutral == DELIVERED ? control->default_value
+                                  : altering[i].value;
+    return *ret >= control->minimum && *ret <= control->maximum &&
+           (neutral != HUNDREDTHS || control->minimum > 0);
+}
+
+gboolean video_controls_by_hand(const struct video_node *node, GError **error) {
+    for (gsize i = 0; i < G_N_ELEMENTS(altering); i++) {
+        struct v4l2_queryctrl control;
+        guint32 passive = V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE;
+        gint64 value;
+        GError *refused = NULL;
+        if (!v4l2_controls_query(node, altering[i].id, &control) || control.flags & passive ||
+            !neutral_value(i, &control, &value) ||
+            video_control_set(node, altering[i].id, value, &refused))
+            continue;
+        if (!altering[i].effect ||
+            g_error_matches(refused, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED)) {
+            g_propagate_error(error, refused);
+            return FALSE;
+        }
+        g_error_free(refused); /* video_controls_left() tells it */
+    }
+    return TRUE;
+}
+
+static gboolean was_asked_for(char **settings, const char *name) {
+    for (; settings && *settings; settings++) {
+        g_autofree char *asked = g_strndup(*settings, strcspn(*settings, "="));
+        if (strcmp(g_strstrip(asked), name) == 0)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+char **video_controls_left(const struct video_node *node, char **settings) {
+    g_autoptr(GStrvBuilder) left = g_strv_builder_new();
+    for (gsize i = 0; i < G_N_ELEMENTS(altering); i++) {
+        struct v4l2_queryctrl control;
+        struct v4l2_control is = {.id = altering[i].id};
+        gint64 value;
+        if (!v4l2_controls_query(node, altering[i].id, &control) ||
+            control.flags & V4L2_CTRL_FLAG_INACTIVE || video_ioctl(node, VIDIOC_G_CTRL, &is) < 0)
+            continue;
+        gboolean known = neutral_value(i, &control, &value);
+        g_autofree char *name = plain_name(&control);
+        if ((known && is.value == value) || was_asked_for(settings, name))
+            continue;
+        g_autofree char *text = g_strdup_printf(
+            "%s = %d (%d to %d) cannot be switched off: %s; %s; find out at which value it does "
+            "nothing, and write that in controls",
+            name, is.value, control.minimum, control.maximum,
+            known ? "the camera keeps its value" : "it is not known which value does nothing",
+            altering[i].effect ? altering[i].effect
+                               : "the same light gives other values from picture to picture");
+        g_strv_builder_add(left, text);
+    }
+    return g_strv_builder_end(left);
 }
 
 /* names gets those of all controls, if it is not there. */

@@ -26,8 +26,14 @@ void video_controls_read(const struct video_node *node, struct video_controls *r
  * g_free(). */
 char *video_controls_lacking(const struct video_controls *controls);
 
-/* Switches off all automatic controls: exposure, gain, white balance, frame rate, … */
+/* Switches off what alters pictures: automatic exposure, gain, white balance, focus, …, gamma,
+ * sharpening, effects. An automatic control that the camera has and refuses to switch off is an
+ * error. */
 gboolean video_controls_by_hand(const struct video_node *node, GError **error);
+
+/* What still alters pictures and is not among the settings ("gamma=100") that the rig file asks
+ * for: a text each. g_strfreev(). */
+char **video_controls_left(const struct video_node *node, char **settings);
 
 /* Sets and reads back; a value that the device changes is an error. */
 gboolean video_control_set(const struct video_node *node, guint32 id, gint64 value, GError **error);

@@ -278,7 +278,9 @@ static gboolean write_eigenmaps(struct import *import, double *ret_error, GError
     *ret_error = 0;
     const gboolean ok =
         (maps->layout.views.n == 1
-             ? eigenmaps_write_view(path, maps, import_fill_map, import, error)
+             ? eigenmaps_write_view(path, maps, import_fill_map, import, error) &&
+                   work_tell(import->work, "eigenmaps", import->material->n_lights,
+                             import->material->n_lights, import->begun_us, error)
              : eigenmaps_compute(maps, import_give_column, import, ret_error, error) &&
                    eigenmaps_write(path, maps, error)) &&
         session_add_product(import->session, "products/eigenmaps.exr", import->material->source,
@@ -308,7 +310,8 @@ static gboolean write_views(struct import *import, GError **error) {
         if (!write_view_by_pictures(import, view, error))
             return FALSE;
     if (m->picture)
-        return TRUE;
+        return work_tell(import->work, "import", m->n_views * m->n_lights, m->n_views * m->n_lights,
+                         import->begun_us, error);
     const gsize n = (gsize)m->width * (gsize)m->height * (gsize)m->n_lights;
     g_autofree float *rgb = g_try_new(float, 3 * n);
     g_autofree int *holes = g_new0(int, m->n_lights);

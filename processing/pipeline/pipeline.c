@@ -164,13 +164,27 @@ static void pipeline_note_error(struct run *run, const struct task *task, GError
     g_cancellable_cancel(run->cancellable);
 }
 
-/* Runs one stage for all views that are ready. */
-static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
+/* The views that a stage can make: the plan leaves out frames of others, and after the end of the
+ * capture what is missing stays so. */
+static int count_possible(const struct run *run, enum stage stage, gboolean ended) {
+    int n = 0;
+    for (int view = 0; view < run->n_views; view++) {
+        const enum catalogue_state state = stage == STAGE_BTF
+                                               ? catalogue_btf(run->catalogue, view, NULL)
+                                               : catalogue_mdf(run->catalogue, view, NULL);
+        n += state == CATALOGUE_READY || (state == CATALOGUE_WAITING && !ended);
+    }
+    return n;
+}
+
+/* Runs one stage for all views that are ready. ended: no more will be. */
+static gboolean run_stage(struct run *run, enum stage stage, gboolean ended, GError **error) {
     const int n_threads = run->options->work.n_threads > 0 ? run->options->work.n_threads
                                                            : (int)g_get_num_processors();
     GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, n_threads, FALSE, error);
     if (!pool)
         return FALSE;
+    const int possible = count_possible(run, stage, ended);
     int under_way = 0, worst = G_MAXINT;
     GError *first = NULL;
     for (int view = 0; view < run->n_views; view++) {
@@ -188,8 +202,8 @@ static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
         const int done = count_made(run, stage), made = run->made_now[stage];
         const double spent_s =
             run->spent_s[stage] + (double)(g_get_monotonic_time() - start_us) / 1e6;
-        pipeline_report(run, stage_names[stage], done, run->n_views,
-                        made > 0 ? spent_s / made * (run->n_views - done) : -1);
+        pipeline_report(run, stage_names[stage], done, possible,
+                        made > 0 ? spent_s / made * (possible - done) : -1);
     }
     run->spent_s[stage] += (double)(g_get_monotonic_time() - start_us) / 1e6;
     g_thread_pool_free(pool, FALSE, TRUE);
@@ -224,7 +238,7 @@ static gboolean pipeline_make_views(struct run *run, GError **error) {
         gboolean ended = !run->options->follow || g_strcmp0(state, "done") == 0 ||
                          g_strcmp0(state, "aborted") == 0;
         if (!catalogue_refresh(run->catalogue, run->session, error) ||
-            !run_stage(run, STAGE_BTF, error) || !run_stage(run, STAGE_MDF, error))
+            !run_stage(run, STAGE_BTF, ended, error) || !run_stage(run, STAGE_MDF, ended, error))
             return FALSE;
         ended |= count_waiting(run) == 0;
         /* Views of an earlier run whose frames no longer exist are dropped. */

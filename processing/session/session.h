@@ -118,6 +118,9 @@ char *session_text(Session *session, const char *name, GError **error);
 
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error);
 
+/* Which program made the session ("mesorig 1.2.3"), and when (ISO 8601, UTC); g_free() both. */
+gboolean session_origin(Session *session, char **ret_program, char **ret_created, GError **error);
+
 /* Arrays with free functions set; elements are structs above. NULL on error. */
 GPtrArray *session_views(Session *session, GError **error);
 GPtrArray *session_lights(Session *session, GError **error);
@@ -152,6 +155,14 @@ gboolean session_add_product(Session *session, const char *relative, const char 
  * …": the arguments with which mesorig makes it again. */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
 GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
+
+struct session_product {
+    char *path; /* relative */
+    char *made_by, *sha256;
+    gint64 bytes;
+};
+/* All of them by path: an array of struct session_product, with a free function set. */
+GPtrArray *session_list_products(Session *session, GError **error);
 
 /* A committed file that differs from its row in the database. */
 struct session_damage {

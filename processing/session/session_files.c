@@ -169,6 +169,33 @@ GHashTable *session_products(Session *session, GError **error) {
     return rows ? g_steal_pointer(&products) : NULL;
 }
 
+static void product_free(gpointer data) {
+    struct session_product *product = data;
+
+    g_free(product->path);
+    g_free(product->made_by);
+    g_free(product->sha256);
+    g_free(product);
+}
+
+GPtrArray *session_list_products(Session *session, GError **error) {
+    g_autoptr(GPtrArray) products = g_ptr_array_new_with_free_func(product_free);
+    g_autoptr(sqlite3_stmt) statement = session_db_query(
+        session, error, "SELECT path, made_by, sha256, bytes FROM product ORDER BY path", "");
+    int rc = -1;
+
+    while (statement && (rc = session_db_next(session, statement, error)) > 0) {
+        struct session_product *product = g_new0(struct session_product, 1);
+
+        product->path = session_db_text(statement, 0);
+        product->made_by = session_db_text(statement, 1);
+        product->sha256 = session_db_text(statement, 2);
+        product->bytes = sqlite3_column_int64(statement, 3);
+        g_ptr_array_add(products, product);
+    }
+    return rc == 0 ? g_steal_pointer(&products) : NULL;
+}
+
 struct examination {
     const Session *session;
     const GPtrArray *rows;

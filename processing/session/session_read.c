@@ -81,6 +81,20 @@ static int column_choice(sqlite3_stmt *statement, int column, const char *const 
     return i; /* invalid index: session_check_shot() refuses it */
 }
 
+gboolean session_origin(Session *session, char **ret_program, char **ret_created, GError **error) {
+    g_autoptr(sqlite3_stmt) statement =
+        session_db_query(session, error, "SELECT program, created FROM session", "");
+    const int rc = statement ? session_db_next(session, statement, error) : -1;
+
+    if (rc > 0) {
+        *ret_program = session_db_text(statement, 0);
+        *ret_created = session_db_text(statement, 1);
+    }
+    return rc > 0 ||
+           (rc == 0 && session_fail(error, SESSION_ERROR_FORMAT,
+                                    "%s/session.db: the table session is empty", session->path));
+}
+
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error) {
     g_autoptr(sqlite3_stmt) row =
         session_db_query(session, error,

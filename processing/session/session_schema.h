@@ -94,11 +94,12 @@ static const struct session_table session_tables[] = {
               "  key TEXT PRIMARY KEY NOT NULL,\n"
               "  value TEXT NOT NULL\n"
               ") STRICT"},
-    {"product", "CREATE TABLE product (\n"
-                "  -- what processing made\n"
-                "  path TEXT PRIMARY KEY NOT NULL,    -- relative to the session directory\n"
-                "  made_by TEXT NOT NULL,             -- program, version and settings\n"
-                "  sha256 TEXT NOT NULL,\n"
-                "  bytes INTEGER NOT NULL\n"
-                ") STRICT"},
+    {"product",
+     "CREATE TABLE product (\n"
+     "  -- what processing made\n"
+     "  path TEXT PRIMARY KEY NOT NULL,    -- relative to the session directory\n"
+     "  made_by TEXT NOT NULL,             -- the hash of its inputs, or how it was made\n"
+     "  sha256 TEXT NOT NULL,\n"
+     "  bytes INTEGER NOT NULL\n"
+     ") STRICT"},
 };

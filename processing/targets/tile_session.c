@@ -78,7 +78,7 @@ static gboolean find_frames(struct run *run, GError **error) {
     return FALSE;
 }
 
-/* Reports progress before frame i. FALSE: cancelled. */
+/* Reports progress before frame i, or after the last. FALSE: cancelled. */
 static gboolean tile_session_tell(struct run *run, const char *stage, guint i) {
     run->stopped |=
         !work_tell(run->options->work, stage, (int)i, (int)run->frames->len, run->begun_us, NULL);
@@ -124,6 +124,7 @@ static gboolean tile_session_measure_tile(struct run *run, GError **error) {
         run->ret->pictures++;
         exr_part_free(part);
     }
+    tile_session_tell(run, "tile", run->frames->len);
     return check_stopped(run, error);
 }
 

@@ -17,8 +17,10 @@ namespace {
 const char *const FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 const float FONT_SIZE = 15.0F;
 
-/* Dashes, dots and quotation marks beside Latin letters. */
-const ImWchar RANGES[] = {0x20, 0xFF, 0x2010, 0x2026, 0x2212, 0x2212, 0};
+/* Latin and Greek letters, dashes, dots and quotation marks, and what formulas need: sub- and
+ * superscripts, arrows, operators. */
+const ImWchar RANGES[] = {0x20,   0x24F,  0x370,  0x3FF,  0x2010, 0x2026, 0x2070,
+                          0x209C, 0x2190, 0x2194, 0x2200, 0x2265, 0};
 
 const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 255),
                          IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255)};
@@ -116,6 +118,15 @@ void ui_panel_end(void) {
 
 gboolean ui_section(const char *title, gboolean open) {
     return ImGui::CollapsingHeader(title, open ? ImGuiTreeNodeFlags_DefaultOpen : 0);
+}
+
+gboolean ui_has_glyphs(const char *text) {
+    ImFontAtlas atlas;
+    const ImFont *font = atlas.AddFontFromFileTTF(FONT, FONT_SIZE, nullptr, RANGES);
+    gboolean all = font != nullptr && atlas.Build();
+    for (; all && *text != 0; text = g_utf8_next_char(text))
+        all = font->FindGlyphNoFallback((ImWchar)g_utf8_get_char(text)) != nullptr;
+    return all;
 }
 
 void ui_text(const char *text) {

@@ -26,6 +26,10 @@ void ui_panel_begin(const char *title, float x, float y, float width);
 void ui_panel_end(void);
 gboolean ui_section(const char *title, gboolean open); /* whether it is unfolded */
 
+/* Whether the font has a glyph for each letter of the text; others are drawn as “?”. Needs no
+ * window. */
+gboolean ui_has_glyphs(const char *text);
+
 void ui_text(const char *text);
 void ui_note(const char *text); /* what is to be noticed */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);

@@ -125,31 +125,52 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
     return rgb != NULL || !w->panel;
 }
 
-/* The panel is drawn again at every event, the picture behind it when it has changed. */
+/* Only when it changes: to set a title is an event, which would wake the loop for the next frame.
+ */
+static void window_set_title(struct window *w) {
+    g_autofree char *name = g_path_get_basename(w->material);
+    g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
+    g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
+                                             name, shape, w->settings.light_theta_deg,
+                                             w->settings.light_phi_deg, w->settings.exposure_ev);
+    if (g_strcmp0(title, w->title) == 0)
+        return;
+    glfwSetWindowTitle(w->glfw, title);
+    g_free(w->title);
+    w->title = g_steal_pointer(&title);
+}
+
+/* The panel is drawn again after every event, the picture behind it when it has changed. */
 static gboolean window_draw_frame(struct window *w, struct window_result *ret, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
-    if (width < 1 || height < 1)
+    if (width < 1 || height < 1) { /* until on_size() */
+        w->stale = FALSE;
+        w->frames_due = 0;
         return TRUE;
+    }
     if ((w->stale || w->options->close_after > 0 || w->scene.width != width ||
          w->scene.height != height) &&
         !window_draw_scene(w, width, height, ret, error))
         return FALSE;
     paint(w);
     glfwSwapBuffers(w->glfw);
-    g_autofree char *name = g_path_get_basename(w->material);
-    g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
-    g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
-                                             name, shape, w->settings.light_theta_deg,
-                                             w->settings.light_phi_deg, w->settings.exposure_ev);
-    glfwSetWindowTitle(w->glfw, title);
+    w->frames_due = MAX(w->frames_due - 1, 0);
+    window_set_title(w);
     return gpu_check("the window", error);
+}
+
+/* An idle window draws nothing. What is being opened shows its progress, a text field its cursor.
+ */
+static gboolean window_must_draw(const struct window *w) {
+    return w->stale || w->frames_due > 0 || w->options->close_after > 0 ||
+           opener_is_busy(w->opener) || ui_wants_keyboard();
 }
 
 static gboolean window_loop(struct window *w, struct window_result *ret, GError **error) {
     int close_after = w->options->close_after;
     while (!glfwWindowShouldClose(w->glfw) && (close_after == 0 || ret->n_frames < close_after)) {
-        if (close_after > 0 || w->stale)
+        if (close_after > 0 || w->stale || w->frames_due > 0)
             glfwPollEvents();
         else
             glfwWaitEventsTimeout(0.25);
@@ -158,7 +179,7 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
             return FALSE;
         if (close_after > 0 && !w->first_open) /* the demonstration is not what is counted */
             glfwWaitEventsTimeout(0.05);
-        else if (!window_draw_frame(w, ret, error))
+        else if (window_must_draw(w) && !window_draw_frame(w, ret, error))
             return FALSE;
     }
     return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
@@ -214,6 +235,7 @@ gboolean window_run(const struct viewer_options *options, const struct environme
     window_clear_sources(&w);
     compose_free(w.compose);
     gpu_target_clear(&w.scene);
+    g_free(w.title);
     ui_free(w.ui);
     glfwDestroyWindow(w.glfw);
     return good;

@@ -33,8 +33,15 @@ void window_screenshot(struct window *w) {
         g_print("%s\n", path);
 }
 
-static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods) {
+/* The window of an event. What the event means to the panel shows in the next frames. */
+static struct window *window_input_of(GLFWwindow *glfw) {
     struct window *w = glfwGetWindowUserPointer(glfw);
+    w->frames_due = WINDOW_FRAMES;
+    return w;
+}
+
+static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods) {
+    struct window *w = window_input_of(glfw);
     if (action == GLFW_RELEASE || ui_wants_keyboard())
         return;
     w->stale = TRUE;
@@ -71,7 +78,7 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
 
 /* By character, for + and [ are elsewhere on each keyboard. */
 static void on_character(GLFWwindow *glfw, unsigned character) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
+    struct window *w = window_input_of(glfw);
     double ev = character == '+' || character == '=' ? 0.25 : character == '-' ? -0.25 : 0.0;
     if (ui_wants_keyboard())
         return;
@@ -82,7 +89,7 @@ static void on_character(GLFWwindow *glfw, unsigned character) {
 }
 
 static void on_move(GLFWwindow *glfw, double x, double y) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
+    struct window *w = window_input_of(glfw);
     struct viewer_settings *s = &w->settings;
     double dx = x - w->x, dy = y - w->y;
     w->x = x;
@@ -102,7 +109,7 @@ static void on_move(GLFWwindow *glfw, double x, double y) {
 }
 
 static void on_wheel(GLFWwindow *glfw, double x, double y) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
+    struct window *w = window_input_of(glfw);
     struct viewer_settings *s = &w->settings;
     if (ui_wants_mouse())
         return;
@@ -112,8 +119,19 @@ static void on_wheel(GLFWwindow *glfw, double x, double y) {
 }
 
 static void window_input_on_stale(GLFWwindow *glfw) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
-    w->stale = TRUE;
+    window_input_of(glfw)->stale = TRUE;
+}
+
+static void on_button(GLFWwindow *glfw, int button, int action, int mods) {
+    window_input_of(glfw);
+}
+
+static void on_entered(GLFWwindow *glfw, int entered) {
+    window_input_of(glfw);
+}
+
+static void on_size(GLFWwindow *glfw, int width, int height) {
+    window_input_on_stale(glfw);
 }
 
 void window_listen(struct window *w) {
@@ -122,6 +140,10 @@ void window_listen(struct window *w) {
     glfwSetCharCallback(w->glfw, on_character);
     glfwSetCursorPosCallback(w->glfw, on_move);
     glfwSetScrollCallback(w->glfw, on_wheel);
+    glfwSetMouseButtonCallback(w->glfw, on_button);
+    glfwSetCursorEnterCallback(w->glfw, on_entered);
+    glfwSetWindowFocusCallback(w->glfw, on_entered);
+    glfwSetFramebufferSizeCallback(w->glfw, on_size);
     glfwSetWindowRefreshCallback(w->glfw, window_input_on_stale);
     glfwGetCursorPos(w->glfw, &w->x, &w->y);
 }

@@ -29,10 +29,12 @@ struct window {
     char *session; /* directory, or NULL */
     char *material, *second_material;
     char *message; /* what went wrong last, or NULL */
+    char *title;   /* that the window has */
     double x, y;   /* of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
     gboolean stale;       /* must be drawn again */
+    int frames_due;       /* in which the panel follows what has happened */
     gboolean panel, help; /* shown */
     gint64 file_time,
         asked_time; /* of the file that is shown, and of the one that is being opened */
@@ -67,6 +69,10 @@ void window_open_first(struct window *w);
 /* Takes what was opened meanwhile. FALSE: what it was started with cannot be. */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
+
+/* Of the panel, after an event: its windows take their size from what the frame before had in them.
+ */
+#define WINDOW_FRAMES 3
 
 /* window_input.c */
 extern const char window_help[];

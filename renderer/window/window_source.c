@@ -11,6 +11,7 @@ void window_say(struct window *w, const char *message) {
         g_printerr("mesorig-view: %s\n", message);
     g_free(w->message);
     w->message = g_strdup(message);
+    w->frames_due = WINDOW_FRAMES;
 }
 
 static gint64 time_of(const char *path) {
@@ -129,7 +130,10 @@ gboolean window_take_opened(struct window *w, GError **error) {
         }
         window_say(w, good ? NULL : why->message);
     }
-    w->first_open |= !opener_is_busy(w->opener);
+    if (!w->first_open && !opener_is_busy(w->opener)) {
+        w->first_open = TRUE;
+        w->frames_due = WINDOW_FRAMES; /* the progress is no longer shown */
+    }
     return TRUE;
 }
 

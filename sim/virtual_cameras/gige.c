@@ -87,7 +87,8 @@ static gpointer answer_all(gpointer data) {
 VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, const char *address,
                               GError **error) {
     VirtualGige *camera = g_new0(VirtualGige, 1);
-    imager_init(&camera->imager, options, imager_genicam(options->cfa, &gige_transport), &gige_bus,
+    imager_init(&camera->imager, options,
+                imager_genicam(options->cfa, &gige_transport, options->processing), &gige_bus,
                 camera);
     camera->control = camera->discovery = camera->stream = -1;
     camera->rand = g_rand_new_with_seed(1);

@@ -33,9 +33,20 @@ void imager_reset(struct imager *imager) {
     imager_set_reg(imager, REG_EXPOSURE_US, 10000);
     imager_set_reg(imager, REG_BLACK, (guint32)(options->black_level * 10));
     imager_set_reg(imager, REG_AUTO_EXPOSURE, 1); /* as many cameras are delivered */
+    for (guint i = 0; options->processing && i < VIRTUAL_PROCESSING; i++)
+        imager_set_reg(imager, REG_PROCESSING + 4 * i, options->processing->first[i]);
     update_payload(imager);
     imager->triggered = FALSE;
     g_cond_broadcast(&imager->cond);
+}
+
+static guint imager_processing(const struct imager *imager) {
+    const struct virtual_processing *processing = imager->options.processing;
+    guint on = 0;
+    for (guint i = 0; processing && i < VIRTUAL_PROCESSING; i++)
+        if (imager_reg(imager, REG_PROCESSING + 4 * i) != processing->neutral[i])
+            on |= 1u << i;
+    return on;
 }
 
 void imager_stop(struct imager *imager) {
@@ -66,6 +77,9 @@ void imager_write(struct imager *imager, guint address, guint32 value) {
         guint32 rounded = (guint32)(step * (guint32)(value / step + 0.5));
         value = CLAMP(rounded, MIN_EXPOSURE_US, MAX_EXPOSURE_US);
     }
+    if (address >= REG_PROCESSING && imager->options.processing &&
+        imager->options.processing->fixed >> (address - REG_PROCESSING) / 4 & 1)
+        return;
     imager_set_reg(imager, address, value);
     if (address == REG_ACQUISITION && value == 0)
         imager_stop(imager);
@@ -82,7 +96,7 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
 /* The region of what the sensor sees (a ramp, if nobody says), with what BlackLevel was changed by.
  */
 static void imager_fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
-                        struct imager_picture *picture) {
+                        gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
     gsize n = (gsize)picture->width * picture->height;
     guint width = (guint)options->width;
@@ -95,6 +109,8 @@ static void imager_fill(struct imager *imager, const struct virtual_exposure *ex
         for (guint i = 0; i < width * (guint)options->height; i++)
             sensor[i] =
                 (guint16)((i % width * 3 + i / width * 7 + (guint)exposure->n * 11) & (guint)most);
+    for (guint i = 0; processed && i < width * (guint)options->height; i++)
+        sensor[i] = (guint16)((guint)sensor[i] * sensor[i] / (guint)most);
     gboolean whole = shift == 0 && n == (gsize)options->width * (gsize)options->height;
     for (guint i = 0; !whole && i < n; i++) {
         guint x = picture->x + i % picture->width, y = picture->y + i / picture->width;
@@ -161,8 +177,9 @@ static void imager_take_picture(struct imager *imager) {
     imager->exposing = FALSE;
     if (!exposed)
         return;
+    gboolean processed = imager_processing(imager) != 0;
     g_mutex_unlock(&imager->mutex);
-    imager_fill(imager, &exposure, shift, &picture);
+    imager_fill(imager, &exposure, shift, processed, &picture);
     g_mutex_lock(&imager->mutex);
     gint64 late_us = imager->faults.late_us;
     picture.stamp_us = exposure.start_us + imager->faults.ahead_us +
@@ -238,4 +255,5 @@ void imager_get_state(struct imager *imager, struct virtual_camera_state *ret) {
     ret->exposure_us = imager_reg(imager, REG_EXPOSURE_US);
     ret->gain_db = imager_reg(imager, REG_GAIN) / 100.0;
     ret->black_level = imager_reg(imager, REG_BLACK) / 10.0;
+    ret->processing = imager_processing(imager);
 }

@@ -17,6 +17,18 @@ struct virtual_exposure {
 typedef void (*VirtualPicture)(const struct virtual_exposure *exposure, gpointer data,
                                guint16 *ret_pixels);
 
+#define VIRTUAL_PROCESSING 16
+
+/* What the camera does to pictures, as makers describe it: while any register differs from its
+ * neutral value, brightness is squared. Must outlive the camera. */
+struct virtual_processing {
+    const char *xml; /* elements of a GenICam file, with a category ImageProcessing */
+    /* Registers of 4 bytes from 0x1140 on. */
+    guint32 first[VIRTUAL_PROCESSING], neutral[VIRTUAL_PROCESSING];
+    guint fixed;       /* bit i: register i keeps its value, whatever is written to it */
+    gboolean grey_too; /* a colour camera offers Mono formats beside its Bayer formats */
+};
+
 struct virtual_camera_options {
     const char *serial; /* up to 15 characters */
     int width, height, bits;
@@ -24,6 +36,7 @@ struct virtual_camera_options {
     double black_level;     /* what its BlackLevel says at first, in DN of the sensor */
     VirtualPicture picture; /* NULL: a ramp that differs from picture to picture */
     gpointer data;
+    const struct virtual_processing *processing; /* NULL: none */
 };
 
 /* Faults from now on. Counts run down. */
@@ -62,4 +75,5 @@ struct virtual_camera_state {
     guint64 triggers, missed;      /* missed: came while it still exposed */
     guint64 pictures;              /* sent */
     guint64 packets, lost, resent; /* GigE Vision alone */
+    guint processing;              /* bit i: register i of it is not neutral */
 };

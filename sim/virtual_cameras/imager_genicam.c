@@ -77,7 +77,7 @@ static void add_choice(struct imager_xml *xml, const char *name, guint address,
     add_register(xml, name, address, "RW");
 }
 
-static void add_image(struct imager_xml *xml, enum cfa cfa) {
+static void add_image(struct imager_xml *xml, enum cfa cfa, gboolean grey_too) {
     add_integer(xml, "SensorWidth", REG_SENSOR_WIDTH, "RO", "");
     add_integer(xml, "SensorHeight", REG_SENSOR_HEIGHT, "RO", "");
     add_integer(xml, "Width", REG_WIDTH, "RW", "<Min>2</Min><pMax>SensorWidth</pMax><Inc>2</Inc>");
@@ -90,6 +90,8 @@ static void add_image(struct imager_xml *xml, enum cfa cfa) {
     add_integer(xml, "PayloadSize", REG_PAYLOAD, "RO", "");
     g_string_append(xml->text, "<Enumeration Name=\"PixelFormat\">\n");
     imager_append_formats(xml->text, cfa);
+    if (grey_too)
+        imager_append_formats(xml->text, CFA_MONO);
     g_string_append(xml->text, "<pValue>PixelFormatReg</pValue></Enumeration>\n");
     add_register(xml, "PixelFormat", REG_FORMAT, "RW");
 }
@@ -118,7 +120,8 @@ static void add_acquisition(struct imager_xml *xml) {
     add_float(xml, "BlackLevel", REG_BLACK, "DN", 10, 4095);
 }
 
-char *imager_genicam(enum cfa cfa, const struct imager_transport *transport) {
+char *imager_genicam(enum cfa cfa, const struct imager_transport *transport,
+                     const struct virtual_processing *processing) {
     GString *text = g_string_new("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
     struct imager_xml xml = {text, transport->endianness};
     g_string_append_printf(
@@ -134,8 +137,12 @@ char *imager_genicam(enum cfa cfa, const struct imager_transport *transport) {
     g_auto(GStrv) names = g_strsplit(all, " ", -1);
     for (char **name = names; *name; name++)
         g_string_append_printf(text, "<pFeature>%s</pFeature>\n", *name);
+    if (processing)
+        g_string_append(text, "<pFeature>ImageProcessing</pFeature>\n");
     g_string_append(text, "</Category>\n");
-    add_image(&xml, cfa);
+    if (processing)
+        g_string_append(text, processing->xml);
+    add_image(&xml, cfa, processing && processing->grey_too);
     add_acquisition(&xml);
     transport->add(&xml);
     g_string_append(text, "<Port Name=\"Device\"></Port>\n</RegisterDescription>\n");

@@ -28,7 +28,7 @@ static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "B
 
 static const struct kind *imager_pixels_find(guint32 format, enum cfa cfa) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
-        if (kinds[i].codes[cfa] == format)
+        if (kinds[i].codes[cfa] == format || kinds[i].codes[CFA_MONO] == format)
             return &kinds[i];
     return NULL;
 }

@@ -23,7 +23,8 @@
 #define REG_SENSOR_HEIGHT 0x1134
 #define REG_PAYLOAD       0x1138
 #define REG_AUTO_EXPOSURE 0x113c
-#define REG_END           0x1140
+#define REG_PROCESSING    0x1140 /* VIRTUAL_PROCESSING of them */
+#define REG_END           0x1180
 
 #define GENICAM_AT 0x10000 /* where the file begins */
 
@@ -107,7 +108,9 @@ struct imager_transport {                      /* what the file of a bus has of 
     void (*add)(struct imager_xml *xml);
 };
 
-char *imager_genicam(enum cfa cfa, const struct imager_transport *transport); /* g_free() */
+/* processing: further elements, or NULL. g_free(). */
+char *imager_genicam(enum cfa cfa, const struct imager_transport *transport,
+                     const struct virtual_processing *processing);
 
 void imager_xml_register(struct imager_xml *xml, const char *name, guint address, int length,
                          const char *access);

@@ -51,7 +51,8 @@ static int bulk_in(gpointer model, guint8 endpoint, guint8 *data, int size) {
 VirtualU3v *virtual_u3v_new(const struct virtual_camera_options *options, int port) {
     VirtualU3v *camera = g_new0(VirtualU3v, 1);
     g_autofree char *guid = g_strdup_printf("MESO%08X", g_str_hash(options->serial));
-    imager_init(&camera->imager, options, imager_genicam(options->cfa, &u3v_transport), &u3v_bus,
+    imager_init(&camera->imager, options,
+                imager_genicam(options->cfa, &u3v_transport, options->processing), &u3v_bus,
                 camera);
     camera->class = (struct virtual_usb_class){.vendor = 0x1d50,
                                                .product = 0x60ff,

@@ -399,17 +399,21 @@ static const struct {
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {
     {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},
+    {0, CONTROL(CONTRAST, INTEGER, "Contrast", 0, 95, 32)},
     {VIRTUAL_V4L2_NO_WHITE_BALANCE,
      CONTROL(AUTO_WHITE_BALANCE, BOOLEAN, "White Balance, Automatic", 0, 1, 1)},
     {0, CONTROL(GAMMA, INTEGER, "Gamma", 100, 500, 300)},
     {VIRTUAL_V4L2_NO_GAIN, CONTROL(GAIN, INTEGER, "Gain", 0, 240, 32)},
     {VIRTUAL_V4L2_NO_WHITE_BALANCE,
      CONTROL(WHITE_BALANCE_TEMPERATURE, INTEGER, "White Balance Temperature", 2800, 6500, 4600)},
+    {0, CONTROL(SHARPNESS, INTEGER, "Sharpness", 0, 7, 3)},
     {VIRTUAL_V4L2_NO_EXPOSURE, CONTROL(EXPOSURE_AUTO, MENU, "Auto Exposure", 0, 3, 3)},
     {VIRTUAL_V4L2_NO_EXPOSURE,
      CONTROL(EXPOSURE_ABSOLUTE, INTEGER, "Exposure Time, Absolute", 1, 5000, 157)},
     {VIRTUAL_V4L2_NO_EXPOSURE,
      CONTROL(EXPOSURE_AUTO_PRIORITY, BOOLEAN, "Exposure, Dynamic Framerate", 0, 1, 1)},
+    {0, CONTROL(FOCUS_AUTO, BOOLEAN, "Focus, Automatic Continuous", 0, 1, 1)},
+    {0, CONTROL(WIDE_DYNAMIC_RANGE, BOOLEAN, "Wide Dynamic Range", 0, 1, 1)},
 };
 #undef CONTROL
 G_STATIC_ASSERT(G_N_ELEMENTS(v4l2_controls) <= MAX_CONTROLS);
@@ -434,6 +438,10 @@ VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
             camera->controls[camera->n_controls++] = (struct virtual_control){
                 v4l2_controls[i].about, v4l2_controls[i].about.default_value};
         }
+    for (int i = 0; config->odd_gamma && i < camera->n_controls; i++)
+        if (camera->controls[i].about.id == V4L2_CID_GAMMA)
+            camera->controls[i] = (struct virtual_control){
+                {V4L2_CID_GAMMA, V4L2_CTRL_TYPE_INTEGER, "Gamma", 0, 31, 1, 16, 0, {0}}, 16};
     camera->testbed = testbed_ref();
     camera->handler = umockdev_ioctl_base_new();
     testbed_connect(camera->handler, "handle-ioctl", G_CALLBACK(virtual_v4l2_on_ioctl), camera);

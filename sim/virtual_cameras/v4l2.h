@@ -38,7 +38,8 @@ struct virtual_v4l2_config { /* zeroes: as said */
     int bits;          /* of the sensor; 0: 12 */
     double frame_rate; /* at first; 0: 100. It can also be set to any up to 1000 */
     enum virtual_v4l2_stamp stamp;
-    guint lacks; /* controls */
+    guint lacks;        /* controls */
+    gboolean odd_gamma; /* of 0 to 31, in a unit of its own, not of UVC's 100 to 500 */
     gboolean only_compressed;
     int planes; /* of memory a picture is spread over, as the multi-planar interface has
                    it; 0: the other interface */

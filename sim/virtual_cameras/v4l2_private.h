@@ -7,7 +7,7 @@
 #include <umockdev.h>
 
 #define MAX_BUFFERS  8
-#define MAX_CONTROLS 8
+#define MAX_CONTROLS 16
 
 enum buffer_state { BUFFER_IDLE, BUFFER_QUEUED, BUFFER_DONE };
 

@@ -7,7 +7,7 @@
 #include <locale.h>
 
 static char *virtual_path, *out_path, **usb, **u3v;
-static gboolean json;
+static gboolean json, version;
 static double loss;
 
 static const GOptionEntry entries[] = {
@@ -22,6 +22,7 @@ static const GOptionEntry entries[] = {
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
      "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
     {NULL},
 };
 
@@ -95,6 +96,10 @@ int main(int argc, char **argv) {
     if (!g_option_context_parse(options, &argc, &argv, &error)) {
         g_printerr("mesorig-rig: %s\n", error->message);
         return 2;
+    }
+    if (version) {
+        g_print("mesorig-rig %s\n", MESORIG_VERSION);
+        return 0;
     }
     if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
         g_printerr(

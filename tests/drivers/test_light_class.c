@@ -90,6 +90,13 @@ static void test_lamp_deadline(struct heard *heard, gconstpointer unused) {
     g_assert_false(lamps_is_on(silent, 1));
     lamps_report(silent, 1, TRUE, NULL); /* too late */
     g_assert_cmpint(heard->n, ==, 0);
+    g_assert_true(lamps_all_off(silent, NULL));
+    g_assert_cmpint(lamps_safety(silent), ==, DEVICE_TOLD);
+    heard_next(heard, -1);
+    g_assert_cmpint(lamps_safety(silent), ==, DEVICE_UNSAFE);
+    g_assert_true(lamps_all_off(silent, NULL));
+    lamps_report(silent, -1, FALSE, NULL);
+    g_assert_cmpint(lamps_safety(silent), ==, DEVICE_SAFE);
 }
 
 static void test_laser_stays_on(struct heard *heard, gconstpointer unused) {

@@ -1,4 +1,5 @@
 /* The same material by one, two and four processes. */
+#include "base/file_lock.h"
 #include "formats/import.h"
 #include "lpca/lpca.h"
 
@@ -105,6 +106,37 @@ static void test_damaged(void) {
     g_assert_nonnull(strstr(missing, "/no/such: files cannot be written"));
 }
 
+/* While another process makes the file, this one does not begin; then the lock is gone. */
+static void test_locked(void) {
+    g_autofree char *session = make_session(), *errors = NULL, *lock_path = NULL;
+    g_autofree char *output = g_build_filename(session_fixture_folder, "locked.exr", NULL);
+    const int lock = file_lock_take_output(output, &lock_path, NULL);
+    g_assert_cmpint(lock, >=, 0);
+    g_assert_cmpint(run(2, session, output, &errors), !=, 0);
+    assert_has(errors, "locked.exr.lock: process ");
+    g_assert_false(g_file_test(output, G_FILE_TEST_EXISTS));
+    file_lock_give(lock, lock_path);
+    g_clear_pointer(&errors, g_free);
+    g_assert_cmpint(run(2, session, output, &errors), ==, 0);
+    g_assert_true(g_file_test(output, G_FILE_TEST_EXISTS));
+    g_assert_false(g_file_test(lock_path, G_FILE_TEST_EXISTS));
+}
+
+/* Once, whatever the locale and the number of processes; without MPI's help, too. */
+static void test_help(void) {
+    static const char usage[] = "SESSION -o FILE — compress a BTF by several processes";
+    const char *const alone[] = {"env", "-i", "LC_ALL=C", COMPRESS_MPI, "--help", NULL};
+    const char *const three[] = {MPIEXEC,      "--oversubscribe", "-n", "3",
+                                 COMPRESS_MPI, "--help",          NULL};
+    const char *const version[] = {"env", "-i", COMPRESS_MPI, "--version", NULL};
+    g_autofree char *one = process_text(0, alone), *some = process_text(0, three);
+    g_autofree char *number = process_text(0, version);
+    assert_has(one, usage);
+    assert_has(some, usage);
+    g_assert_null(strstr(strstr(some, usage) + 1, usage));
+    g_assert_cmpstr(number, ==, "mesorig-compress-mpi " MESORIG_VERSION "\n");
+}
+
 int main(int argc, char **argv) {
     g_setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", TRUE);
     g_setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", TRUE);
@@ -116,5 +148,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/compress-mpi/ranks", test_ranks);
     g_test_add_func("/compress-mpi/damaged", test_damaged);
+    g_test_add_func("/compress-mpi/locked", test_locked);
+    g_test_add_func("/compress-mpi/help", test_help);
     return session_fixture_run();
 }

@@ -5,6 +5,9 @@
 #include "lib/window_user.h"
 
 #include "eigenmaps/eigenmaps.h"
+#include "window/ui.h"
+
+#include <unistd.h>
 
 #define SMALL "--size", "400x300"
 
@@ -142,6 +145,79 @@ static void test_help(void) {
     g_free(user_leave(&u));
 }
 
+/* Processor time of a program so far: fields 14 and 15 of /proc/PID/stat, in clock ticks. */
+static double spent_s(const char *pid) {
+    g_autofree char *path = g_strdup_printf("/proc/%s/stat", pid);
+    g_autofree char *text = NULL;
+    g_autoptr(GError) error = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    g_auto(GStrv) fields = g_strsplit(strrchr(text, ')') + 2, " ", -1); /* from the third on */
+    return (g_ascii_strtod(fields[11], NULL) + g_ascii_strtod(fields[12], NULL)) /
+           (double)sysconf(_SC_CLK_TCK);
+}
+
+/* With nobody at it the window takes under 2 % of a core, and then answers at once. */
+static void test_idle(void) {
+    struct user u;
+    const double watched_s = 5;
+    int n;
+    if (!user_sit_down(&u, NULL, (const char *[]){"--size", "700x480", NULL}))
+        return;
+    user_wait_for_title(&u, "eigenmaps.exr");
+    g_free(settled(&u, NULL, 0, &n));
+    const char *pid = g_subprocess_get_identifier(u.program);
+    const double before_s = spent_s(pid);
+    g_usleep((gulong)(watched_s * G_USEC_PER_SEC));
+    const double share = (spent_s(pid) - before_s) / watched_s;
+    g_test_message("%.2f %% of a core", 100 * share);
+    g_assert_cmpfloat(share, <, 0.02);
+    x_display_key(u.x, "3");
+    g_autoptr(GHashTable) texts = user_look(&u);
+    g_assert_cmpstr(user_said(texts, "Shape"), ==, "sphere");
+    g_free(user_leave(&u));
+}
+
+/* Adds the letters beside ASCII of a C file, without its comments, to a set. */
+static void add_letters(GHashTable *to, const char *path) {
+    g_autofree char *text = NULL;
+    g_autoptr(GError) error = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    g_autoptr(GRegex) comments = g_regex_new("/\\*.*?\\*/", G_REGEX_DOTALL, 0, NULL);
+    g_autofree char *code = g_regex_replace_literal(comments, text, -1, 0, "", 0, NULL);
+    for (const char *at = code; *at != 0; at = g_utf8_next_char(at)) {
+        char letter[8] = {0};
+        g_unichar_to_utf8(g_utf8_get_char(at), letter);
+        if ((guchar)letter[0] >= 0x80)
+            g_hash_table_add(to, g_strdup(letter));
+    }
+}
+
+/* The window's font has every letter that the sources of what it shows have. */
+static void test_glyphs(void) {
+    const char *const folders[] = {"window", "methods"};
+    g_autoptr(GHashTable) letters = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    for (gsize k = 0; k < G_N_ELEMENTS(folders); k++) {
+        g_autofree char *folder = g_build_filename(SOURCE_DIR "/renderer", folders[k], NULL);
+        g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+        g_assert_nonnull(dir);
+        for (const char *name; (name = g_dir_read_name(dir)) != NULL;) {
+            g_autofree char *path = g_build_filename(folder, name, NULL);
+            if (g_str_has_suffix(name, ".c"))
+                add_letters(letters, path);
+        }
+    }
+    g_assert_true(g_hash_table_contains(letters, "φ"));
+    g_assert_false(ui_has_glyphs("日")); /* it can say no */
+    GHashTableIter iter;
+    gpointer letter;
+    g_hash_table_iter_init(&iter, letters);
+    while (g_hash_table_iter_next(&iter, &letter, NULL))
+        if (!ui_has_glyphs(letter))
+            g_error("the window's font has no “%s”", (char *)letter);
+}
+
 enum closing { BY_KEY, BY_DESKTOP, BY_DISPLAY, N_CLOSINGS };
 
 static void close_window(struct user *u, enum closing how) {
@@ -216,6 +292,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/window/mouse", test_mouse);
     g_test_add_func("/window/keys", test_keys);
     g_test_add_func("/window/help", test_help);
+    g_test_add_func("/window/idle", test_idle);
+    g_test_add_func("/window/glyphs", test_glyphs);
     g_test_add_func("/window/closed", test_closed);
     g_test_add_func("/window/opening", test_opening);
     return g_test_run();

@@ -212,7 +212,18 @@ static void test_open(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpstr(driver, ==, "sim-axis");
     g_assert_cmpstr(health, ==, "not homed");
 
-    tell(fixture, "SafeState", NULL);
+    /* Two lasers, a bank, two sweeps, arc and turntable: each has answered. */
+    g_autoptr(GVariant) answer = ask(fixture, "SafeState", NULL);
+    g_autoptr(GVariant) states = NULL;
+    gboolean safe = FALSE;
+    g_variant_get(answer, "(b@a(sss))", &safe, &states);
+    g_assert_true(safe);
+    g_assert_cmpuint(g_variant_n_children(states), ==, 7);
+    for (gsize i = 0; i < 7; i++) {
+        const char *state;
+        g_variant_get_child(states, i, "(&s&s&s)", &class_name, &name, &state);
+        g_assert_cmpstr(state, ==, "read back");
+    }
     tell(fixture, "CloseRig", NULL);
     assert_state(fixture, "closed");
 }

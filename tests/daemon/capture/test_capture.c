@@ -10,6 +10,47 @@
 #include "lib/capture_run.h"
 #include "lib/process.h"
 
+/* What a folder takes on disk, in blocks of 4 KiB. */
+static gint64 disk_bytes(const char *path) {
+    GStatBuf info;
+    gint64 sum = 0;
+    g_assert_cmpint(g_lstat(path, &info), ==, 0);
+    if (!S_ISDIR(info.st_mode))
+        return (info.st_size + 4095) / 4096 * 4096;
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    for (const char *name; (name = g_dir_read_name(dir));) {
+        g_autofree char *child = g_build_filename(path, name, NULL);
+        sum += disk_bytes(child);
+    }
+    return sum;
+}
+
+/* The plan says what a session takes on disk. */
+static void test_disk_space(void) {
+    static const struct change plain[] = {{0}},
+                               lasers[] = {{"[capture]", "keep_laser_frames = yes"},
+                                           {"[capture]", "laser_short_us = 250"},
+                                           {0}},
+                               exposures[] = {{"[capture]", "keep_exposures = yes"},
+                                              {"[capture]", "exposures_us = 1000; 4000; 16000"},
+                                              {0}};
+    const struct change *const all[] = {plain, lasers, exposures};
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
+        g_autoptr(GError) error = NULL;
+        struct run *run = run_new(all[i]);
+        struct plan *plan = capture_validate(run->devices, &run->conf, run->session, &error);
+        g_assert_no_error(error);
+        run_start(run);
+        run_to_end(run);
+        const double is = (double)disk_bytes(run->session), said = (double)plan->bytes;
+        g_test_message("takes %.0f bytes on disk, predicted %.0f: %+.2f %%", is, said,
+                       100 * (said / is - 1));
+        g_assert_cmpfloat(fabs(said / is - 1), <, 0.05);
+        plan_free(plan);
+        run_free(run);
+    }
+}
+
 /* All is taken, in the time that the plan says. */
 static void run_as_planned(struct run *run) {
     g_autoptr(GError) error = NULL;
@@ -412,6 +453,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/capture/refused", test_refused);
     g_test_add_func("/capture/disk-full", test_disk_full);
     g_test_add_func("/capture/keep-laser-frames", test_keep_laser_frames);
+    g_test_add_func("/capture/disk-space", test_disk_space);
     g_test_add_func("/capture/short-laser", test_short_laser);
     g_test_add_func("/capture/too-bright", test_too_bright);
     g_test_add_func("/capture/saturated", test_saturated);

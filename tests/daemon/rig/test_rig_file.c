@@ -1,3 +1,5 @@
+#include "conformance/conformance.h"
+#include "lib/process.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
 
@@ -259,6 +261,49 @@ static void test_open(void) {
     spin();
 }
 
+static char *safety_of(const struct devices *devices, enum device_safety expected) {
+    enum device_safety safety;
+    g_autoptr(GVariant) list = g_variant_ref_sink(devices_safety(devices, &safety));
+    g_assert_cmpint(safety, ==, (int)expected);
+    return g_variant_print(list, FALSE);
+}
+
+/* What was only commanded is told apart from what has answered, and from what has not in time: the
+ * demo's first laser does not hear its first "off". */
+static void test_safety(void) {
+    g_autoptr(GError) error = NULL;
+    int line;
+    g_autofree char *path = with("[laser laser15]\n", "[laser laser15]\nfault_deaf = 1\n", &line);
+    struct devices *devices = devices_open(path, &error);
+    g_assert_no_error(error);
+    conformance_pass(devices->clock, 1);
+    g_autofree char *at_first = safety_of(devices, DEVICE_SAFE);
+    g_assert_null(strstr(at_first, "NOT safe"));
+    g_assert_true(laser_set(devices->lasers[0], TRUE, NULL));
+    conformance_pass(devices->clock, 1);
+    g_autofree char *lit = safety_of(devices, DEVICE_UNSAFE);
+    assert_has(lit, "NOT safe");
+
+    g_assert_true(devices_make_safe(devices, &error));
+    g_autofree char *told = safety_of(devices, DEVICE_TOLD);
+    assert_has(told, "('laser', 'laser15', 'commanded only')");
+    conformance_pass(devices->clock, 1);
+    g_autofree char *deaf = safety_of(devices, DEVICE_TOLD);
+    assert_has(deaf, "('laser', 'laser15', 'commanded only'), ('laser', 'laser30', 'read back')");
+    assert_has(deaf, "('axis', 'turntable', 'read back')");
+    conformance_pass(devices->clock, 2);
+    g_autofree char *late = safety_of(devices, DEVICE_UNSAFE);
+    assert_has(late, "('laser', 'laser15', 'NOT safe')");
+
+    g_assert_true(devices_make_safe(devices, &error));
+    conformance_pass(devices->clock, 1);
+    g_autofree char *off = safety_of(devices, DEVICE_SAFE);
+    assert_has(off, "('laser', 'laser15', 'read back')");
+    devices_close(devices);
+    g_unlink(path);
+    spin();
+}
+
 /* What only the opened devices know. */
 static void test_open_refused(void) {
     static const struct bad files[] = {
@@ -357,6 +402,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig-file/shapes", test_shapes);
     g_test_add_func("/rig-file/truncated", test_truncated);
     g_test_add_func("/rig-file/open", test_open);
+    g_test_add_func("/rig-file/safety", test_safety);
     g_test_add_func("/rig-file/open-refused", test_open_refused);
     g_test_add_func("/rig-file/two-interlocks", test_two_interlocks);
     g_test_add_func("/rig-file/demo-plan", test_demo_plan);

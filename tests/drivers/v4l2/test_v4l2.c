@@ -477,7 +477,7 @@ static void test_not_opened(void) {
     expect_not_opened("device = /dev/video0\nwidth = 640\n", DEVICE_ERROR_UNSUPPORTED, "64 × 48");
     expect_not_opened("device = /dev/video0\nframe_rate = 5000\n", DEVICE_ERROR_UNSUPPORTED,
                       "but 1000");
-    expect_not_opened("device = /dev/video0\ncontrols = sharpness=1\n", DEVICE_ERROR_UNSUPPORTED,
+    expect_not_opened("device = /dev/video0\ncontrols = pan_absolute=1\n", DEVICE_ERROR_UNSUPPORTED,
                       "brightness");
     expect_not_opened("device = /dev/video0\ncontrols = gamma\n", DEVICE_ERROR_RANGE,
                       "NAME=NUMBER");
@@ -495,7 +495,7 @@ static void test_by_hand(void) {
     struct rig rig;
     GError *error = NULL;
     begin(&rig, &(struct virtual_v4l2_config){0},
-          "white_balance_k = 5600\ncontrols = gamma=100; brightness = -3\n");
+          "white_balance_k = 5600\ncontrols = contrast=40; brightness = -3\n");
     static const struct {
         guint32 id;
         int value;
@@ -504,6 +504,10 @@ static void test_by_hand(void) {
                     {V4L2_CID_AUTO_WHITE_BALANCE, 0},
                     {V4L2_CID_WHITE_BALANCE_TEMPERATURE, 5600},
                     {V4L2_CID_GAMMA, 100},
+                    {V4L2_CID_SHARPNESS, 0},
+                    {V4L2_CID_FOCUS_AUTO, 0},
+                    {V4L2_CID_WIDE_DYNAMIC_RANGE, 0},
+                    {V4L2_CID_CONTRAST, 40},
                     {V4L2_CID_BRIGHTNESS, -3},
                     {V4L2_CID_GAIN, 0},
                     {V4L2_CID_EXPOSURE_ABSOLUTE, 20}};
@@ -530,6 +534,34 @@ static GLogWriterOutput count_lacking(GLogLevelFlags level, const GLogField *fie
             strstr(fields[i].value, "has no control for: exposure, gain, white balance"))
             g_print("# told what is lacking\n");
     return G_LOG_WRITER_HANDLED;
+}
+
+static GLogWriterOutput print_warning(GLogLevelFlags level, const GLogField *fields, gsize n,
+                                      gpointer data) {
+    for (gsize i = 0; i < n; i++)
+        if (level == G_LOG_LEVEL_WARNING && strcmp(fields[i].key, "MESSAGE") == 0)
+            g_print("# %s\n", (const char *)fields[i].value);
+    return G_LOG_WRITER_HANDLED;
+}
+
+/* A gamma whose unit is not known is told; one that the rig file sets is its owner's. */
+static void test_gamma_told(void) {
+    const struct virtual_v4l2_config odd = {.odd_gamma = TRUE};
+    struct rig rig;
+    if (g_test_subprocess()) {
+        g_log_set_writer_func(print_warning, NULL, NULL);
+        begin(&rig, &odd, "");
+        g_assert_cmpint(virtual_v4l2_control(rig.device, V4L2_CID_GAMMA), ==, 16);
+        end(&rig, NULL);
+        return;
+    }
+    g_test_trap_subprocess(NULL, 20 * G_USEC_PER_SEC, 0);
+    g_test_trap_assert_passed();
+    g_test_trap_assert_stdout("*gamma = 16 (0 to 31) cannot be switched off: it is not known which "
+                              "value does nothing; values are not proportional to the light;*");
+    begin(&rig, &odd, "controls = gamma=0\n"); /* without a warning, which would be fatal */
+    g_assert_cmpint(virtual_v4l2_control(rig.device, V4L2_CID_GAMMA), ==, 0);
+    end(&rig, NULL);
 }
 
 /* Controls that it lacks are told, and what needs them is refused. */
@@ -632,6 +664,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/v4l2/not-opened", test_not_opened);
     g_test_add_func("/v4l2/by-hand", test_by_hand);
     g_test_add_func("/v4l2/lacking", test_lacking);
+    g_test_add_func("/v4l2/gamma-told", test_gamma_told);
     g_test_add_func("/v4l2/lacking-told", test_lacking_told);
     g_test_add_func("/v4l2/bandwidth", test_bandwidth);
     g_test_add_func("/v4l2/idle", test_idle);

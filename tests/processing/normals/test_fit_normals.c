@@ -282,8 +282,17 @@ static void test_command(void) {
     g_autofree char *clipped = process_mesorig(0, "export normals %s -o %s --maximum", model, file);
     assert_has(clipped, "clipped");
     g_free(process_mesorig(0, "export height %s -o %s", model, file));
-    g_autofree char *none = process_mesorig(1, "export points %s -o %s", model, file);
+    g_autofree char *points = g_build_filename(session_fixture_folder, "out.ply", NULL);
+    g_autofree char *none = process_mesorig(1, "export points %s -o %s", model, points);
     assert_has(none, model);
+    /* Another format than the name says is not written. */
+    g_autofree char *png = g_build_filename(session_fixture_folder, "out.png", NULL);
+    static const char *const kinds[] = {"height", "normals", "points", "btf"};
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
+        g_autofree char *refused = process_mesorig(1, "export %s %s -o %s", kinds[i], model, png);
+        assert_has(refused, "give a name that ends in .");
+        g_assert_false(g_file_test(png, G_FILE_TEST_EXISTS));
+    }
 }
 
 int main(int argc, char **argv) {

@@ -129,6 +129,35 @@ static void test_changed_schema(void) {
     assert_changed("DELETE FROM session", "no name");
 }
 
+/* Comments may differ, as those of other versions do. Nothing hides behind them. */
+static void test_changed_comments(void) {
+    static const char change[] = "PRAGMA writable_schema = 1;"
+                                 "UPDATE sqlite_schema SET sql = replace(sql, %s)";
+    static const char *const others[] = {
+        "'-- relative to the session directory', '-- below the session'",
+        "'  -- what processing made', '  -- what was made -- of it'",
+    };
+    static const char *const hiding[] = {
+        "'made_by TEXT NOT NULL,', 'made_by TEXT NOT NULL DEFAULT ''--'','",
+        "'made_by TEXT NOT NULL,', 'made_by TEXT NOT NULL, -- x' || char(10) || ' evil TEXT,'",
+        "'made_by TEXT NOT NULL,', 'made_by TEXT NOT NULL, \"--\" TEXT,'",
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(others); i++) {
+        g_autofree char *path = session_fixture_path("comments");
+        g_autofree char *statement = g_strdup_printf(change, others[i]);
+        g_autoptr(GError) error = NULL;
+
+        session_close(session_fixture_create(path, 6, 9));
+        sql(path, statement);
+        session_close(session_open(path, SESSION_READ, &error));
+        g_assert_no_error(error);
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(hiding); i++) {
+        g_autofree char *statement = g_strdup_printf(change, hiding[i]);
+        assert_changed(statement, "not as it was made");
+    }
+}
+
 /* Rows that a stranger put in are refused when they are read, triggers never run. */
 static void test_changed_rows(void) {
     static const char *const changes[] = {
@@ -340,6 +369,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/session-damage/killed-create", test_killed_create);
     g_test_add_func("/session-damage/not-a-session", test_not_a_session);
     g_test_add_func("/session-damage/changed-schema", test_changed_schema);
+    g_test_add_func("/session-damage/changed-comments", test_changed_comments);
     g_test_add_func("/session-damage/changed-rows", test_changed_rows);
     g_test_add_func("/session-damage/trigger", test_trigger);
     g_test_add_func("/session-damage/mutated", test_mutated);

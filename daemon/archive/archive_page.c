@@ -1,0 +1,260 @@
+/* An archive as a page: one file that a browser shows without any network. */
+#include "archive.h"
+
+#include "plan/report.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MOST_EVENTS   200
+#define MOST_PRODUCTS 40
+
+/* Numbers of CSS and SVG have decimal points, since the programs set no numeric locale. */
+static const char head[] =
+    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+    "<meta name=\"color-scheme\" content=\"light dark\"><title>%s</title>\n<style>\n"
+    ":root{--ink:#1d2126;--faint:#5c6570;--line:#d9dde2;--back:#fff;--soft:#f5f6f8;--pass:#1a7f4b;"
+    "--warn:#9a6200;--fail:#b3202a}\n"
+    "@media (prefers-color-scheme:dark){:root{--ink:#e6e8eb;--faint:#9aa3ad;--line:#3a4047;"
+    "--back:#17191c;--soft:#202328;--pass:#56c48a;--warn:#e3ab4d;--fail:#f07f86}}\n"
+    "body{font:15px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--back);"
+    "max-width:62em;margin:2em auto;padding:0 1em}\n"
+    "h1{margin-bottom:0}h2{margin-top:2em}.faint{color:var(--faint)}\n"
+    "table{border-collapse:collapse;margin:.5em 0}.wide{overflow-x:auto}\n"
+    "td,th{padding:.25em .8em .25em 0;text-align:left;vertical-align:top;"
+    "border-bottom:1px solid var(--line)}\n"
+    "td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\n"
+    "code{overflow-wrap:anywhere;font-size:90%%}\n"
+    ".pass{color:var(--pass)}.warning{color:var(--warn)}.failure{color:var(--fail)}\n"
+    ".pass,.warning,.failure{font-weight:600}\n"
+    "figure{display:inline-block;margin:0 1em 1em 0;vertical-align:top;max-width:100%%}\n"
+    "figure img{display:block;max-width:100%%;image-rendering:pixelated;border:1px solid "
+    "var(--line)}\nfigcaption{font-size:13px;color:var(--faint);max-width:20em}\n"
+    ".history svg{max-width:100%%;height:auto;background:#fff;border-radius:6px}\n"
+    "@media print{body{font-size:10px;margin:0}details{display:block}}\n</style></head><body>\n";
+
+static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
+/* Every argument of the format that is text is escaped. */
+static void add(GString *to, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *text = g_markup_vprintf_escaped(format, arguments);
+    va_end(arguments);
+    g_string_append(to, text);
+}
+
+static void add_row(GString *to, const char *name, const char *value) {
+    if (value && *value)
+        add(to, "<tr><th>%s</th><td>%s</td></tr>\n", name, value);
+}
+
+/* "2 h 05 min, the plan said 2 h 01 min" */
+static char *compared(double found, double planned, char *(*print)(double)) {
+    g_autofree char *a = isfinite(found) ? print(found) : g_strdup("not known");
+    g_autofree char *b = isfinite(planned) ? print(planned) : NULL;
+    return b ? g_strdup_printf("%s, the plan said %s", a, b) : g_steal_pointer(&a);
+}
+
+static char *size_text(double bytes) {
+    return g_format_size((guint64)MAX(bytes, 0));
+}
+
+static void add_facts(GString *to, const struct archive *archive) {
+    const struct session_grid *grid = &archive->grid;
+    g_autofree char *texels =
+        g_strdup_printf("%g × %g mm, %d × %d texels, reference plane at %g mm", grid->width_mm,
+                        grid->height_mm, grid->width, grid->height, grid->reference_mm);
+    g_autofree char *directions = g_strdup_printf("%d views, %d lights, %d laser positions",
+                                                  archive->views, archive->lights, archive->lasers);
+    g_autofree char *shots =
+        g_strdup_printf("%d of %d done, %d skipped; %d frames, %d retakes", archive->done,
+                        archive->planned + archive->done + archive->skipped, archive->skipped,
+                        archive->frames, archive->retakes);
+    g_autofree char *time = compared(archive->clock_s, archive->predicted_s, report_duration);
+    g_autofree char *disk =
+        compared((double)archive->frame_bytes, archive->predicted_bytes, size_text);
+    /* "2026-01-31 12:00:00 UTC" */
+    g_autofree char *created =
+        g_strdup_printf("%.10s %.8s UTC", archive->created,
+                        strlen(archive->created) > 18 ? archive->created + 11 : "");
+    g_autofree char *products = size_text((double)archive->product_bytes);
+    g_autofree char *processing =
+        isfinite(archive->processing_s) ? report_duration(archive->processing_s) : NULL;
+    const char *const rows[][2] = {{"Sample", archive->sample},
+                                   {"Operator", archive->operator_name},
+                                   {"Notes", archive->notes},
+                                   {"Licence", archive->license},
+                                   {"Imported from", archive->imported},
+                                   {"Planned", created},
+                                   {"State", archive->state},
+                                   {"Size", texels},
+                                   {"Directions", directions},
+                                   {"Shots", shots},
+                                   {"Capture", archive->imported ? NULL : time},
+                                   {"Frames on disk", disk},
+                                   {"Products on disk", products},
+                                   {"Processing", processing},
+                                   {"Rig", archive->calibration->rig.id},
+                                   {"Captured by", archive->program},
+                                   {"Reported by", "mesorig " MESORIG_VERSION}};
+    g_string_append(to, "<table>\n");
+    for (gsize i = 0; i < G_N_ELEMENTS(rows); i++)
+        add_row(to, rows[i][0], rows[i][1]);
+    g_string_append(to, "</table>\n");
+}
+
+static void add_checks(GString *to, const struct archive *archive) {
+    g_string_append(to, "<h2>Checks</h2>\n<table>\n");
+    for (guint i = 0; i < archive->checks->len; i++) {
+        const struct archive_check *check = archive->checks->pdata[i];
+        const char *verdict = archive_verdict_name(check->verdict);
+        add(to, "<tr><td class=\"%s\">%s</td><th>%s</th><td>%s</td></tr>\n", verdict, verdict,
+            check->name, check->said);
+    }
+    g_string_append(to, "</table>\n");
+}
+
+static void add_share(GString *to, double share) {
+    if (isfinite(share))
+        add(to, "<td class=\"n\">%.3g %%</td>", 100 * share);
+    else
+        g_string_append(to, "<td class=\"n faint\">–</td>");
+}
+
+static void add_rings(GString *to, const struct archive *archive) {
+    g_string_append(
+        to,
+        "<h2>Coverage and error bars</h2>\n<p>By the elevation of the view. Holes, lower bounds "
+        "(saturated), values of shorter exposures alone and predicted values are shares of the "
+        "BTF’s values; σ is the median standard error of a value. The surface is measured where "
+        "the view itself sees it, and supplied where other views do.</p>\n<div class=\"wide\">"
+        "<table><tr><th class=\"n\">θ</th><th class=\"n\">views</th><th class=\"n\">pictures</th>"
+        "<th class=\"n\">holes</th><th class=\"n\">bounds</th><th class=\"n\">shorter</th>"
+        "<th class=\"n\">predicted</th><th class=\"n\">σ</th><th class=\"n\">surface measured</th>"
+        "<th class=\"n\">supplied</th></tr>\n");
+    for (guint i = 0; i < archive->rings->len; i++) {
+        const struct archive_ring *ring = &g_array_index(archive->rings, struct archive_ring, i);
+        const double shares[] = {ring->holes, ring->bounds,   ring->shorter, ring->predicted,
+                                 ring->sigma, ring->measured, ring->supplied};
+        add(to, "<tr><td class=\"n\">%.0f°</td><td class=\"n\">%d</td><td class=\"n\">%d</td>",
+            ring->theta_deg, ring->views, ring->pictures);
+        for (gsize k = 0; k < G_N_ELEMENTS(shares); k++)
+            add_share(to, shares[k]);
+        g_string_append(to, "</tr>\n");
+    }
+    g_string_append(to, "</table></div>\n");
+}
+
+static void add_images(GString *to, const struct archive *archive) {
+    if (archive->pictures->len > 0)
+        g_string_append(to, "<h2>Pictures</h2>\n<p class=\"faint\">The camera’s own colours; each "
+                            "group has one scale.</p>\n");
+    for (guint i = 0; i < archive->pictures->len; i++) {
+        const struct archive_picture *picture = archive->pictures->pdata[i];
+        gsize size;
+        const guint8 *bytes = g_bytes_get_data(picture->png, &size);
+        g_autofree char *base64 = g_base64_encode(bytes, size);
+        add(to,
+            "<figure><img alt=\"%s\" src=\"data:image/png;base64,%s\"><figcaption>%s</figcaption>"
+            "</figure>\n",
+            picture->caption, base64, picture->caption);
+    }
+}
+
+static void add_calibration(GString *to, const struct calibration *calibration) {
+    g_string_append(to, "<h2>Calibration</h2>\n<div class=\"wide\"><table><tr><th>part</th>"
+                        "<th>date</th><th>method</th><th class=\"n\">pictures</th>"
+                        "<th class=\"n\">rejected</th><th class=\"n\">residual</th></tr>\n");
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const struct calibration_part *part = &calibration->parts[i];
+        const char *name = calibration_part_name((enum calibration_kind)i);
+        if (part->done)
+            add(to,
+                "<tr><th>%s</th><td>%s</td><td>%s</td><td class=\"n\">%d</td><td class=\"n\">%u"
+                "</td><td class=\"n\">%.3g %s</td></tr>\n",
+                name, part->date, part->method, part->pictures, part->rejected->len,
+                part->residual_rms, part->residual_unit);
+        else
+            add(to, "<tr><th>%s</th><td colspan=\"5\">not calibrated: nominal</td></tr>\n", name);
+    }
+    g_string_append(to, "</table></div>\n");
+}
+
+static void add_devices(GString *to, const struct archive *archive) {
+    if (archive->devices->len == 0)
+        return;
+    g_string_append(to, "<h2>Rig</h2>\n<details><summary>Sections of its file</summary>\n<table>"
+                        "<tr><th>section</th><th>driver</th><th>device</th></tr>\n");
+    for (guint i = 0; i < archive->devices->len; i++) {
+        const struct archive_device *device = archive->devices->pdata[i];
+        add(to, "<tr><td>%s</td><td>%s</td><td>%s</td></tr>\n", device->section, device->driver,
+            device->address);
+    }
+    g_string_append(to, "</table></details>\n");
+}
+
+static void add_events(GString *to, const struct archive *archive) {
+    guint shown = 0;
+    g_string_append(to, "<h2>Events</h2>\n<details><summary>What happened</summary>\n<table>\n");
+    for (guint i = 0; i < archive->events->len && shown < MOST_EVENTS; i++, shown++) {
+        const struct session_event *event = archive->events->pdata[i];
+        const char *verdict = g_str_equal(event->level, "error")     ? "failure"
+                              : g_str_equal(event->level, "warning") ? "warning"
+                                                                     : "faint";
+        add(to,
+            "<tr><td class=\"n\">%.0f s</td><td class=\"%s\">%s</td><td>%s</td><td>%s</td></tr>\n",
+            event->time_s, verdict, event->level, event->source, event->message);
+    }
+    g_string_append(to, "</table>\n");
+    if (shown < archive->events->len)
+        add(to, "<p>… and %u more: mesorig info --json</p>\n", archive->events->len - shown);
+    g_string_append(to, "</details>\n");
+}
+
+/* Views of the BTF are too many to list. */
+static void add_products(GString *to, const struct archive *archive) {
+    int shown = 0, views = 0;
+    gint64 view_bytes = 0;
+    g_string_append(to, "<h2>Products</h2>\n<div class=\"wide\"><table><tr><th>file</th>"
+                        "<th class=\"n\">size</th><th>SHA-256</th></tr>\n");
+    for (guint i = 0; i < archive->products->len; i++) {
+        const struct session_product *product = archive->products->pdata[i];
+        g_autofree char *size = size_text((double)product->bytes);
+        if (g_str_has_prefix(product->path, "products/btf/")) {
+            views++;
+            view_bytes += product->bytes;
+        } else if (shown++ < MOST_PRODUCTS) {
+            add(to, "<tr><td>%s</td><td class=\"n\">%s</td><td><code>%s</code></td></tr>\n",
+                product->path, size, product->sha256);
+        }
+    }
+    g_autofree char *size = size_text((double)view_bytes);
+    if (views > 0)
+        add(to,
+            "<tr><td>products/btf, %d views</td><td class=\"n\">%s</td><td class=\"faint\">in "
+            "session.db</td></tr>\n",
+            views, size);
+    g_string_append(to, "</table></div>\n");
+}
+
+char *archive_page(const struct archive *archive, const char *history) {
+    GString *to = g_string_new(NULL);
+    const enum archive_verdict verdict = archive_verdict(archive);
+    const char *name = archive_verdict_name(verdict);
+    add(to, head, archive->name);
+    add(to, "<h1>%s</h1>\n<p>%s <span class=\"%s\">%s</span></p>\n", archive->name,
+        "All checks together:", name, name);
+    add_facts(to, archive);
+    add_checks(to, archive);
+    add_images(to, archive);
+    if (history)
+        g_string_append_printf(to, "<h2>Capture</h2>\n<div class=\"history\">%s</div>\n", history);
+    add_rings(to, archive);
+    add_calibration(to, archive->calibration);
+    add_devices(to, archive);
+    add_events(to, archive);
+    add_products(to, archive);
+    g_string_append(to, "</body></html>\n");
+    return g_string_free(to, FALSE);
+}

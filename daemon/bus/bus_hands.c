@@ -1,0 +1,453 @@
+#include "bus_hands.h"
+
+#include <gio/gunixfdlist.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "bus_errors.h"
+
+/* Numbers of pictures taken by hand begin here; shots of sessions have lower ones. */
+#define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)
+#define MOST_RETAKES  3
+
+enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
+
+/* A device that somebody has in hand: a call about it waits for its answer, or it gives light. */
+struct hand {
+    Bus *bus;
+    enum hand_kind kind;
+    Camera *camera;
+    LampBank *bank;
+    int lamp; /* index in the bank */
+    Laser *laser;
+    Axis *axis;
+    const char *name;                  /* the device's own */
+    GDBusMethodInvocation *invocation; /* that waits; NULL: none */
+    GDBusConnection *connection;       /* of the client */
+    char *sender;                      /* its name on a message bus, or NULL */
+    guint watch;                       /* of that name */
+    gboolean off_asked;                /* it is to go off or stand, for good */
+    gboolean homing;
+    guint warming; /* call of the clock: the light is stable then */
+    guint64 picture;
+    int retakes;
+};
+
+static void hand_fail(struct hand *hand, const GError *error) {
+    GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
+    if (invocation)
+        g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(g_error_copy(error)));
+}
+
+static void hand_listen(struct hand *hand, gboolean listen);
+
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+    Bus *bus = data;
+    g_autoptr(GError) error = NULL;
+    if (!closed && bus->hands->len > 0) {
+        g_autofree char *why = interlock_advice(interlock);
+        bus_hands_stop(bus, why);
+        if (!devices_make_safe(bus->devices, &error))
+            bus_report(bus, "error", interlock->device.name, error->message);
+    }
+    bus_show_devices(bus);
+}
+
+void bus_hands_watch(Bus *bus, gboolean watch) {
+    for (int i = 0; i < bus->devices->n_interlocks; i++)
+        if (watch)
+            bus->hand_interlocks[i] =
+                interlock_listen(bus->devices->interlocks[i], on_interlock, bus);
+        else
+            interlock_unlisten(bus->devices->interlocks[i], bus->hand_interlocks[i]);
+}
+
+/* The device is nobody's any more. */
+static void hand_drop(struct hand *hand) {
+    Bus *bus = hand->bus;
+    hand_listen(hand, FALSE);
+    clock_cancel(bus->devices->clock, &hand->warming);
+    if (hand->camera)
+        camera_disarm(hand->camera);
+    if (hand->watch)
+        g_bus_unwatch_name(hand->watch);
+    g_ptr_array_remove_fast(bus->hands, hand);
+    g_free(hand->sender);
+    g_free(hand);
+    if (bus->hands->len == 0)
+        bus_hold_clock(bus, TRUE);
+    bus_show_devices(bus);
+}
+
+/* Answers with the angle at which the axis stands, or that the light is as asked for. */
+static void hand_answer(struct hand *hand) {
+    BusRig1 *object = hand->bus->object;
+    GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
+    bus_show_devices(hand->bus);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    if (!invocation)
+        return;
+    if (hand->kind == HAND_LAMP)
+        bus_rig1_complete_set_lamp(object, invocation);
+    else if (hand->kind == HAND_LASER)
+        bus_rig1_complete_set_laser(object, invocation);
+    else if (hand->homing)
+        bus_rig1_complete_home_axis(object, invocation, axis_position_deg(hand->axis));
+    else
+        bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
+}
+
+/* What the device was asked for has failed. One that may still give light is reported to all. */
+static void hand_lose(struct hand *hand, gboolean may_shine, const GError *error) {
+    if (may_shine) {
+        g_autofree char *text = g_strdup_printf(DEVICES_UNSAFE ": %s", error->message);
+        bus_report(hand->bus, "error", hand->name, text);
+    }
+    hand_fail(hand, error);
+    hand_drop(hand);
+}
+
+static void hand_on_warm(gpointer data) {
+    struct hand *hand = data;
+    hand->warming = 0;
+    hand_answer(hand);
+}
+
+/* A lamp or laser has been switched. */
+static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
+    Clock *clock = hand->bus->devices->clock;
+    if (error) {
+        hand_lose(hand, !on, error);
+    } else if (!on) {
+        hand_answer(hand);
+        hand_drop(hand);
+    } else if (!hand->off_asked && !hand->warming) {
+        hand->warming =
+            clock_call_in(clock, (gint64)ceil(warm_up_s * G_USEC_PER_SEC), hand_on_warm, hand);
+        bus_show_devices(hand->bus);
+    }
+}
+
+/* The hands of a bank share its one listener. */
+static void hand_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                         gpointer data) {
+    Bus *bus = data;
+    for (guint i = bus->hands->len; i-- > 0;) {
+        struct hand *hand = bus->hands->pdata[i];
+        if (hand->kind == HAND_LAMP && hand->bank == bank && (index < 0 || index == hand->lamp))
+            hand_switched(hand, on, bank->warm_up_s, error);
+    }
+}
+
+static void hand_on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
+    hand_switched(data, on, laser->warm_up_s, error);
+}
+
+static void hand_on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    struct hand *hand = data;
+    g_autoptr(GError) stopped = NULL;
+    if (event == AXIS_STOPPED)
+        device_error_set(&stopped, DEVICE_ERROR_STALLED, axis->device.who,
+                         "it was stopped at %g°" ERROR_ADVICE "check what has stopped it",
+                         axis_position_deg(axis));
+    if (error || stopped)
+        hand_fail(hand, error ? error : stopped);
+    else
+        hand_answer(hand);
+    hand_drop(hand);
+}
+
+/* The picture goes as a file without a name: a message bus limits the size of messages. */
+static void hand_answer_picture(struct hand *hand, const Frame *frame) {
+    const gsize size = (gsize)frame->width * (gsize)frame->height * sizeof(guint16);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GUnixFDList) list = g_unix_fd_list_new();
+    const int fd = memfd_create("mesorig-picture", MFD_CLOEXEC);
+    FILE *file = fd >= 0 ? fdopen(fd, "wb") : NULL;
+    const gboolean written =
+        file && fwrite(frame->pixels, 1, size, file) == size && fflush(file) == 0;
+    const int index = written ? g_unix_fd_list_append(list, fd, &error) : -1;
+    if (index >= 0) {
+        bus_rig1_complete_snap(hand->bus->object, g_steal_pointer(&hand->invocation), list,
+                               (guint)frame->width, (guint)frame->height, (guint)frame->bits,
+                               frame->black_level, cfa_name(frame->cfa), frame->exposure_us,
+                               g_variant_new_handle(index));
+    } else {
+        if (!error)
+            g_set_error(&error, BUS_ERROR, BUS_ERROR_LIMIT,
+                        "there is no memory for a picture of %d × %d pixels", frame->width,
+                        frame->height);
+        hand_fail(hand, error);
+    }
+    if (file)
+        fclose(file);
+    else if (fd >= 0)
+        close(fd);
+}
+
+static void hand_on_camera(Camera *camera, enum camera_event event, Frame *frame,
+                           const GError *error, gpointer data) {
+    struct hand *hand = data;
+    if (event == CAMERA_EXPOSED)
+        return;
+    if (event == CAMERA_REFUSED && hand->retakes++ < MOST_RETAKES &&
+        camera_trigger(camera, hand->picture, NULL))
+        return;
+    if (event == CAMERA_FRAME)
+        hand_answer_picture(hand, frame);
+    else
+        hand_fail(hand, error);
+    hand_drop(hand);
+}
+
+static void hand_listen(struct hand *hand, gboolean listen) {
+    gboolean others = FALSE;
+    for (guint i = 0; hand->bank && i < hand->bus->hands->len; i++) {
+        const struct hand *other = hand->bus->hands->pdata[i];
+        others |= other != hand && other->bank == hand->bank;
+    }
+    if (hand->camera)
+        camera_listen(hand->camera, listen ? hand_on_camera : NULL, hand);
+    else if (hand->bank && !others)
+        lamps_listen(hand->bank, listen ? hand_on_lamp : NULL, hand->bus);
+    else if (hand->laser)
+        laser_listen(hand->laser, listen ? hand_on_laser : NULL, hand);
+    else if (hand->axis)
+        axis_listen(hand->axis, listen ? hand_on_axis : NULL, hand);
+}
+
+/* Switches off or stops what the client of the hand has begun. Lights and axes stay in hand until
+ * they have confirmed it. */
+static void hand_end(struct hand *hand, const char *why) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);
+    hand_fail(hand, cancelled);
+    clock_cancel(hand->bus->devices->clock, &hand->warming);
+    hand->off_asked = TRUE;
+    if (hand->axis && !axis_stop(hand->axis, &error))
+        bus_report(hand->bus, "error", hand->name, error->message);
+    if (hand->axis && !error && axis_is_moving(hand->axis))
+        return; /* until it stands */
+    if (hand->camera || hand->axis) {
+        hand_drop(hand);
+        return;
+    }
+    const gboolean asked = hand->bank ? lamps_set(hand->bank, hand->lamp, FALSE, &error)
+                                      : laser_set(hand->laser, FALSE, &error);
+    if (!asked)
+        hand_lose(hand, TRUE, error);
+}
+
+void bus_hands_stop(Bus *bus, const char *why) {
+    for (guint i = bus->hands->len; i-- > 0;)
+        hand_end(bus->hands->pdata[i], why);
+}
+
+void bus_hands_end(Bus *bus, const char *why) {
+    bus_hands_stop(bus, why);
+    while (bus->hands->len > 0)
+        hand_drop(bus->hands->pdata[0]);
+}
+
+static void end_those_of(Bus *bus, GDBusConnection *connection, const char *sender) {
+    for (guint i = bus->hands->len; i-- > 0;) {
+        struct hand *hand = bus->hands->pdata[i];
+        if (hand->connection == connection && !hand->off_asked &&
+            (!sender || g_strcmp0(hand->sender, sender) == 0))
+            hand_end(hand, "the client has gone");
+    }
+}
+
+void bus_hands_end_client(Bus *bus, GDBusConnection *connection) {
+    end_those_of(bus, connection, NULL);
+}
+
+static void on_vanished(GDBusConnection *connection, const char *name, gpointer data) {
+    end_those_of(data, connection, name);
+}
+
+/* NULL, and the call is answered, if the device cannot be taken in hand now. */
+static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
+    GError *error = NULL;
+    const gboolean emits = like.kind == HAND_LASER || like.kind == HAND_AXIS;
+    struct hand *hand = NULL;
+    for (guint i = 0; i < bus->hands->len && !hand; i++) {
+        struct hand *other = bus->hands->pdata[i];
+        if (other->camera == like.camera && other->bank == like.bank && other->lamp == like.lamp &&
+            other->laser == like.laser && other->axis == like.axis)
+            hand = other;
+    }
+    for (int i = 0; emits && i < bus->devices->n_interlocks && !error; i++)
+        if (!interlock_is_closed(bus->devices->interlocks[i])) {
+            g_autofree char *advice = interlock_advice(bus->devices->interlocks[i]);
+            error = g_error_new_literal(DEVICE_ERROR, DEVICE_ERROR_INTERLOCK, advice);
+        }
+    if (!error && hand && (hand->invocation || hand->off_asked))
+        g_set_error(&error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "%s is busy with another call: try again when that is answered", like.name);
+    if (error) {
+        g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+        return NULL;
+    }
+    if (!hand) {
+        if (bus->hands->len == 0)
+            bus_hold_clock(bus, FALSE); /* virtual time runs while any device is in hand */
+        hand = g_new(struct hand, 1);
+        *hand = like;
+        hand->bus = bus;
+        g_ptr_array_add(bus->hands, hand);
+        hand_listen(hand, TRUE);
+        hand->connection = g_dbus_method_invocation_get_connection(invocation);
+        hand->sender = g_strdup(g_dbus_method_invocation_get_sender(invocation));
+        if (hand->sender)
+            hand->watch = g_bus_watch_name_on_connection(hand->connection, hand->sender,
+                                                         G_BUS_NAME_WATCHER_FLAGS_NONE, NULL,
+                                                         on_vanished, bus, NULL);
+    }
+    hand->invocation = invocation;
+    bus->is_safe = FALSE;
+    return hand;
+}
+
+/* FALSE, and the call is answered, without a rig that is free. */
+static gboolean rig_is_free(Bus *bus, GDBusMethodInvocation *invocation) {
+    GError *error = NULL;
+    if (bus_need_rig(bus, &error) && bus_need_free(bus, &error))
+        return TRUE;
+    g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+    return FALSE;
+}
+
+/* Answers that there is no such device; names has those there are. */
+static void refuse_name(GDBusMethodInvocation *invocation, const char *kind, const char *name,
+                        const GString *names) {
+    g_dbus_method_invocation_return_error(
+        invocation, BUS_ERROR, BUS_ERROR_UNKNOWN, "no %s “%s”: there %s %s", kind, name,
+        strchr(names->str, ',') ? "are" : "is", names->len ? names->str : "none");
+}
+
+static gboolean is_named(GString *names, const char *is, const char *wanted) {
+    g_string_append_printf(names, "%s%s", names->len ? ", " : "", is);
+    return strcmp(is, wanted) == 0;
+}
+
+/* A command that the device has refused. */
+static void hand_refused(struct hand *hand, GError *error) {
+    hand_fail(hand, error);
+    hand_drop(hand);
+    g_error_free(error);
+}
+
+void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
+                    gint64 exposure_us, double gain_db) {
+    static guint64 n_pictures;
+    g_autoptr(GString) names = g_string_new(NULL);
+    GError *error = NULL;
+    Camera *camera = NULL;
+    if (!rig_is_free(bus, invocation))
+        return;
+    for (int i = 0; i < bus->devices->geometry.n_cameras && !camera; i++)
+        if (is_named(names, bus->devices->cameras[i]->device.name, name))
+            camera = bus->devices->cameras[i];
+    if (!camera) {
+        refuse_name(invocation, "camera", name, names);
+        return;
+    }
+    struct hand *hand = hand_take(
+        bus, invocation,
+        (struct hand){.kind = HAND_CAMERA, .camera = camera, .name = camera->device.name});
+    if (!hand)
+        return;
+    const struct camera_settings settings = {exposure_us, gain_db};
+    hand->picture = FIRST_PICTURE + n_pictures++;
+    if (!camera_configure(camera, &settings, &error) || !camera_arm(camera, &error) ||
+        !camera_trigger(camera, hand->picture, &error))
+        hand_refused(hand, error);
+}
+
+void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
+                        gboolean on) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    GError *error = NULL;
+    int i = 0;
+    if (!rig_is_free(bus, invocation))
+        return;
+    const struct rig *rig = &bus->devices->geometry;
+    while (i < rig->n_lamps && !is_named(names, rig->lamps[i].name, name))
+        i++;
+    if (i == rig->n_lamps) {
+        refuse_name(invocation, "lamp", name, names);
+        return;
+    }
+    struct hand *hand = hand_take(bus, invocation,
+                                  (struct hand){.kind = HAND_LAMP,
+                                                .bank = bus->devices->lamps[i].bank,
+                                                .lamp = bus->devices->lamps[i].index,
+                                                .name = rig->lamps[i].name});
+    if (hand && !lamps_set(hand->bank, hand->lamp, on, &error))
+        hand_refused(hand, error);
+}
+
+void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
+                         gboolean on) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    GError *error = NULL;
+    Laser *laser = NULL;
+    if (!rig_is_free(bus, invocation))
+        return;
+    for (int i = 0; i < bus->devices->geometry.n_lasers && !laser; i++)
+        if (rig_laser_unit(&bus->devices->timing, i) == i &&
+            is_named(names, bus->devices->lasers[i]->device.name, name))
+            laser = bus->devices->lasers[i];
+    if (!laser) {
+        refuse_name(invocation, "laser", name, names);
+        return;
+    }
+    struct hand *hand =
+        hand_take(bus, invocation,
+                  (struct hand){.kind = HAND_LASER, .laser = laser, .name = laser->device.name});
+    if (hand && !laser_set(laser, on, &error))
+        hand_refused(hand, error);
+}
+
+/* A hand on the axis of that name; NULL, and the call is answered, if there is none. */
+static struct hand *take_axis(Bus *bus, GDBusMethodInvocation *invocation, const char *name) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    Axis *axis = NULL;
+    if (!rig_is_free(bus, invocation))
+        return NULL;
+    Axis *const both[] = {bus->devices->turntable, bus->devices->arc};
+    for (int i = -2; i < bus->devices->geometry.n_lasers && !axis; i++) {
+        Axis *one = i < 0 ? both[i + 2] : bus->devices->sweeps[i];
+        if (one && is_named(names, one->device.name, name))
+            axis = one;
+    }
+    if (axis)
+        return hand_take(bus, invocation,
+                         (struct hand){.kind = HAND_AXIS, .axis = axis, .name = axis->device.name});
+    refuse_name(invocation, "axis", name, names);
+    return NULL;
+}
+
+void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg) {
+    GError *error = NULL;
+    struct hand *hand = take_axis(bus, invocation, axis);
+    if (hand && !axis_move(hand->axis, deg, &error))
+        hand_refused(hand, error);
+    else if (hand)
+        bus_show_devices(bus); /* it moves */
+}
+
+void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis) {
+    GError *error = NULL;
+    struct hand *hand = take_axis(bus, invocation, axis);
+    if (hand)
+        hand->homing = TRUE;
+    if (hand && !axis_home(hand->axis, &error))
+        hand_refused(hand, error);
+    else if (hand)
+        bus_show_devices(bus);
+}

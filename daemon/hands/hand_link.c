@@ -1,0 +1,94 @@
+#include "hand_link.h"
+
+#include <gio/gunixfdlist.h>
+#include <unistd.h>
+
+#include "rig_link.h"
+
+#define MOST_SIDE 65536 /* pixels */
+
+char *hand_rig;
+
+Link *hand_link(GError **error) {
+    gboolean simulated;
+    g_autofree char *rig = hand_rig ? g_canonicalize_filename(hand_rig, NULL) : NULL;
+    g_autoptr(Link) link = rig ? rig_link_find(rig, &simulated, error) : link_find(NULL, error);
+    if (!link) {
+        if (!rig && error)
+            g_prefix_error(error, "give --rig RIG, or start the daemon: ");
+        return NULL;
+    }
+    if (rig && !rig_link_open(link, rig, error))
+        return NULL;
+    while (
+        g_main_context_iteration(NULL, FALSE)) /* what the daemon shows since it opened the rig */
+        ;
+    const char *open = bus_rig1_get_rig_path(link_rig(link));
+    if (!open || !*open) {
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                            "the daemon has no rig open: give --rig RIG");
+        return NULL;
+    }
+    return g_steal_pointer(&link);
+}
+
+static gboolean read_pixels(int fd, Frame *frame, GError **error) {
+    const gsize size = (gsize)frame->width * (gsize)frame->height * sizeof(guint16);
+    gsize done = 0;
+    while (done < size) {
+        const gssize n = pread(fd, (guint8 *)frame->pixels + done, size - done, (off_t)done);
+        if (n <= 0) {
+            g_set_error(error, G_IO_ERROR, G_IO_ERROR_PARTIAL_INPUT,
+                        "the daemon's picture has %zu of %zu bytes", done, size);
+            return FALSE;
+        }
+        done += (gsize)n;
+    }
+    return TRUE;
+}
+
+Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, GError **error) {
+    guint width, height, bits;
+    double black;
+    gint64 exposed_us;
+    enum cfa cfa;
+    g_autofree char *filter = NULL;
+    g_autoptr(GVariant) handle = NULL;
+    g_autoptr(GUnixFDList) list = NULL;
+    if (!bus_rig1_call_snap_sync(link_rig(link), camera, exposure_us, 0, NULL, &width, &height,
+                                 &bits, &black, &filter, &exposed_us, &handle, &list, NULL, error))
+        return NULL;
+    const int fd = list ? g_unix_fd_list_get(list, g_variant_get_handle(handle), error) : -1;
+    if (fd < 0)
+        return NULL;
+    g_autoptr(Frame) frame = NULL;
+    if (width < 1 || height < 1 || width > MOST_SIDE || height > MOST_SIDE || bits < 1 ||
+        bits > 16 || !cfa_parse(filter, &cfa)) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "the daemon's picture has %u × %u pixels of %u bits and the filter %s", width,
+                    height, bits, filter);
+    } else {
+        frame = frame_new((int)width, (int)height);
+        frame->bits = (int)bits;
+        frame->black_level = black;
+        frame->cfa = cfa;
+        frame->exposure_us = exposed_us;
+    }
+    const gboolean good = frame && read_pixels(fd, frame, error);
+    close(fd);
+    return good ? g_steal_pointer(&frame) : NULL;
+}
+
+gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error) {
+    BusRig1 *rig = link_rig(link);
+    return laser ? bus_rig1_call_set_laser_sync(rig, name, on, NULL, error)
+                 : bus_rig1_call_set_lamp_sync(rig, name, on, NULL, error);
+}
+
+gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error) {
+    return bus_rig1_call_move_axis_sync(link_rig(link), axis, deg, ret_deg, NULL, error);
+}
+
+gboolean hand_home(Link *link, const char *axis, double *ret_deg, GError **error) {
+    return bus_rig1_call_home_axis_sync(link_rig(link), axis, ret_deg, NULL, error);
+}

@@ -1,0 +1,23 @@
+/* Calls of devices by hand, for the commands snap, live, lamp, laser, move, home and test. */
+#pragma once
+
+#include "command/link.h"
+#include "drivers/frame.h"
+
+extern char *hand_rig; /* --rig */
+
+#define HAND_RIG_ENTRY                                                                             \
+    {                                                                                              \
+        "rig", 0, 0, G_OPTION_ARG_FILENAME, &hand_rig,                                             \
+            "Rig file, where no daemon has a rig open; a simulated one needs none", "RIG"          \
+    }
+
+/* A daemon with a rig open: that of --rig, or the one that a daemon has. What this process switches
+ * on or moves ends with its connection. */
+Link *hand_link(GError **error);
+
+/* As the methods of these names; they wait for the answer. */
+Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, GError **error);
+gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
+gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error);
+gboolean hand_home(Link *link, const char *axis, double *ret_deg, GError **error);

@@ -1,0 +1,187 @@
+/* lamp, laser, move, home: one device by hand. */
+#include <glib-unix.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+
+#include "hand_link.h"
+#include "hands.h"
+
+static double seconds;
+
+static const GOptionEntry light_entries[] = {
+    {"for", 't', 0, G_OPTION_ARG_DOUBLE, &seconds, "Off again after so long; else at Ctrl-C", "S"},
+    HAND_RIG_ENTRY,
+    {NULL},
+};
+static const GOptionEntry axis_entries[] = {HAND_RIG_ENTRY, {NULL}};
+
+struct waiting {
+    GMainLoop *loop;
+    int n_open;  /* interlocks, in the beginning */
+    char *fault; /* that has ended it, or NULL */
+};
+
+static gboolean on_end(gpointer data) {
+    g_main_loop_quit(((struct waiting *)data)->loop);
+    return G_SOURCE_CONTINUE;
+}
+
+static void on_event(BusRig1 *rig, const char *level, const char *source, const char *message,
+                     gpointer data) {
+    struct waiting *waiting = data;
+    if (strcmp(level, "error") != 0)
+        return;
+    g_free(waiting->fault);
+    waiting->fault = g_strdup_printf("%s: %s", source, message);
+    on_end(waiting);
+}
+
+static int count_open(BusRig1 *rig) {
+    GVariant *devices = bus_rig1_get_devices(rig);
+    const char *class_name, *name, *driver, *health;
+    GVariantIter iter;
+    int n = 0;
+    if (!devices)
+        return 0;
+    g_variant_iter_init(&iter, devices);
+    while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health))
+        n += strcmp(class_name, "interlock") == 0 && strcmp(health, "closed") != 0;
+    return n;
+}
+
+static void on_devices(GObject *object, GParamSpec *spec, gpointer data) {
+    struct waiting *waiting = data;
+    if (count_open(BUS_RIG1(object)) <= waiting->n_open)
+        return;
+    g_free(waiting->fault);
+    waiting->fault = g_strdup("an interlock has opened: all that was by hand has ended");
+    on_end(waiting);
+}
+
+/* Until a signal, the time that was given, or a fault. */
+static char *wait_for_end(Link *link) {
+    const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
+    guint ids[G_N_ELEMENTS(numbers)];
+    BusRig1 *rig = link_rig(link);
+    struct waiting waiting = {g_main_loop_new(NULL, FALSE), count_open(rig), NULL};
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        ids[i] = g_unix_signal_add(numbers[i], on_end, &waiting);
+    const guint timer =
+        seconds > 0 ? g_timeout_add((guint)ceil(MIN(seconds, 1e6) * 1000), on_end, &waiting) : 0;
+    const gulong event = g_signal_connect(rig, "event", G_CALLBACK(on_event), &waiting);
+    const gulong changed =
+        g_signal_connect(rig, "notify::devices", G_CALLBACK(on_devices), &waiting);
+    g_main_loop_run(waiting.loop);
+    g_signal_handler_disconnect(rig, event);
+    g_signal_handler_disconnect(rig, changed);
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        g_source_remove(ids[i]);
+    if (timer)
+        g_source_remove(timer);
+    g_main_loop_unref(waiting.loop);
+    return waiting.fault;
+}
+
+static int run_light(const struct call *call, gboolean laser, GError **error) {
+    const char *name = call->arguments[0];
+    if (seconds < 0 || !isfinite(seconds))
+        return cli_usage(call->command, "--for=%g: give a positive number of seconds", seconds);
+    g_autoptr(Link) link = hand_link(error);
+    if (!link || !hand_light(link, laser, name, TRUE, error))
+        return CLI_FAILED;
+    if (!cli_json && seconds > 0)
+        g_print("%s is on for %g s\n", name, seconds);
+    else if (!cli_json)
+        g_print("%s is on; Ctrl-C switches it off\n", name);
+    g_autofree char *fault = wait_for_end(link);
+    if (fault)
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, fault);
+    if (fault || !hand_light(link, laser, name, FALSE, error))
+        return CLI_FAILED;
+    record_string(call->record, laser ? "laser" : "lamp", name);
+    record_boolean(call->record, "on", FALSE);
+    record_say(call->record, "%s is off\n", name);
+    return CLI_DONE;
+}
+
+static int run_lamp(const struct call *call, GError **error) {
+    return run_light(call, FALSE, error);
+}
+
+static int run_laser(const struct call *call, GError **error) {
+    return run_light(call, TRUE, error);
+}
+
+static void tell_axis(Record *to, const char *axis, double deg) {
+    record_string(to, "axis", axis);
+    record_double(to, "position_deg", deg);
+    record_say(to, "%s stands at %g°\n", axis, deg);
+}
+
+static int run_move(const struct call *call, GError **error) {
+    const char *axis = call->arguments[0], *text = call->arguments[1];
+    char *end;
+    const double to = g_ascii_strtod(text, &end);
+    double deg;
+    if (*end || end == text || !isfinite(to))
+        return cli_usage(call->command, "“%s” is not an angle in degrees", text);
+    g_autoptr(Link) link = hand_link(error);
+    if (!link)
+        return CLI_FAILED;
+    /* A rig that was opened for this call has not been homed. */
+    if (hand_rig && link_is_private(link) && !hand_home(link, axis, &deg, error))
+        return CLI_FAILED;
+    if (!hand_move(link, axis, to, &deg, error)) {
+        if (g_error_matches(*error, G_IO_ERROR, G_IO_ERROR_CLOSED))
+            g_prefix_error(error, "%s: ", axis);
+        return CLI_FAILED;
+    }
+    tell_axis(call->record, axis, deg);
+    return CLI_DONE;
+}
+
+static int run_home(const struct call *call, GError **error) {
+    double deg;
+    g_autoptr(Link) link = hand_link(error);
+    if (!link || !hand_home(link, call->arguments[0], &deg, error))
+        return CLI_FAILED;
+    tell_axis(call->record, call->arguments[0], deg);
+    return CLI_DONE;
+}
+
+const struct command hands_lamp = {.name = "lamp",
+                                   .arguments = "LAMP",
+                                   .help = "Switch a lamp on until Ctrl-C.",
+                                   .options = light_entries,
+                                   .daemon = TRUE,
+                                   .min = 1,
+                                   .max = 1,
+                                   .run = run_lamp};
+const struct command hands_laser = {
+    .name = "laser",
+    .arguments = "LASER",
+    .help = "Switch a laser on until Ctrl-C, or until an interlock opens. Mind your eyes.",
+    .options = light_entries,
+    .daemon = TRUE,
+    .min = 1,
+    .max = 1,
+    .run = run_laser};
+const struct command hands_move = {
+    .name = "move",
+    .arguments = "AXIS DEGREES",
+    .help = "Move an axis to an angle; “home” comes first. Ctrl-C stops it. Before a negative "
+            "angle write --.",
+    .options = axis_entries,
+    .daemon = TRUE,
+    .min = 2,
+    .max = 2,
+    .run = run_move};
+const struct command hands_home = {.name = "home",
+                                   .arguments = "AXIS",
+                                   .help = "Send an axis to its reference. Ctrl-C stops it.",
+                                   .options = axis_entries,
+                                   .daemon = TRUE,
+                                   .min = 1,
+                                   .max = 1,
+                                   .run = run_home};

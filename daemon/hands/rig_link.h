@@ -1,0 +1,11 @@
+/* The daemon that runs a rig. */
+#pragma once
+
+#include "command/link.h"
+
+/* One that has the rig open, or may open it; a simulated rig gets a private daemon. ret_simulated:
+ * whether every driver of the rig file is. Mistakes in the file come before all else. */
+Link *rig_link_find(const char *rig, gboolean *ret_simulated, GError **error);
+
+/* Sees to it that the daemon has this rig open, and no other. */
+gboolean rig_link_open(Link *link, const char *rig, GError **error);

@@ -1,0 +1,201 @@
+/* test: every device of a rig once, and what it answers. */
+#include <math.h>
+#include <string.h>
+
+#include "hand_link.h"
+#include "hands.h"
+#include "picture_report.h"
+#include "rig/devices.h"
+
+#define EXPOSURE_US 10000
+#define MOVE_DEG    5
+/* Parts of the range by which a lamp must raise the mean of a camera's picture, and a laser its
+ * brightest pixel. */
+#define LAMP_PART  0.0005
+#define LASER_PART 0.004
+
+static gint64 exposure_us;
+
+static const GOptionEntry entries[] = {
+    {"exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "How long cameras expose (10000)",
+     "US"},
+    HAND_RIG_ENTRY,
+    {NULL},
+};
+
+struct trial {
+    Link *link;
+    Record *to;
+    struct rig rig;
+    gboolean dark_known[RIG_MAX_CAMERAS];
+    struct picture_report dark[RIG_MAX_CAMERAS];
+    int n, n_good;
+};
+
+/* The result of a device; what: g_free() here. */
+static void trial_tell(struct trial *trial, const char *class_name, const char *name, gboolean good,
+                       char *what) {
+    record_begin(trial->to, NULL);
+    record_string(trial->to, "class", class_name);
+    record_string(trial->to, "name", name);
+    record_boolean(trial->to, "good", good);
+    record_string(trial->to, "said", what);
+    record_end(trial->to);
+    record_say(trial->to, "%-4s %-10s %-16s %s\n", good ? "ok" : "FAIL", class_name, name, what);
+    trial->n++;
+    trial->n_good += good;
+    g_free(what);
+}
+
+static void trial_fail(struct trial *trial, const char *class_name, const char *name,
+                       GError *error) {
+    g_dbus_error_strip_remote_error(error);
+    trial_tell(trial, class_name, name, FALSE, g_strdup(error->message));
+}
+
+/* To its reference, a little away, and back. */
+static void try_axis(struct trial *trial, const char *name) {
+    g_autoptr(GError) error = NULL;
+    double home, there, back;
+    const gint64 begun_us = g_get_monotonic_time();
+    if (!hand_home(trial->link, name, &home, &error)) {
+        trial_fail(trial, "axis", name, error);
+        return;
+    }
+    gboolean good = hand_move(trial->link, name, home + MOVE_DEG, &there, &error);
+    if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_RANGE)) { /* beyond its limits */
+        g_clear_error(&error);
+        good = hand_move(trial->link, name, home - MOVE_DEG, &there, &error);
+    }
+    if (!good || !hand_move(trial->link, name, home, &back, &error)) {
+        trial_fail(trial, "axis", name, error);
+        return;
+    }
+    trial_tell(trial, "axis", name, TRUE,
+               g_strdup_printf("homed at %g°, moved to %g° and back to %g° in %.1f s", home, there,
+                               back, (double)(g_get_monotonic_time() - begun_us) * 1e-6));
+}
+
+static void try_camera(struct trial *trial, int i) {
+    g_autoptr(GError) error = NULL;
+    const char *name = trial->rig.cameras[i].name;
+    g_autoptr(Frame) frame = hand_snap(trial->link, name, exposure_us, &error);
+    if (!frame) {
+        trial_fail(trial, "camera", name, error);
+        return;
+    }
+    trial->dark_known[i] = TRUE;
+    trial->dark[i] = picture_report(frame);
+    trial_tell(trial, "camera", name, TRUE,
+               g_strdup_printf("%d × %d pixels of %d bits; with all lamps off %.0f DN on average",
+                               frame->width, frame->height, frame->bits, trial->dark[i].mean_dn));
+}
+
+/* A lamp or laser: whether any camera sees it. */
+static void try_light(struct trial *trial, gboolean laser, const char *name) {
+    const char *class_name = laser ? "laser" : "lamp";
+    g_autoptr(GError) error = NULL;
+    int asked = 0, saw = 0;
+    double most_dn = 0;
+    if (!hand_light(trial->link, laser, name, TRUE, &error)) {
+        trial_fail(trial, class_name, name, error);
+        return;
+    }
+    for (int i = 0; i < trial->rig.n_cameras && !error; i++) {
+        if (!trial->dark_known[i])
+            continue;
+        g_autoptr(Frame) frame =
+            hand_snap(trial->link, trial->rig.cameras[i].name, exposure_us, &error);
+        if (!frame)
+            break;
+        const struct picture_report lit = picture_report(frame), *dark = &trial->dark[i];
+        const double rise_dn = laser ? lit.max_dn - dark->max_dn : lit.mean_dn - dark->mean_dn;
+        asked++;
+        saw += rise_dn > (laser ? LASER_PART : LAMP_PART) * ((1 << frame->bits) - 1);
+        most_dn = MAX(most_dn, rise_dn);
+    }
+    if (!hand_light(trial->link, laser, name, FALSE, error ? NULL : &error) || error) {
+        trial_fail(trial, class_name, name, error);
+        return;
+    }
+    trial_tell(
+        trial, class_name, name, saw > 0 || asked == 0,
+        asked == 0 ? g_strdup("switched on and off; there was no camera to see it")
+        : saw > 0
+            ? g_strdup_printf("seen by %d of %d cameras, by up to %.0f DN", saw, asked, most_dn)
+            : g_strdup_printf("switched on and off, but none of %d cameras saw it: check %s", asked,
+                              laser ? "its power, and where its line falls"
+                                    : "the lamp, its fuse and its relay"));
+}
+
+static void try_interlock(struct trial *trial, const char *name, const char *health) {
+    const gboolean closed = strcmp(health, "closed") == 0;
+    trial_tell(trial, "interlock", name, closed,
+               g_strdup(closed ? "closed" : "open: lasers and axes are refused; close it"));
+}
+
+/* Interlocks first, since they decide; then what moves, what sees, and what gives light. */
+static void try_all(struct trial *trial) {
+    static const char *const classes[] = {"interlock", "axis"};
+    GVariant *devices = bus_rig1_get_devices(link_rig(trial->link));
+    const char *class_name, *name, *driver, *health;
+    for (gsize k = 0; devices && k < G_N_ELEMENTS(classes); k++) {
+        GVariantIter iter;
+        g_variant_iter_init(&iter, devices);
+        while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health)) {
+            if (strcmp(class_name, classes[k]) != 0)
+                continue;
+            if (k == 0)
+                try_interlock(trial, name, health);
+            else
+                try_axis(trial, name);
+        }
+    }
+    for (int i = 0; i < trial->rig.n_cameras; i++)
+        try_camera(trial, i);
+    for (int i = 0; i < trial->rig.n_lamps; i++)
+        try_light(trial, FALSE, trial->rig.lamps[i].name);
+    if (!devices)
+        return;
+    GVariantIter iter;
+    g_variant_iter_init(&iter, devices); /* a further place of a unit has no device of its own */
+    while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health))
+        if (strcmp(class_name, "laser") == 0)
+            try_light(trial, TRUE, name);
+}
+
+static int run_test(const struct call *call, GError **error) {
+    struct trial trial = {.to = call->record};
+    if (exposure_us == 0)
+        exposure_us = EXPOSURE_US;
+    if (exposure_us < 0)
+        return cli_usage(call->command,
+                         "--exposure-us=%" G_GINT64_FORMAT ": give a positive number", exposure_us);
+    g_autoptr(Link) link = trial.link = hand_link(error);
+    if (!link || !devices_read_geometry(bus_rig1_get_rig_path(link_rig(link)), &trial.rig, error))
+        return CLI_FAILED;
+    const char *session = bus_rig1_get_session(link_rig(link));
+    const char *state = bus_rig1_get_state(link_rig(link));
+    if (session && *session && strcmp(state, "done") != 0 && strcmp(state, "aborted") != 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
+                    "%s is being captured (%s): test the rig before or after", session, state);
+        return CLI_FAILED;
+    }
+    record_begin_list(trial.to, "devices");
+    try_all(&trial);
+    record_end(trial.to);
+    record_int(trial.to, "tested", trial.n);
+    record_int(trial.to, "good", trial.n_good);
+    record_say(trial.to, "%d of %d are as they should be\n", trial.n_good, trial.n);
+    return trial.n_good == trial.n ? CLI_DONE : CLI_FAILED;
+}
+
+const struct command hands_test = {
+    .name = "test",
+    .arguments = "",
+    .help =
+        "Try every device once: interlocks, axes (each moves), cameras, and whether a camera sees "
+        "each lamp and laser. Fails unless all answer.",
+    .options = entries,
+    .daemon = TRUE,
+    .run = run_test};

@@ -1,0 +1,105 @@
+/* mesorig-web: a rig in the browser. A process of its own, which needs no privileges but to call
+ * the daemon. */
+#include "web_server.h"
+
+#include <glib-unix.h>
+#include <locale.h>
+#include <string.h>
+#include <systemd/sd-daemon.h>
+
+#define LEAST_TOKEN 16   /* characters */
+#define MOST_TOKEN  4096 /* bytes of its file */
+
+static char *address, *bus, *listen_address, *token_path;
+static char **hosts;
+static int port = WEB_PORT;
+static gboolean version;
+
+static const GOptionEntry entries[] = {
+    {"port", 'p', 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any that is free (8470)",
+     "N"},
+    {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
+     "Listen on this IP address, for other machines (this machine alone)", "IP"},
+    {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &hosts,
+     "A name under which browsers reach this server; may be repeated", "NAME"},
+    {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &token_path,
+     "Whoever has this file's first line may pause, continue, abort and make safe (nobody may)",
+     "FILE"},
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
+    {"address", 0, 0, G_OPTION_ARG_STRING, &address, "A daemon's own socket, in place of a bus",
+     "unix:path=…"},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
+    {NULL},
+};
+
+static gboolean on_signal(gpointer data) {
+    g_main_loop_quit(data);
+    return G_SOURCE_CONTINUE;
+}
+
+/* The first line of the file; g_free(). */
+static char *read_token(GError **error) {
+    g_autofree char *text = NULL;
+    gsize length;
+    if (!g_file_get_contents(token_path, &text, &length, error))
+        return NULL;
+    text[strcspn(text, "\r\n")] = '\0';
+    if (length > MOST_TOKEN || strlen(text) < LEAST_TOKEN ||
+        strspn(text, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=") !=
+            strlen(text)) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "%s: its first line must be a token of at least %d letters and digits: openssl "
+                    "rand -hex 24 makes one",
+                    token_path, LEAST_TOKEN);
+        return NULL;
+    }
+    return g_steal_pointer(&text);
+}
+
+static int serve(GError **error) {
+    g_autofree char *token = NULL;
+    if (token_path && !(token = read_token(error)))
+        return 1;
+    WebRig *rig = web_rig_new(address, bus, error);
+    const struct web_options options = {.address = listen_address,
+                                        .port = (guint)port,
+                                        .token = token,
+                                        .hosts = (const char *const *)hosts};
+    WebServer *server = rig ? web_server_new(rig, &options, error) : NULL;
+    if (server) {
+        g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
+        g_autofree char *uri = web_server_uri(server);
+        g_unix_signal_add(SIGINT, on_signal, loop);
+        g_unix_signal_add(SIGTERM, on_signal, loop);
+        g_print("%s%s\n", uri, token ? "" : " (it only shows; --token-file lets it act)");
+        sd_notify(0, "READY=1");
+        g_main_loop_run(loop);
+    }
+    const int code = server ? 0 : 1;
+    web_server_free(server);
+    web_rig_free(rig);
+    return code;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
+    g_autoptr(GOptionContext) context = g_option_context_new("— show a rig in the browser");
+    g_autoptr(GError) error = NULL;
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 || port < 0 ||
+        port > 65535 || (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
+        g_printerr("mesorig-web: %s\n", error ? error->message
+                                        : argc > 1
+                                            ? "it takes options alone"
+                                            : "--port is 0 to 65535, --bus system or session");
+        return 2;
+    }
+    if (version) {
+        g_print("mesorig-web %s\n", MESORIG_VERSION);
+        return 0;
+    }
+    const int code = serve(&error);
+    if (error)
+        g_printerr("mesorig-web: %s\n", error->message);
+    return code;
+}

@@ -1,0 +1,191 @@
+// The rig as mesorig-web tells it: /api/v1/events, with pictures and actions beside it.
+"use strict";
+
+const $ = id => document.getElementById(id);
+const api = "/api/v1/";
+const pictureInterval = 2000; // ms between two pictures of a camera
+let state = {};
+
+function text(id, value) {
+  if ($(id).textContent !== String(value)) $(id).textContent = value;
+}
+
+function element(name, className, content) {
+  const ret = document.createElement(name);
+  if (className) ret.className = className;
+  if (content !== undefined) ret.textContent = content;
+  return ret;
+}
+
+function svg(name, attributes) {
+  const ret = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const key in attributes) ret.setAttribute(key, attributes[key]);
+  return ret;
+}
+
+function duration(seconds) {
+  if (!(seconds >= 0)) return "–";
+  const s = Math.round(seconds), h = Math.floor(s / 3600), m = Math.floor(s / 60) % 60;
+  return h ? `${h} h ${String(m).padStart(2, "0")} min`
+           : m ? `${m} min ${String(s % 60).padStart(2, "0")} s` : `${s} s`;
+}
+
+function showState() {
+  const away = state.state === "away", runs = ["running", "homing"].includes(state.state);
+  const paused = state.state === "paused", busy = runs || paused || state.state === "pausing";
+  text("state", away ? "mesorigd does not answer" : state.state);
+  $("state").className = `badge ${state.state}`;
+  document.title = busy && state.shots
+    ? `${Math.floor(100 * state.shots_done / state.shots)} % ${state.state}` : `Mesorig: ${state.state}`;
+  text("session", state.session || state.rig || "no rig is open");
+  text("doing", state.doing || "");
+  text("reason", state.reason || "");
+  text("prompt", state.prompt ? `${state.prompt} Then press Continue.` : "");
+  $("notice").hidden = !state.reason && !state.prompt;
+  $("bar").value = state.shots ? state.shots_done / state.shots : 0;
+  text("shots", state.shots ? `${state.shots_done} of ${state.shots}` : "–");
+  // Of our clock: that of a simulated rig runs at a pace of its own.
+  text("left", runs && state.predicted_end ? duration(Math.max(0, state.predicted_end - Date.now() / 1000)) : "–");
+  text("end", runs && state.predicted_end
+    ? new Date(1000 * state.predicted_end).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" })
+    : "–");
+  text("elapsed", state.elapsed_s ? duration(state.elapsed_s) + (state.simulated ? " (simulated)" : "") : "–");
+  text("frames", state.frames ?? "–");
+  text("retakes", state.retakes ?? "–");
+  text("version", state.version || "");
+  const token = sessionStorage.getItem("token");
+  $("pause").disabled = !token || !runs;
+  $("continue").disabled = !token || !paused;
+  $("abort").disabled = !token || !busy;
+  $("safe").disabled = !token || away;
+  $("unlock").hidden = !!token;
+  const rows = (state.devices || []).map(device => {
+    const row = element("tr");
+    for (const key of ["class", "name", "driver", "health"]) row.append(element("td", "", device[key]));
+    return row;
+  });
+  $("devices").tBodies[0].replaceChildren(...rows);
+  for (const device of state.devices || [])
+    if (device.class === "camera") watchCamera(device.name);
+}
+
+// --- cameras
+
+const cameras = new Map();
+
+function watchCamera(name) {
+  if (cameras.has(name)) return cameras.get(name);
+  const camera = { figure: element("figure"), image: element("img"), caption: element("figcaption"),
+                   histogram: svg("svg", { viewBox: "0 0 64 32", preserveAspectRatio: "none" }),
+                   due: 0, waits: false, seen: false };
+  camera.image.alt = `latest picture of ${name}`;
+  camera.figure.append(camera.image, camera.histogram, camera.caption);
+  cameras.set(name, camera);
+  loadPicture(name);
+  return camera;
+}
+
+// At most one request a camera is under way, and at most one an interval.
+async function loadPicture(name) {
+  const camera = cameras.get(name), now = Date.now();
+  if (camera.waits) return;
+  camera.waits = true;
+  await new Promise(done => setTimeout(done, Math.max(0, camera.due - now)));
+  camera.due = Date.now() + pictureInterval;
+  camera.waits = false;
+  const answer = await fetch(`${api}cameras/${encodeURIComponent(name)}.json`).catch(() => null);
+  if (!answer || !answer.ok) return;
+  const told = await answer.json();
+  if (!camera.seen) {
+    camera.seen = true; // the map has them in the rig's order
+    $("cameras").replaceChildren(...[...cameras.values()].filter(other => other.seen).map(other => other.figure));
+  }
+  camera.image.src = `${api}cameras/${encodeURIComponent(name)}.png?t=${told.time_s}`;
+  const most = Math.max(1, ...told.histogram.flat());
+  const colours = ["#d33", "#2a2", "#36f"];
+  camera.histogram.replaceChildren(...told.histogram.map((steps, c) => svg("path", {
+    d: "M0 32" + steps.map((n, i) => `L${i} ${32 - 31 * Math.sqrt(n / most)}`).join("") + "L63 32Z",
+    fill: colours[c], "fill-opacity": 0.5 })));
+  camera.caption.replaceChildren(element("strong", "", name),
+    ` ${told.width} × ${told.height}, `,
+    `as shown ${(100 * told.white).toFixed(1)} % white, ${(100 * told.black).toFixed(1)} % black`);
+}
+
+// --- course and events
+
+function drawCourse(course) {
+  const n = course.shots.length, plot = $("plot");
+  if (n < 2) return;
+  const t0 = course.elapsed_s[0], t1 = course.elapsed_s[n - 1], most = state.shots || course.shots[n - 1];
+  const x = t => 40 + 550 * (t - t0) / Math.max(t1 - t0, 1e-3), y = s => 180 - 165 * s / Math.max(most, 1);
+  const label = (px, py, value, anchor) => {
+    const ret = svg("text", { x: px, y: py, "text-anchor": anchor });
+    ret.textContent = value;
+    return ret;
+  };
+  plot.replaceChildren(
+    svg("path", { d: course.shots.map((s, i) => `${i ? "L" : "M"}${x(course.elapsed_s[i]).toFixed(1)} ${y(s).toFixed(1)}`).join("") }),
+    label(36, 184, 0, "end"), label(36, 20, most, "end"),
+    label(40, 197, duration(t0), "start"), label(590, 197, duration(t1), "end"));
+}
+
+function addEvent(event) {
+  const time = new Date(1000 * event.time).toLocaleTimeString();
+  const row = element("li", event.level, `${time} ${event.source}: ${event.message}`);
+  $("events").prepend(row);
+  while ($("events").children.length > 200) $("events").lastChild.remove();
+}
+
+// --- actions
+
+async function act(name) {
+  text("answer", "");
+  const answer = await fetch(api + name, {
+    method: "POST", headers: { Authorization: `Bearer ${sessionStorage.getItem("token")}` }
+  }).catch(error => ({ ok: false, json: () => ({ error: String(error) }) }));
+  if (answer.ok) return;
+  if (answer.status === 401) sessionStorage.removeItem("token");
+  text("answer", (await answer.json()).error);
+  showState();
+}
+
+for (const name of ["pause", "continue", "safe"]) $(name).onclick = () => act(name);
+$("abort").onclick = () => confirm("Abort the capture? What was taken stays, and can be resumed.") && act("abort");
+$("unlock").onclick = () => { $("token-form").hidden = false; $("token").focus(); };
+$("token-form").onsubmit = event => {
+  event.preventDefault();
+  sessionStorage.setItem("token", $("token").value.trim());
+  $("token").value = "";
+  $("token-form").hidden = true;
+  showState();
+};
+
+// --- the stream
+
+async function getJson(name) {
+  return (await fetch(api + name)).json();
+}
+
+async function reload() {
+  $("events").replaceChildren();
+  for (const event of await getJson("log")) addEvent(event);
+  drawCourse(await getJson("progress"));
+}
+
+let course = 0;
+const stream = new EventSource(api + "events");
+stream.onopen = () => reload().catch(() => {});
+stream.onerror = () => { state = { ...state, state: "away" }; showState(); };
+stream.addEventListener("event", event => addEvent(JSON.parse(event.data)));
+stream.addEventListener("picture", event => {
+  const { camera } = JSON.parse(event.data);
+  if (cameras.has(camera)) loadPicture(camera); else watchCamera(camera);
+});
+stream.addEventListener("state", event => {
+  state = JSON.parse(event.data);
+  showState();
+  if (Date.now() > course + 5000) {
+    course = Date.now();
+    getJson("progress").then(drawCourse).catch(() => {});
+  }
+});

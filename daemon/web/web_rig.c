@@ -1,0 +1,412 @@
+#include "web_rig.h"
+
+#include "base/json.h"
+#include "bus/bus.h"
+#include "rig1-bus.h"
+
+#include <png.h>
+#include <string.h>
+
+#define STATE_INTERVAL_MS 500
+#define CALL_TIMEOUT_MS   60000
+#define MOST_SAMPLES      2000 /* of the progress; every other one goes when there are more */
+#define STEPS             64   /* of a histogram */
+#define WHITE             250  /* of 255 */
+#define BLACK             5
+#define COLOURS           3
+
+struct waiting { /* who waits for a picture */
+    WebRigPicture back;
+    gpointer data;
+};
+
+struct camera {
+    struct web_picture picture; /* png NULL: none that is new */
+    GArray *waiting;            /* of struct waiting, while a call is under way; NULL: none is */
+    gboolean stale;             /* a newer one has come since the call */
+};
+
+struct sample {
+    double elapsed_s;
+    int shots;
+};
+
+struct WebRig {
+    BusRig1 *rig;
+    GDBusConnection *connection;
+    gboolean is_private, lost;
+    WebRigNews news;
+    gpointer news_data;
+    guint state_id;
+    GQueue events; /* of char *, JSON, the oldest first */
+    GArray *samples;
+    GHashTable *cameras; /* name → struct camera */
+    GCancellable *cancellable;
+};
+
+static void clear_picture(struct web_picture *picture) {
+    g_clear_pointer(&picture->png, g_bytes_unref);
+    g_clear_pointer(&picture->json, g_free);
+}
+
+static void camera_free(gpointer data) {
+    struct camera *camera = data;
+    clear_picture(&camera->picture);
+    if (camera->waiting)
+        g_array_unref(camera->waiting);
+    g_free(camera);
+}
+
+static gboolean is_away(const WebRig *rig) {
+    g_autofree char *owner =
+        rig->is_private ? NULL : g_dbus_proxy_get_name_owner(G_DBUS_PROXY(rig->rig));
+    return rig->is_private ? rig->lost : !owner;
+}
+
+static void add_text(GVariantBuilder *to, const char *key, const char *value) {
+    g_autofree char *valid = g_utf8_make_valid(value ? value : "", -1);
+    g_variant_builder_add(to, "{sv}", key, g_variant_new_string(valid));
+}
+
+char *web_rig_state(const WebRig *rig) {
+    BusRig1 *bus = rig->rig;
+    GVariantBuilder to, devices;
+    const gboolean away = is_away(rig);
+    const int shots = bus_rig1_get_shots(bus), done = bus_rig1_get_shots_done(bus);
+    g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
+    add_text(&to, "state", away ? "away" : bus_rig1_get_state(bus));
+    add_text(&to, "version", MESORIG_VERSION);
+    if (!away) {
+        add_text(&to, "reason", bus_rig1_get_reason(bus));
+        add_text(&to, "prompt", bus_rig1_get_prompt(bus));
+        add_text(&to, "doing", bus_rig1_get_doing(bus));
+        add_text(&to, "rig", bus_rig1_get_rig_path(bus));
+        add_text(&to, "session", bus_rig1_get_session(bus));
+        g_variant_builder_add(&to, "{sv}", "simulated",
+                              g_variant_new_boolean(bus_rig1_get_simulated(bus)));
+        g_variant_builder_add(&to, "{sv}", "shots", g_variant_new_int32(shots));
+        g_variant_builder_add(&to, "{sv}", "shots_done", g_variant_new_int32(done));
+        g_variant_builder_add(&to, "{sv}", "frames", g_variant_new_int64(bus_rig1_get_frames(bus)));
+        g_variant_builder_add(&to, "{sv}", "retakes",
+                              g_variant_new_int64(bus_rig1_get_retakes(bus)));
+        g_variant_builder_add(&to, "{sv}", "elapsed_s",
+                              g_variant_new_double(bus_rig1_get_elapsed(bus)));
+        g_variant_builder_add(&to, "{sv}", "left_s", g_variant_new_double(bus_rig1_get_left(bus)));
+        g_variant_builder_add(&to, "{sv}", "predicted_end",
+                              g_variant_new_uint64(bus_rig1_get_predicted_end(bus)));
+        g_variant_builder_init(&devices, G_VARIANT_TYPE("aa{sv}"));
+        GVariant *list = bus_rig1_get_devices(bus);
+        GVariantIter iter;
+        const char *class_name, *name, *driver, *health;
+        if (list) {
+            g_variant_iter_init(&iter, list);
+            while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health)) {
+                GVariantBuilder device;
+                g_variant_builder_init(&device, G_VARIANT_TYPE_VARDICT);
+                add_text(&device, "class", class_name);
+                add_text(&device, "name", name);
+                add_text(&device, "driver", driver);
+                add_text(&device, "health", health);
+                g_variant_builder_add_value(&devices, g_variant_builder_end(&device));
+            }
+        }
+        g_variant_builder_add(&to, "{sv}", "devices", g_variant_builder_end(&devices));
+    }
+    return json_text(g_variant_builder_end(&to));
+}
+
+char *web_rig_events(const WebRig *rig) {
+    GString *to = g_string_new("[");
+    for (const GList *at = rig->events.head; at; at = at->next) {
+        g_string_append(to, to->len > 1 ? ", " : "");
+        g_string_append(to, at->data);
+    }
+    g_string_append_c(to, ']');
+    return g_string_free(to, FALSE);
+}
+
+char *web_rig_progress(const WebRig *rig) {
+    GVariantBuilder times, shots, to;
+    g_variant_builder_init(&times, G_VARIANT_TYPE("ad"));
+    g_variant_builder_init(&shots, G_VARIANT_TYPE("ai"));
+    g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
+    for (guint i = 0; i < rig->samples->len; i++) {
+        const struct sample *sample = &g_array_index(rig->samples, struct sample, i);
+        g_variant_builder_add(&times, "d", sample->elapsed_s);
+        g_variant_builder_add(&shots, "i", sample->shots);
+    }
+    g_variant_builder_add(&to, "{sv}", "elapsed_s", g_variant_builder_end(&times));
+    g_variant_builder_add(&to, "{sv}", "shots", g_variant_builder_end(&shots));
+    return json_text(g_variant_builder_end(&to));
+}
+
+static void tell(const WebRig *rig, const char *name, const char *json) {
+    if (rig->news)
+        rig->news(name, json, rig->news_data);
+}
+
+/* Another session begins where fewer shots are done than before. */
+static void take_sample(WebRig *rig) {
+    const struct sample now = {bus_rig1_get_elapsed(rig->rig), bus_rig1_get_shots_done(rig->rig)};
+    const guint n = rig->samples->len;
+    const struct sample *last = n ? &g_array_index(rig->samples, struct sample, n - 1) : NULL;
+    if (last && (now.shots < last->shots || now.elapsed_s < last->elapsed_s))
+        g_array_set_size(rig->samples, 0);
+    else if (last && now.shots == last->shots)
+        return;
+    g_array_append_val(rig->samples, now);
+    for (guint i = 1; rig->samples->len > MOST_SAMPLES && i < rig->samples->len; i++)
+        g_array_remove_index(rig->samples, i);
+}
+
+static gboolean tell_state(gpointer data) {
+    WebRig *rig = data;
+    rig->state_id = 0;
+    take_sample(rig);
+    g_autofree char *json = web_rig_state(rig);
+    tell(rig, "state", json);
+    return G_SOURCE_REMOVE;
+}
+
+static void changed(WebRig *rig) {
+    if (!rig->state_id)
+        rig->state_id = g_timeout_add(STATE_INTERVAL_MS, tell_state, rig);
+}
+
+static void on_properties(GDBusProxy *proxy, GVariant *properties, GStrv invalidated,
+                          gpointer data) {
+    changed(data);
+}
+
+static void on_owner(GDBusProxy *proxy, GParamSpec *spec, gpointer data) {
+    changed(data);
+}
+
+static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
+    WebRig *rig = data;
+    rig->lost = TRUE;
+    changed(rig);
+}
+
+static void on_event(BusRig1 *bus, const char *level, const char *source, const char *message,
+                     gpointer data) {
+    WebRig *rig = data;
+    GVariantBuilder to;
+    g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(
+        &to, "{sv}", "time",
+        g_variant_new_int64(g_get_real_time() / G_USEC_PER_SEC)); /* s since 1970 */
+    add_text(&to, "level", level);
+    add_text(&to, "source", source);
+    add_text(&to, "message", message);
+    char *json = json_text(g_variant_builder_end(&to));
+    g_queue_push_tail(&rig->events, json);
+    if (rig->events.length > WEB_RIG_EVENTS)
+        g_free(g_queue_pop_head(&rig->events));
+    tell(rig, "event", json);
+}
+
+static void on_thumbnail(BusRig1 *bus, const char *name, gpointer data) {
+    WebRig *rig = data;
+    struct camera *camera = g_hash_table_lookup(rig->cameras, name);
+    if (camera) {
+        clear_picture(&camera->picture);
+        camera->stale = TRUE;
+    }
+    g_autoptr(GString) json = g_string_new("{\"camera\": ");
+    json_append_string(json, name);
+    g_string_append_c(json, '}');
+    tell(rig, "picture", json->str);
+}
+
+WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
+    const GBusType type = g_strcmp0(bus, "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM;
+    GDBusConnection *connection =
+        address ? g_dbus_connection_new_for_address_sync(
+                      address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, error)
+                : g_bus_get_sync(type, NULL, error);
+    if (!connection)
+        return NULL;
+    g_dbus_connection_set_exit_on_close(connection, FALSE);
+    BusRig1 *proxy = bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,
+                                             address ? NULL : BUS_NAME, BUS_PATH, NULL, error);
+    if (!proxy) {
+        g_object_unref(connection);
+        return NULL;
+    }
+    WebRig *rig = g_new0(WebRig, 1);
+    rig->rig = proxy;
+    rig->connection = connection;
+    rig->is_private = address != NULL;
+    rig->cancellable = g_cancellable_new();
+    rig->samples = g_array_new(FALSE, FALSE, sizeof(struct sample));
+    rig->cameras = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, camera_free);
+    g_dbus_proxy_set_default_timeout(G_DBUS_PROXY(proxy), CALL_TIMEOUT_MS);
+    g_signal_connect(proxy, "g-properties-changed", G_CALLBACK(on_properties), rig);
+    g_signal_connect(proxy, "notify::g-name-owner", G_CALLBACK(on_owner), rig);
+    g_signal_connect(proxy, "event", G_CALLBACK(on_event), rig);
+    g_signal_connect(proxy, "thumbnail-changed", G_CALLBACK(on_thumbnail), rig);
+    g_signal_connect(connection, "closed", G_CALLBACK(on_closed), rig);
+    return rig;
+}
+
+void web_rig_free(WebRig *rig) {
+    if (!rig)
+        return;
+    g_cancellable_cancel(rig->cancellable);
+    while (g_main_context_iteration(NULL, FALSE)) /* calls that were cancelled answer */
+        ;
+    g_clear_handle_id(&rig->state_id, g_source_remove);
+    g_signal_handlers_disconnect_by_data(rig->rig, rig);
+    g_signal_handlers_disconnect_by_data(rig->connection, rig);
+    g_queue_clear_full(&rig->events, g_free);
+    g_array_unref(rig->samples);
+    g_hash_table_unref(rig->cameras);
+    g_object_unref(rig->cancellable);
+    g_object_unref(rig->rig);
+    g_object_unref(rig->connection);
+    g_free(rig);
+}
+
+void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data) {
+    rig->news = func;
+    rig->news_data = data;
+}
+
+struct action {
+    WebRigDone back;
+    gpointer data;
+};
+
+static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
+    g_autofree struct action *action = data;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GVariant) answer = g_dbus_proxy_call_finish(G_DBUS_PROXY(proxy), result, &error);
+    if (error)
+        g_dbus_error_strip_remote_error(error);
+    action->back(error, action->data);
+}
+
+void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data) {
+    struct action *action = g_new(struct action, 1);
+    *action = (struct action){back, data};
+    g_dbus_proxy_call(G_DBUS_PROXY(rig->rig), method, NULL, G_DBUS_CALL_FLAGS_NONE, -1,
+                      rig->cancellable, on_called, action);
+}
+
+static void count(const guint8 *rgb, gsize n, const char *camera, double time_s, guint width,
+                  guint height, struct web_picture *picture) {
+    GVariantBuilder to, histogram;
+    guint steps[COLOURS][STEPS] = {{0}};
+    gsize white = 0, black = 0;
+    for (gsize i = 0; i < n; i++) {
+        const guint8 *pixel = rgb + COLOURS * i, most = MAX(MAX(pixel[0], pixel[1]), pixel[2]);
+        white += most >= WHITE;
+        black += most <= BLACK;
+        for (int c = 0; c < COLOURS; c++)
+            steps[c][pixel[c] * STEPS / 256]++;
+    }
+    g_variant_builder_init(&histogram, G_VARIANT_TYPE("aai"));
+    for (int c = 0; c < COLOURS; c++) {
+        g_variant_builder_open(&histogram, G_VARIANT_TYPE("ai"));
+        for (int i = 0; i < STEPS; i++)
+            g_variant_builder_add(&histogram, "i", (int)steps[c][i]);
+        g_variant_builder_close(&histogram);
+    }
+    g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
+    add_text(&to, "camera", camera);
+    g_variant_builder_add(&to, "{sv}", "time_s", g_variant_new_double(time_s));
+    g_variant_builder_add(&to, "{sv}", "width", g_variant_new_int32((int)width));
+    g_variant_builder_add(&to, "{sv}", "height", g_variant_new_int32((int)height));
+    g_variant_builder_add(&to, "{sv}", "white",
+                          g_variant_new_double(n ? (double)white / (double)n : 0));
+    g_variant_builder_add(&to, "{sv}", "black",
+                          g_variant_new_double(n ? (double)black / (double)n : 0));
+    g_variant_builder_add(&to, "{sv}", "histogram", g_variant_builder_end(&histogram));
+    picture->json = json_text(g_variant_builder_end(&to));
+}
+
+static gboolean encode(GVariant *answer, const char *camera, struct web_picture *picture,
+                       GError **error) {
+    guint width, height;
+    g_autoptr(GVariant) bytes = NULL;
+    double time_s;
+    gsize length;
+    g_variant_get(answer, "(uu@ayd)", &width, &height, &bytes, &time_s);
+    const guint8 *rgb = g_variant_get_fixed_array(bytes, &length, 1);
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = width,
+                       .height = height,
+                       .format = PNG_FORMAT_RGB,
+                       .flags = PNG_IMAGE_FLAG_FAST};
+    png_alloc_size_t size = 0;
+    if (length != (gsize)COLOURS * width * height || length == 0 ||
+        !png_image_write_to_memory(&image, NULL, &size, 0, rgb, 0, NULL)) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "%s: the daemon has sent a picture of %u × %u pixels in %zu bytes", camera,
+                    width, height, length);
+        return FALSE;
+    }
+    guint8 *png = g_malloc(size);
+    png_image_write_to_memory(&image, png, &size, 0, rgb, 0, NULL);
+    picture->png = g_bytes_new_take(png, size);
+    count(rgb, (gsize)width * height, camera, time_s, width, height, picture);
+    return TRUE;
+}
+
+struct fetch {
+    WebRig *rig;
+    char *camera;
+};
+
+static void on_picture(BusRig1 *proxy, GAsyncResult *result, gpointer data) {
+    struct fetch *fetch = data;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GVariant) answer = g_dbus_proxy_call_finish(G_DBUS_PROXY(proxy), result, &error);
+    /* The rig is gone where the call was cancelled. */
+    if (!g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
+        struct camera *camera = g_hash_table_lookup(fetch->rig->cameras, fetch->camera);
+        struct web_picture picture = {0};
+        g_autoptr(GArray) waiting = g_steal_pointer(&camera->waiting);
+        if (error)
+            g_dbus_error_strip_remote_error(error);
+        const gboolean ok = answer && encode(answer, fetch->camera, &picture, &error);
+        for (guint i = 0; i < waiting->len; i++) {
+            const struct waiting *who = &g_array_index(waiting, struct waiting, i);
+            who->back(ok ? &picture : NULL, error, who->data);
+        }
+        if (ok && !camera->stale)
+            camera->picture = picture;
+        else
+            clear_picture(&picture);
+        if (!ok)
+            g_hash_table_remove(fetch->rig->cameras, fetch->camera);
+    }
+    g_free(fetch->camera);
+    g_free(fetch);
+}
+
+void web_rig_picture(WebRig *rig, const char *name, WebRigPicture back, gpointer data) {
+    struct camera *camera = g_hash_table_lookup(rig->cameras, name);
+    const struct waiting who = {back, data};
+    if (camera && camera->picture.png) {
+        back(&camera->picture, NULL, data);
+        return;
+    }
+    if (!camera) {
+        camera = g_new0(struct camera, 1);
+        g_hash_table_insert(rig->cameras, g_strdup(name), camera);
+    }
+    const gboolean first = !camera->waiting;
+    if (first)
+        camera->waiting = g_array_new(FALSE, FALSE, sizeof(struct waiting));
+    g_array_append_val(camera->waiting, who);
+    if (!first)
+        return;
+    struct fetch *fetch = g_new(struct fetch, 1);
+    *fetch = (struct fetch){rig, g_strdup(name)};
+    camera->stale = FALSE;
+    g_dbus_proxy_call(G_DBUS_PROXY(rig->rig), "GetThumbnail", g_variant_new("(s)", name),
+                      G_DBUS_CALL_FLAGS_NONE, -1, rig->cancellable, (GAsyncReadyCallback)on_picture,
+                      fetch);
+}

@@ -1,0 +1,46 @@
+/*
+ * The rig as the web server sees it: a client of mesorigd's D-Bus interface like any other, that
+ * keeps what it has heard for those who ask. It never blocks: calls are answered later. One thread,
+ * the one that runs the main loop.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+typedef struct WebRig WebRig;
+
+/* address: of a private daemon ("unix:path=…"), or NULL: the bus, "system" or "session". On a bus
+ * the daemon may come and go; a private one that goes stays gone. */
+WebRig *web_rig_new(const char *address, const char *bus, GError **error);
+void web_rig_free(WebRig *rig); /* NULL is ignored */
+
+/* Called with the name of a stream event and its data, one line of JSON: "state" at most twice a
+ * second, "event" for each event of the daemon, "picture" for each new picture of a camera. */
+typedef void (*WebRigNews)(const char *name, const char *json, gpointer data);
+void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
+
+/* As JSON; g_free(). */
+char *web_rig_state(const WebRig *rig);  /* an object; "state" is "away" where no daemon answers */
+char *web_rig_events(const WebRig *rig); /* the last WEB_RIG_EVENTS, an array */
+char *
+web_rig_progress(const WebRig *rig); /* what was done when: {"elapsed_s": […], "shots": […]} */
+
+#define WEB_RIG_EVENTS 200
+
+/* A method without arguments: "Pause", "Continue", "Abort", "SafeState". error: NULL, or what the
+ * daemon says; owned by the caller of back. */
+typedef void (*WebRigDone)(const GError *error, gpointer data);
+void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
+
+/* The latest picture of a camera, 8 bits, sRGB. */
+struct web_picture {
+    GBytes *png;
+    char *json; /* camera, time_s, width, height, share of pixels that are white and black in it,
+                   histogram of
+                   64 steps for each of red, green and blue */
+};
+/* picture: NULL with an error; owned by the rig until back returns. It is fetched and encoded once,
+ * however many ask for it. */
+typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
+                              gpointer data);
+void web_rig_picture(WebRig *rig, const char *camera, WebRigPicture back, gpointer data);

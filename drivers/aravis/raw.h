@@ -1,0 +1,31 @@
+/*
+ * Raw values from a GenICam camera: what cameras do to a picture between their converter and the
+ * wire, and how each of these functions is switched off by whatever name a camera has for it. The
+ * table of names is in raw.c. Calls block: for the thread that made the device.
+ */
+#pragma once
+
+#include <arv.h>
+
+/* A function that the camera has, such as gamma. */
+struct aravis_raw {
+    const char *what;   /* "gamma" */
+    const char *effect; /* what it does to measured values, as a sentence */
+    char *feature;      /* that switched it off, else the first that could; with the position of its
+                         * selector: "LUTEnable[Luminance]" */
+    char *value;        /* of that feature, now */
+    char *why;          /* NULL: it is off; else why it is not */
+    gboolean
+        unsteady; /* while it is on, the same light gives other values from picture to picture */
+};
+void aravis_raw_free(struct aravis_raw *raw);
+
+/* All functions of the table that the camera has and that can be in use as it is set now: as struct
+ * aravis_raw, to be freed with g_ptr_array_unref(). switch_off: each is switched off first, and
+ * every value is read back. Selectors are left where they were. What a camera refuses is no error;
+ * NULL with DEVICE_ERROR if the camera no longer answers. */
+GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **error);
+
+/* Switches and choices whose names sound like such a function, but that the table lacks, and that
+ * are not off: as "NAME = VALUE". g_strfreev(). */
+char **aravis_raw_unknown(ArvDevice *device);

@@ -1,0 +1,202 @@
+/* mesorig report: the page and the metadata of a session, read back by parsers that are not ours,
+ * and that what is wrong with a session is in them. */
+#include "lib/operator.h"
+#include "lib/process.h"
+
+#include <glib/gstdio.h>
+#include <json-glib/json-glib.h>
+#include <string.h>
+
+static char *in_folder(const struct operation *run, const char *name) {
+    g_autofree char *folder = g_path_get_dirname(run->session);
+    return g_build_filename(folder, name, NULL);
+}
+
+static char *contents(const char *path) {
+    g_autoptr(GError) error = NULL;
+    char *text = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    return text;
+}
+
+/* The verdict of a check in what --json printed; said: what one of that name must say, or NULL. */
+static const char *verdict_of(JsonObject *result, const char *name, const char *said) {
+    JsonArray *checks = json_object_get_array_member(result, "checks");
+    for (guint i = 0; i < json_array_get_length(checks); i++) {
+        JsonObject *check = json_array_get_object_element(checks, i);
+        if (strcmp(json_object_get_string_member(check, "name"), name) == 0 &&
+            (!said || strstr(json_object_get_string_member(check, "said"), said)))
+            return json_object_get_string_member(check, "verdict");
+    }
+    return "none";
+}
+
+/* The object that the last line of a --json call is. */
+static JsonParser *parse(const char *text) {
+    g_autoptr(GError) error = NULL;
+    JsonParser *parser = json_parser_new();
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    const char *last = NULL;
+    for (char **line = lines; *line; line++)
+        if (g_str_has_prefix(*line, "{\"session\""))
+            last = *line;
+    g_assert_nonnull(last);
+    json_parser_load_from_data(parser, last, -1, &error);
+    g_assert_no_error(error);
+    return parser;
+}
+
+static struct operation *processed(void) {
+    static const struct change described[] = {
+        {"[session]", "sample = wool <b>& silk</b>"},
+        {"[session]", "operator = Ö. \"Perator\""},
+        {"[session]", "license = https://creativecommons.org/licenses/by/4.0/"},
+        {0}};
+    struct operation *run = operator_new(NULL);
+    small_rig_write(run->directory, "session.conf", described);
+    operator_captures(run, 0);
+    operator_does(run, 0, "process", run->session, NULL);
+    return run;
+}
+
+static void counted(GMarkupParseContext *context, const char *name, const char **names,
+                    const char **values, gpointer data, GError **error) {
+    int *images = data;
+    for (int i = 0; names[i]; i++)
+        if (strcmp(name, "img") == 0 && strcmp(names[i], "src") == 0) {
+            gsize length;
+            g_assert_true(g_str_has_prefix(values[i], "data:image/png;base64,"));
+            g_autofree guchar *png = g_base64_decode(strchr(values[i], ',') + 1, &length);
+            g_assert_cmpmem(png, 8, "\x89PNG\r\n\x1a\n", 8);
+            (*images)++;
+        } else {
+            /* Nothing comes from elsewhere. */
+            g_assert_false(strcmp(names[i], "src") == 0 || strcmp(names[i], "href") == 0);
+        }
+}
+
+static void page(void) {
+    struct operation *run = processed();
+    g_autofree char *file = in_folder(run, "report.html");
+    operator_does(run, 0, "report", run->session, "-o", file, NULL);
+    g_autofree char *text = contents(file);
+    assert_has(text, "wool &lt;b&gt;&amp; silk&lt;/b&gt;");
+    assert_has(text, "Ö. &quot;Perator&quot;");
+    assert_has(text, "<svg");
+    g_assert_null(strstr(text, "<b>"));
+    /* GMarkup knows neither doctypes nor tags without an end: the table and the figures alone. */
+    const GMarkupParser parser = {.start_element = counted};
+    int images = 0;
+    for (char *at = text; (at = strstr(at, "<figure>"));) {
+        char *end = strstr(at, "<figcaption>");
+        g_autoptr(GError) error = NULL;
+        g_assert_nonnull(end);
+        g_autofree char *image = g_strndup(at + strlen("<figure>"), (gsize)(end - at) - 8);
+        g_autofree char *closed = g_strconcat(image, "</img>", NULL);
+        GMarkupParseContext *context = g_markup_parse_context_new(&parser, 0, &images, NULL);
+        g_markup_parse_context_parse(context, closed, -1, &error);
+        g_assert_no_error(error);
+        g_markup_parse_context_free(context);
+        at = end;
+    }
+    /* Two cameras, several pairs of directions, the surface. */
+    g_assert_cmpint(images, >=, 2 + 2 + 1);
+    operator_free(run);
+}
+
+static void crate(void) {
+    struct operation *run = processed();
+    g_autofree char *file = g_build_filename(run->session, "ro-crate-metadata.json", NULL);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(JsonParser) parser = json_parser_new();
+    operator_does(run, 0, "report", run->session, "--crate", NULL);
+    json_parser_load_from_file(parser, file, &error);
+    g_assert_no_error(error);
+    JsonObject *root = json_node_get_object(json_parser_get_root(parser));
+    JsonArray *graph = json_object_get_array_member(root, "@graph");
+    g_autoptr(GHashTable) entities = g_hash_table_new(g_str_hash, g_str_equal);
+    for (guint i = 0; i < json_array_get_length(graph); i++) {
+        JsonObject *entity = json_array_get_object_element(graph, i);
+        /* Each once. */
+        g_assert_true(g_hash_table_insert(
+            entities, (gpointer)json_object_get_string_member(entity, "@id"), entity));
+    }
+    /* What RO-Crate 1.1 asks for: a descriptor about the root, which has a date and its parts, all
+     * of which are entities and lie in the folder. */
+    JsonObject *descriptor = g_hash_table_lookup(entities, "ro-crate-metadata.json");
+    JsonObject *data = g_hash_table_lookup(entities, "./");
+    g_assert_nonnull(descriptor);
+    g_assert_nonnull(data);
+    g_assert_cmpstr(json_object_get_string_member(
+                        json_object_get_object_member(descriptor, "conformsTo"), "@id"),
+                    ==, "https://w3id.org/ro/crate/1.1");
+    g_assert_nonnull(json_object_get_string_member(data, "datePublished"));
+    g_assert_cmpstr(
+        json_object_get_string_member(json_object_get_object_member(data, "license"), "@id"), ==,
+        "https://creativecommons.org/licenses/by/4.0/");
+    JsonArray *parts = json_object_get_array_member(data, "hasPart");
+    g_assert_cmpuint(json_array_get_length(parts), >=, 6);
+    for (guint i = 0; i < json_array_get_length(parts); i++) {
+        const char *id =
+            json_object_get_string_member(json_array_get_object_element(parts, i), "@id");
+        g_autofree char *path = g_build_filename(run->session, id, NULL);
+        JsonObject *part = g_hash_table_lookup(entities, id);
+        g_assert_nonnull(part);
+        g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
+        if (!json_object_has_member(part, "sha256"))
+            continue;
+        const char *argv[] = {"sha256sum", path, NULL};
+        g_autofree char *sum = process_text(0, argv);
+        g_assert_true(g_str_has_prefix(sum, json_object_get_string_member(part, "sha256")));
+    }
+    /* The file belongs to the session. */
+    operator_does(run, 0, "verify", run->session, NULL);
+    operator_free(run);
+}
+
+static void verdicts(void) {
+    struct operation *run = processed();
+    g_autofree char *file = in_folder(run, "report.html");
+    g_autofree char *eigenmaps = g_build_filename(run->session, "products/eigenmaps.exr", NULL);
+    operator_does(run, 0, "report", run->session, "-o", file, "--json", NULL);
+    g_autoptr(JsonParser) whole = parse(run->out);
+    JsonObject *result = json_node_get_object(json_parser_get_root(whole));
+    g_assert_cmpstr(verdict_of(result, "shots", NULL), ==, "pass");
+    g_assert_cmpstr(verdict_of(result, "files", "frames"), ==, "pass");
+    g_assert_cmpstr(verdict_of(result, "calibration", "cameras"), ==, "warning");
+    g_assert_cmpstr(json_object_get_string_member(result, "verdict"), ==, "warning");
+
+    g_autofree char *text = contents(eigenmaps);
+    g_assert_true(g_file_set_contents(eigenmaps, "another", -1, NULL));
+    operator_does(run, 0, "report", run->session, "-o", file, "--json", NULL);
+    g_autoptr(JsonParser) damaged = parse(run->out);
+    result = json_node_get_object(json_parser_get_root(damaged));
+    g_assert_cmpstr(verdict_of(result, "files", "products"), ==, "failure");
+    g_assert_cmpstr(json_object_get_string_member(result, "verdict"), ==, "failure");
+
+    /* A view that is gone. */
+    g_autofree char *view = g_build_filename(run->session, "products/btf/view_0000.exr", NULL);
+    g_assert_cmpint(g_unlink(view), ==, 0);
+    operator_does(run, 0, "report", run->session, "-o", file, "--no-verify", "--json", NULL);
+    g_autoptr(JsonParser) missing = parse(run->out);
+    result = json_node_get_object(json_parser_get_root(missing));
+    g_assert_cmpstr(verdict_of(result, "BTF", "mesorig process"), ==, "failure");
+    operator_free(run);
+}
+
+static void mistakes(void) {
+    struct operation *run = operator_new(NULL);
+    operator_does(run, 2, "report", run->session, NULL);
+    operator_does(run, 1, "report", run->session, "-o", "/nowhere/report.html", NULL);
+    operator_free(run);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/report/page", page);
+    g_test_add_func("/report/crate", crate);
+    g_test_add_func("/report/verdicts", verdicts);
+    g_test_add_func("/report/mistakes", mistakes);
+    return operator_tests();
+}

@@ -1,0 +1,314 @@
+/* Devices by hand, through the programs: what they do, when they are refused, and that lights are
+ * off and axes stand when whoever held them has gone. */
+#include <glib/gstdio.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+
+#include "exr/exr.h"
+#include "lib/operator.h"
+#include "lib/remove_tree.h"
+
+#define MESORIG  BUILD_DIR "/bin/mesorig"
+#define MESORIGD BUILD_DIR "/bin/mesorigd"
+#define WAIT_S   30
+
+/* A small rig on a real clock, and a daemon that has it open. */
+struct desk {
+    struct operation *run;
+    char *address;
+    GSubprocess *daemon;
+};
+
+static const struct change real_clock = {"[rig]", "clock = real"};
+
+static void desk_does(struct desk *desk, int code, const char *line) {
+    g_auto(GStrv) words = g_strsplit(line, " ", -1);
+    g_autofree char *address = g_strconcat("--address=", desk->address, NULL);
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_ptr_array_add(argv, (gpointer)MESORIG);
+    g_ptr_array_add(argv, words[0]);
+    g_ptr_array_add(argv, address);
+    for (char **word = words + 1; *word; word++)
+        g_ptr_array_add(argv, *word);
+    g_ptr_array_add(argv, NULL);
+    g_clear_pointer(&desk->run->out, g_free);
+    g_clear_pointer(&desk->run->err, g_free);
+    const int is = process_run((const char *const *)argv->pdata, &desk->run->out, &desk->run->err);
+    if (is != code)
+        g_error("mesorig %s: exit code %d, not %d\n%s%s", line, is, code, desk->run->out,
+                desk->run->err);
+}
+
+static GSubprocess *desk_begins(struct desk *desk, const char *line) {
+    g_auto(GStrv) words = g_strsplit(line, " ", -1);
+    g_autofree char *address = g_strconcat("--address=", desk->address, NULL);
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_ptr_array_add(argv, (gpointer)MESORIG);
+    g_ptr_array_add(argv, words[0]);
+    g_ptr_array_add(argv, address);
+    for (char **word = words + 1; *word; word++)
+        g_ptr_array_add(argv, *word);
+    g_ptr_array_add(argv, NULL);
+    return process_start(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE,
+                         NULL, (const char *const *)argv->pdata);
+}
+
+static void desk_ends(GSubprocess *program, int signal) {
+    g_subprocess_send_signal(program, signal);
+    g_subprocess_wait(program, NULL, NULL);
+    g_object_unref(program);
+}
+
+/* Until the daemon says this of a device, or of its state. */
+static void desk_waits(struct desk *desk, const char *what) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
+    while (g_get_monotonic_time() < until_us) {
+        desk_does(desk, 0, "status --json");
+        if (strstr(desk->run->out, what))
+            return;
+        g_usleep(50000);
+    }
+    g_error("within %d s status did not say %s:\n%s", WAIT_S, what, desk->run->out);
+}
+
+static struct desk desk_new(const struct change *changes) {
+    struct desk desk = {.run = operator_new(changes)};
+    desk.address = g_strdup_printf("unix:path=%s/bus", desk.run->directory);
+    desk.daemon = process_start(
+        G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+        (const char *[]){MESORIGD, "--listen", desk.address, "--rig", desk.run->rig, NULL});
+    g_autofree char *socket = g_build_filename(desk.run->directory, "bus", NULL);
+    for (int k = 0; k < 20 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); k++)
+        g_usleep(50000);
+    desk_waits(&desk, "\"state\": \"idle\"");
+    return desk;
+}
+
+static void desk_clear(struct desk *desk) {
+    desk_ends(desk->daemon, SIGTERM);
+    operator_free(desk->run);
+    g_free(desk->address);
+}
+
+/* A number of the last command's JSON. */
+static double number(const struct desk *desk, const char *key) {
+    g_autofree char *name = g_strdup_printf("\"%s\": ", key);
+    const char *at = strstr(desk->run->out, name);
+    if (!at)
+        g_error("no %s in %s", key, desk->run->out);
+    return g_ascii_strtod(at + strlen(name), NULL);
+}
+
+static void test_snap(void) {
+    struct desk desk = desk_new((const struct change[]){real_clock, {0}});
+    desk_does(&desk, 0, "status --json");
+    assert_has(desk.run->out, "\"simulated\": true"); /* though its clock is not */
+    desk_does(&desk, 0, "snap cam30 --json");
+    const double dark_dn = number(&desk, "mean_dn");
+    g_assert_cmpfloat(number(&desk, "dark_pct"), >, 90);
+    desk_does(&desk, 0, "snap cam30 --lamp lamp30 --json");
+    const double lit_dn = number(&desk, "mean_dn");
+    g_assert_cmpfloat(number(&desk, "dark_pct"), <, 50);
+    g_assert_cmpfloat(number(&desk, "saturated_pct"), ==, 0);
+    /* Light grows with the exposure. */
+    desk_does(&desk, 0, "snap cam30 --lamp lamp30 -e 20000 --json");
+    g_assert_cmpfloat_with_epsilon((number(&desk, "mean_dn") - dark_dn) / (lit_dn - dark_dn), 2,
+                                   0.1);
+    desk_does(&desk, 0, "snap cam30 --lamp lamp30 -e 500000 --json");
+    g_assert_cmpfloat(number(&desk, "saturated_pct"), >, 40);
+    desk_does(&desk, 0, "snap cam30 --lamp lamp30");
+    assert_has(desk.run->out, "cam30  32 × 32 pixels of 12 bits (rggb), exposed for 10000 µs");
+    desk_waits(&desk, "[\"lamps\", \"bank\", \"sim-lamps\", \"off\"]");
+    desk_does(&desk, 1, "snap nobody");
+    assert_has(desk.run->err, "no camera “nobody”: there are cam30, cam60");
+    desk_does(&desk, 1, "snap cam30 -e 100000000000");
+    assert_has(desk.run->err, "cam30");
+    desk_does(&desk, 2, "snap cam30 -e -5");
+    desk_clear(&desk);
+}
+
+/* The file of what the sensor gave has what was told of it. */
+static void test_files(void) {
+    struct desk desk = desk_new((const struct change[]){real_clock, {0}});
+    g_autofree char *exr = g_build_filename(desk.run->directory, "x.exr", NULL);
+    g_autofree char *png = g_build_filename(desk.run->directory, "x.png", NULL);
+    g_autofree char *jpg = g_build_filename(desk.run->directory, "x.jpg", NULL);
+    g_autofree char *to_exr = g_strdup_printf("snap cam60 --lamp lamp60 --json -o %s", exr);
+    g_autofree char *to_png = g_strdup_printf("snap cam60 --lamp lamp60 -o %s", png);
+    g_autofree char *to_jpg = g_strdup_printf("snap cam60 --lamp lamp60 -o %s", jpg);
+    g_autofree char *data = NULL;
+    g_autoptr(GError) error = NULL;
+    desk_does(&desk, 0, to_exr);
+    struct exr_part *part = exr_read_part(exr, "frame", &error);
+    g_assert_no_error(error);
+    const float *values = exr_part_plane(part, "Y");
+    double sum = 0, most = 0;
+    for (int i = 0; i < 32 * 32; i++) {
+        sum += values[i];
+        most = fmax(most, values[i]);
+    }
+    g_assert_cmpfloat_with_epsilon(sum / (32 * 32), number(&desk, "mean_dn"), 1e-6);
+    g_assert_cmpfloat(most, ==, number(&desk, "max_dn"));
+    exr_part_free(part);
+    desk_does(&desk, 0, to_png);
+    g_file_get_contents(png, &data, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_true(g_str_has_prefix(data, "\x89PNG"));
+    desk_does(&desk, 1, to_jpg);
+    assert_has(desk.run->err, "give a name that ends in .png or .exr");
+    desk_does(&desk, 0, "live cam30 -n 3 --json");
+    g_auto(GStrv) lines = g_strsplit(g_strstrip(desk.run->out), "\n", -1);
+    g_assert_cmpint(g_strv_length(lines), ==, 3);
+    desk_clear(&desk);
+}
+
+static void test_axes(void) {
+    struct desk desk = desk_new((const struct change[]){real_clock, {0}});
+    desk_does(&desk, 1, "move turntable 30");
+    assert_has(desk.run->err, "home it first");
+    desk_does(&desk, 0, "home turntable --json");
+    desk_does(&desk, 0, "move turntable 30 --json");
+    g_assert_cmpfloat_with_epsilon(number(&desk, "position_deg"), 30, 0.05);
+    desk_does(&desk, 0, "home sweep30");
+    desk_does(&desk, 1, "move sweep30 80");
+    assert_has(desk.run->err, "outside its limits, -15 to 15°");
+    desk_does(&desk, 0, "move -- sweep30 -10");
+    assert_has(desk.run->out, "sweep30 stands at -10°");
+    desk_does(&desk, 1, "move lid 3");
+    assert_has(desk.run->err, "turntable, arc, sweep30, sweep60");
+    desk_does(&desk, 2, "move turntable far");
+    desk_clear(&desk);
+}
+
+/* Whoever holds a light or an axis is killed. */
+static void test_killed(void) {
+    struct desk desk =
+        desk_new((const struct change[]){real_clock, {"[axis turntable]", "speed_deg_s = 2"}, {0}});
+    GSubprocess *lamp = desk_begins(&desk, "lamp lamp30");
+    desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
+    GSubprocess *laser = desk_begins(&desk, "laser laser60");
+    desk_waits(&desk, "\"laser60\", \"sim-laser\", \"on\"");
+    desk_ends(laser, SIGKILL);
+    desk_waits(&desk, "\"laser60\", \"sim-laser\", \"off\"");
+    assert_has(desk.run->out, "\"bank\", \"sim-lamps\", \"1 on\""); /* another's stays */
+    desk_ends(lamp, SIGKILL);
+    desk_waits(&desk, "\"bank\", \"sim-lamps\", \"off\"");
+    desk_does(&desk, 0, "home turntable");
+    GSubprocess *move = desk_begins(&desk, "move turntable 179"); /* 90 s */
+    desk_waits(&desk, "\"turntable\", \"sim-axis\", \"moving\"");
+    desk_does(&desk, 1, "move turntable 3");
+    assert_has(desk.run->err, "busy");
+    const gint64 killed_us = g_get_monotonic_time();
+    desk_ends(move, SIGKILL);
+    desk_waits(&desk, "\"turntable\", \"sim-axis\", \"ok\"");
+    g_assert_cmpint(g_get_monotonic_time() - killed_us, <, 20 * G_USEC_PER_SEC);
+    /* By Ctrl-C it is off before the command ends. */
+    lamp = desk_begins(&desk, "lamp lamp60");
+    desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
+    desk_ends(lamp, SIGINT);
+    desk_does(&desk, 0, "status --json");
+    assert_has(desk.run->out, "\"bank\", \"sim-lamps\", \"off\"");
+    desk_clear(&desk);
+}
+
+/* Nothing by hand while a session is captured, not even while it is paused. What somebody holds
+ * when it begins ends. */
+static void test_capture(void) {
+    static const char *const refused[] = {"snap cam30",     "lamp lamp30", "laser laser30",
+                                          "home turntable", "test",        "live cam30"};
+    struct desk desk = desk_new((const struct change[]){real_clock, {0}});
+    GSubprocess *lamp = desk_begins(&desk, "lamp lamp60");
+    desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
+    g_autofree char *line =
+        g_strdup_printf("capture %s %s -o %s", desk.run->rig, desk.run->conf, desk.run->session);
+    GSubprocess *capture = desk_begins(&desk, line);
+    desk_waits(&desk, "\"state\": \"running\"");
+    for (gsize i = 0; i < G_N_ELEMENTS(refused); i++) {
+        desk_does(&desk, 1, refused[i]);
+        assert_has(desk.run->err, "is being captured");
+    }
+    desk_does(&desk, 0, "pause");
+    desk_waits(&desk, "\"state\": \"paused\"");
+    desk_does(&desk, 1, "lamp lamp30");
+    assert_has(desk.run->err, "is being captured (paused)");
+    desk_does(&desk, 0, "abort");
+    desk_does(&desk, 0, "lamp lamp30 --for 0.1");
+    desk_ends(capture, SIGKILL);
+    desk_ends(lamp, SIGKILL);
+    desk_clear(&desk);
+}
+
+/* The door is open from the beginning for two seconds. */
+static void test_interlock(void) {
+    struct desk desk = desk_new(
+        (const struct change[]){real_clock, {"[interlock door]", "open_after_s = 0.001"}, {0}});
+    desk_waits(&desk, "\"door\", \"sim-interlock\", \"open\"");
+    desk_does(&desk, 1, "laser laser30");
+    assert_has(desk.run->err, "door");
+    desk_does(&desk, 1, "home turntable");
+    assert_has(desk.run->err, "door");
+    desk_does(&desk, 0, "lamp lamp30 --for 0.1");
+    desk_does(&desk, 0, "snap cam30");
+    desk_does(&desk, 1, "test");
+    assert_has(desk.run->out, "FAIL interlock  door");
+    assert_has(desk.run->out, "FAIL laser      laser30");
+    assert_has(desk.run->out, "ok   lamp       lamp30");
+    desk_clear(&desk);
+}
+
+/* It opens while a laser is on and an axis moves. */
+static void test_opened(void) {
+    struct desk desk = desk_new((const struct change[]){real_clock,
+                                                        {"[axis turntable]", "speed_deg_s = 1"},
+                                                        {"[interlock door]", "open_after_s = 12"},
+                                                        {0}});
+    desk_does(&desk, 0, "home turntable");
+    GSubprocess *move = desk_begins(&desk, "move turntable 179");
+    desk_waits(&desk, "\"turntable\", \"sim-axis\", \"moving\"");
+    GSubprocess *laser = desk_begins(&desk, "laser laser60");
+    desk_waits(&desk, "\"laser60\", \"sim-laser\", \"on\"");
+    desk_waits(&desk, "\"door\", \"sim-interlock\", \"open\"");
+    desk_waits(&desk, "\"laser60\", \"sim-laser\", \"off\"");
+    desk_waits(&desk, "\"turntable\", \"sim-axis\", \"ok\"");
+    g_subprocess_wait(laser, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(laser), ==, 1);
+    g_subprocess_wait(move, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(move), ==, 1);
+    g_object_unref(laser);
+    g_object_unref(move);
+    desk_clear(&desk);
+}
+
+/* test passes a rig that is as it should be, and names what is not. Virtual time: no daemon runs.
+ */
+static void test_test(void) {
+    struct operation *run = operator_new(NULL);
+    operator_does(run, 0, "test", "--rig", run->rig, NULL);
+    assert_has(run->out, "11 of 11 are as they should be");
+    operator_does(run, 1, "test", NULL); /* whichever rig */
+    operator_free(run);
+    run = operator_new((const struct change[]){{"[lamps bank]", "fault_dead = lamp60"}, {0}});
+    operator_does(run, 1, "test", "--rig", run->rig, NULL);
+    assert_has(run->out, "FAIL lamp       lamp60           switched on and off, but none of 2");
+    assert_has(run->out, "10 of 11");
+    operator_free(run);
+    run = operator_new((const struct change[]){{"[camera cam60]", "fault_lost = 1"}, {0}});
+    operator_does(run, 1, "test", "--rig", run->rig, "--json", NULL);
+    assert_has(run->out, "{\"class\": \"camera\", \"name\": \"cam60\", \"good\": false");
+    assert_has(run->out, "{\"class\": \"lamp\", \"name\": \"lamp60\", \"good\": true");
+    operator_free(run);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/hands/snap", test_snap);
+    g_test_add_func("/hands/files", test_files);
+    g_test_add_func("/hands/axes", test_axes);
+    g_test_add_func("/hands/killed", test_killed);
+    g_test_add_func("/hands/capture", test_capture);
+    g_test_add_func("/hands/interlock", test_interlock);
+    g_test_add_func("/hands/opened", test_opened);
+    g_test_add_func("/hands/test", test_test);
+    return operator_tests();
+}
