@@ -149,6 +149,19 @@ struct calibration *calibration_read(const char *path, GError **error) {
 }
 
 /* Names and sizes identify devices: their order is that of the rig file. */
+/* What a lamp or laser is and stands on, where that differs from the rig file; else NULL. */
+static char *differ(const char *what, int index, const char *name, int fixed,
+                    const char *nominal_name, int nominal_fixed) {
+    static const char *const stands[] = {"is carried by the arc", "stands by itself"};
+
+    if (strcmp(name, nominal_name) != 0)
+        return g_strdup_printf("%s %d is %s, in the rig file %s", what, index, name, nominal_name);
+    if (fixed != nominal_fixed)
+        return g_strdup_printf("%s %s %s, in the rig file it %s", what, name, stands[fixed],
+                               stands[nominal_fixed]);
+    return NULL;
+}
+
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;
@@ -170,13 +183,11 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
                 a->width, a->height, b->name, b->width, b->height);
     }
     for (int i = 0; i < rig->n_lamps && !why; i++)
-        if (strcmp(rig->lamps[i].name, nominal->lamps[i].name) != 0)
-            why = g_strdup_printf("lamp %d is %s, in the rig file %s", i, rig->lamps[i].name,
-                                  nominal->lamps[i].name);
+        why = differ("lamp", i, rig->lamps[i].name, rig->lamps[i].fixed, nominal->lamps[i].name,
+                     nominal->lamps[i].fixed);
     for (int i = 0; i < rig->n_lasers && !why; i++)
-        if (strcmp(rig->lasers[i].name, nominal->lasers[i].name) != 0)
-            why = g_strdup_printf("laser %d is %s, in the rig file %s", i, rig->lasers[i].name,
-                                  nominal->lasers[i].name);
+        why = differ("laser", i, rig->lasers[i].name, rig->lasers[i].fixed, nominal->lasers[i].name,
+                     nominal->lasers[i].fixed);
     if (why)
         g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
                     "%s: %s; a calibration is valid only for its own rig: calibrate this one", path,

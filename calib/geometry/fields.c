@@ -11,6 +11,8 @@ void fields_write(GString *text, const struct field *fields, gconstpointer from)
 
     for (const struct field *f = fields; f->name; f++) {
         const char *at = (const char *)from + f->offset;
+        if (f->integer && f->optional && f->n == 1 && *(const int *)at == 0)
+            continue;
         g_string_append_printf(text, "%s=", f->name);
         for (int i = 0; i < f->n; i++) {
             g_string_append(text, i ? ";" : "");

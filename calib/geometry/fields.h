@@ -18,7 +18,7 @@ struct field {
     gboolean optional; /* 0 if a file does not have it */
 };
 
-/* "key=value" lines. */
+/* "key=value" lines. An optional integer that is 0 is left out. */
 void fields_write(GString *text, const struct field *fields, gconstpointer from);
 /* Writes one such line with the value escaped for GKeyFile. */
 void fields_write_string(GString *text, const char *key, const char *value);

@@ -167,9 +167,30 @@ struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct
     return rig_turn(tilt(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
 }
 
+/* The three below: from the frame of a device's carrier to the rig frame, and back. */
+static struct vec3 carried_point(const struct rig_arc *arc, gboolean fixed, double arc_rad,
+                                 struct vec3 point_mm) {
+    return fixed ? point_mm : rig_arc_point(arc, arc_rad, point_mm);
+}
+
+static struct vec3 carried_direction(const struct rig_arc *arc, gboolean fixed, double arc_rad,
+                                     struct vec3 direction) {
+    return fixed ? direction : rig_arc_direction(arc, arc_rad, direction);
+}
+
+static struct vec3 carried_point_back(const struct rig_arc *arc, gboolean fixed, double arc_rad,
+                                      struct vec3 point_mm) {
+    return fixed ? point_mm : rig_arc_point_back(arc, arc_rad, point_mm);
+}
+
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad) {
-    return rig_arc_point(arc, arc_rad, lamp->position_mm);
+    return carried_point(arc, lamp->fixed, arc_rad, lamp->position_mm);
+}
+
+struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                double arc_rad, struct vec3 point_mm) {
+    return carried_point_back(arc, lamp->fixed, arc_rad, point_mm);
 }
 
 /* E = intensity · cosⁿ(angle from the aim) / r², r in metres. */
@@ -177,7 +198,7 @@ double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lam
                            struct vec3 point_mm) {
     struct vec3 path = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
     double r_mm = vec3_length(path);
-    double cosine = vec3_dot(path, rig_arc_direction(arc, arc_rad, lamp->aim)) / r_mm;
+    double cosine = vec3_dot(path, carried_direction(arc, lamp->fixed, arc_rad, lamp->aim)) / r_mm;
 
     if (cosine <= 0)
         return 0;
@@ -186,7 +207,12 @@ double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lam
 
 struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_laser *laser,
                                   double arc_rad) {
-    return rig_arc_point(arc, arc_rad, laser->position_mm);
+    return carried_point(arc, laser->fixed, arc_rad, laser->position_mm);
+}
+
+struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
+                           double arc_rad) {
+    return carried_direction(arc, laser->fixed, arc_rad, laser->axis);
 }
 
 /* The sheet's normal at sweep angle s: n cos s' + (axis × n) sin s', s' = s (1 + stretch). */
@@ -196,17 +222,18 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     /* Rodrigues' formula for a vector perpendicular to the axis. */
     struct vec3 normal = vec3_add(vec3_scale(laser->normal, cos(s)),
                                   vec3_scale(vec3_cross(laser->axis, laser->normal), sin(s)));
-    struct rig_plane sheet = {.normal = rig_arc_direction(arc, arc_rad, normal)};
+    struct rig_plane sheet = {.normal = carried_direction(arc, laser->fixed, arc_rad, normal)};
 
     sheet.offset_mm = vec3_dot(sheet.normal, rig_laser_position_mm(arc, laser, arc_rad));
     return sheet;
 }
 
-/* s = atan2(q·n, q·beam) / (1 + stretch), q being the point relative to the laser in the arc's
+/* s = atan2(q·n, q·beam) / (1 + stretch), q being the point relative to the laser in its carrier's
  * frame. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
-    struct vec3 way = vec3_sub(rig_arc_point_back(arc, arc_rad, point_mm), laser->position_mm);
+    struct vec3 way =
+        vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm), laser->position_mm);
     struct vec3 beam = vec3_cross(laser->normal, laser->axis);
 
     /* The lit half of the sheet lies on the beam's side of the axis. */
@@ -219,8 +246,8 @@ double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, d
     struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
     double distance = vec3_length(eye), radius = rig->arc_radius_mm;
 
-    if (distance <= radius)
-        return G_MAXDOUBLE; /* the arc is behind it */
+    if (radius == 0 || distance <= radius)
+        return G_MAXDOUBLE; /* there is no arc, or it is behind the camera */
     struct vec3 towards = rig_turn(vec3_scale(eye, 1 / distance), -(arc_rad + rig->arc.zero_rad));
     double theta = towards.x > 0 ? atan2(towards.x, towards.z) : 0;
 

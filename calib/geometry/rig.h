@@ -6,7 +6,10 @@
  * Rig frame: millimetres, right-handed, origin on the turntable's axis in the plane of its top, z
  * up. Sample frame: rotates with the turntable; at turntable angle τ (counter-clockwise seen from
  * above) a point p of the sample is at Rz(τ) p in the rig. A fixed camera at azimuth φ_c is seen
- * by the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ.
+ * by the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ, one that stands
+ * by itself at azimuth φ_l at φ_l − τ.
+ *
+ * A rig may lack turntable and arc: an axis that is not there stands at 0.
  *
  * Pure functions over plain data: any thread.
  */
@@ -17,7 +20,7 @@
 #include "base/vec.h"
 
 #define RIG_MAX_CAMERAS    16
-#define RIG_MAX_LAMPS      16
+#define RIG_MAX_LAMPS      128
 #define RIG_LEAST_RESPONSE 1e-6 /* DN/s per W/(sr m²), as in a rig file */
 #define RIG_MOST_RESPONSE  1e12
 #define RIG_MOST_INTENSITY 1e6 /* W/sr */
@@ -48,18 +51,21 @@ struct rig_arc {
     double centre_mm[2]; /* intersection of the axis with z = 0 */
 };
 
-/* A lamp on the light arc. Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
+/* A lamp on the light arc, or one that stands by itself (fixed): where it is and points to is said
+ * in the frame of what carries it, the arc's (at α + zero = 0 it stands over +x) or the rig's.
+ * Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
 struct rig_lamp {
     char name[RIG_NAME];
-    struct vec3 position_mm; /* in the arc's frame (at α + zero = 0 it stands over +x) */
-    struct vec3 aim;         /* unit, in the arc's frame */
+    struct vec3 position_mm;
+    struct vec3 aim; /* unit */
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
+    int fixed;        /* 1: the arc's angle does not matter to it */
 };
 
-/* A line laser on the light arc: a sheet of light through position that rotates about an axis in
- * that sheet. At sweep angle s the sheet's normal is `normal` rotated about axis by s·(1 +
- * stretch) (right-handed). All in the arc's frame. */
+/* A line laser on the light arc, or one that stands by itself (fixed), as a lamp: a sheet of light
+ * through position that rotates about an axis in that sheet. At sweep angle s the sheet's normal is
+ * `normal` rotated about axis by s·(1 + stretch) (right-handed). All in its carrier's frame. */
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm;
@@ -68,6 +74,7 @@ struct rig_laser {
                            the origin (nominally) */
     double stretch;     /* relative excess of the true over the commanded sweep angle, within ±
                            RIG_MOST_STRETCH */
+    int fixed;
 };
 
 /* A fiducial: a matt white disc, level beside the sample and fixed to the turntable. Its picture
@@ -90,8 +97,8 @@ struct rig {
     struct rig_arc arc;
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
-    double arc_radius_mm; /* radius of the arc's inner edge, and */
-    double arc_width_mm;  /* its width: they give the part that it hides from a camera */
+    double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc; and */
+    double arc_width_mm;  /* its width, also of lamps: they give the part hidden from a camera */
 };
 
 #define RIG_ERROR rig_error_quark()
@@ -129,8 +136,12 @@ struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 
+/* In the rig frame with the arc at an angle, which matters only to what is not fixed. */
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad);
+/* A point of the rig frame in the frame that the lamp's position is said in. */
+struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                double arc_rad, struct vec3 point_mm);
 
 /* Irradiance on a plane perpendicular to the direction of the lamp, W·m⁻². */
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
@@ -138,6 +149,8 @@ double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lam
 
 struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_laser *laser,
                                   double arc_rad);
+struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
+                           double arc_rad);
 
 /* The sheet of light: points p of the rig frame with normal · p = offset_mm. */
 struct rig_plane {
@@ -154,7 +167,7 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
 /* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
  * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of
  * arc_radius_mm in the plane of azimuth α, from α over the zenith down to the horizon at α only
- * (a quarter circle). */
+ * (a quarter circle). G_MAXDOUBLE where nothing of it can be in the way. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm);
 
 /* Spherical angles of a direction: θ from +z in [0, π], φ from +x, counter-clockwise in [0, 2π). */

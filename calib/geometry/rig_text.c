@@ -52,6 +52,7 @@ static const struct field lamp_fields[] = {
     {"aim", LAMP(aim), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
     {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, RIG_MOST_INTENSITY},
+    {"fixed", LAMP(fixed), 1, TRUE, 0, 1, TRUE},
     {NULL},
 };
 
@@ -61,6 +62,7 @@ static const struct field laser_fields[] = {
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"stretch", LASER(stretch), 1, FALSE, -RIG_MOST_STRETCH, RIG_MOST_STRETCH, TRUE},
+    {"fixed", LASER(fixed), 1, TRUE, 0, 1, TRUE},
     {NULL},
 };
 

@@ -1,7 +1,8 @@
 /* Least squares (geometry/fit.h) over all sights: predicted minus measured position, divided by
- * its standard deviation. Parameters: tilt and centre of the arc's axis (4), positions of the
- * lamps (3 each), positions and sizes of the marks (2 + 1 each), offsets of the cameras (2 each,
- * prior σ = LAMPS_CAMERA_PX), and errors of the drives' angles (1 each, σ estimated by drive.h). */
+ * its standard deviation. Parameters: tilt and centre of the arc's axis (4), if lamps are on it,
+ * positions of the lamps (3 each), positions and sizes of the marks (2 + 1 each), offsets of the
+ * cameras (2 each, prior σ = LAMPS_CAMERA_PX), and errors of the drives' angles (1 each, σ
+ * estimated by drive.h). */
 #include "lamps.h"
 
 #include "geometry/drive.h"
@@ -138,10 +139,10 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
             lamps[i] = lamps_lamp_of(problem, x, i);
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
-        struct vec3 lamp =
-            s->lamp < 0 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
-                        : rig_lamp_position_mm(&arc, &lamps[s->lamp],
-                                               s->arc_rad + x[problem->arc.at + problem->swing[i]]);
+        const double off = problem->swing[i] >= 0 ? x[problem->arc.at + problem->swing[i]] : 0;
+        struct vec3 lamp = s->lamp < 0
+                               ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
+                               : rig_lamp_position_mm(&arc, &lamps[s->lamp], s->arc_rad + off);
         const double *d = x + problem->camera_at[s->camera], *shift = problem->shift + 4 * i;
         double at[2] = {0, 0};
         gboolean seen =
@@ -172,13 +173,24 @@ static void lamps_find_shift(const struct problem *problem, const struct lamp_si
     ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
 }
 
-/* Range of the arc angles: 2π minus the largest gap between neighbours. */
-static double spread_rad(const struct lamp_sight *sights, int n) {
-    if (n < 1)
+/* Whether a sight depends on the arc: a post itself and a lamp that stands by itself do not. */
+static gboolean is_on_arc(const struct problem *problem, const struct lamp_sight *sight) {
+    return sight->lamp >= 0 && !problem->rig->lamps[sight->lamp].fixed;
+}
+
+/* Range of the arc angles: 2π minus the largest gap between neighbours. 0 if no lamp is on it. */
+static double spread_rad(const struct problem *problem) {
+    g_autofree double *turns = g_new(double, problem->n + 1);
+    gboolean any = FALSE;
+    int n = 0;
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        any |= is_on_arc(problem, s);
+        if (s->lamp < 0 || is_on_arc(problem, s))
+            turns[n++] = s->arc_rad - 2 * G_PI * floor(s->arc_rad / (2 * G_PI));
+    }
+    if (!any)
         return 0;
-    g_autofree double *turns = g_new(double, n);
-    for (int i = 0; i < n; i++)
-        turns[i] = sights[i].arc_rad - 2 * G_PI * floor(sights[i].arc_rad / (2 * G_PI));
     qsort(turns, (gsize)n, sizeof *turns, fit_compare);
     double gap = turns[0] + 2 * G_PI - turns[n - 1];
     for (int i = 1; i < n; i++)
@@ -194,8 +206,7 @@ static gboolean lamps_refuse_few(const char *what, const char *name, int n, GErr
     return FALSE;
 }
 
-/* Collects the distinct angles of the drives, and what a camera's offset does to each sight. A post
- * itself is independent of the arc. */
+/* Collects the distinct angles of the drives, and what a camera's offset does to each sight. */
 static void lamps_find_angles(struct problem *problem) {
     drive_init(&problem->turntable, problem->n);
     drive_init(&problem->arc, problem->n);
@@ -203,7 +214,7 @@ static void lamps_find_angles(struct problem *problem) {
         const struct lamp_sight *s = &problem->sights[i];
         double *shift = problem->shift + 4 * (gsize)i;
         problem->turn[i] = drive_angle(&problem->turntable, s->turntable_rad);
-        problem->swing[i] = s->lamp < 0 ? -1 : drive_angle(&problem->arc, s->arc_rad);
+        problem->swing[i] = is_on_arc(problem, s) ? drive_angle(&problem->arc, s->arc_rad) : -1;
         if (problem->target->kind == LAMP_BALLS)
             shift[0] = shift[3] = 1;
         else
@@ -217,7 +228,7 @@ static int *lamps_new_depends(const struct problem *problem) {
         const struct lamp_sight *s = &problem->sights[i];
         int *of = depends + (gsize)i * ON;
         for (int k = 0; k < 4; k++)
-            of[ON_ARC + k] = problem->fit_arc && s->lamp >= 0 ? k : -1;
+            of[ON_ARC + k] = problem->fit_arc && is_on_arc(problem, s) ? k : -1;
         for (int k = 0; k < 3; k++)
             of[ON_LAMP + k] = s->lamp >= 0 ? problem->lamp_at[s->lamp] + k : -1;
         for (int k = 0; k < 2; k++) {
@@ -226,7 +237,7 @@ static int *lamps_new_depends(const struct problem *problem) {
         }
         of[ON_SIZE] = problem->size_at[s->mark];
         of[ON_TURN] = problem->turntable.at + problem->turn[i];
-        of[ON_SWING] = s->lamp >= 0 ? problem->arc.at + problem->swing[i] : -1;
+        of[ON_SWING] = problem->swing[i] >= 0 ? problem->arc.at + problem->swing[i] : -1;
     }
     return depends;
 }
@@ -247,7 +258,7 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "no lamp is seen in any picture");
         return FALSE;
     }
-    problem->fit_arc = spread_rad(problem->sights, problem->n) >= LEAST_ARC;
+    problem->fit_arc = spread_rad(problem) >= LEAST_ARC;
     problem->n_parameters = problem->fit_arc ? 4 : 0;
     for (int i = 0; i < RIG_MAX_LAMPS; i++) {
         problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
@@ -303,15 +314,15 @@ static double covariance_at(const struct problem *problem, const struct fit_resu
     return fit->covariance[i * problem->n_parameters + j];
 }
 
-/* Gauge of the arc's angle: rotates all lamps so that they are closest to the nominal ones, tan φ
- * = Σ (n × p)_z / Σ n·p over xy; the arc's zero compensates for it. */
+/* Gauge of the arc's angle: rotates all lamps on the arc so that they are closest to the nominal
+ * ones, tan φ = Σ (n × p)_z / Σ n·p over xy; the arc's zero compensates for it. */
 static void set_zero(const struct problem *problem, const struct fit_result *fit,
                      struct lamps_result *ret) {
     double cross = 0, dot = 0, variance = 0;
     g_autofree double *slope = g_new0(double, problem->n_parameters);
     for (int i = 0; i < problem->rig->n_lamps; i++) {
         struct vec3 from = problem->rig->lamps[i].position_mm, to = ret->rig.lamps[i].position_mm;
-        if (problem->lamp_at[i] < 0)
+        if (problem->lamp_at[i] < 0 || problem->rig->lamps[i].fixed)
             continue;
         cross += from.x * to.y - from.y * to.x;
         dot += from.x * to.x + from.y * to.y;
@@ -327,7 +338,8 @@ static void set_zero(const struct problem *problem, const struct fit_result *fit
     for (int i = 0; i < problem->rig->n_lamps; i++)
         if (problem->lamp_at[i] >= 0) {
             struct rig_lamp *lamp = &ret->rig.lamps[i];
-            lamp->position_mm = rig_turn(lamp->position_mm, -turn);
+            if (!lamp->fixed)
+                lamp->position_mm = rig_turn(lamp->position_mm, -turn);
             /* Rotates the aim with the position (Rodrigues' formula): it keeps its angle to the
              * origin. */
             struct vec3 from = vec3_unit(problem->rig->lamps[i].position_mm);

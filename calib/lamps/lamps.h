@@ -21,7 +21,8 @@
  * a parameter with mean 0 and the standard deviation LAMPS_CAMERA_PX.
  *
  * The zero of the arc's angle and a rotation of all lamps about its axis are equivalent: the zero
- * is chosen so that the lamps are closest to the nominal ones.
+ * is chosen so that the lamps are closest to the nominal ones. Where no lamp is on the arc, there
+ * is neither: each lamp's position is found as it is, in the rig frame.
  *
  * Pure; any thread.
  */

@@ -37,7 +37,7 @@ struct problem {
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of; /* n: index of the arc's angle */
+    int *swing_of; /* n: index of the arc's angle; −1: a laser that stands by itself */
     int n_parameters;
 };
 
@@ -80,7 +80,8 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
             lasers[i] = laser_of(problem, x, i);
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
-        const double arc_rad = point->arc_rad + x[problem->swing.at + problem->swing_of[i]];
+        const int swing = problem->swing_of[i];
+        const double arc_rad = point->arc_rad + (swing >= 0 ? x[problem->swing.at + swing] : 0);
         const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
         const float *a = point->shift;
         struct rig_plane sheet =
@@ -173,7 +174,7 @@ static int *laser_new_depends(const struct problem *problem) {
             of[ON_LASER + k] = problem->at[p->laser] + k;
         for (int k = 0; k < 2; k++)
             of[ON_CAMERA + k] = problem->camera_at[p->camera] + k;
-        of[ON_SWING] = problem->swing.at + problem->swing_of[i];
+        of[ON_SWING] = problem->swing_of[i] >= 0 ? problem->swing.at + problem->swing_of[i] : -1;
     }
     return depends;
 }
@@ -360,7 +361,8 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
     memset(ret, 0, sizeof *ret);
     drive_init(drive, n);
     for (int i = 0; i < n; i++)
-        swing_of[i] = drive_angle(drive, points[i].arc_rad);
+        swing_of[i] =
+            rig->lasers[points[i].laser].fixed ? -1 : drive_angle(drive, points[i].arc_rad);
     gboolean ok = laser_lay_out(&problem, sweep_names, error) &&
                   laser_check_mistakes(rig, points, n, sweep_names, error);
     if (ok) {

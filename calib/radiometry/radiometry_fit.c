@@ -103,8 +103,8 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     const struct tile_shot *shot = &p->shots[cell->shot];
     const struct rig_lamp *l = &p->rig->lamps[shot->lamp];
     const double *x = p->x + lamp_at(p, shot->lamp);
-    struct vec3 direction = vec3_unit(
-        vec3_sub(rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), l->position_mm));
+    struct vec3 direction = vec3_unit(vec3_sub(
+        rig_lamp_point_back(&p->rig->arc, l, shot->arc_rad, cell->point_mm), l->position_mm));
     struct vec3 aim = tilted_aim(l, x[4], x[5]), e[2];
     double exponent = l->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
     radiometry_fit_across(l, &e[0], &e[1]);
@@ -247,9 +247,10 @@ static double lit_from_rad(const struct problem *p, int shot) {
 }
 
 /* A lamp's fall-off is separated from the cameras' vignetting by light from several sides: of the
- * lamp itself at several angles of the arc, or, where no lamp ever turns, of the lamps together.
- * Then it is known less well, as its error says; its product with the vignetting, which is all that
- * pictures of that rig depend on, is known as well. */
+ * lamp itself at several angles of the arc, or, where no lamp ever turns, of the lamps together;
+ * one that stands by itself beside an arc is told by those on it. Then it is known less well, as
+ * its error says; its product with the vignetting, which is all that pictures of that rig depend
+ * on, is known as well. */
 static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)
@@ -264,7 +265,7 @@ static gboolean radiometry_fit_check_shots(const struct problem *p, GError **err
             first = n++ == 0 ? from : first;
             apart = MAX(apart, fabs(remainder(from - first, 2 * G_PI)));
         }
-        if (n == 0 || apart >= APART_RAD)
+        if (n == 0 || apart >= APART_RAD || (turns && p->rig->lamps[l].fixed))
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
                     "lamp %s lights the tile from one side only (%s within %.0f°): its "

@@ -231,8 +231,10 @@ static struct mistake mistake_of(double turntable, double arc) {
     return mistake;
 }
 
-/* Signs, radians, pairs of lamps; of lamps, too, that all are counted from the other end or from a
+/* Signs, radians, pairs of lamps (of many lamps, those with neighbouring numbers: each mistake is
+ * tried on all pictures); of lamps, too, that all are counted from the other end or from a
  * neighbour. Balls show lamps wherever they are: lamps_fit() tells which are exchanged. */
+#define MOST_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     static const double factors[][2] = {{-1, 1},      {1, -1},      {-1, -1},
                                         {DEGREES, 1}, {1, DEGREES}, {DEGREES, DEGREES}};
@@ -242,7 +244,7 @@ static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
         g_array_append_val(all, mistake);
     }
     for (int a = 0; a < n_lamps && kind == LAMP_POLES; a++)
-        for (int b = a + 1; b < n_lamps; b++) {
+        for (int b = a + 1; b < (n_lamps > MOST_PAIRED ? MIN(a + 2, n_lamps) : n_lamps); b++) {
             struct mistake mistake = mistake_of(1, 1);
             mistake.lamps[a] = b;
             mistake.lamps[b] = a;
@@ -394,7 +396,8 @@ static void cli_calibrate_lights_keep(struct job *job) {
                                             frame->path, poles ? "post" : "ball", s->mark + 1));
     }
     calibration->rig = found->rig;
-    calibration->arc = (struct calibration_arc){.known = TRUE, .zero_rad = found->zero_error_rad};
+    calibration->arc = (struct calibration_arc){.known = found->rig.arc_radius_mm > 0,
+                                                .zero_rad = found->zero_error_rad};
     for (int k = 0; k < 2; k++) {
         calibration->arc.tilt_rad[k] = found->tilt_error_rad[k];
         calibration->arc.centre_mm[k] = found->centre_error_mm[k];
@@ -484,12 +487,15 @@ static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *ba
     record_double(to, "arc_zero_deg", arc->zero_rad * 180 / G_PI);
     record_boolean(to, "arc_axis_known", found->arc_known);
     record_double(to, "real_s", base->seconds);
-    record_say(to, "  arc: zero %+.4f° ± %.4f°", arc->zero_rad * deg, found->zero_error_rad * deg);
-    if (found->arc_known)
+    const gboolean has_arc = found->rig.arc_radius_mm > 0;
+    if (has_arc)
+        record_say(to, "  arc: zero %+.4f° ± %.4f°", arc->zero_rad * deg,
+                   found->zero_error_rad * deg);
+    if (has_arc && found->arc_known)
         record_say(to, ", axis leans %.4f° and stands at %+.3f %+.3f mm\n",
                    hypot(arc->tilt_rad[0], arc->tilt_rad[1]) * deg, arc->centre_mm[0],
                    arc->centre_mm[1]);
-    else
+    else if (has_arc)
         record_say(to, "; too few angles of it to tell its axis\n");
     calibrate_say_doubts(to, base, part, "sights");
 }

@@ -63,9 +63,12 @@ static void show_lamp(Record *to, const struct rig *rig, int i,
     record_say(to, "\n");
 }
 
-static void show_arc(Record *to, const struct rig_arc *arc, const struct calibration_arc *errors) {
+static void show_arc(Record *to, gboolean has_arc, const struct rig_arc *arc,
+                     const struct calibration_arc *errors) {
     const double deg = 180 / G_PI;
 
+    if (!has_arc)
+        return;
     record_say(to, "  arc: zero %+.4f°, axis leans %.4f° and stands at %+.3f %+.3f mm",
                arc->zero_rad * deg, hypot(arc->tilt_rad[0], arc->tilt_rad[1]) * deg,
                arc->centre_mm[0], arc->centre_mm[1]);
@@ -147,7 +150,7 @@ static int cli_calibrate_show_run(const struct call *call, GError **error) {
     show_part(to, calibration, CALIBRATION_LIGHTS);
     for (int i = 0; i < rig->n_lamps; i++)
         show_lamp(to, rig, i, &calibration->lamps[i]);
-    show_arc(to, &rig->arc, &calibration->arc);
+    show_arc(to, rig->arc_radius_mm > 0, &rig->arc, &calibration->arc);
     show_part(to, calibration, CALIBRATION_LASER);
     for (int i = 0; i < rig->n_lasers; i++)
         show_laser(to, &rig->lasers[i], &calibration->lasers[i]);

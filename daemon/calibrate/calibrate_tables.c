@@ -42,6 +42,10 @@ void calibrate_table_lamps(GString *to, const struct calibration *calibration) {
             cli_calibrate_tables_along(l->position_covariance_mm2, vec3_unit(at)), DEG(theta),
             DEG(phi));
     }
+    if (calibration->rig.arc_radius_mm == 0) {
+        g_string_append(to, "</table>\n");
+        return;
+    }
     g_string_append_printf(
         to,
         "</table>\n<p>The arc's zero is at %+.4f° ± %.4f°; its axis leans by %.4f° towards x and "

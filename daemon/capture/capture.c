@@ -350,8 +350,8 @@ static double time_left_s(Capture *capture) {
             (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
         capture->left_s = plan_remaining_s(
             shots, (int)(capture->remaining->len - capture->committed), &capture->conf,
-            &capture->devices->timing, axis_position_deg(capture->devices->turntable),
-            axis_position_deg(capture->devices->arc));
+            &capture->devices->timing, devices_axis_deg(capture->devices->turntable),
+            devices_axis_deg(capture->devices->arc));
         capture->left_at_s = capture_now_s(capture);
         capture->left_committed = capture->committed;
     }

@@ -393,6 +393,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
         return;
     }
     stage_home(seq->stage);
+    advance(seq); /* a rig without axes is homed at once */
 }
 
 void sequencer_pause(Sequencer *seq) {

@@ -173,8 +173,8 @@ static struct track *find_track(Stage *stage, Axis *axis) {
 }
 
 static void add_track(Stage *stage, Axis *axis) {
-    if (find_track(stage, axis))
-        return; /* two lasers on one sweep */
+    if (!axis || find_track(stage, axis))
+        return; /* a rig without it; two lasers on one sweep */
     struct track *track = &stage->axes[stage->n_axes++];
     *track = (struct track){.stage = stage, .axis = axis, .at_deg = NAN};
     axis_listen(axis, on_axis, track);
@@ -275,7 +275,7 @@ gboolean stage_is_homed(const Stage *stage) {
 
 static void pursue_axis(Stage *stage, Axis *axis, double target_deg) {
     struct track *track = find_track(stage, axis);
-    if (!stage->active || axis_is_moving(axis) || track->at_deg == target_deg)
+    if (!track || !stage->active || axis_is_moving(axis) || track->at_deg == target_deg)
         return;
     g_autoptr(GError) error = NULL;
     track->at_deg = NAN;
@@ -325,6 +325,8 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal) {
 
 static gboolean stands_at(const Stage *stage, Axis *axis, double deg) {
     const struct track *track = find_track((Stage *)stage, axis);
+    if (!track) /* an axis that is not there */
+        return deg == 0;
     return track->at_deg == deg && !axis_is_moving(axis);
 }
 

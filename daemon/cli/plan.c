@@ -6,7 +6,10 @@
 #include "rig/devices.h"
 
 static char *output;
+static gboolean offline;
 static const GOptionEntry entries[] = {
+    {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
+     "By the options in the rig file alone: no device need be there", NULL},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
      "Session directory it would be captured into: checks that too", "DIR"},
     {NULL},
@@ -43,16 +46,41 @@ static GVariant *plan_here(const char *rig, const char *session, const char *dir
     return report;
 }
 
+/* What is assumed of devices goes with the plan's notes. */
+static GVariant *plan_offline(const char *rig_path, const char *session, GError **error) {
+    struct session_conf conf = {0};
+    struct rig rig;
+    struct rig_timing timing;
+    if (!session_conf_load(&conf, session, error))
+        return NULL;
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    struct plan *plan = devices_read_timing(rig_path, &rig, &timing, assumed, error)
+                            ? plan_build(&conf, &rig, &timing, error)
+                            : NULL;
+    for (guint i = 0; plan && i < assumed->len; i++)
+        g_ptr_array_add(plan->notes, g_strdup(assumed->pdata[i]));
+    GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
+    plan_free(plan);
+    session_conf_clear(&conf);
+    return report;
+}
+
 static int run_plan(const struct call *call, GError **error) {
     GError *failed = NULL;
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
     g_autofree char *directory = output ? g_canonicalize_filename(output, NULL) : g_strdup("");
-    g_autoptr(Link) link = link_find_rig(rig, &failed);
+    if (offline && output) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "--offline looks at the rig file alone: leave out --output %s", output);
+        return CLI_FAILED;
+    }
+    g_autoptr(Link) link = offline ? NULL : link_find_rig(rig, &failed);
     g_autoptr(GVariant) report = NULL;
     if (!failed)
-        report = link ? plan_remotely(link, session, directory, &failed)
-                      : plan_here(rig, session, directory, &failed);
+        report = offline ? plan_offline(rig, session, &failed)
+                 : link  ? plan_remotely(link, session, directory, &failed)
+                         : plan_here(rig, session, directory, &failed);
     if (!report) {
         g_propagate_error(error, failed);
         return CLI_FAILED;

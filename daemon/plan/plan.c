@@ -49,7 +49,7 @@ struct pose_plan { /* shots of some cameras in one pose */
 
 static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
                          enum session_shot_kind kind, const struct session_direction *source,
-                         GError **error) {
+                         int device, GError **error) {
     gint64 key = p->turn_udeg * 4 * PLAN_FULL_TURN + p->arc_udeg;
     int pose = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
     if (pose < 0) {
@@ -63,7 +63,7 @@ static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
                                 .turntable_deg = (double)p->turn_udeg / UDEG,
                                 .arc_deg = (double)p->arc_udeg / UDEG,
                                 .source = source->index,
-                                .device = source->device,
+                                .device = device,
                                 .cameras = p->cameras,
                                 .state = p->state};
 
@@ -74,26 +74,106 @@ static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
     return TRUE;
 }
 
-static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GError **error) {
-    if (!p->cameras)
+/* Notes of the same text are counted. */
+static void plan_note(struct plan_build *b, const char *unit, const char *text) {
+    for (guint i = 0; i < b->notes->len; i++) {
+        struct plan_note *known = &g_array_index(b->notes, struct plan_note, i);
+        if (g_str_equal(known->text, text)) {
+            known->n++;
+            return;
+        }
+    }
+    const struct plan_note note = {g_strdup(text), unit, 1};
+    g_array_append_val(b->notes, note);
+}
+
+static void plan_clear_note(gpointer note) {
+    g_free(((struct plan_note *)note)->text);
+}
+
+/* "cam1, cam2"; g_free(). */
+static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
+    GString *names = g_string_new(NULL);
+
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        if (cameras & 1u << c)
+            g_string_append_printf(names, "%s%s", names->len ? ", " : "", b->rig->cameras[c].name);
+    return g_string_free(names, FALSE);
+}
+
+/* A shot with what stands by itself where a direction points: another lamp at each angle of the
+ * turntable. Without one the shot is skipped, as it is for cameras that cannot see the light. */
+static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *from,
+                               enum session_shot_kind kind, const struct session_direction *source,
+                               GError **error) {
+    const double turntable_deg = (double)from->turn_udeg / UDEG;
+    double off_deg;
+    const int device = plan_fixed_device(b->rig, kind, source->theta_deg, source->phi_deg,
+                                         turntable_deg, &off_deg);
+    const char *what = kind == SHOT_LAMP ? "lamp" : "laser";
+    const char *name = kind == SHOT_LAMP ? b->rig->lamps[device].name : b->rig->lasers[device].name;
+    const struct vec3 at =
+        kind == SHOT_LAMP ? b->rig->lamps[device].position_mm : b->rig->lasers[device].position_mm;
+    struct pose_plan p = *from;
+    g_autofree char *text = NULL;
+
+    if (off_deg > PLAN_TOLERANCE_DEG) {
+        p.note = text =
+            g_strdup_printf("skipped: no %s stands where its light would come from", what);
+        plan_note(b, "shot", text);
+        p.state = SHOT_SKIPPED;
+        return add_shot(b, &p, kind, source, device, error);
+    }
+    const guint32 hidden = plan_blocked_by(b->rig, p.cameras, at, b->radius_mm);
+    p.cameras &= ~hidden;
+    if (p.cameras && !add_shot(b, &p, kind, source, device, error))
+        return FALSE;
+    if (!hidden)
         return TRUE;
-    for (guint i = 0; i < b->lights->len; i++)
-        if (g_array_index(b->light_at, int, i) == p->azimuth &&
-            !add_shot(b, p, SHOT_LAMP, &g_array_index(b->lights, struct session_direction, i),
-                      error))
-            return FALSE;
-    for (guint i = 0; i < b->lasers->len; i++)
-        if (g_array_index(b->laser_at, int, i) == p->azimuth &&
-            !add_shot(b, p, SHOT_SWEEP, &g_array_index(b->lasers, struct session_direction, i),
-                      error))
-            return FALSE;
+    g_autofree char *names = plan_camera_names(b, hidden);
+    if (b->conf->on_blocked == BLOCKED_REFUSE) {
+        g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
+                    "%s %s and %s are in each other's way: leave one of them out, or set [capture] "
+                    "on_blocked = skip",
+                    what, name, names);
+        return FALSE;
+    }
+    p.cameras = hidden;
+    p.note = text =
+        g_strdup_printf("skipped: %s %s and %s are in each other's way", what, name, names);
+    plan_note(b, "shot", text);
+    p.state = SHOT_SKIPPED;
+    return add_shot(b, &p, kind, source, device, error);
+}
+
+static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GError **error) {
+    const struct {
+        enum session_shot_kind kind;
+        const GArray *directions, *at;
+    } sources[] = {{SHOT_LAMP, b->lights, b->light_at}, {SHOT_SWEEP, b->lasers, b->laser_at}};
+    const gboolean fixed = g_array_index(b->azimuths, struct plan_angle, p->azimuth).fixed;
+
+    for (gsize k = 0; k < G_N_ELEMENTS(sources) && p->cameras; k++)
+        for (guint i = 0; i < sources[k].directions->len; i++) {
+            const struct session_direction *source =
+                &g_array_index(sources[k].directions, struct session_direction, i);
+            if (g_array_index(sources[k].at, int, i) != p->azimuth)
+                continue;
+            if (!(fixed && p->state == SHOT_PLANNED
+                      ? add_fixed_shot(b, p, sources[k].kind, source, error)
+                      : add_shot(b, p, sources[k].kind, source, source->device, error)))
+                return FALSE;
+        }
     return TRUE;
 }
 
-/* Positions (struct vec3), with the arc at 0, of the lights that shine at one azimuth. */
+/* Positions (struct vec3), with the arc at 0, of the lights on the arc that shine at one azimuth.
+ */
 static GArray *lights_at(const struct plan_build *b, int azimuth) {
     GArray *positions = g_array_new(FALSE, FALSE, sizeof(struct vec3));
 
+    if (g_array_index(b->azimuths, struct plan_angle, azimuth).fixed)
+        return positions;
     for (guint i = 0; i < b->lights->len; i++) {
         int lamp = g_array_index(b->lights, struct session_direction, i).device;
         if (g_array_index(b->light_at, int, i) == azimuth)
@@ -107,48 +187,32 @@ static GArray *lights_at(const struct plan_build *b, int azimuth) {
     return positions;
 }
 
-/* Notes of the same text are counted. */
-static void plan_note(struct plan_build *b, const char *text) {
-    int one = 1;
-
-    for (guint i = 0; i < b->notes->len; i++)
-        if (g_str_equal(b->notes->pdata[i], text)) {
-            g_array_index(b->note_counts, int, i)++;
-            return;
-        }
-    g_ptr_array_add(b->notes, g_strdup(text));
-    g_array_append_val(b->note_counts, one);
-}
-
 /* Gives cameras in whose picture the arc stands a pose of their own, or none. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
                             GError **error) {
-    g_autoptr(GString) names = g_string_new(NULL);
+    g_autofree char *names = plan_camera_names(b, p.cameras);
     g_autofree char *text = NULL;
     gint64 shift;
 
-    for (int c = 0; c < b->rig->n_cameras; c++)
-        if (p.cameras & 1u << c)
-            g_string_append_printf(names, "%s%s", names->len ? ", " : "", b->rig->cameras[c].name);
     if (b->conf->on_blocked == BLOCKED_REFUSE) {
         g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
                     "the light arc stands in the picture of %s with the turntable at %g° and the "
                     "arc at %g°: turn [lights] and [lasers] by another offset_deg, or set "
                     "[capture] on_blocked = shift",
-                    names->str, (double)p.turn_udeg / UDEG, (double)p.arc_udeg / UDEG);
+                    names, (double)p.turn_udeg / UDEG, (double)p.arc_udeg / UDEG);
         return FALSE;
     }
     if (b->conf->on_blocked == BLOCKED_SHIFT &&
         plan_shift(b->rig, &b->timing->arc, p.cameras, p.arc_udeg, b->radius_mm, lights, &shift) &&
         plan_axis_reach(&b->timing->arc, p.arc_udeg + shift, &p.arc_udeg)) {
         text = g_strdup_printf("arc shifted by %+.1f°: it stood in the picture of %s",
-                               (double)shift / UDEG, names->str);
+                               (double)shift / UDEG, names);
     } else {
-        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names->str,
+        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names,
                                b->conf->on_blocked == BLOCKED_SHIFT ? ", shifted by 20° too" : "");
         p.state = SHOT_SKIPPED;
     }
-    plan_note(b, text);
+    plan_note(b, "pose", text);
     p.note = text;
     return add_shots(b, &p, error);
 }
@@ -156,7 +220,8 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArr
 static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, int azimuth,
                          GError **error) {
     g_autoptr(GArray) lights = lights_at(b, azimuth);
-    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, struct plan_angle, azimuth).udeg;
+    const struct plan_angle *at = &g_array_index(b->azimuths, struct plan_angle, azimuth);
+    gint64 arc_udeg = at->fixed ? 0 : turn->udeg + at->udeg;
     struct pose_plan p = {.turn_udeg = turn->udeg, .azimuth = azimuth, .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
@@ -291,10 +356,15 @@ static struct plan *plan_finish(struct plan_build *b) {
     plan_count(b, plan);
     plan->n_mounts = count_mounts(b);
     for (guint i = 0; i < b->notes->len; i++) {
-        int n = g_array_index(b->note_counts, int, i);
-        g_ptr_array_add(plan->notes, g_strdup_printf("%d pose%s: %s", n, n == 1 ? "" : "s",
-                                                     (char *)b->notes->pdata[i]));
+        const struct plan_note *note = &g_array_index(b->notes, struct plan_note, i);
+        g_ptr_array_add(plan->notes, g_strdup_printf("%d %s%s: %s", note->n, note->unit,
+                                                     note->n == 1 ? "" : "s", note->text));
     }
+    if (b->views->len == 1)
+        g_ptr_array_add(plan->notes,
+                        g_strdup("one view: what is seen from there under each light (an "
+                                 "RTI set, for PTM and HSH); there will be nothing of "
+                                 "other views"));
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
                                           .n_lights = (int)b->lights->len,
@@ -375,8 +445,7 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     b.poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
     b.pose_index = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
     b.shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
-    b.notes = g_ptr_array_new_with_free_func(g_free);
-    b.note_counts = g_array_new(FALSE, FALSE, sizeof(int));
+    b.notes = owning_array(sizeof(struct plan_note), plan_clear_note);
     if (plan_add_directions(&b, &why) && plan_check_directions(&b, &why) &&
         check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why))
         plan = plan_finish(&b);
@@ -390,8 +459,7 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     g_array_unref(b.laser_at);
     g_array_unref(b.poses);
     g_hash_table_unref(b.pose_index);
-    g_ptr_array_unref(b.notes);
-    g_array_unref(b.note_counts);
+    g_array_unref(b.notes);
     if (why)
         g_propagate_error(error, why);
     return plan;

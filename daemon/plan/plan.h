@@ -3,9 +3,13 @@
  * nothing and moves nothing, and the same input gives the same plan.
  *
  * Every view (camera at turntable angle τ) is taken under every light (lamp at arc angle
- * α = φ_l + τ) and swept from every laser position, so what is planned is a set of poses (τ, α),
- * each with its shots. Both axes move together. All orders make the same exposures; they differ in
- * the moves. The order is chosen by predicted time.
+ * α = φ_l + τ, or that which stands by itself at azimuth φ_l + τ) and swept from every laser
+ * position, so what is planned is a set of poses (τ, α), each with its shots. An axis that the rig
+ * lacks stands at 0, and its struct rig_timing has the limits 0 to 0. Lamps that stand by
+ * themselves give all lights of all views only if they look alike from all angles of the turntable
+ * that the views need; shots under a light that no lamp gives are skipped. Both axes move together.
+ * All orders make the same exposures; they differ in the moves. The order is chosen by predicted
+ * time.
  *
  * Predicted time counts what the sequencer does: before a shot everything is prepared at once (both
  * axes, lamp or laser and its warm-up, the sweep's first step) while frames are read out; a lamp
@@ -26,6 +30,8 @@
 #include "rig/devices.h"
 #include "session/session.h"
 
+/* Directions are rings, or those of the devices that are named, as they stand with turntable and
+ * arc at 0. */
 struct ring { /* directions of one elevation: φ = offset + k·360/count */
     double theta_deg, offset_deg;
     int count;
@@ -51,9 +57,10 @@ struct session_conf {
     struct session_grid grid;
     struct laser_reference reference; /* around the sample; radius_mm 0: none */
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
-    int n_views, n_lights, n_lasers;       /* rings */
-    double exposures_us[PLAN_MAX_BRACKET]; /* of lamp shots, ascending; with
-                                              keep_exposures some may be equal */
+    int n_views, n_lights, n_lasers;           /* rings */
+    char **views_of, **lights_of, **lasers_of; /* names of devices, or "all" of them; NULL: rings */
+    double exposures_us[PLAN_MAX_BRACKET];     /* of lamp shots, ascending; with
+                                                  keep_exposures some may be equal */
     int n_exposures;
     double laser_exposure_us;
     double laser_short_us; /* of a second frame at each step of a sweep; 0: none */

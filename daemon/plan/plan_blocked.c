@@ -19,7 +19,15 @@ static double cone_clearance_mm(struct vec3 eye, struct vec3 body, double radius
     return apart - body_mm - radius_mm * (1 - along / distance);
 }
 
-/* Lamps, lasers and cameras are taken to be as wide as the arc that carries the lights. */
+/* Whether a light stands in a camera's picture, or the camera in its light. Lamps, lasers and
+ * cameras are taken to be as wide as the arc that carries the lights. */
+static gboolean hides(const struct rig *rig, struct vec3 eye, struct vec3 light, double radius_mm) {
+    gboolean nearer = vec3_length(light) < vec3_length(eye);
+
+    return cone_clearance_mm(nearer ? eye : light, nearer ? light : eye, radius_mm,
+                             rig->arc_width_mm / 2) < 0;
+}
+
 static gboolean is_blocked(const struct rig *rig, int camera, double arc_rad, double radius_mm,
                            const GArray *lights) {
     struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
@@ -28,9 +36,7 @@ static gboolean is_blocked(const struct rig *rig, int camera, double arc_rad, do
         return TRUE;
     for (guint i = 0; i < lights->len; i++) {
         struct vec3 light = rig_turn(g_array_index(lights, struct vec3, i), arc_rad);
-        gboolean nearer = vec3_length(light) < vec3_length(eye);
-        if (cone_clearance_mm(nearer ? eye : light, nearer ? light : eye, radius_mm,
-                              rig->arc_width_mm / 2) < 0)
+        if (hides(rig, eye, light, radius_mm))
             return TRUE;
     }
     return FALSE;
@@ -42,6 +48,17 @@ guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, dou
 
     for (int c = 0; c < rig->n_cameras; c++)
         if ((cameras & 1u << c) && is_blocked(rig, c, RAD(arc_deg), radius_mm, lights))
+            blocked |= 1u << c;
+    return blocked;
+}
+
+guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
+                        double radius_mm) {
+    guint32 blocked = 0;
+
+    for (int c = 0; c < rig->n_cameras; c++)
+        if ((cameras & 1u << c) &&
+            hides(rig, rig_camera_centre_mm(&rig->cameras[c]), light_mm, radius_mm))
             blocked |= 1u << c;
     return blocked;
 }

@@ -1,15 +1,22 @@
 #include "plan_private.h"
 
-#define DEG(rad)            ((rad) * (180 / G_PI))
-#define RAD(deg)            ((deg) * (G_PI / 180))
-#define THETA_TOLERANCE_DEG 0.5
+#define DEG(rad)    ((rad) * (180 / G_PI))
+#define RAD(deg)    ((deg) * (G_PI / 180))
+#define MOST_LISTED 12
 
-/* A device for some directions: where a camera stands, or a lamp or laser with the arc at 0. */
+/* A device for some directions: where a camera stands, or a lamp or laser with the arc at 0. fixed:
+ * of lamps and lasers, that stand by themselves. */
 struct candidate {
     const char *name;
     double theta_deg;
     gint64 phi_udeg;
+    gboolean fixed;
 };
+
+/* An axis that is not there. */
+static gboolean is_absent(const struct axis_motion *motion) {
+    return !motion->wraps && motion->min_deg == 0 && motion->max_deg == 0;
+}
 
 gint64 plan_wrap(gint64 udeg) {
     return (udeg % PLAN_FULL_TURN + PLAN_FULL_TURN) % PLAN_FULL_TURN;
@@ -33,18 +40,22 @@ gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *
     return up_fits || down_fits;
 }
 
-static struct candidate candidate_of(const char *name, struct vec3 position_mm) {
+static struct candidate candidate_of(const char *name, struct vec3 position_mm, gboolean fixed) {
     double theta, phi;
 
     rig_angles(position_mm, &theta, &phi);
     if (sin(theta) < 1e-6) /* overhead, every azimuth is as good */
         phi = 0;
-    return (struct candidate){name, DEG(theta), plan_wrap(llround(DEG(phi) * UDEG))};
+    return (struct candidate){name, DEG(theta), plan_wrap(llround(DEG(phi) * UDEG)), fixed};
 }
 
 struct candidates {                  /* of one kind */
     const struct session_conf *conf; /* for messages, as kind and section */
     const char *kind, *section;
+    char **of; /* the devices whose directions are wanted; NULL: rings */
+    const struct ring *rings;
+    int n_rings;
+    enum session_shot_kind shot; /* lamps and lasers */
     enum plan_error missing;
     int sign; /* angle = sign · (φ of the device − φ of the direction) */
     const struct axis_motion *limits; /* of the turntable, which turns to the angle; NULL: none */
@@ -52,38 +63,69 @@ struct candidates {                  /* of one kind */
     int n;
 };
 
-static gboolean no_candidate(const struct candidates *candidates, double theta_deg,
+static gboolean no_candidate(const struct candidates *candidates, double theta_deg, double phi_deg,
                              GError **error) {
     g_autoptr(GString) there = g_string_new(NULL);
+    g_autofree char *where = NULL;
+    gboolean elevation = FALSE;
+    int n = 0;
 
-    for (int i = 0; i < candidates->n; i++)
-        g_string_append_printf(there, "%s%.4g° (%s)", i ? ", " : "", candidates->list[i].theta_deg,
-                               candidates->list[i].name);
+    for (int i = 0; i < candidates->n && !elevation; i++)
+        elevation = fabs(candidates->list[i].theta_deg - theta_deg) <= PLAN_TOLERANCE_DEG;
+    for (int i = 0; i < candidates->n; i++) {
+        const struct candidate *c = &candidates->list[i];
+        if ((elevation && fabs(c->theta_deg - theta_deg) > PLAN_TOLERANCE_DEG) ||
+            n++ >= MOST_LISTED)
+            continue;
+        g_string_append_printf(there, "%s%.4g°", n > 1 ? ", " : "", c->theta_deg);
+        if (c->fixed)
+            g_string_append_printf(there, " at azimuth %.4g°", (double)c->phi_udeg / UDEG);
+        g_string_append_printf(there, " (%s)", c->name);
+    }
+    if (n > MOST_LISTED)
+        g_string_append_printf(there, " and %d more", n - MOST_LISTED);
+    where = elevation ? g_strdup_printf(" and azimuth %g° at any angle of the turntable that the "
+                                        "views need",
+                                        phi_deg)
+                      : g_strdup("");
     plan_set_error(error, candidates->missing, candidates->conf, candidates->section, NULL,
-                   "no %s stands at elevation %g° (within %g°); there are: %s. Change the rings "
-                   "in the session file, or the rig file",
-                   candidates->kind, theta_deg, THETA_TOLERANCE_DEG,
-                   candidates->n ? there->str : "none");
+                   "no %s stands at elevation %g°%s (within %g°); there are: %s. Change the rings "
+                   "in the session file%s, or the rig file",
+                   candidates->kind, theta_deg, where, PLAN_TOLERANCE_DEG,
+                   candidates->n ? there->str : "none",
+                   elevation ? ", or write devices = all for the directions that there are" : "");
     return FALSE;
 }
 
 static int find_udeg(const GArray *angles, gint64 udeg) {
     for (guint i = 0; i < angles->len; i++)
-        if (g_array_index(angles, struct plan_angle, i).udeg == udeg)
+        if (!g_array_index(angles, struct plan_angle, i).fixed &&
+            g_array_index(angles, struct plan_angle, i).udeg == udeg)
             return (int)i;
     return -1;
 }
 
+/* Whether a direction at this angle from where a device stands is as good as its own. */
+static gboolean is_near(gint64 udeg, double theta_deg) {
+    const double off_deg = (double)MIN(udeg, PLAN_FULL_TURN - udeg) / UDEG;
+
+    return off_deg * sin(RAD(theta_deg)) <= PLAN_TOLERANCE_DEG;
+}
+
 /* The device for one direction: of those at its elevation, one that the axis can bring there, if
- * possible by an angle that is needed anyway, so that no pose is added. */
+ * possible by an angle that is needed anyway, so that no pose is added. Where there is no
+ * turntable, one that stands there, nearly. */
 static int plan_directions_choose(const struct candidates *candidates, double theta_deg,
                                   gint64 phi_udeg, const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;
 
     for (int i = 0; i < candidates->n; i++) {
-        if (fabs(candidates->list[i].theta_deg - theta_deg) > THETA_TOLERANCE_DEG)
+        if (candidates->list[i].fixed ||
+            fabs(candidates->list[i].theta_deg - theta_deg) > PLAN_TOLERANCE_DEG)
             continue;
         gint64 udeg = plan_wrap(candidates->sign * (candidates->list[i].phi_udeg - phi_udeg));
+        if (candidates->limits && is_absent(candidates->limits) && is_near(udeg, theta_deg))
+            udeg = 0;
         gboolean reached = !candidates->limits || plan_axis_reach(candidates->limits, udeg, &udeg);
         int merit = 2 * reached + (find_udeg(angles, udeg) >= 0);
         if (merit > best) {
@@ -95,6 +137,54 @@ static int plan_directions_choose(const struct candidates *candidates, double th
     return chosen;
 }
 
+int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
+                      double phi_deg, double turntable_deg, double *ret_off_deg) {
+    const struct vec3 towards = rig_direction(RAD(theta_deg), RAD(phi_deg + turntable_deg));
+    const int n = kind == SHOT_LAMP ? rig->n_lamps : rig->n_lasers;
+    int nearest = -1;
+
+    *ret_off_deg = G_MAXDOUBLE;
+    for (int i = 0; i < n; i++) {
+        const struct rig_lamp *lamp = &rig->lamps[i];
+        const struct rig_laser *laser = &rig->lasers[i % RIG_MAX_LASERS];
+        const struct vec3 at = kind == SHOT_LAMP ? lamp->position_mm : laser->position_mm;
+        if (!(kind == SHOT_LAMP ? lamp->fixed : laser->fixed))
+            continue;
+        const double off_deg =
+            DEG(atan2(vec3_length(vec3_cross(towards, at)), vec3_dot(towards, at)));
+        if (off_deg < *ret_off_deg) {
+            *ret_off_deg = off_deg;
+            nearest = i;
+        }
+    }
+    return nearest;
+}
+
+/* The first lamp or laser that gives a light by itself, at an angle of the turntable that a view
+ * needs; −1: there is none. */
+static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kind, double theta_deg,
+                          double phi_deg) {
+    for (guint t = 0; t < b->turns->len; t++) {
+        double off_deg;
+        const double turn_deg = (double)g_array_index(b->turns, struct plan_angle, t).udeg / UDEG;
+        const int device = plan_fixed_device(b->rig, kind, theta_deg, phi_deg, turn_deg, &off_deg);
+        if (off_deg <= PLAN_TOLERANCE_DEG)
+            return device;
+    }
+    return -1;
+}
+
+/* Index of the angle that stands for all that stand by themselves; it is added if need be. */
+static int fixed_angle(GArray *angles) {
+    const struct plan_angle angle = {.fixed = TRUE};
+
+    for (guint i = 0; i < angles->len; i++)
+        if (g_array_index(angles, struct plan_angle, i).fixed)
+            return (int)i;
+    g_array_append_val(angles, angle);
+    return (int)angles->len - 1;
+}
+
 static double ring_phi_deg(const struct ring *ring, int k) {
     double phi = fmod(ring->offset_deg + 360.0 * k / ring->count, 360);
 
@@ -102,22 +192,37 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-/* Adds a direction of a ring, and the angle that shows it: of a camera at azimuth φ_c, which sees
- * the sample from φ_c − τ, the turntable's τ; of a lamp or laser, which the sample sees at φ = α −
- * τ plus its own azimuth at α = 0, the azimuth α − τ. */
-static gboolean add_direction(const struct candidates *candidates, double theta_deg, double phi_deg,
-                              GArray *angles, GArray *directions, GArray *angle_of,
-                              GError **error) {
+/* Adds a direction, and the angle that shows it: of a camera at azimuth φ_c, which sees the sample
+ * from φ_c − τ, the turntable's τ; of a lamp or laser, which the sample sees at φ = α − τ plus its
+ * own azimuth at α = 0, the azimuth α − τ. */
+static gboolean add_direction(const struct plan_build *b, const struct candidates *candidates,
+                              double theta_deg, double phi_deg, GArray *angles, GArray *directions,
+                              GArray *angle_of, GError **error) {
     struct session_direction d = {
         .index = (int)directions->len, .theta_deg = theta_deg, .phi_deg = phi_deg};
     gint64 udeg = 0;
 
     d.device =
         plan_directions_choose(candidates, theta_deg, llround(phi_deg * UDEG), angles, &udeg);
+    if (d.device < 0 && angle_of &&
+        (d.device = fixed_anywhere(b, candidates->shot, theta_deg, phi_deg)) >= 0) {
+        const int at = fixed_angle(angles);
+        g_array_append_val(angle_of, at);
+        g_array_append_val(directions, d);
+        return TRUE;
+    }
     if (d.device < 0)
-        return no_candidate(candidates, theta_deg, error);
+        return no_candidate(candidates, theta_deg, phi_deg, error);
     const struct candidate *candidate = &candidates->list[d.device];
     const struct axis_motion *limits = candidates->limits;
+    if (limits && is_absent(limits) && udeg != 0) {
+        plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, "views", NULL,
+                       "no camera stands at theta %g° phi %g° (within %g°), and there is no [axis "
+                       "turntable] in the rig file that would turn the sample before one: give the "
+                       "directions of the cameras, or write devices = all",
+                       theta_deg, phi_deg, PLAN_TOLERANCE_DEG);
+        return FALSE;
+    }
     if (limits && !plan_axis_reach(limits, udeg, &udeg)) {
         plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, "views", NULL,
                        "the turntable cannot turn to %g°, from where %s would see theta %g° phi "
@@ -129,7 +234,7 @@ static gboolean add_direction(const struct candidates *candidates, double theta_
     }
     int at = find_udeg(angles, udeg);
     if (at < 0) {
-        struct plan_angle angle = {udeg, 0};
+        struct plan_angle angle = {.udeg = udeg};
         g_array_append_val(angles, angle);
         at = (int)angles->len - 1;
     }
@@ -146,14 +251,51 @@ static gboolean add_direction(const struct candidates *candidates, double theta_
     return TRUE;
 }
 
-static gboolean add_rings(const struct candidates *candidates, const struct ring *rings,
-                          int n_rings, GArray *angles, GArray *directions, GArray *angle_of,
-                          GError **error) {
-    for (int r = 0; r < n_rings; r++)
-        for (int k = 0; k < rings[r].count; k++)
-            if (!add_direction(candidates, rings[r].theta_deg, ring_phi_deg(&rings[r], k), angles,
+/* The directions in which the named devices stand. */
+static gboolean add_devices(const struct plan_build *b, const struct candidates *candidates,
+                            GArray *angles, GArray *directions, GArray *angle_of, GError **error) {
+    const gboolean all =
+        g_strv_length(candidates->of) == 1 && g_str_equal(candidates->of[0], "all");
+    gboolean wanted[G_N_ELEMENTS(candidates->list)] = {FALSE};
+
+    for (char **name = candidates->of; *name && !all; name++) {
+        int i = 0;
+        while (i < candidates->n && !g_str_equal(candidates->list[i].name, *name))
+            i++;
+        if (i < candidates->n) {
+            wanted[i] = TRUE;
+            continue;
+        }
+        plan_set_error(error, candidates->missing, candidates->conf, candidates->section, "devices",
+                       "there is no [%s %s] in the rig file", candidates->kind, *name);
+        return FALSE;
+    }
+    for (int i = 0; i < candidates->n; i++) {
+        const struct candidate *c = &candidates->list[i];
+        if ((all || wanted[i]) &&
+            !add_direction(b, candidates, round(c->theta_deg * UDEG) / UDEG,
+                           (double)c->phi_udeg / UDEG, angles, directions, angle_of, error))
+            return FALSE;
+    }
+    if (directions->len > 0)
+        return TRUE;
+    plan_set_error(error, candidates->missing, candidates->conf, candidates->section, "devices",
+                   "there is no %s in the rig file", candidates->kind);
+    return FALSE;
+}
+
+static gboolean add_directions(const struct plan_build *b, const struct candidates *candidates,
+                               GArray *angles, GArray *directions, GArray *angle_of,
+                               GError **error) {
+    if (candidates->of)
+        return add_devices(b, candidates, angles, directions, angle_of, error);
+    for (int r = 0; r < candidates->n_rings; r++) {
+        const struct ring *ring = &candidates->rings[r];
+        for (int k = 0; k < ring->count; k++)
+            if (!add_direction(b, candidates, ring->theta_deg, ring_phi_deg(ring, k), angles,
                                directions, angle_of, error))
                 return FALSE;
+    }
     return TRUE;
 }
 
@@ -162,30 +304,41 @@ gboolean plan_add_directions(struct plan_build *b, GError **error) {
     struct candidates cameras = {.conf = b->conf,
                                  .kind = "camera",
                                  .section = "views",
+                                 .of = b->conf->views_of,
+                                 .rings = b->conf->views,
+                                 .n_rings = b->conf->n_views,
                                  .missing = PLAN_ERROR_NO_CAMERA,
                                  .sign = 1,
                                  .limits = &b->timing->turntable};
     struct candidates lamps = {.conf = b->conf,
                                .kind = "lamp",
                                .section = "lights",
+                               .of = b->conf->lights_of,
+                               .rings = b->conf->lights,
+                               .n_rings = b->conf->n_lights,
+                               .shot = SHOT_LAMP,
                                .missing = PLAN_ERROR_NO_LAMP,
                                .sign = -1};
     struct candidates lasers = {.conf = b->conf,
                                 .kind = "laser",
                                 .section = "lasers",
+                                .of = b->conf->lasers_of,
+                                .rings = b->conf->lasers,
+                                .n_rings = b->conf->n_lasers,
+                                .shot = SHOT_SWEEP,
                                 .missing = PLAN_ERROR_NO_LASER,
                                 .sign = -1};
 
     for (int i = 0; i < rig->n_cameras; i++)
         cameras.list[cameras.n++] =
-            candidate_of(rig->cameras[i].name, rig_camera_centre_mm(&rig->cameras[i]));
+            candidate_of(rig->cameras[i].name, rig_camera_centre_mm(&rig->cameras[i]), FALSE);
     for (int i = 0; i < rig->n_lamps; i++)
-        lamps.list[lamps.n++] = candidate_of(rig->lamps[i].name, rig->lamps[i].position_mm);
+        lamps.list[lamps.n++] =
+            candidate_of(rig->lamps[i].name, rig->lamps[i].position_mm, rig->lamps[i].fixed);
     for (int i = 0; i < rig->n_lasers; i++)
-        lasers.list[lasers.n++] = candidate_of(rig->lasers[i].name, rig->lasers[i].position_mm);
-    return add_rings(&cameras, b->conf->views, b->conf->n_views, b->turns, b->views, NULL, error) &&
-           add_rings(&lamps, b->conf->lights, b->conf->n_lights, b->azimuths, b->lights,
-                     b->light_at, error) &&
-           add_rings(&lasers, b->conf->lasers, b->conf->n_lasers, b->azimuths, b->lasers,
-                     b->laser_at, error);
+        lasers.list[lasers.n++] =
+            candidate_of(rig->lasers[i].name, rig->lasers[i].position_mm, rig->lasers[i].fixed);
+    return add_directions(b, &cameras, b->turns, b->views, NULL, error) &&
+           add_directions(b, &lamps, b->azimuths, b->lights, b->light_at, error) &&
+           add_directions(b, &lasers, b->azimuths, b->lasers, b->laser_at, error);
 }

@@ -17,10 +17,12 @@ struct plan_pose {
 };
 
 /* An angle that some direction needs: of the turntable, with the cameras that show a view there, or
- * the light's azimuth α − τ (no cameras). */
+ * the light's azimuth α − τ (no cameras). All lamps and lasers that stand by themselves have one
+ * together (fixed), at which the arc, if there is one, stands at 0. */
 struct plan_angle {
     gint64 udeg;
     guint32 cameras;
+    gboolean fixed;
 };
 
 struct plan_build {
@@ -34,13 +36,25 @@ struct plan_build {
     GArray *poses;               /* of struct plan_pose */
     GHashTable *pose_index;      /* of poses, number + 1 */
     GArray *shots;               /* of struct session_shot; pose: index into poses */
-    GPtrArray *notes;            /* char * */
-    GArray *note_counts;         /* of int */
+    GArray *notes;               /* of struct plan_note */
+};
+
+struct plan_note { /* what was re-planned or left out, how often */
+    char *text;
+    const char *unit; /* "pose", "shot" */
+    int n;
 };
 
 /* Views, lights and laser positions of a session, with the angles of turntable and arc that show
  * them. Errors PLAN_ERROR_NO_CAMERA, _NO_LAMP, _NO_LASER, _LIMITS. */
 gboolean plan_add_directions(struct plan_build *b, GError **error);
+
+/* The lamp (SHOT_LAMP) or laser (SHOT_SWEEP) that stands by itself nearest to where a direction of
+ * the sample points with the turntable at an angle, and how far from there; −1: none does. */
+int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
+                      double phi_deg, double turntable_deg, double *ret_off_deg);
+/* How far that may be: and from a ring's elevation to a camera's, lamp's or laser's. */
+#define PLAN_TOLERANCE_DEG 0.5
 
 gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 
@@ -53,6 +67,9 @@ gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *
  */
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
                      const GArray *lights);
+/* The same for one light that stands by itself, the arc aside. */
+guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
+                        double radius_mm);
 
 /* The smallest turn of the arc, up to 20°, after which none of the cameras is blocked; FALSE if
  * there is none that the axis can reach. */

@@ -111,7 +111,7 @@ static const struct option capture_options[] = {
 
 struct ring_fields {
     char *preset;
-    char **rings;
+    char **rings, **devices;
     double offset_deg;
 };
 
@@ -124,6 +124,9 @@ static const struct option ring_options[] = {
      .help = "Directions as theta:count or theta:count:offset, in degrees, one item a ring"},
     {"offset_deg", OPTION_DOUBLE, "degrees", -360, 360, "0", .offset = RING(offset_deg),
      .help = "Added to the azimuth of all rings"},
+    {"devices", OPTION_STRINGS, .fallback = "", .offset = RING(devices),
+     .help = "Instead of rings, names of the rig's cameras (lamps, lasers), or all: the directions "
+             "they stand in with turntable and arc at 0"},
     {NULL},
 };
 
@@ -227,20 +230,29 @@ static char **preset_rings(const struct config_section *section, const char *nam
 }
 
 static gboolean read_rings(const struct config_section *section, struct ring *rings, int *ret_n,
-                           GError **error) {
+                           char ***ret_devices, GError **error) {
     struct ring_fields fields = {0};
 
     *ret_n = 0;
+    *ret_devices = NULL;
     if (!section)
         return TRUE;
     if (!options_parse(ring_options, section, NULL, &fields, error))
         return FALSE;
     gboolean ok = FALSE, has_preset = *fields.preset != '\0', has_rings = *fields.rings != NULL;
+    const gboolean has_devices = *fields.devices != NULL;
     g_auto(GStrv) preset = NULL;
-    if (has_preset == has_rings)
+    if (has_preset + has_rings + has_devices != 1)
         config_set_error(error, CONFIG_ERROR_MISSING, section, NULL,
-                         "give either preset or rings%s", has_preset ? ", not both" : "");
-    else if (!has_preset || (preset = preset_rings(section, fields.preset, error)))
+                         "give either preset, rings or devices%s",
+                         has_preset || has_rings ? ", not both" : "");
+    else if (has_devices && fields.offset_deg != 0)
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "offset_deg",
+                         "goes with rings: devices stand where they stand; leave it out");
+    else if (has_devices) {
+        *ret_devices = g_steal_pointer(&fields.devices);
+        ok = TRUE;
+    } else if (!has_preset || (preset = preset_rings(section, fields.preset, error)))
         ok = fill_rings(section, preset ? preset : fields.rings, fields.offset_deg, rings, ret_n,
                         error);
     options_clear(ring_options, &fields);
@@ -367,11 +379,13 @@ static gboolean session_conf_read_directions(struct session_conf *conf, const Co
                                              GError **error) {
     const struct config_section *views = session_conf_need(config, "views", error);
 
-    if (!views || !read_rings(views, conf->views, &conf->n_views, error) ||
-        !read_rings(config_find(config, "lights", NULL), conf->lights, &conf->n_lights, error) ||
-        !read_rings(config_find(config, "lasers", NULL), conf->lasers, &conf->n_lasers, error))
+    if (!views || !read_rings(views, conf->views, &conf->n_views, &conf->views_of, error) ||
+        !read_rings(config_find(config, "lights", NULL), conf->lights, &conf->n_lights,
+                    &conf->lights_of, error) ||
+        !read_rings(config_find(config, "lasers", NULL), conf->lasers, &conf->n_lasers,
+                    &conf->lasers_of, error))
         return FALSE;
-    if (conf->n_lights + conf->n_lasers > 0)
+    if (conf->n_lights + conf->n_lasers > 0 || conf->lights_of || conf->lasers_of)
         return TRUE;
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
                 "%s: there is neither [lights] nor [lasers]: nothing to take", config_path(config));
@@ -427,5 +441,8 @@ void session_conf_clear(struct session_conf *conf) {
     g_free(conf->name);
     g_free(conf->text);
     g_free(conf->path);
+    g_strfreev(conf->views_of);
+    g_strfreev(conf->lights_of);
+    g_strfreev(conf->lasers_of);
     memset(conf, 0, sizeof *conf);
 }

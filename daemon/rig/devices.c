@@ -84,14 +84,20 @@ static Axis *devices_open_axis(struct devices *devices, const struct config_sect
 }
 
 static gboolean open_axes(struct devices *devices, const struct layout *layout, GError **error) {
-    devices->turntable = devices_open_axis(devices, layout->turntable, error);
-    if (!devices->turntable)
-        return FALSE;
-    devices->arc = devices_open_axis(devices, layout->arc, error);
-    if (!devices->arc)
-        return FALSE;
-    devices->timing.turntable = devices->turntable->motion;
-    devices->timing.arc = devices->arc->motion;
+    const struct {
+        const struct config_section *section;
+        Axis **axis;
+        struct axis_motion *motion; /* limits 0 to 0 if there is no such axis */
+    } axes[] = {{layout->turntable, &devices->turntable, &devices->timing.turntable},
+                {layout->arc, &devices->arc, &devices->timing.arc}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
+        if (!axes[i].section)
+            continue;
+        if (!(*axes[i].axis = devices_open_axis(devices, axes[i].section, error)))
+            return FALSE;
+        *axes[i].motion = (*axes[i].axis)->motion;
+    }
     for (int i = 0; i < layout->geometry.n_lasers; i++) {
         for (int k = 0; k < i && !devices->sweeps[i]; k++)
             if (layout->sweeps[k] == layout->sweeps[i])

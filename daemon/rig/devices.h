@@ -3,9 +3,12 @@
  * geometry (geometry/rig.h) that the same sections give. The visible arrays of drivers are in
  * devices.c.
  *
- * Sections: [rig]; [axis turntable], [axis arc] and one axis a laser sweep; [lamps BANK] and a
- * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME],
- * optional.
+ * Sections: [rig]; [axis turntable] and [axis arc], which a rig may lack, and one axis a laser
+ * sweep; [lamps BANK] and a [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME];
+ * [interlock NAME] and [mark NAME], optional.
+ *
+ * A lamp or laser with phi_deg stands by itself at that azimuth, one without is carried by the arc.
+ * An axis that is not there stands at 0.
  *
  * A [laser NAME] with mount_of is not a device but a further mount position of the unit that it
  * names, where an operator mounts it by hand. In geometry and timing it is a laser like any other.
@@ -46,7 +49,7 @@ struct devices {
     Clock *clock;
     struct rig geometry; /* nominal, from the rig file */
     struct rig_timing timing;
-    Axis *turntable, *arc;
+    Axis *turntable, *arc;            /* NULL: the rig has none */
     Camera *cameras[RIG_MAX_CAMERAS]; /* as geometry.cameras */
     LampBank *banks[DEVICES_MAX_BANKS];
     int n_banks;
@@ -65,12 +68,22 @@ struct devices {
     double calibration_days;
 };
 
+/* Where an axis last said it was; NULL, an axis that is not there, stands at 0. */
+static inline double devices_axis_deg(Axis *axis) {
+    return axis ? axis_position_deg(axis) : 0;
+}
+
 /* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error
  * names file, line and key. */
 struct devices *devices_open(const char *rig_path, GError **error);
 
 /* The geometry alone, checked in the same way, without opening a device. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
+/* Geometry and timing from the rig file's options alone, for a plan without the hardware: nothing
+ * real is opened. What devices only tell when they are asked is assumed; a line about each such is
+ * added to assumed (char *, with a free function). */
+gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
+                             struct rig_timing *ret_timing, GPtrArray *assumed, GError **error);
 /* Reads the geometry from the text of a rig file that a session keeps; path is used in errors. */
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);

@@ -24,10 +24,11 @@ static const struct option rig_options[] = {
              "here"},
     {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
      .help = "A part that was calibrated longer ago is warned of"},
-    {"arc_radius_mm", OPTION_DOUBLE, "mm", 1, 100000, .offset = RIG(arc_radius_mm),
-     .help = "Radius of the light arc's inner edge"},
-    {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, .offset = RIG(arc_width_mm),
-     .help = "Width of the light arc and what hangs on it: what it hides from a camera"},
+    {"arc_radius_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = RIG(arc_radius_mm),
+     .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
+    {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, "0", .offset = RIG(arc_width_mm),
+     .help = "Width of the light arc and what hangs on it, and of lamps and cameras that stand by "
+             "themselves: what they hide from a camera or a lamp"},
     {NULL},
 };
 
@@ -50,12 +51,21 @@ struct place_fields { /* of a lamp, camera or laser */
             .offset = PLACE(distance_mm),                                                          \
             .help = "Distance from the middle of the turntable's top, which it points at"          \
     }
+#define AZIMUTH                                                                                    \
+    {                                                                                              \
+        "phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "0",                                       \
+            .offset = PLACE(phi_deg),                                                              \
+            .help =                                                                                \
+                "Azimuth it stands at by itself, counter-clockwise seen from above; without it "   \
+                "the arc carries it"                                                               \
+    }
 
 static const struct option lamp_options[] = {
     {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
     {"index", OPTION_INT, NULL, 0, 1023, .offset = PLACE(index),
      .help = "Its number there, from 0"},
     THETA,
+    AZIMUTH,
     DISTANCE,
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
      .help = "Its intensity falls with the cosine of the angle off its axis to this power"},
@@ -67,7 +77,8 @@ static const struct option lamp_options[] = {
 static const struct option camera_options[] = {
     THETA,
     {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
-     .help = "Azimuth it stands at, counter-clockwise seen from above"},
+     .help = "Azimuth it stands at, counter-clockwise seen from above; of one overhead, how it is "
+             "turned"},
     DISTANCE,
     {"width", OPTION_INT, "px", 1, 65536, .offset = PLACE(width), .help = "Width of its pictures"},
     {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
@@ -88,8 +99,9 @@ static const struct option camera_options[] = {
 static const struct option laser_options[] = {
     {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
     {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
-     .help = "The laser that is mounted here by hand; then give only theta_deg and distance_mm"},
+     .help = "The laser that is mounted here by hand; then give only its place"},
     THETA,
+    AZIMUTH,
     DISTANCE,
     {NULL},
 };
@@ -98,6 +110,7 @@ static const struct option mount_options[] = {
     {"mount_of", OPTION_STRING, .offset = PLACE(mount_of),
      .help = "The laser that is mounted here by hand"},
     THETA,
+    AZIMUTH,
     DISTANCE,
     {NULL},
 };
@@ -223,6 +236,22 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
+/* Whether a lamp or laser stands by itself: where its azimuth is given, and overhead, where it has
+ * none, if there is no arc. */
+static gboolean devices_layout_take_carrier(const struct layout *layout,
+                                            const struct config_section *section,
+                                            const struct place_fields *place, int *ret_fixed,
+                                            GError **error) {
+    const gboolean given = config_value(section, "phi_deg", NULL) != NULL;
+
+    *ret_fixed = given || !layout->arc;
+    if (given || layout->arc || place->theta_deg == 0)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_MISSING, section, "phi_deg",
+                     "must be given: there is no [axis arc] that would carry it");
+    return FALSE;
+}
+
 static gboolean read_camera(struct layout *layout, const struct config_section *section,
                             GError **error) {
     struct rig *rig = &layout->geometry;
@@ -247,6 +276,12 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     camera->vignetting = p.vignetting;
     camera->response = p.response;
     rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
+    if (p.theta_deg == 0) /* overhead its azimuth is how it is turned about its axis */
+        for (int k = 0; k < 2; k++) {
+            double *row = camera->rotation.m[k];
+            const struct vec3 turned = rig_turn(vec3(row[0], row[1], row[2]), RAD(p.phi_deg));
+            row[0] = turned.x, row[1] = turned.y, row[2] = turned.z;
+        }
     layout->cameras[i] = section;
     return TRUE;
 }
@@ -291,7 +326,8 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
         !options_parse(lamp_options, section, NULL, &p, error))
         return FALSE;
     layout->lamps[i] = section;
-    gboolean ok = wire_lamp(layout, i, &p, error);
+    gboolean ok = devices_layout_take_carrier(layout, section, &p, &rig->lamps[i].fixed, error) &&
+                  wire_lamp(layout, i, &p, error);
     rig->lamps[i].position_mm = devices_layout_position(&p);
     rig->lamps[i].aim = vec3_scale(vec3_unit(rig->lamps[i].position_mm), -1);
     rig->lamps[i].exponent = p.exponent;
@@ -348,9 +384,9 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
                       : devices_layout_read_device(section, &p, error) &&
                             wire_laser(layout, i, p.sweep, error);
     struct rig_laser *laser = &rig->lasers[i];
-    if (ok) {
+    if (ok && (ok = devices_layout_take_carrier(layout, section, &p, &laser->fixed, error))) {
         laser->position_mm = devices_layout_position(&p);
-        laser->axis = vec3(0, 1, 0);
+        laser->axis = rig_turn(vec3(0, 1, 0), RAD(p.phi_deg));
         laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
     }
     options_clear(laser_options, &p);
@@ -451,8 +487,6 @@ static gboolean check_whole(const struct layout *layout, GError **error) {
         gboolean there;
         const char *what;
     } needed[] = {
-        {layout->turntable != NULL, "[axis turntable]"},
-        {layout->arc != NULL, "[axis arc]"},
         {rig->n_cameras > 0, "[camera NAME]"},
         {rig->n_lamps + rig->n_lasers > 0, "[lamp NAME] or [laser NAME]"},
     };
@@ -480,11 +514,15 @@ static gboolean check_whole(const struct layout *layout, GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(needed); i++)
         if (!needed[i].there) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-                        "%s: there is no section %s; a rig needs [axis turntable], [axis arc], "
-                        "cameras, and lamps or lasers",
+                        "%s: there is no section %s; a rig needs cameras, and lamps or lasers",
                         config_path(layout->config), needed[i].what);
             return FALSE;
         }
+    if (layout->arc && rig->arc_radius_mm == 0) {
+        config_set_error(error, CONFIG_ERROR_MISSING, config_find(layout->config, "rig", NULL),
+                         "arc_radius_mm", "must be given: there is an [axis arc]");
+        return FALSE;
+    }
     return TRUE;
 }
 

@@ -29,7 +29,8 @@ static gboolean is_real(const struct device *device) {
 }
 
 gboolean guardian_is_needed(const struct devices *devices) {
-    gboolean real = is_real(&devices->turntable->device) || is_real(&devices->arc->device);
+    gboolean real = (devices->turntable && is_real(&devices->turntable->device)) ||
+                    (devices->arc && is_real(&devices->arc->device));
 
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         real |= is_real(&devices->lasers[i]->device) || is_real(&devices->sweeps[i]->device);

@@ -164,7 +164,7 @@ static void laser_lines_collect(const LaserRegion *region, const struct laser_sw
                                 struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 in_sample = rig_turn(source, -region->turntable_rad);
-    const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
+    const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
     double per_mm = 0;
     for (guint i = 0; i < region->pixels->len; i++) {
         const struct pixel *pixel = &g_array_index(region->pixels, struct pixel, i);
@@ -340,7 +340,7 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
     search.error = g_new0(double, n_frames);
     laser_lines_collect(region, sweep, &search);
     /* beam: from the source towards the origin, perpendicular to the sweep's axis. */
-    const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
+    const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
     ret->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 inward = vec3_scale(ret->source_mm, -1);
     ret->beam = vec3_unit(vec3_sub(inward, vec3_scale(axis, vec3_dot(inward, axis))));

@@ -61,7 +61,8 @@ void truth_arc(World *world, struct truth_arc *ret) {
 
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]) {
-    struct optics_lamp at = world_lamp_at(world, lamp, world_light_pose(world, arc_deg, 0));
+    struct optics_lamp at =
+        world_lamp_at(world, lamp, world_light_pose(world, world->lamp_fixed[lamp], arc_deg, 0));
     truth_give(at.position_mm, ret_position_mm);
     if (ret_aim)
         truth_give(at.aim, ret_aim);
@@ -69,7 +70,8 @@ void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3
 
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour) {
-    struct optics_lamp at = world_lamp_at(world, lamp, world_light_pose(world, arc_deg, 0));
+    struct optics_lamp at =
+        world_lamp_at(world, lamp, world_light_pose(world, world->lamp_fixed[lamp], arc_deg, 0));
     struct v3 p = v3(point_mm[0], point_mm[1], point_mm[2]);
     double level = v3_norm(v3_minus(at.position_mm, p)).z, xy[2];
     truth_project(world, camera, point_mm, xy);
@@ -79,7 +81,8 @@ double truth_white(World *world, int camera, int lamp, double arc_deg, const dou
 
 void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
                        struct truth_sheet *ret) {
-    struct optics_laser at = world_laser_at(world, laser, world_light_pose(world, arc_deg, 0));
+    struct optics_laser at = world_laser_at(
+        world, laser, world_light_pose(world, world->laser_fixed[laser], arc_deg, 0));
     double s = sweep_deg * G_PI / 180 - at.start;
     struct v3 aside = v3_cross(at.axis, at.forward);
     struct v3 normal = v3_mad(aside, cos(s), v3_mad(at.forward, -sin(s), v3(0, 0, 0)));
@@ -188,7 +191,8 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
     for (int row = 0; row < grid->height; row++) {
         raster_trace(&raster, row);
         for (int k = 0; k < n; k++) {
-            struct light_pose pose = world_light_pose(world, arc_deg[k], turntable_deg);
+            struct light_pose pose =
+                world_light_pose(world, world->laser_fixed[laser[k]], arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
             /* Adds one where the swept laser lights the surface seen by the row. */
             guint8 *seen = ret_seen + row * grid->width;
@@ -238,7 +242,8 @@ static void add_reflectance(const struct raster *raster, const struct lamp_light
 
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb) {
-    struct light_pose pose = world_light_pose(world, arc_deg, turntable_deg);
+    struct light_pose pose =
+        world_light_pose(world, world->lamp_fixed[lamp], arc_deg, turntable_deg);
     struct cache_entry *bounce = world_bounce(world, lamp, pose);
     struct lamp_light light = {world_lamp_at(world, lamp, pose), bounce->value};
     struct raster raster;

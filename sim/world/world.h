@@ -1,7 +1,8 @@
 /*
  * The simulated world: one physical truth that all simulated devices read and change, so that
- * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc,
- * cameras; described by a world file (etc/demo/world.conf documents every key).
+ * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc or
+ * standing by themselves, cameras; described by a world file (etc/demo/world.conf documents every
+ * key).
  *
  * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
  * written again, so that an error made there does not cancel.
@@ -16,7 +17,7 @@
 #include <gio/gio.h>
 
 #define WORLD_MAX_CAMERAS 16
-#define WORLD_MAX_LAMPS   16
+#define WORLD_MAX_LAMPS   128
 #define WORLD_MAX_LASERS  16
 
 typedef struct World World;

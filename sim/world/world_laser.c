@@ -207,8 +207,9 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
             profile_table[i] = (float)exp(-(double)i / PROFILE_STEPS / 2);
         g_once_init_leave(&filled, 1);
     }
-    struct laser_job job = {world, camera, laser, state->turntable_deg,
-                            world_light_pose(world, state->arc_deg, state->turntable_deg)};
+    struct laser_job job = {
+        world, camera, laser, state->turntable_deg,
+        world_light_pose(world, world->laser_fixed[laser], state->arc_deg, state->turntable_deg)};
     double turntable_rad = world_relative_rad(state->turntable_deg, 0);
     struct cache_key key = {{CACHED_LASER_LIST | (guint64)camera << 8 | (guint64)laser << 16,
                              world_bits(turntable_rad), world_bits(job.pose.relative_rad), 0}};

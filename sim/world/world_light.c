@@ -20,14 +20,19 @@ double world_relative_rad(double arc_deg, double turntable_deg) {
     return RAD(whole_turn(arc_deg - turntable_deg));
 }
 
-struct light_pose world_light_pose(const World *world, double arc_deg, double turntable_deg) {
+struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
+                                   double turntable_deg) {
+    if (fixed)
+        return (struct light_pose){world_relative_rad(0, turntable_deg), 0, TRUE};
     return (struct light_pose){world_relative_rad(arc_deg, turntable_deg),
-                               world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0};
+                               world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0, FALSE};
 }
 
 /* By the angle between the two where that will do, to the last bit as without an arc's errors. */
 static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
                                    gboolean point) {
+    if (pose.fixed)
+        return v3_turn_z(v, cos(pose.relative_rad), sin(pose.relative_rad));
     double relative = pose.relative_rad + world->arc.zero, turn = pose.turntable_rad;
     if (!world->arc.crooked)
         return v3_turn_z(v, cos(relative), sin(relative));
@@ -234,7 +239,8 @@ float world_bounce_at(const World *world, const float *bounce, const struct surf
 struct picture_job {
     World *world;
     int camera, lamp;
-    double turntable_deg, arc_deg;
+    double turntable_deg;
+    struct light_pose pose;
 };
 
 /* Direct light and one bounce, of each point. */
@@ -243,7 +249,7 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
     const struct picture_job *job = data;
     World *world = job->world;
     const struct optics_camera *camera = &world->cameras[job->camera];
-    struct light_pose pose = world_light_pose(world, job->arc_deg, job->turntable_deg);
+    struct light_pose pose = job->pose;
     struct optics_lamp lamp = world_lamp_at(world, job->lamp, pose);
     struct cache_entry *bounce = world_bounce(world, job->lamp, pose);
     struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
@@ -275,9 +281,11 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
 
 struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
                                        double arc_deg) {
-    struct picture_job job = {world, camera, lamp, turntable_deg, arc_deg};
-    guint64 relative = world_bits(world_relative_rad(arc_deg, turntable_deg));
+    struct picture_job job = {
+        world, camera, lamp, turntable_deg,
+        world_light_pose(world, world->lamp_fixed[lamp], arc_deg, turntable_deg)};
     struct cache_key key = {{CACHED_PICTURE | (guint64)camera << 8 | (guint64)lamp << 16,
-                             world_bits(whole_turn(turntable_deg)), relative, 0}};
+                             world_bits(whole_turn(turntable_deg)),
+                             world_bits(job.pose.relative_rad), 0}};
     return cache_get(world->cache, &key, world_light_make_picture, &job);
 }

@@ -120,13 +120,15 @@ static const struct option camera_table[] = {
 struct lamp_options {
     struct optics_lamp optics;
     gboolean dead;
-    double theta_deg, distance_mm, scale;
+    double theta_deg, phi_deg, distance_mm, scale;
     struct option_doubles offset_mm, aim_deg;
 };
 
 #define AT(field) G_STRUCT_OFFSET(struct lamp_options, field)
 static const struct option lamp_table[] = {
     {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
+    {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg),
+     "azimuth it stands at by itself; without it the arc carries it"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "500", NULL, AT(distance_mm),
      "from the origin, which it is aimed at"},
     {"exponent", OPTION_DOUBLE, NULL, 0, 100, "2", NULL, AT(optics.exponent),
@@ -145,13 +147,15 @@ static const struct option lamp_table[] = {
 
 struct laser_options {
     struct optics_laser optics;
-    double theta_deg, distance_mm, width_mm, fan_deg, tilt_deg, start_deg;
+    double theta_deg, phi_deg, distance_mm, width_mm, fan_deg, tilt_deg, start_deg;
     struct option_doubles offset_mm, colour;
 };
 
 #define AT(field) G_STRUCT_OFFSET(struct laser_options, field)
 static const struct option laser_table[] = {
     {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
+    {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg),
+     "azimuth it stands at by itself; without it the arc carries it"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "480", NULL, AT(distance_mm),
      "from the origin, which it lights at sweep 0"},
     {"width_mm", OPTION_DOUBLE, "mm", 0.01, 20, "1.2", NULL, AT(width_mm),
@@ -240,11 +244,14 @@ static gboolean load_camera(World *world, const struct world_options *all,
     return good;
 }
 
-/* Directions at a polar angle of the arc at 0: outwards, and upwards along the arc. */
-static struct v3 world_load_on_arc(double theta_deg, struct v3 *ret_up) {
-    double theta = RAD(theta_deg);
-    *ret_up = v3(-cos(theta), 0, sin(theta));
-    return v3(sin(theta), 0, cos(theta));
+/* Directions at a polar angle of the arc at 0, or at an azimuth: outwards, upwards along the arc,
+ * and across it. */
+static struct v3 world_load_on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
+                                   struct v3 *ret_across) {
+    double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
+    *ret_up = v3_turn_z(v3(-cos(theta), 0, sin(theta)), c, s);
+    *ret_across = v3_turn_z(v3(0, 1, 0), c, s);
+    return v3_turn_z(v3(sin(theta), 0, cos(theta)), c, s);
 }
 
 static gboolean load_lamp(World *world, const struct world_options *all,
@@ -258,16 +265,17 @@ static gboolean load_lamp(World *world, const struct world_options *all,
         struct sample_random random = device_random(all, 'l', world->n_lamps);
         struct optics_lamp *lamp = &world->lamps[world->n_lamps];
         *lamp = from.optics;
-        struct v3 up, out = world_load_on_arc(from.theta_deg, &up);
+        struct v3 up, across, out = world_load_on_arc(from.theta_deg, from.phi_deg, &up, &across);
         lamp->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
         lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
         double along = from.aim_deg.values[0] + all->lamp_deg * deviate(&random);
-        double across = from.aim_deg.values[1] + all->lamp_deg * deviate(&random);
+        double aside = from.aim_deg.values[1] + all->lamp_deg * deviate(&random);
         struct v3 aim = v3_mad(up, tan(RAD(along)), v3(-out.x, -out.y, -out.z));
-        lamp->aim = v3_norm(v3_mad(v3(0, 1, 0), tan(RAD(across)), aim));
+        lamp->aim = v3_norm(v3_mad(across, tan(RAD(aside)), aim));
         lamp->intensity *= from.scale * (1 + all->lamp_pct / 100 * deviate(&random));
         lamp->intensity = MAX(lamp->intensity, 0);
         world->power[world->n_lamps].dead = from.dead;
+        world->lamp_fixed[world->n_lamps] = config_value(section, "phi_deg", NULL) != NULL;
         world->lamp_names[world->n_lamps++] = g_strdup(section->name);
     }
     options_clear(lamp_table, &from);
@@ -285,17 +293,18 @@ static gboolean load_laser(World *world, const struct world_options *all,
         struct sample_random random = device_random(all, 's', world->n_lasers);
         struct optics_laser *laser = &world->lasers[world->n_lasers];
         *laser = from.optics;
-        struct v3 up, out = world_load_on_arc(from.theta_deg, &up);
+        struct v3 up, across, out = world_load_on_arc(from.theta_deg, from.phi_deg, &up, &across);
         laser->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
         laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
         double tilt = RAD(from.tilt_deg + all->laser_deg * deviate(&random));
         laser->start = RAD(from.start_deg + all->laser_deg * deviate(&random));
         laser->forward = v3(-out.x, -out.y, -out.z);
-        laser->axis = v3_mad(up, sin(tilt), v3(0, cos(tilt), 0));
+        laser->axis = v3_mad(up, sin(tilt), v3_mad(across, cos(tilt), v3(0, 0, 0)));
         laser->sigma = from.width_mm / (2 * sqrt(2 * G_LN2)) / from.distance_mm;
         laser->fan = RAD(from.fan_deg);
         for (int i = 0; i < 3; i++)
             laser->colour[i] = from.colour.values[i];
+        world->laser_fixed[world->n_lasers] = config_value(section, "phi_deg", NULL) != NULL;
         world->laser_place[world->n_lasers] = world->n_lasers;
         world->laser_names[world->n_lasers++] = g_strdup(section->name);
     }

@@ -42,6 +42,7 @@ struct World {
     char *camera_names[WORLD_MAX_CAMERAS], *lamp_names[WORLD_MAX_LAMPS],
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
+    gboolean lamp_fixed[WORLD_MAX_LAMPS], laser_fixed[WORLD_MAX_LASERS]; /* not on the arc */
     int supersample;
     gboolean noise;
     guint64 noise_seed;
@@ -105,11 +106,14 @@ static inline guint64 world_bits(double value) {
 double world_relative_rad(double arc_deg, double turntable_deg);
 
 /* Where light comes from, seen from the sample. What depends on it depends on the angle between arc
- * and turntable alone, unless the arc's axis is not the turntable's. */
+ * and turntable alone, unless the arc's axis is not the turntable's. What is fixed turns against
+ * the turntable alone. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad 0 where it does not matter */
+    gboolean fixed;
 };
-struct light_pose world_light_pose(const World *world, double arc_deg, double turntable_deg);
+struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
+                                   double turntable_deg);
 struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose);
 struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose);
 

@@ -252,6 +252,37 @@ static void test_crooked_arc(void) {
     }
 }
 
+/* What stands by itself is where it says, however the arc hangs and stands; and what is carried is
+ * as it would be without being asked. */
+static void test_fixed(void) {
+    const struct rig_arc crooked = {RAD(20), {0.1, -0.2}, {3, -4}};
+    struct rig_laser laser = laser_at(RAD(40), 480);
+    struct rig_lamp lamp = {.position_mm = {300, 0, 400},
+                            .aim = {-0.6, 0, -0.8},
+                            .exponent = 2,
+                            .intensity = 40,
+                            .fixed = 1};
+    const struct vec3 q = vec3(4, -5, 6);
+
+    laser.fixed = 1;
+    for (int i = 0; i < 8; i++) {
+        const double alpha = RAD(50 * i);
+        assert_vec(rig_lamp_position_mm(&crooked, &lamp, alpha), vec3(300, 0, 400), 0);
+        assert_vec(rig_lamp_point_back(&crooked, &lamp, alpha, q), q, 0);
+        assert_near(rig_lamp_irradiance(&crooked, &lamp, alpha, vec3(0, 0, 0)), 160, 1e-9);
+        assert_vec(rig_laser_position_mm(&crooked, &laser, alpha), laser.position_mm, 0);
+        assert_vec(rig_laser_axis(&crooked, &laser, alpha), vec3(0, 1, 0), 0);
+        const double sweep = rig_laser_sweep_rad(&crooked, &laser, alpha, q);
+        assert_near(sweep, rig_laser_sweep_rad(NULL, &laser, 0, q), 0);
+        const struct rig_plane sheet = rig_laser_sheet(&crooked, &laser, alpha, sweep);
+        assert_near(vec3_dot(sheet.normal, q), sheet.offset_mm, 1e-9);
+    }
+    lamp.fixed = 0;
+    assert_vec(rig_arc_point_back(&crooked, 1, rig_lamp_position_mm(&crooked, &lamp, 1)),
+               vec3(300, 0, 400), 1e-9);
+    g_assert_cmpfloat(rig_lamp_position_mm(&crooked, &lamp, 1).y, >, 100);
+}
+
 static void test_sheet_through_points(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(3);
 
@@ -287,6 +318,8 @@ static void test_clearance(void) {
                       rig_arc_clearance_mm(&rig, 0, RAD(10), 0));
     rig.arc_radius_mm = 900;
     g_assert_cmpfloat(rig_arc_clearance_mm(&rig, 0, 0, 40), >, 1e6); /* the arc is behind it */
+    rig.arc_radius_mm = 0;
+    g_assert_cmpfloat(rig_arc_clearance_mm(&rig, 0, 0, 40), >, 1e6); /* there is no arc */
 }
 
 static struct rig random_rig(GRand *rand) {
@@ -314,6 +347,7 @@ static struct rig random_rig(GRand *rand) {
     }
     rig.arc = (struct rig_arc){g_rand_double(rand), {g_rand_double(rand), -0.0}, {1e-300, 7}};
     rig.lasers[1].stretch = g_rand_double_range(rand, -0.4, 0.4);
+    rig.lamps[1].fixed = rig.lasers[1].fixed = g_rand_boolean(rand);
     rig.cameras[0].k1 = -0.0;
     rig.cameras[1].k1 = 5e-324;
     return rig;
@@ -336,9 +370,11 @@ static void test_text_round_trip(void) {
         g_assert_true(memcmp(&read.cameras[1].fx_px, &rig.cameras[1].fx_px,
                              sizeof rig.cameras[1] - offsetof(struct rig_camera, fx_px)) == 0);
         g_assert_true(memcmp(&read.lamps[1].position_mm, &rig.lamps[1].position_mm,
-                             sizeof rig.lamps[1] - offsetof(struct rig_lamp, position_mm)) == 0);
+                             offsetof(struct rig_lamp, fixed) + sizeof(int) -
+                                 offsetof(struct rig_lamp, position_mm)) == 0);
         g_assert_true(memcmp(&read.lasers[1].position_mm, &rig.lasers[1].position_mm,
-                             sizeof rig.lasers[1] - offsetof(struct rig_laser, position_mm)) == 0);
+                             offsetof(struct rig_laser, fixed) + sizeof(int) -
+                                 offsetof(struct rig_laser, position_mm)) == 0);
         g_assert_true(signbit(read.cameras[0].k1));
         g_assert_cmpmem(&read.arc, sizeof read.arc, &rig.arc, sizeof rig.arc);
     }
@@ -439,6 +475,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig/laser", test_laser);
     g_test_add_func("/rig/sheet-through-points", test_sheet_through_points);
     g_test_add_func("/rig/crooked-arc", test_crooked_arc);
+    g_test_add_func("/rig/fixed", test_fixed);
     g_test_add_func("/rig/clearance", test_clearance);
     g_test_add_func("/rig/text-round-trip", test_text_round_trip);
     g_test_add_func("/rig/text-without-arc", test_text_without_arc);

@@ -52,9 +52,10 @@ static struct rig_timing timing_of(double warm_up_s) {
         .arc = {0, 360, TRUE, 45, 60, 0.1, 200},
     };
 
-    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
-        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
+    for (int i = 0; i < RIG_MAX_LAMPS; i++)
         t.lamp_warm_up_s[i] = warm_up_s;
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
         t.laser_warm_up_s[i] = 0.1;
         t.readout_us[i] = 40000;
         t.min_exposure_us[i] = 10;
@@ -194,6 +195,8 @@ static const struct bad bad_files[] = {
     {GOOD "[views]\npreset=80\n", 10, "12x5"},
     {GOOD "[views]\npreset=81\nrings=15:1\n", 9, "not both"},
     {GOOD "[views]\n", 9, "either"},
+    {GOOD "[views]\nrings=15:1\ndevices=all\n", 9, "not both"},
+    {GOOD "[views]\ndevices=all\noffset_deg=5\n", 11, "leave it out"},
     {GOOD "[views]\nrings=15\n", 10, "theta:count"},
     {GOOD "[views]\nrings=15:1:2:3\n", 10, "theta:count"},
     {GOOD "[views]\nrings=90:1\n", 10, "theta:count"},
@@ -511,6 +514,167 @@ static void test_two_cameras(void) {
     g_assert_cmpint(n_used, ==, 6);
 }
 
+static struct vec3 at_mm(double theta_deg, double phi_deg, double distance_mm) {
+    return vec3_scale(rig_direction(RAD(theta_deg), RAD(phi_deg)), distance_mm);
+}
+
+static void stand(struct rig *rig, double theta_deg, double phi_deg) {
+    struct rig_lamp *lamp = &rig->lamps[rig->n_lamps++];
+
+    g_snprintf(lamp->name, RIG_NAME, "led%d", rig->n_lamps);
+    lamp->position_mm = at_mm(theta_deg, phi_deg, 400);
+    lamp->fixed = 1;
+}
+
+/* An overhead camera under LEDs in no order: nothing moves, and each light is one of them. */
+static void test_dome(void) {
+    g_auto(SessionConf) conf = conf_of("[views]\ndevices=all\n[lights]\ndevices=all\n");
+    struct rig rig = {.n_cameras = 1};
+    struct rig_timing timing = timing_of(0.25);
+
+    rig.cameras[0] = (struct rig_camera){.name = "cam", .width = 160, .height = 160};
+    rig_camera_look_at(&rig.cameras[0], vec3(0, 0, 650), vec3(0, 0, 0));
+    for (int i = 0; i < RIG_MAX_LAMPS; i++)
+        stand(&rig, 10 + 65.0 * i / RIG_MAX_LAMPS, fmod(137.5 * i, 360));
+    timing.turntable = timing.arc = (struct axis_motion){0};
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_assert_cmpint(plan->session.n_views, ==, 1);
+    g_assert_cmpint(plan->session.n_lights, ==, RIG_MAX_LAMPS);
+    g_assert_cmpint(plan->session.n_shots, ==, 1 + RIG_MAX_LAMPS);
+    g_assert_cmpint(plan->n_poses, ==, 1);
+    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
+        const struct session_direction *light = &plan->session.lights[i];
+        const struct session_shot *shot = &plan->session.shots[1 + i];
+        const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 400);
+        g_assert_cmpint(light->device, ==, i);
+        g_assert_cmpfloat(vec3_length(vec3_sub(towards, rig.lamps[i].position_mm)), <, 1e-4);
+        g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
+        g_assert_cmpint(shot->device, ==, shot->source);
+        g_assert_true(shot->turntable_deg == 0 && shot->arc_deg == 0);
+    }
+    /* a BTF it is not, and that is said */
+    g_assert_cmpint(plan->notes->len, ==, 1);
+    g_assert_nonnull(strstr(plan->notes->pdata[0], "RTI"));
+
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=0:1\n[lights]\ndevices=led3; led128\n");
+    g_autoptr(Plan) two = build(&conf, &rig, &timing);
+    g_assert_cmpint(two->session.n_lights, ==, 2);
+    g_assert_cmpint(two->session.lights[1].device, ==, 127);
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=0:1\n[lights]\ndevices=led3; led129\n");
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "there is no [lamp led129]");
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=0:1\n[lights]\nrings=30:4\n");
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "devices = all");
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=0:1\n[lasers]\ndevices=all\n");
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LASER, "there is no laser");
+
+    /* cameras that stand around: no other views than theirs */
+    rig_camera_look_at(&rig.cameras[0], at_mm(40, 100, 650), vec3(0, 0, 0));
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=40:1:100.3\n[lights]\ndevices=all\n");
+    g_autoptr(Plan) near = build(&conf, &rig, &timing);
+    g_assert_cmpfloat(near->session.views[0].turntable_deg, ==, 0);
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=40:2:100\n[lights]\ndevices=all\n");
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "there is no [axis turntable]");
+}
+
+static struct rig four_cameras(void) {
+    struct rig rig = {.n_cameras = 4};
+
+    for (int c = 0; c < 4; c++) {
+        rig.cameras[c] = (struct rig_camera){.width = 160, .height = 160};
+        g_snprintf(rig.cameras[c].name, RIG_NAME, "cam%d", c);
+        rig_camera_look_at(&rig.cameras[c], at_mm(15 + 20 * c, 90 * c, 650), vec3(0, 0, 0));
+    }
+    for (int i = 0; i < 16; i++)
+        stand(&rig, i < 8 ? 30 : 60, 22.5 + 45 * i);
+    return rig;
+}
+
+/* Every view gets every light, each from the lamp that stands there when the sample is turned. */
+static void test_fixed_lamps(void) {
+    g_auto(SessionConf) conf =
+        conf_of("[views]\nrings=15:8; 35:8; 55:8; 75:8\n[lights]\ndevices=all\n");
+    struct rig rig = four_cameras();
+    struct rig_timing timing = timing_of(0.25);
+    int seen[32][16] = {{0}};
+
+    timing.arc = (struct axis_motion){0};
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_assert_cmpint(plan->session.n_views, ==, 32);
+    g_assert_cmpint(plan->session.n_lights, ==, 16);
+    g_assert_cmpint(plan->n_poses, ==, 8);
+    g_assert_cmpint(plan->notes->len, ==, 0);
+    for (int i = 1; i < plan->session.n_shots; i++) {
+        const struct session_shot *shot = &plan->session.shots[i];
+        const struct session_direction *light = &plan->session.lights[shot->source];
+        const struct vec3 at =
+            rig_turn(rig.lamps[shot->device].position_mm, -RAD(shot->turntable_deg));
+        const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 400);
+        g_assert_cmpfloat(vec3_length(vec3_sub(at, towards)), <, 1e-3);
+        g_assert_cmpfloat(shot->arc_deg, ==, 0);
+        for (int v = 0; v < 32; v++) {
+            const struct session_direction *view = &plan->session.views[v];
+            seen[v][shot->source] += view->turntable_deg == shot->turntable_deg &&
+                                     (shot->cameras >> view->device & 1) != 0;
+        }
+    }
+    for (int v = 0; v < 32; v++)
+        for (int l = 0; l < 16; l++)
+            g_assert_cmpint(seen[v][l], ==, 1);
+
+    /* at 30° the lamps fall between each other: those lights are not there, and it is said */
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=15:12\n[lights]\ndevices=all\n");
+    g_autoptr(Plan) partly = build(&conf, &rig, &timing);
+    int skipped = 0;
+    for (int i = 0; i < partly->session.n_shots; i++)
+        skipped += partly->session.shots[i].state == SHOT_SKIPPED;
+    g_assert_cmpint(skipped, ==, 8 * 16);
+    g_assert_cmpstr(partly->notes->pdata[0], ==,
+                    "128 shots: skipped: no lamp stands where its light would come from");
+    g_assert_true(g_str_has_prefix(partly->notes->pdata[1], "8 of 12 views miss more than"));
+
+    /* a camera right in a lamp's light */
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\nrings=15:8\n[lights]\ndevices=all\n");
+    rig.lamps[0].position_mm = at_mm(15, 0, 900);
+    g_autoptr(Plan) shaded = build(&conf, &rig, &timing);
+    g_assert_cmpint(shaded->session.n_shots, ==, 1 + 8 * 16);
+    g_assert_cmpstr(shaded->notes->pdata[0], ==,
+                    "1 shot: skipped: lamp led1 and cam0 are in each other's way");
+    conf.on_blocked = BLOCKED_REFUSE;
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_BLOCKED, "lamp led1 and cam0");
+}
+
+/* An arc beside lamps that stand by themselves: it gives the lights at its lamps' elevations, they
+ * theirs, during which it stands at 0, or aside where it would be in the picture there. */
+static void test_arc_and_fixed_lamps(void) {
+    g_auto(SessionConf) conf = conf_of("[views]\nrings=30:1:180\n[lights]\nrings=30:2; 50:1:100\n");
+    struct rig rig = rig_of(demo_theta_deg, 5);
+    struct rig_timing timing = timing_of(0.25);
+
+    stand(&rig, 50, 280);
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    int fixed = 0;
+    for (int i = 1; i < plan->session.n_shots; i++) {
+        const struct session_shot *shot = &plan->session.shots[i];
+        if (shot->device != 5)
+            continue;
+        fixed++;
+        g_assert_cmpfloat(shot->turntable_deg, ==, 180);
+        g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
+        g_assert_true(g_str_has_prefix(shot->note, "arc shifted by"));
+        g_assert_cmpfloat(rig_arc_clearance_mm(&rig, 1, RAD(shot->arc_deg), 36), >, 0);
+    }
+    g_assert_cmpint(fixed, ==, 1);
+    g_assert_cmpint(plan->session.n_shots, ==, 4);
+}
+
 static struct axis_motion random_motion(GRand *rand, gboolean wraps) {
     return (struct axis_motion){wraps ? 0 : -400,
                                 wraps ? 360 : 400,
@@ -526,7 +690,7 @@ static struct rig_timing random_timing(GRand *rand) {
 
     t.turntable = random_motion(rand, g_rand_boolean(rand));
     t.arc = random_motion(rand, g_rand_boolean(rand));
-    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
         t.lamp_warm_up_s[i] = g_rand_double_range(rand, 0, g_rand_boolean(rand) ? 0.5 : 8);
         t.laser_warm_up_s[i] = g_rand_double_range(rand, 0, 2);
         t.readout_us[i] = g_rand_int_range(rand, 0, 200000);
@@ -722,6 +886,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/plan/refusals", test_refusals);
     g_test_add_func("/plan/sweep-range", test_sweep_range);
     g_test_add_func("/plan/two-cameras", test_two_cameras);
+    g_test_add_func("/plan/dome", test_dome);
+    g_test_add_func("/plan/fixed-lamps", test_fixed_lamps);
+    g_test_add_func("/plan/arc-and-fixed-lamps", test_arc_and_fixed_lamps);
     g_test_add_func("/plan/views-first", test_views_first);
     g_test_add_func("/plan/random", test_random);
     g_test_add_func("/plan/all-orders", test_against_all_orders);

@@ -151,13 +151,51 @@ static void test_bad_files(void) {
     }
 }
 
+#define CAMERA                                                                                     \
+    "[camera c]\ndriver=sim-camera\nworld=w.conf\ntheta_deg=0\nphi_deg=0\ndistance_mm=500\n"       \
+    "width=4\nheight=4\nfocal_px=100\n"
+#define LAMP                                                                                       \
+    "[lamps bank]\ndriver=sim-lamps\nworld=w.conf\n[lamp a]\nbank=bank\nindex=0\ntheta_deg=30\n"   \
+    "distance_mm=500\n"
+
+/* A lamp that says where it stands needs no arc, and is where it says; overhead it need not. */
+static void test_shapes(void) {
+    static const struct {
+        const char *lamp;
+        gboolean fixed;
+        double phi_deg;
+    } lamps[] = {{LAMP "phi_deg=70\n", TRUE, 70},
+                 {LAMP "[axis arc]\ndriver=sim-axis\n", FALSE, 0},
+                 {LAMP "phi_deg=-20\n[axis arc]\ndriver=sim-axis\n", TRUE, 340}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(lamps); i++) {
+        g_autoptr(GError) error = NULL;
+        struct rig rig;
+        g_autofree char *text =
+            g_strconcat("[rig]\nid = r\narc_radius_mm = 500\n" CAMERA, lamps[i].lamp, NULL);
+        g_autofree char *path = written(text);
+        double theta, phi;
+        g_assert_true(devices_read_geometry(path, &rig, &error));
+        g_assert_no_error(error);
+        g_assert_cmpint(rig.lamps[0].fixed, ==, lamps[i].fixed);
+        /* the arc's angle matters to what it carries alone */
+        rig_angles(rig_lamp_position_mm(&rig.arc, &rig.lamps[0], 1), &theta, &phi);
+        g_assert_cmpfloat_with_epsilon(theta, 30 * G_PI / 180, 1e-9);
+        g_assert_cmpfloat_with_epsilon(
+            phi, lamps[i].phi_deg * G_PI / 180 + (lamps[i].fixed ? 0 : 1), 1e-9);
+        g_unlink(path);
+    }
+}
+
 static void test_missing(void) {
-    static const char *const head = "[rig]\nid = r\narc_radius_mm = 1\narc_width_mm = 1\n";
+    static const char *const head = "[rig]\nid = r\n";
     static const char *const texts[][2] = {
         {"", "[rig]"},
-        {"%s", "[axis turntable]"},
-        {"%s[axis turntable]\ndriver=sim-axis\n", "[axis arc]"},
+        {"%s", "[camera"},
         {"%s[axis turntable]\ndriver=sim-axis\n[axis arc]\ndriver=sim-axis\n", "[camera"},
+        {"%s" CAMERA, "[lamp NAME]"},
+        {"%s" CAMERA LAMP, "[lamp a] phi_deg: must be given"},
+        {"%s" CAMERA LAMP "phi_deg=3\n[axis arc]\ndriver=sim-axis\n", "arc_radius_mm"},
     };
     struct rig rig;
 
@@ -361,6 +399,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig-file/demo-geometry", test_demo_geometry);
     g_test_add_func("/rig-file/bad", test_bad_files);
     g_test_add_func("/rig-file/missing", test_missing);
+    g_test_add_func("/rig-file/shapes", test_shapes);
     g_test_add_func("/rig-file/truncated", test_truncated);
     g_test_add_func("/rig-file/open", test_open);
     g_test_add_func("/rig-file/safety", test_safety);

@@ -1,0 +1,124 @@
+/* Timing from a rig file alone: that of the opened devices where they can be opened, and what the
+ * file says where nothing is there to open. */
+#include "plan/plan.h"
+#include "rig/devices.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+static void test_as_opened(void) {
+    static const char *const rigs[] = {"rig.conf", "dome/rig.conf", "fixed_lamps/rig.conf"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(rigs); i++) {
+        g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/demo", rigs[i], NULL);
+        g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+        g_autoptr(GError) error = NULL;
+        struct rig rig;
+        struct rig_timing timing;
+        g_assert_true(devices_read_timing(path, &rig, &timing, assumed, &error));
+        g_assert_no_error(error);
+        g_assert_cmpuint(assumed->len, ==, 0);
+        struct devices *devices = devices_open(path, &error);
+        g_assert_no_error(error);
+        for (int c = 0; c < rig.n_cameras; c++) /* a simulated camera's are its world's */
+            timing.bits[c] = devices->timing.bits[c];
+        g_assert_cmpmem(&timing, sizeof timing, &devices->timing, sizeof timing);
+        g_assert_cmpmem(&rig, sizeof rig, &devices->geometry, sizeof rig);
+        devices_close(devices);
+    }
+}
+
+/* Every preset, on the demo's rig: the same plan or the same refusal. */
+static void test_presets(void) {
+    static const char *const presets[] = {"12x5", "12x8", "81", "26"};
+    static const char *const path = SOURCE_DIR "/etc/demo/rig.conf";
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GError) error = NULL;
+    struct rig rig;
+    struct rig_timing timing;
+    int planned = 0;
+
+    g_assert_true(devices_read_timing(path, &rig, &timing, assumed, &error));
+    struct devices *devices = devices_open(path, &error);
+    g_assert_no_error(error);
+    for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
+        g_autofree char *text = g_strdup_printf(
+            "[session]\nname=a\n[sample]\nwidth_mm=50\nheight_mm=50\ntexels=8\nreference_mm=1\n"
+            "depth_mm=1\n[views]\npreset=%s\n[lights]\npreset=%s\noffset_deg=15\n[capture]\n"
+            "exposures_us=4000\n",
+            presets[i], presets[i]);
+        g_autoptr(GError) here = NULL, there = NULL;
+        struct session_conf conf;
+        g_assert_true(session_conf_parse(&conf, text, "s.conf", &error));
+        g_autoptr(Plan) offline = plan_build(&conf, &rig, &timing, &here);
+        g_autoptr(Plan) opened = plan_build(&conf, &devices->geometry, &devices->timing, &there);
+        g_assert_cmpstr(here ? here->message : "", ==, there ? there->message : "");
+        if (opened) {
+            planned++;
+            g_assert_cmpfloat(offline->predicted_s, ==, opened->predicted_s);
+            g_assert_cmpuint(offline->bytes, ==, opened->bytes);
+        }
+        session_conf_clear(&conf);
+    }
+    g_assert_cmpint(planned, ==, 2);
+    devices_close(devices);
+}
+
+static void append_file(GString *to, const char *name) {
+    g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/devices", name, NULL), *text = NULL;
+
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_string_append(to, text);
+}
+
+/* Devices that are not there, as etc/devices has them; a camera that says nothing of its pictures a
+ * second. */
+static void test_absent_devices(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
+    g_autoptr(GString) text = g_string_new("[rig]\nid=r\narc_radius_mm=500\n");
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GError) error = NULL;
+    struct rig rig;
+    struct rig_timing timing;
+
+    append_file(text, "leadshine-rs.conf");
+    append_file(text, "oriental-az.conf");
+    append_file(text, "waveshare-modbus-rtu-relay.conf");
+    append_file(text, "gige-camera.conf");
+    g_string_append(text, "theta_deg=0\nphi_deg=0\ndistance_mm=500\nfocal_px=1000\n"
+                          "[camera c1]\ndriver=v4l2-camera\ntheta_deg=20\nphi_deg=0\nwidth=640\n"
+                          "height=480\ndistance_mm=500\nfocal_px=1000\n"
+                          "[lamp l]\nbank=bank\nindex=0\ntheta_deg=30\ndistance_mm=500\n");
+    g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
+    g_assert_true(devices_read_timing(path, &rig, &timing, assumed, &error));
+    g_assert_no_error(error);
+    g_assert_true(timing.turntable.wraps);
+    g_assert_cmpfloat(timing.turntable.speed_deg_s, ==, 20);
+    g_assert_cmpfloat(timing.turntable.accel_deg_s2, ==, 333);
+    g_assert_cmpfloat(timing.arc.max_deg, ==, 180);
+    g_assert_cmpfloat(timing.lamp_warm_up_s[0], ==, 0.2);
+    g_assert_cmpint(timing.readout_us[0], ==, 30000);
+    g_assert_cmpint(timing.trigger_us[0], ==, 1000);
+    g_assert_cmpint(timing.readout_us[1], ==, 33000);
+    g_assert_cmpint(assumed->len, ==, 3);
+    g_assert_true(g_str_has_prefix(assumed->pdata[1], "assumed of [camera c1]: 30 pictures"));
+    g_assert_null(devices_open(path, &error)); /* indeed it is not there */
+    g_assert_nonnull(error);
+    g_clear_error(&error);
+
+    g_string_append(text, "[axis none]\ndriver=tic-axis\n");
+    g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
+    g_assert_false(devices_read_timing(path, &rig, &timing, assumed, &error));
+    g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING); /* its steps_per_deg */
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/offline/as-opened", test_as_opened);
+    g_test_add_func("/offline/presets", test_presets);
+    g_test_add_func("/offline/absent-devices", test_absent_devices);
+    return g_test_run();
+}
