@@ -203,6 +203,11 @@ static void test_killed(void) {
     desk_ends(move, SIGKILL);
     desk_waits(&desk, "\"turntable\", \"sim-axis\", \"ok\"");
     g_assert_cmpint(g_get_monotonic_time() - killed_us, <, 20 * G_USEC_PER_SEC);
+    lamp = desk_begins(&desk, "lamp lamp30");
+    desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
+    desk_does(&desk, 0, "safe");
+    desk_waits(&desk, "\"bank\", \"sim-lamps\", \"off\"");
+    desk_ends(lamp, SIGKILL);
     /* By Ctrl-C it is off before the command ends. */
     lamp = desk_begins(&desk, "lamp lamp60");
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
