@@ -1,5 +1,5 @@
-/* Specification and geometry of calibration boards. Corner positions: x = (column − columns/2) ·
- * square, y = (rows/2 − row) · square, from the centre of the board. */
+/* Specification and geometry of calibration boards. Middle of a cell: x = (column + ½ −
+ * columns/2) · square, y = (rows/2 − row − ½) · square, from the centre of the board. */
 #include "board.h"
 
 #include "pictures/vision.h"
@@ -15,49 +15,125 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
     g_set_error(
         error, BOARD_ERROR, BOARD_ERROR_SPEC,
         "board “%s”: %s; write 8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3 (mm), "
-        "or without marker for a chessboard",
+        "without marker for a chessboard, 6x6,marker=22,gap=6.6 for a grid of markers, or "
+        "7x5,spacing=20,circle=10 for circles",
         spec, why);
     return FALSE;
 }
 
-static gboolean board_check(const struct board *board, const char *spec, GError **error) {
+/* Number of white squares, which have markers, above a row. */
+static int whites_before(const struct board *board, int row) {
+    const int more = board->white_first ? (row + 1) / 2 : row / 2; /* of an odd number of columns */
+    return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
+}
+
+static gboolean board_check(const struct board *board, double gap_mm, const char *spec,
+                            GError **error) {
+    const gboolean circles = board->print == BOARD_CIRCLES || board->print == BOARD_STAGGERED;
+    const int needed = board->print == BOARD_MARKERS ? board->columns * board->rows
+                                                     : whites_before(board, board->rows);
     int markers = 0;
 
-    if (!(board->square_mm > 0))
-        return refuse(spec, error, "the size of a square is missing or 0; give square=MM");
+    if (board->print == BOARD_MARKERS ? board->marker_mm == 0 || gap_mm < 0.1 * board->marker_mm
+                                      : !(board->square_mm > 0))
+        return refuse(spec, error,
+                      board->print == BOARD_MARKERS
+                          ? "a grid of markers needs marker=MM and gap=MM, at least a tenth of it"
+                      : circles ? "the distance of the rows is missing or 0; give spacing=MM"
+                                : "the size of a square is missing or 0; give square=MM");
+    if (circles)
+        return (board->circle_mm >= 0.1 * board->square_mm &&
+                board->circle_mm <= 0.95 * board->square_mm) ||
+               refuse(spec, error, "a circle's diameter must be 0.1 to 0.95 times the spacing");
     if (board->marker_mm == 0)
         return TRUE;
-    if (board->marker_mm >= 0.95 * board->square_mm || board->marker_mm < 0.3 * board->square_mm)
+    if (board->print == BOARD_CHARUCO &&
+        (board->marker_mm >= 0.95 * board->square_mm || board->marker_mm < 0.3 * board->square_mm))
         return refuse(spec, error, "a marker must be 0.3 to 0.95 times as large as a square");
     if (!vision_dictionary(board->dictionary, &markers))
         return refuse(spec, error,
-                      "unknown dictionary; known ones are 4x4_50 … 7x7_1000 and aruco_original");
-    if (board->columns * board->rows / 2 > markers)
+                      "unknown dictionary; known ones are 4x4_50 … 7x7_1000, aruco_original and "
+                      "apriltag_16h5, apriltag_25h9, apriltag_36h10, apriltag_36h11");
+    if (needed > markers)
         return refuse(spec, error,
-                      "the dictionary has fewer markers than the board has white "
-                      "squares; choose a larger dictionary or fewer squares");
+                      "the dictionary has fewer markers than the board; choose a larger "
+                      "dictionary or fewer squares");
+    return TRUE;
+}
+
+/* Takes a key that has words for values; FALSE: there is no such key or word. */
+static gboolean board_take_word(struct board *to, const char *key, const char *value) {
+    static const struct {
+        const char *value;
+        enum board_print print;
+    } grids[] = {{"opencv", BOARD_MARKERS},
+                 {"kalibr", BOARD_MARKERS},
+                 {"symmetric", BOARD_CIRCLES},
+                 {"staggered", BOARD_STAGGERED}};
+
+    if (g_str_equal(key, "dictionary"))
+        return g_strlcpy(to->dictionary, value, sizeof to->dictionary) > 0;
+    if (g_str_equal(key, "first")) {
+        to->white_first = g_str_equal(value, "white");
+        return to->white_first || g_str_equal(value, "black");
+    }
+    for (gsize i = 0; g_str_equal(key, "grid") && i < G_N_ELEMENTS(grids); i++)
+        if (g_str_equal(value, grids[i].value)) {
+            to->print = grids[i].print;
+            to->kalibr = g_str_equal(value, "kalibr");
+            return TRUE;
+        }
+    return FALSE;
+}
+
+/* Says what the keys make of the board; FALSE: they do not go together. */
+static gboolean board_take_print(struct board *to, double gap_mm, double spacing_mm) {
+    const gboolean circles = spacing_mm > 0 || to->circle_mm > 0, grid = to->print != 0;
+
+    if (circles && !grid)
+        to->print = BOARD_CIRCLES;
+    else if (gap_mm > 0 && !grid)
+        to->print = BOARD_MARKERS;
+    else if (!grid)
+        to->print = to->marker_mm > 0 ? BOARD_CHARUCO : BOARD_CHESSBOARD;
+    const gboolean round = to->print == BOARD_CIRCLES || to->print == BOARD_STAGGERED;
+    const gboolean squares = to->print == BOARD_CHESSBOARD || to->print == BOARD_CHARUCO;
+    if ((to->square_mm > 0 && !squares) || (to->white_first && !squares) || circles != round ||
+        (gap_mm > 0) != (to->print == BOARD_MARKERS) || (round && to->marker_mm > 0))
+        return FALSE;
+    if (!squares)
+        to->square_mm = round ? spacing_mm : to->marker_mm + gap_mm;
+    if (!*to->dictionary)
+        g_strlcpy(to->dictionary, to->kalibr ? "apriltag_36h11" : "4x4_50", sizeof to->dictionary);
     return TRUE;
 }
 
 gboolean board_parse(struct board *board, const char *spec, GError **error) {
     g_auto(GStrv) words = g_strsplit(spec, ",", 16);
     g_auto(GStrv) sides = g_strsplit(words[0] ? words[0] : "", "x", 3);
-    struct board parsed = {.dictionary = "4x4_50"};
+    struct board parsed = {0};
+    double gap_mm = 0, spacing_mm = 0;
+    const struct {
+        const char *key;
+        double *mm;
+    } lengths[] = {{"square", &parsed.square_mm}, {"marker", &parsed.marker_mm},
+                   {"circle", &parsed.circle_mm}, {"gap", &gap_mm},
+                   {"spacing", &spacing_mm},      {"thickness", &parsed.thickness_mm}};
     guint64 columns, rows;
 
     if (g_strv_length(sides) != 2 ||
-        !g_ascii_string_to_unsigned(sides[0], 10, 3, BOARD_MAX_SQUARES, &columns, NULL) ||
-        !g_ascii_string_to_unsigned(sides[1], 10, 3, BOARD_MAX_SQUARES, &rows, NULL))
-        return refuse(spec, error, "does not begin with columns x rows, 3 to 40 squares each");
+        !g_ascii_string_to_unsigned(sides[0], 10, 2, BOARD_MAX_SQUARES, &columns, NULL) ||
+        !g_ascii_string_to_unsigned(sides[1], 10, 2, BOARD_MAX_SQUARES, &rows, NULL))
+        return refuse(spec, error, "does not begin with columns x rows, 2 to 40 each");
     parsed.columns = (int)columns;
     parsed.rows = (int)rows;
     for (char **word = words + 1; *word; word++) {
         g_auto(GStrv) pair = g_strsplit(*word, "=", 2);
         const char *key = pair[0] && pair[1] ? pair[0] : "", *value = *key ? pair[1] : NULL;
-        double *mm = g_str_equal(key, "square")      ? &parsed.square_mm
-                     : g_str_equal(key, "marker")    ? &parsed.marker_mm
-                     : g_str_equal(key, "thickness") ? &parsed.thickness_mm
-                                                     : NULL;
+        double *mm = NULL;
+        for (gsize i = 0; i < G_N_ELEMENTS(lengths); i++)
+            if (g_str_equal(key, lengths[i].key))
+                mm = lengths[i].mm;
         if (mm) {
             char *end;
             *mm = g_ascii_strtod(value, &end);
@@ -66,63 +142,133 @@ gboolean board_parse(struct board *board, const char *spec, GError **error) {
             g_autofree char *why = g_strdup_printf("%s is not a number of millimetres", key);
             return refuse(spec, error, why);
         }
-        if (!g_str_equal(key, "dictionary")) {
-            g_autofree char *why = g_strdup_printf(
-                "unknown key in \"%s\"; choose from: square=, marker=, dictionary=, thickness=",
-                *word);
-            return refuse(spec, error, why);
-        }
-        g_strlcpy(parsed.dictionary, value, sizeof parsed.dictionary);
+        if (*key && board_take_word(&parsed, key, value))
+            continue;
+        g_autofree char *why = g_strdup_printf(
+            "unknown key or value in \"%s\"; choose from: square=, marker=, gap=, spacing=, "
+            "circle=, dictionary=, thickness=, first=black, first=white, grid=opencv, "
+            "grid=kalibr, grid=symmetric, grid=staggered",
+            *word);
+        return refuse(spec, error, why);
     }
-    if (!board_check(&parsed, spec, error))
+    if (!board_take_print(&parsed, gap_mm, spacing_mm))
+        return refuse(spec, error,
+                      "its keys do not go together: squares have square=, grids of markers "
+                      "marker= and gap=, circles spacing= and circle=");
+    if (parsed.print < BOARD_MARKERS && (columns < 3 || rows < 3))
+        return refuse(spec, error, "a board has at least 3 × 3 squares");
+    if (!board_check(&parsed, gap_mm, spec, error))
         return FALSE;
     *board = parsed;
     return TRUE;
 }
 
-char *board_spec(const struct board *board) {
-    char square[G_ASCII_DTOSTR_BUF_SIZE], marker[G_ASCII_DTOSTR_BUF_SIZE],
-        thickness[G_ASCII_DTOSTR_BUF_SIZE];
+static void board_add_mm(GString *to, const char *key, double mm) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    g_string_append_printf(to, ",%s=%s", key, g_ascii_formatd(text, sizeof text, "%.10g", mm));
+}
 
-    g_ascii_formatd(square, sizeof square, "%.10g", board->square_mm);
-    g_ascii_formatd(marker, sizeof marker, "%.10g", board->marker_mm);
-    g_ascii_formatd(thickness, sizeof thickness, "%.10g", board->thickness_mm);
-    if (board->marker_mm == 0)
-        return g_strdup_printf("%dx%d,square=%s,thickness=%s", board->columns, board->rows, square,
-                               thickness);
-    return g_strdup_printf("%dx%d,square=%s,marker=%s,dictionary=%s,thickness=%s", board->columns,
-                           board->rows, square, marker, board->dictionary, thickness);
+char *board_spec(const struct board *board) {
+    GString *to = g_string_new(NULL);
+
+    g_string_printf(to, "%dx%d", board->columns, board->rows);
+    switch (board->print) {
+    case BOARD_CHESSBOARD:
+    case BOARD_CHARUCO:
+        board_add_mm(to, "square", board->square_mm);
+        if (board->print == BOARD_CHARUCO)
+            board_add_mm(to, "marker", board->marker_mm);
+        break;
+    case BOARD_MARKERS:
+        board_add_mm(to, "marker", board->marker_mm);
+        board_add_mm(to, "gap", board->square_mm - board->marker_mm);
+        break;
+    case BOARD_CIRCLES:
+    case BOARD_STAGGERED:
+        board_add_mm(to, "spacing", board->square_mm);
+        board_add_mm(to, "circle", board->circle_mm);
+        break;
+    }
+    if (board->marker_mm > 0)
+        g_string_append_printf(to, ",dictionary=%s", board->dictionary);
+    if (board->kalibr || board->print == BOARD_STAGGERED)
+        g_string_append_printf(to, ",grid=%s", board->kalibr ? "kalibr" : "staggered");
+    if (board->white_first)
+        g_string_append(to, ",first=white");
+    board_add_mm(to, "thickness", board->thickness_mm);
+    return g_string_free(to, FALSE);
 }
 
 gboolean board_check_upright(const struct board *board, GError **error) {
     g_autofree char *spec = board_spec(board);
 
-    if (board->marker_mm > 0 || (board->columns + board->rows) % 2 == 1)
+    if (board->marker_mm > 0 ||
+        (board->print == BOARD_CHESSBOARD && (board->columns + board->rows) % 2 == 1) ||
+        (board->print == BOARD_STAGGERED && board->rows % 2 == 1))
         return TRUE;
-    return refuse(spec, error,
-                  "a chessboard looks the same upside down unless one of columns and rows is odd "
-                  "and the other even, so that pictures do not say which way it lies; photographs "
-                  "of it (--images) give a lens");
+    return refuse(
+        spec, error,
+        board->print == BOARD_CHESSBOARD
+            ? "a chessboard looks the same upside down unless one of columns and rows is "
+              "odd and the other even, so that pictures do not say which way it lies; "
+              "photographs of it (--images) give a lens"
+            : "these circles look the same upside down, so that pictures do not say which "
+              "way they lie; photographs of them (--images) give a lens, and an odd "
+              "number of staggered rows gives more");
+}
+
+void board_size_mm(const struct board *board, double ret[2]) {
+    const gboolean staggered = board->print == BOARD_STAGGERED;
+    const double gap = board->square_mm - board->marker_mm;
+    const double around = board->print != BOARD_MARKERS ? 0 : board->kalibr ? gap : -gap;
+
+    ret[0] = (staggered ? 2 : 1) * board->columns * board->square_mm + around;
+    ret[1] = board->rows * board->square_mm + around;
 }
 
 int board_n_corners(const struct board *board) {
-    return (board->columns - 1) * (board->rows - 1);
+    return board->print < BOARD_MARKERS    ? (board->columns - 1) * (board->rows - 1)
+           : board->print == BOARD_MARKERS ? 4 * board->columns * board->rows
+                                           : board->columns * board->rows;
 }
 
-/* The origin is the centre of the board, y points up. */
+/* The middle of a cell of the grid; the origin is the centre of the board, y points up. */
+static void board_cell_mm(const struct board *board, double column, double row, double ret[2]) {
+    ret[0] = (column + 0.5 - board->columns / 2.0) * board->square_mm;
+    ret[1] = (board->rows / 2.0 - row - 0.5) * board->square_mm;
+}
+
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
-    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
+    const int column = id % board->columns, row = id / board->columns;
+    const int inner_column = id % (board->columns - 1), inner_row = id / (board->columns - 1);
+    double marker[4][2];
 
-    ret_xy_mm[0] = (column - board->columns / 2.0) * board->square_mm;
-    ret_xy_mm[1] = (board->rows / 2.0 - row) * board->square_mm;
+    switch (board->print) {
+    case BOARD_CHESSBOARD:
+    case BOARD_CHARUCO:
+        board_cell_mm(board, inner_column + 0.5, inner_row + 0.5, ret_xy_mm);
+        return;
+    case BOARD_MARKERS:
+        board_marker_mm(board, id / 4, marker);
+        ret_xy_mm[0] = marker[id % 4][0];
+        ret_xy_mm[1] = marker[id % 4][1];
+        return;
+    case BOARD_CIRCLES:
+        board_cell_mm(board, column, row, ret_xy_mm);
+        return;
+    case BOARD_STAGGERED: /* columns are two spacings apart */
+        ret_xy_mm[0] = (2 * column + row % 2 + 0.5 - board->columns) * board->square_mm;
+        ret_xy_mm[1] = (board->rows / 2.0 - row - 0.5) * board->square_mm;
+        return;
+    }
 }
 
-/* Number of white squares above a row. */
-static int whites_before(const struct board *board, int row) {
-    return row * (board->columns / 2) + (board->columns % 2 ? row / 2 : 0);
-}
-
+/* −1: the square has none. */
 static int marker_of(const struct board *board, int column, int row) {
+    if (board->print == BOARD_MARKERS)
+        return (board->kalibr ? board->rows - 1 - row : row) * board->columns + column;
+    if (board->print != BOARD_CHARUCO || (column + row + board->white_first) % 2 == 0)
+        return -1;
     return whites_before(board, row) + column / 2;
 }
 
@@ -130,7 +276,7 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
     if (board->marker_mm == 0 || marker < 0)
         return FALSE;
     for (int row = 0; row < board->rows; row++)
-        for (int column = row % 2 ? 0 : 1; column < board->columns; column += 2)
+        for (int column = 0; column < board->columns; column++)
             if (marker_of(board, column, row) == marker) {
                 *ret_column = column;
                 *ret_row = row;
@@ -139,30 +285,75 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
     return FALSE;
 }
 
-/* Printed value at a point of the board frame; bits: n × n of each marker, which a border of one
- * black cell surrounds. */
+gboolean board_marker_mm(const struct board *board, int marker, double ret_xy_mm[4][2]) {
+    static const int right[4] = {-1, 1, 1, -1}, up[4] = {1, 1, -1, -1};
+    double at[2];
+    int column, row;
+
+    if (!board_marker_square(board, marker, &column, &row))
+        return FALSE;
+    board_cell_mm(board, column, row, at);
+    for (int k = 0; k < 4; k++) {
+        const int own = board->kalibr ? (k + 2) % 4 : k;
+        ret_xy_mm[k][0] = at[0] + right[own] * board->marker_mm / 2;
+        ret_xy_mm[k][1] = at[1] + up[own] * board->marker_mm / 2;
+    }
+    return TRUE;
+}
+
+int board_border(const struct board *board) {
+    return board->kalibr ? 2 : 1;
+}
+
+/* Printed value of a marker at u, v of its side from the top left as printed; bits: n × n, which
+ * the border surrounds. */
+static double marker_value(const struct board *board, const guint8 *bits, int n, double u,
+                           double v) {
+    const int border = board_border(board), all = n + 2 * border;
+    const int i = (int)floor((board->kalibr ? 1 - v : v) * all) - border;
+    const int j = (int)floor((board->kalibr ? 1 - u : u) * all) - border;
+    return i >= 0 && j >= 0 && i < n && j < n && bits[i * n + j];
+}
+
+static gboolean in_circle(const struct board *board, double x_mm, double y_mm) {
+    for (int id = 0; id < board_n_corners(board); id++) {
+        double at[2];
+        board_corner_mm(board, id, at);
+        if (hypot(x_mm - at[0], y_mm - at[1]) < board->circle_mm / 2)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+/* Printed value at a point of the board frame; bits: n × n of each marker. */
 static double board_value_at(const struct board *board, const guint8 *bits, int n, double x_mm,
                              double y_mm) {
+    double size[2];
+
+    board_size_mm(board, size);
+    if (!(fabs(x_mm) < size[0] / 2) || !(fabs(y_mm) < size[1] / 2))
+        return -1;
+    if (board->circle_mm > 0)
+        return !in_circle(board, x_mm, y_mm);
     const double x = x_mm / board->square_mm + board->columns / 2.0;
     const double y = board->rows / 2.0 - y_mm / board->square_mm;
-    const int column = (int)floor(x), row = (int)floor(y);
-
-    if (x < 0 || y < 0 || column >= board->columns || row >= board->rows)
-        return -1;
-    const gboolean white = (column + row + board->white_first) % 2 == 1;
-    if (!white || board->marker_mm == 0)
-        return white;
-    const double size = board->marker_mm / board->square_mm;
-    const double u = (x - column - 0.5) / size + 0.5, v = (y - row - 0.5) / size + 0.5;
-    if (u < 0 || v < 0 || u >= 1 || v >= 1)
-        return 1;
-    const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
-    return i >= 0 && j >= 0 && i < n && j < n &&
-           bits[(marker_of(board, column, row) * n + i) * n + j];
+    const int column = CLAMP((int)floor(x), 0, board->columns - 1);
+    const int row = CLAMP((int)floor(y), 0, board->rows - 1);
+    const int marker = marker_of(board, column, row);
+    if (board->print != BOARD_MARKERS && marker < 0)
+        return (column + row + board->white_first) % 2 == 1;
+    const double part = board->marker_mm / board->square_mm; /* of a marker in its cell */
+    const double u = (x - column - 0.5) / part + 0.5, v = (y - row - 0.5) / part + 0.5;
+    const gboolean beside = u < 0 || u >= 1, above = v < 0 || v >= 1;
+    if (beside || above)
+        return !(board->kalibr && beside && above);
+    return marker_value(board, bits + (gsize)(marker * n * n), n, u, v);
 }
 
 void board_values(const struct board *board, const double *xy_mm, int n, float *ret) {
-    const int markers = board->marker_mm > 0 ? whites_before(board, board->rows) : 0;
+    const int markers = board->print == BOARD_CHARUCO   ? whites_before(board, board->rows)
+                        : board->print == BOARD_MARKERS ? board->columns * board->rows
+                                                        : 0;
     const int size = markers > 0 ? vision_dictionary(board->dictionary, NULL) : 0;
     g_autofree guint8 *bits = g_new0(guint8, (gsize)(size * size) * (gsize)markers + 1);
 

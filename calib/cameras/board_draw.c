@@ -11,24 +11,53 @@
 #define MAX_PIXELS  20000
 
 /* Draws the black cells of a marker with its border. Adjacent cells of a row are one rectangle,
- * so that no seams appear between them. */
+ * so that no seams appear between them. x, y: of its middle, in the drawing. */
 static void add_marker(cairo_t *to, const struct board *board, int marker, double x, double y) {
     guint8 bits[7 * 7] = {0};
-    const int n = vision_dictionary(board->dictionary, NULL);
-    const double cell = board->marker_mm / (n + 2);
+    const int n = vision_dictionary(board->dictionary, NULL), border = board_border(board);
+    const double cell = board->marker_mm / (n + 2 * border);
+    const int first = -border, last = n + border - 1;
 
     vision_marker_bits(board->dictionary, marker, bits);
-    for (int i = -1; i <= n; i++)
-        for (int j = -1, from = -1; j <= n + 1; j++) {
+    cairo_save(to);
+    cairo_translate(to, x, y);
+    cairo_scale(to, board->kalibr ? -cell : cell, board->kalibr ? -cell : cell);
+    cairo_translate(to, -n / 2.0, -n / 2.0);
+    for (int i = first; i <= last; i++)
+        for (int j = first, from = first - 1; j <= last + 1; j++) {
             const gboolean is_black =
-                j <= n && (i < 0 || i == n || j < 0 || j == n || !bits[i * n + j]);
+                j <= last && (i < 0 || i >= n || j < 0 || j >= n || !bits[i * n + j]);
             if (is_black)
                 continue;
             if (j > from)
-                cairo_rectangle(to, x + (from + 1) * cell, y + (i + 1) * cell, (j - from) * cell,
-                                cell);
-            from = j + 1;
+                cairo_rectangle(to, from + 1, i, j - from - 1, 1);
+            from = j;
         }
+    cairo_restore(to);
+}
+
+/* Draws all black squares, markers and circles; x, y: of the board's middle, in the drawing. */
+static void add_print(cairo_t *to, const struct board *board, double x, double y) {
+    const double s = board->square_mm, gap = s - board->marker_mm;
+    double corners[4][2];
+
+    for (int row = 0; board->print < BOARD_MARKERS && row < board->rows; row++)
+        for (int column = (row + board->white_first) % 2; column < board->columns; column += 2)
+            cairo_rectangle(to, x + (column - board->columns / 2.0) * s,
+                            y + (row - board->rows / 2.0) * s, s, s);
+    for (int row = 0; board->kalibr && row <= board->rows; row++)
+        for (int column = 0; column <= board->columns; column++)
+            cairo_rectangle(to, x + (column - board->columns / 2.0) * s - gap / 2,
+                            y + (row - board->rows / 2.0) * s - gap / 2, gap, gap);
+    for (int marker = 0; board_marker_mm(board, marker, corners); marker++)
+        add_marker(to, board, marker, x + (corners[0][0] + corners[2][0]) / 2,
+                   y - (corners[0][1] + corners[2][1]) / 2);
+    for (int id = 0; board->circle_mm > 0 && id < board_n_corners(board); id++) {
+        double at[2];
+        board_corner_mm(board, id, at);
+        cairo_new_sub_path(to);
+        cairo_arc(to, x + at[0], y - at[1], board->circle_mm / 2, 0, 2 * G_PI);
+    }
 }
 
 static cairo_surface_t *new_surface(const char *path, double width_mm, double height_mm,
@@ -46,26 +75,22 @@ static cairo_surface_t *new_surface(const char *path, double width_mm, double he
 
 static cairo_status_t draw_all(const struct board *board, const char *path,
                                const struct board_drawing *drawing) {
-    const double s = board->square_mm, inset = (s - board->marker_mm) / 2;
-    const double margin = drawing->margin_mm; /* units: millimetres from the top left of it */
-    const double width = board->columns * s + 2 * margin, height = board->rows * s + 2 * margin;
+    double size[2]; /* units: millimetres from the top left of the margin */
+    board_size_mm(board, size);
+    const double width = size[0] + 2 * drawing->margin_mm;
+    const double height = size[1] + 2 * drawing->margin_mm;
     const gboolean png = g_str_has_suffix(path, ".png");
     const double scale = png                              ? drawing->pixels_a_mm
                          : g_str_has_suffix(path, ".pdf") ? POINTS_A_MM
                                                           : 1;
     cairo_surface_t *surface = new_surface(path, width, height, drawing->pixels_a_mm);
     cairo_t *to = cairo_create(surface);
-    int column, row;
 
     cairo_scale(to, scale, scale);
     cairo_set_source_rgb(to, 1, 1, 1);
     cairo_paint(to);
     cairo_set_source_rgb(to, 0, 0, 0);
-    for (row = 0; row < board->rows; row++)
-        for (column = row % 2; column < board->columns; column += 2)
-            cairo_rectangle(to, margin + column * s, margin + row * s, s, s);
-    for (int marker = 0; board_marker_square(board, marker, &column, &row); marker++)
-        add_marker(to, board, marker, margin + column * s + inset, margin + row * s + inset);
+    add_print(to, board, width / 2, height / 2);
     cairo_fill(to);
     cairo_status_t status = cairo_status(to);
     if (status == CAIRO_STATUS_SUCCESS && png)
@@ -80,8 +105,9 @@ static cairo_status_t draw_all(const struct board *board, const char *path,
 
 gboolean board_draw(const struct board *board, const char *path,
                     const struct board_drawing *drawing, GError **error) {
-    const double longest_mm =
-        MAX(board->columns, board->rows) * board->square_mm + 2 * drawing->margin_mm;
+    double size[2];
+    board_size_mm(board, size);
+    const double longest_mm = MAX(size[0], size[1]) + 2 * drawing->margin_mm;
     const gboolean png = g_str_has_suffix(path, ".png");
     cairo_status_t status;
 

@@ -12,6 +12,8 @@
 #define MIN_CORNERS    4
 #define TOLERANCE_PX   3.0  /* of markers from a homography, since lenses distort, */
 #define TOLERANCE      0.15 /* or relative to a marker's side: accuracy of the detector's corners */
+#define BESIDE         2.1  /* distance of markers that count as neighbours, in squares */
+#define BESIDE_OFF     0.25 /* that a neighbour may be off, relative to its side */
 #define ANY_PX         1e6  /* no bound */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
 /* Least correlation of a board that was found. */
@@ -115,6 +117,20 @@ static void board_find_straighten(const struct board *board, BoardProject projec
         memcpy(to->straighten, found, sizeof found);
 }
 
+/* Centre of the image of a circle minus the image of its centre, to second order of the radius r:
+ * Q (r, 0) + Q (0, r), Q being the even part of the projection. For perspective, with
+ * f (h) = J h (1 − c·h), the image of r u is J (r u − r² c) but for what moves along the curve. */
+static void put_off_centre(const struct board *board, BoardProject project, gconstpointer data,
+                           const double at[2], struct corner_guess *to) {
+    const double r = board->circle_mm / 2, right[2] = {r, 0}, up[2] = {0, r};
+    double a[2], b[2];
+    if (!even_part(project, FALSE, data, at, right, a) ||
+        !even_part(project, FALSE, data, at, up, b))
+        return;
+    to->off_centre_px[0] = a[0] + b[0];
+    to->off_centre_px[1] = a[1] + b[1];
+}
+
 /* Predicts position and scale for all corners, and if shift_px is not NULL that shift and the
  * edges' curvature; those that project() refuses are left 0. */
 static void guess_all(const struct board *board, BoardProject project, gconstpointer data,
@@ -130,6 +146,8 @@ static void guess_all(const struct board *board, BoardProject project, gconstpoi
         to->x_px = px[0] + (shift_px ? shift_px[0] : 0);
         to->y_px = px[1] + (shift_px ? shift_px[1] : 0);
         memcpy(to->px_a_mm, slope, sizeof slope);
+        if (board->circle_mm > 0)
+            put_off_centre(board, project, data, at, to);
         if (shift_px)
             board_find_straighten(board, project, data, at, to);
     }
@@ -202,48 +220,143 @@ static int board_find_agree(const guint8 *good, guint n) {
     return markers;
 }
 
-/* Robust homography through the corners of all detected markers; at least half of the markers
- * must agree with it: from, seen (of double, two a point) are of those. The reason for a failure
- * says what was seen instead. */
-static gboolean plane_of_markers(const struct picture *picture, struct board *board,
-                                 double ret_h[9], GArray *from, GArray *to, GError **error) {
-    g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, FALSE, error);
-    if (!found)
-        return FALSE;
+/* Two sides of a marker as a parallelogram, px by mm, and its middle; corners: four of x, y. */
+static void marker_frame(const double *mm, const double *px, double ret_slopes[2][2],
+                         double ret_mm[2], double ret_px[2]) {
+    const double u[2] = {mm[4] - mm[0], mm[5] - mm[1]}, v[2] = {mm[2] - mm[6], mm[3] - mm[7]};
+    const double det = u[0] * v[1] - u[1] * v[0]; /* u, v: the diagonals on the board */
+    for (int k = 0; k < 2; k++) {
+        const double p = px[4 + k] - px[k], q = px[2 + k] - px[6 + k];
+        ret_slopes[k][0] = (p * v[1] - q * u[1]) / det;
+        ret_slopes[k][1] = (q * u[0] - p * v[0]) / det;
+        ret_mm[k] = (mm[k] + mm[2 + k] + mm[4 + k] + mm[6 + k]) / 4;
+        ret_px[k] = (px[k] + px[2 + k] + px[4 + k] + px[6 + k]) / 4;
+    }
+}
+
+/* Whether two markers lie as on the board: from middle to middle by the mean of their slopes, which
+ * perspective and distortion leave alone but for their third derivative. */
+static gboolean are_beside(const struct board *board, const double *mm_a, const double *px_a,
+                           const double *mm_b, const double *px_b) {
+    double a[2][2], b[2][2], from_mm[2], from_px[2], to_mm[2], to_px[2], off[2];
+    marker_frame(mm_a, px_a, a, from_mm, from_px);
+    marker_frame(mm_b, px_b, b, to_mm, to_px);
+    const double d[2] = {to_mm[0] - from_mm[0], to_mm[1] - from_mm[1]};
+    for (int k = 0; k < 2; k++)
+        off[k] =
+            to_px[k] - from_px[k] - ((a[k][0] + b[k][0]) * d[0] + (a[k][1] + b[k][1]) * d[1]) / 2;
+    const double side_px = sqrt(fabs(b[0][0] * b[1][1] - b[0][1] * b[1][0])) * board->marker_mm;
+    return hypot(d[0], d[1]) < BESIDE * board->square_mm &&
+           hypot(off[0], off[1]) < MAX(TOLERANCE_PX, BESIDE_OFF * side_px);
+}
+
+/* The markers that lie well beside each other in one piece, the largest there is: so far the lens
+ * may bend the board. ret_good: of each corner. */
+static void take_piece(const struct board *board, const GArray *from, const GArray *to,
+                       guint8 *ret_good) {
+    const guint n = from->len / 8;
+    const double *mm = (const double *)(gconstpointer)from->data;
+    const double *px = (const double *)(gconstpointer)to->data;
+    g_autofree guint8 *seen = g_new0(guint8, n + 1);
+    g_autofree guint *queue = g_new(guint, n + 1);
+    guint most = 0;
+    for (guint first = 0; first < n; first++) {
+        guint in = 0;
+        if (seen[first])
+            continue;
+        seen[queue[in++] = first] = 1;
+        for (guint next = 0; next < in; next++)
+            for (guint i = 0; i < n; i++)
+                if (!seen[i] && are_beside(board, mm + 8 * queue[next], px + 8 * queue[next],
+                                           mm + 8 * i, px + 8 * i))
+                    seen[queue[in++] = i] = 1;
+        if (in <= most)
+            continue;
+        most = in;
+        memset(ret_good, 0, 4 * n);
+        for (guint i = 0; i < in; i++)
+            memset(ret_good + 4 * queue[i], 1, 4);
+    }
+}
+
+/* Homography through the corners of the detected markers; from, to: of those that agree, of double,
+ * two a point: in one piece, or else with one robust homography. Returns how many markers agree: 0
+ * unless at least half do, and two; ret_n: how many markers are the board's. */
+static int plane_through(const struct board *board, const GArray *found, double ret_h[9],
+                         GArray *from, GArray *to, int *ret_n) {
+    g_array_set_size(from, 0);
+    g_array_set_size(to, 0);
     for (guint i = 0; i < found->len; i++) {
         const struct vision_marker *marker = &g_array_index(found, struct vision_marker, i);
-        int column, row;
-        if (!board_marker_square(board, marker->id, &column, &row))
+        double corners[4][2];
+        if (!board_marker_mm(board, marker->id, corners))
             continue;
-        const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
-        const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
-        const double half = board->marker_mm / 2;
-        const double corners[8] = {x - half, y + half, x + half, y + half, /* in vision.h's order */
-                                   x + half, y - half, x - half, y - half};
         g_array_append_vals(from, corners, 8);
         g_array_append_vals(to, marker->corners_px, 8);
     }
     const guint n = from->len / 2;
-    g_autofree guint8 *good = g_new0(guint8, n + 1);
-    const gboolean plane = n >= 8 && vision_homography((const double *)(gpointer)from->data,
-                                                       (const double *)(gpointer)to->data, (int)n,
-                                                       tolerance_px(found), ret_h, good);
-    if (plane && board_find_agree(good, n) >= 2 && 2 * board_find_agree(good, n) >= (int)n / 4) {
-        for (guint i = n; i-- > 0;)
-            if (!good[i]) {
-                g_array_remove_range(from, 2 * i, 2);
-                g_array_remove_range(to, 2 * i, 2);
-            }
-        return TRUE;
+    g_autofree guint8 *good = g_new0(guint8, n + 1), *all = g_new0(guint8, n + 1);
+    *ret_n = (int)n / 4;
+    if (n < 8)
+        return 0;
+    take_piece(board, from, to, good);
+    if (2 * board_find_agree(good, n) < *ret_n &&
+        !vision_homography((const double *)(gpointer)from->data, (const double *)(gpointer)to->data,
+                           (int)n, tolerance_px(found), ret_h, good))
+        return 0;
+    const int agree = board_find_agree(good, n);
+    for (guint i = n; i-- > 0;)
+        if (!good[i]) {
+            g_array_remove_range(from, 2 * i, 2);
+            g_array_remove_range(to, 2 * i, 2);
+        }
+    return agree >= 2 && 2 * agree >= *ret_n &&
+                   vision_homography((const double *)(gpointer)from->data,
+                                     (const double *)(gpointer)to->data, (int)from->len / 2, ANY_PX,
+                                     ret_h, all)
+               ? agree
+               : 0;
+}
+
+/* Homography through the corners of all detected markers; from, seen (of double, two a point) are
+ * of those that agree. A ChArUco board's markers say which colour its first square has: if it is
+ * not that of the board, it is set in board. The reason for a failure says what was seen instead.
+ */
+static gboolean plane_of_markers(const struct picture *picture, struct board *board,
+                                 double ret_h[9], GArray *from, GArray *to, GError **error) {
+    const int border = board_border(board);
+    g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, border, FALSE, error);
+    if (!found)
+        return FALSE;
+    int n, other_n = 0, other_agree = 0;
+    const int agree = plane_through(board, found, ret_h, from, to, &n);
+    if (board->print == BOARD_CHARUCO && agree < n) {
+        struct board other = *board;
+        g_autoptr(GArray) other_from = g_array_new(FALSE, FALSE, sizeof(double));
+        g_autoptr(GArray) other_to = g_array_new(FALSE, FALSE, sizeof(double));
+        double h[9];
+        other.white_first = !board->white_first;
+        other_agree = plane_through(&other, found, h, other_from, other_to, &other_n);
+        if (other_agree > agree) {
+            *board = other;
+            memcpy(ret_h, h, sizeof h);
+            g_array_set_size(from, 0);
+            g_array_set_size(to, 0);
+            g_array_append_vals(from, other_from->data, other_from->len);
+            g_array_append_vals(to, other_to->data, other_to->len);
+        }
     }
-    g_autoptr(GArray) mirrored = vision_find_markers(picture, board->dictionary, TRUE, NULL);
+    if (MAX(agree, other_agree) > 0)
+        return TRUE;
+    g_autoptr(GArray) mirrored =
+        vision_find_markers(picture, board->dictionary, border, TRUE, NULL);
     if (mirrored && mirrored->len >= MAX(4, found->len))
         board_find_refuse(
             error, "the board is mirrored: the picture is flipped, or the board was printed so");
-    else if (n >= 8)
+    else if (n >= 2)
         board_find_refuse(error,
-                          "its markers do not lie as on the board of %d × %d squares: it is "
-                          "another board, or bent",
+                          "its markers do not lie as on the board of %d × %d: it is another board, "
+                          "or bent",
                           board->columns, board->rows);
     else if (n == 0)
         board_find_refuse(error, found->len ? "the visible markers are not the board's"
@@ -271,7 +384,7 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
             const double value =
                 (double)picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
             if (isfinite(value))
-                sum += (column + row) % 2 ? value : -value;
+                sum += (column + row + board->white_first) % 2 ? value : -value;
         }
     return sum < 0;
 }
@@ -301,11 +414,47 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (!vision_homography(from, seen, n, ANY_PX, ret_h, good))
             continue;
         const gboolean unlike = is_reversed(picture, board, ret_h);
-        board->white_first = unlike && !board_check_upright(board, NULL);
-        if (!unlike || board->white_first)
+        const gboolean open = !board_check_upright(board, NULL);
+        if (unlike && open)
+            board->white_first = !board->white_first;
+        if (!unlike || open)
             return TRUE;
     }
     board_find_refuse(error, "the chessboard's colours are not those of the board");
+    return FALSE;
+}
+
+/* Circles have no ids, and in a symmetric grid the detector may begin with any of its corners: rows
+ * are turned round if they run against the board's. */
+static gboolean plane_of_circles(const struct picture *picture, struct board *board,
+                                 double ret_h[9], GArray *from_mm, GArray *seen_px,
+                                 GError **error) {
+    static const double middle[2] = {0, 0};
+    const int n = board_n_corners(board), columns = board->columns;
+    double *from = (double *)(gpointer)g_array_set_size(from_mm, 2 * (guint)n)->data;
+    double *seen = (double *)(gpointer)g_array_set_size(seen_px, 2 * (guint)n)->data;
+    g_autofree guint8 *good = g_new0(guint8, n);
+    g_autoptr(GError) own = NULL;
+    double m[2][2];
+    if (!vision_find_circles(picture, columns, board->rows, board->print == BOARD_STAGGERED, seen,
+                             &own)) {
+        if (own)
+            g_propagate_error(error, g_steal_pointer(&own));
+        else
+            board_find_refuse(error, "no grid of %d × %d circles is completely visible", columns,
+                              board->rows);
+        return FALSE;
+    }
+    for (int turned = 0; turned < 2; turned++) {
+        for (int id = 0; id < n; id++)
+            board_corner_mm(board, turned ? id - 2 * (id % columns) + columns - 1 : id,
+                            from + 2 * id);
+        if (vision_homography(from, seen, n, ANY_PX, ret_h, good) &&
+            slopes(by_homography, FALSE, ret_h, middle, m) &&
+            (m[0][0] * m[1][1] - m[1][0] * m[0][1] < 0 || board->print == BOARD_STAGGERED))
+            return TRUE;
+    }
+    board_find_refuse(error, "the circles do not lie on a plane");
     return FALSE;
 }
 
@@ -334,9 +483,15 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
     struct map map;
     g_autoptr(GArray) from = g_array_new(FALSE, FALSE, sizeof(double));
     g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(double));
-    if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, map.h,
-                                                                         from, seen, error))
+    if (!(board->marker_mm > 0   ? plane_of_markers
+          : board->circle_mm > 0 ? plane_of_circles
+                                 : plane_of_chessboard)(picture, board, map.h, from, seen, error))
         return NULL;
+    if (board->print == BOARD_CHARUCO && board->white_first != specified->white_first && !fine)
+        return board_find_refuse(error, "the board's first square is %s: %s --board",
+                                 board->white_first ? "white" : "black",
+                                 board->white_first ? "add first=white to"
+                                                    : "take first=white out of");
     /* A flipped picture looks like a board seen from below. The picture's y points down. */
     if (!slopes(by_homography, FALSE, map.h, middle, m) ||
         m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)

@@ -41,7 +41,7 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, picture; /* picture: for the caller */
+    int camera, stop, picture, corner; /* picture, corner: for the caller */
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;

@@ -250,7 +250,7 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
             continue;
         cameras_residual(b, o, d);
         const struct cameras_residual r = {
-            o->camera,   o->picture, (float)o->seen_px[0], (float)o->seen_px[1],
+            o->camera,   o->picture, o->corner, (float)o->seen_px[0], (float)o->seen_px[1],
             (float)d[0], (float)d[1]};
         g_array_append_val(to->residuals, r);
         sum += d[0] * d[0] + d[1] * d[1];

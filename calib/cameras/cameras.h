@@ -47,9 +47,9 @@ struct cameras_task {
 };
 
 struct cameras_residual {
-    int camera, picture;
-    float x_px, y_px;   /* position of a corner in the picture, */
-    float dx_px, dy_px; /* and predicted minus seen position */
+    int camera, picture, corner; /* corner: board.h */
+    float x_px, y_px;            /* position of a corner in the picture, */
+    float dx_px, dy_px;          /* and predicted minus seen position */
 };
 
 struct cameras_stop {

@@ -187,7 +187,8 @@ static char *hint_at_inner_corners(const struct cameras_work *work) {
     struct board board = work->task->board;
     board.columns++;
     board.rows++;
-    for (int i = 0; board.marker_mm == 0 && i < MIN(work->task->n_pictures, HINT_PICTURES); i++) {
+    for (int i = 0;
+         board.print == BOARD_CHESSBOARD && i < MIN(work->task->n_pictures, HINT_PICTURES); i++) {
         g_autoptr(Picture) picture = work->task->read(i, work->task->data, NULL);
         g_autoptr(GArray) corners = picture ? board_find(picture, &board, FALSE, NULL) : NULL;
         if (!corners)
@@ -269,6 +270,7 @@ void cameras_set_observations(struct cameras_work *work) {
             struct bundle_observation o = {.camera = seen->camera,
                                            .stop = seen->stop,
                                            .picture = i,
+                                           .corner = corner->id,
                                            .noise = 1,
                                            .seen_px = {corner->x_px, corner->y_px}};
             board_corner_mm(&work->task->board, corner->id, o.board_mm);

@@ -1,32 +1,60 @@
 #include "corner.h"
 
+#include "pictures/vision.h"
+
 #include <lapacke.h>
 #include <math.h>
 #include <string.h>
 
 /* Model of the grey values around a corner at (0, 0):
- *   I = (1 + gx·x + gy·y) · (a + b·erf(l₁ / √2σ)·erf(l₂ / √2σ)),
- * l₁, l₂: distances from the two edges. The gradient of light multiplies black and white alike;
- * an additive one would shift the corner by some thousandths of a pixel where contrast varies. */
+ *   I = (1 + gx·x + gy·y) · (a + b·F(e₁, e₂)), e = erf(l / √2σ),
+ * l₁, l₂: distances from the two edges; F = e₁e₂ where black squares touch, and for the end of two
+ * edges, with l positive inside, F = (1 + e₁)(1 + e₂)/2 − 1. The gradient of light multiplies black
+ * and white alike; an additive one would shift the corner by some thousandths of a pixel where
+ * contrast varies. */
 enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
 
-#define MAX_PIXELS     1600
-#define MIN_PIXELS     30
-#define REACH_PX       11   /* window around the corner, at most */
-#define REACH          0.44 /* window relative to a square */
-#define GUARD_PX       0.9  /* distance from edges that do not belong to the corner */
-#define NEAR_PX        0.25
-#define STEPS          30
-#define LEAST_BLUR_PX  0.2 /* the pixel's own width blurs more than that */
-#define MOST_BLUR_PX   4
-#define MOST_ERROR_PX  0.35
-#define LEAST_CONTRAST 3 /* in standard deviations of the residuals */
+#define MAX_PIXELS    1600
+#define MIN_PIXELS    30
+#define REACH_PX      11   /* window around the corner, at most */
+#define REACH         0.44 /* window relative to a square */
+#define GUARD_PX      0.9  /* distance from edges that do not belong to the corner */
+#define NEAR_PX       0.25
+#define STEPS         30
+#define LEAST_BLUR_PX 0.2 /* the pixel's own width blurs more than that */
 
 struct pixels {
     int n;
     double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
-    double sign; /* +1: white where both distances have the same sign */
+    double sign;    /* +1: white where both distances have the same sign */
+    gboolean ended; /* the edges end in the corner */
 };
+
+/* Of a marker's corner, +1 or −1 along the board's x and y: the way into the marker. */
+static void inwards(const struct board *board, int id, double ret[2]) {
+    double corners[4][2];
+    board_marker_mm(board, id / 4, corners);
+    for (int k = 0; k < 2; k++) /* the opposite corner */
+        ret[k] = corners[(id + 2) % 4][k] > corners[id % 4][k] ? 1 : -1;
+}
+
+/* The same as is_clear() of a grid of markers: dx, dy are positive into the marker, of which only
+ * the border is black. */
+static gboolean is_clear_of_marker(const struct board *board, double dx, double dy,
+                                   const double guard_mm[2]) {
+    const int bits = vision_dictionary(board->dictionary, NULL), border = board_border(board);
+    const double depth = board->marker_mm * border / (bits + 2 * border);
+    const double gap = board->square_mm - board->marker_mm;
+    const double d[2] = {dx, dy};
+    gboolean in_border = FALSE;
+    for (int k = 0; k < 2; k++) {
+        const double outside = MAX(REACH * gap, MIN(gap / 2, gap - 3 * guard_mm[k]));
+        if (d[k] > REACH * board->marker_mm || d[k] < -outside)
+            return FALSE;
+        in_border |= d[k] < depth - guard_mm[k];
+    }
+    return in_border;
+}
 
 /* Whether a pixel shows only the four squares that meet at the corner, and is closer to it than
  * to others: corners that share pixels would share errors. dx, dy: from the corner, mm. */
@@ -50,20 +78,25 @@ static double straightened(const double by[3], double x, double y) {
 
 /* Collects the clear pixels around the guess. back: board's x, y by the picture's. FALSE: too few
  * of them lie in the picture. */
-static gboolean corner_gather(const struct picture *picture, const struct board *board,
+static gboolean corner_gather(const struct picture *picture, const struct board *board, int id,
                               const struct corner_guess *guess, const double back[2][2],
                               struct pixels *to) {
     const double guard_mm[2] = {GUARD_PX * hypot(back[0][0], back[0][1]),
                                 GUARD_PX * hypot(back[1][0], back[1][1])};
     const int middle_x = (int)lround(guess->x_px), middle_y = (int)lround(guess->y_px);
+    double into[2] = {0, 0};
     int wanted = 0;
+    if (board->print == BOARD_MARKERS)
+        inwards(board, id, into);
     to->n = 0;
     for (int y = middle_y - REACH_PX; y <= middle_y + REACH_PX; y++)
         for (int x = middle_x - REACH_PX; x <= middle_x + REACH_PX; x++) {
             const double px = x - guess->x_px, py = y - guess->y_px;
             const double dx = back[0][0] * px + back[0][1] * py;
             const double dy = back[1][0] * px + back[1][1] * py;
-            if (!is_clear(board, to->sign, dx, dy, guard_mm))
+            if (board->print == BOARD_MARKERS
+                    ? !is_clear_of_marker(board, into[0] * dx, into[1] * dy, guard_mm)
+                    : !is_clear(board, to->sign, dx, dy, guard_mm))
                 continue;
             wanted++;
             if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
@@ -99,16 +132,19 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     const double e1 = erf(u1), e2 = erf(u2);
     const double d1 = M_2_SQRTPI * exp(-u1 * u1), d2 = M_2_SQRTPI * exp(-u2 * u2);
     const double light = 1 + p[GRADIENT_X] * x + p[GRADIENT_Y] * y;
-    const double bk = light * e->b * e->k, print = p[LEVEL] + e->b * e1 * e2;
-    d[AT_X] = -bk * (d1 * e->c1 * e2 + e1 * d2 * e->c2) - p[GRADIENT_X] * print;
-    d[AT_Y] = -bk * (d1 * e->s1 * e2 + e1 * d2 * e->s2) - p[GRADIENT_Y] * print;
-    d[TURN_1] = bk * d1 * (e->c1 * y - e->s1 * x) * e2;
-    d[TURN_2] = bk * e1 * d2 * (e->c2 * y - e->s2 * x);
+    /* F and its derivatives by e₁ and e₂ */
+    const double f = pixels->ended ? (1 + e1) * (1 + e2) / 2 - 1 : e1 * e2;
+    const double f1 = pixels->ended ? (1 + e2) / 2 : e2, f2 = pixels->ended ? (1 + e1) / 2 : e1;
+    const double bk = light * e->b * e->k, print = p[LEVEL] + e->b * f;
+    d[AT_X] = -bk * (d1 * e->c1 * f1 + f2 * d2 * e->c2) - p[GRADIENT_X] * print;
+    d[AT_Y] = -bk * (d1 * e->s1 * f1 + f2 * d2 * e->s2) - p[GRADIENT_Y] * print;
+    d[TURN_1] = bk * d1 * (e->c1 * y - e->s1 * x) * f1;
+    d[TURN_2] = bk * f2 * d2 * (e->c2 * y - e->s2 * x);
     d[LEVEL] = light;
     d[GRADIENT_X] = x * print;
     d[GRADIENT_Y] = y * print;
-    d[CONTRAST] = light * pixels->sign * e1 * e2;
-    d[BLUR] = -light * e->b * (d1 * u1 * e2 + e1 * d2 * u2) / p[BLUR];
+    d[CONTRAST] = light * pixels->sign * f;
+    d[BLUR] = -light * e->b * (d1 * u1 * f1 + f2 * d2 * u2) / p[BLUR];
     return light * print - pixels->value[i];
 }
 
@@ -151,7 +187,7 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
         for (int k = 0; k < N; k++)
             next[k] = p[k] + step[k];
         next[BLUR] = MAX(next[BLUR], LEAST_BLUR_PX);
-        const gboolean good = solved && next[BLUR] < 2 * MOST_BLUR_PX && next[CONTRAST] > 0;
+        const gboolean good = solved && next[BLUR] < 2 * CORNER_MOST_BLUR_PX && next[CONTRAST] > 0;
         const double then = good ? corner_sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
         if (!(then < *ret_total)) {
             damping = MAX(damping, 1e-4) * 10;
@@ -191,12 +227,18 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
     struct pixels pixels;
     double p[N], h[N * N], total;
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
+    double into[2] = {1, 1};
+    if (board->print == BOARD_MARKERS)
+        inwards(board, id, into);
     /* +1 if the corner's upper right and lower left squares are white */
-    pixels.sign = (column + row + board->white_first) % 2 ? -1 : 1;
+    pixels.sign = board->print == BOARD_MARKERS             ? -1
+                  : (column + row + board->white_first) % 2 ? -1
+                                                            : 1;
+    pixels.ended = board->print == BOARD_MARKERS && !board->kalibr;
     const double(*m)[2] = guess->px_a_mm;
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const double back[2][2] = {{m[1][1] / det, -m[0][1] / det}, {-m[1][0] / det, m[0][0] / det}};
-    if (!(fabs(det) > 1e-6) || !corner_gather(picture, board, guess, back, &pixels))
+    if (!(fabs(det) > 1e-6) || !corner_gather(picture, board, id, guess, back, &pixels))
         return FALSE;
     /* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
     double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
@@ -205,8 +247,8 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
         high = MAX(high, pixels.value[i]);
     }
     memset(p, 0, sizeof(double) * N);
-    p[TURN_1] = normal_angle(m[0][1], m[1][1], m[0][0], m[1][0]);
-    p[TURN_2] = normal_angle(m[0][0], m[1][0], m[0][1], m[1][1]);
+    p[TURN_1] = normal_angle(m[0][1], m[1][1], into[0] * m[0][0], into[0] * m[1][0]);
+    p[TURN_2] = normal_angle(m[0][0], m[1][0], into[1] * m[0][1], into[1] * m[1][1]);
     p[LEVEL] = (low + high) / 2;
     p[CONTRAST] = (high - low) / 2;
     p[BLUR] = 0.7;
@@ -221,10 +263,12 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
         .contrast = p[CONTRAST]};
     const double moved_mm = MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
                                 fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y]));
-    return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < MOST_BLUR_PX &&
-           moved_mm / board->square_mm < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
+    return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < CORNER_MOST_BLUR_PX &&
+           moved_mm / board->square_mm < CORNER_MOST_MOVED &&
+           p[CONTRAST] > CORNER_LEAST_CONTRAST * sqrt(variance) &&
            fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
-           ret->covariance_px2[0][0] + ret->covariance_px2[1][1] < MOST_ERROR_PX * MOST_ERROR_PX;
+           ret->covariance_px2[0][0] + ret->covariance_px2[1][1] <
+               CORNER_MOST_ERROR_PX * CORNER_MOST_ERROR_PX;
 }
 
 /* The pixels are selected around the guess. If the corner is far from it, the fit is repeated
@@ -232,6 +276,8 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret) {
     struct corner_guess nearer = *guess;
+    if (board->circle_mm > 0)
+        return circle_fit(picture, board, id, guess, ret);
     if (!corner_do_fit(picture, board, id, guess, ret))
         return FALSE;
     if (hypot(ret->x_px - guess->x_px, ret->y_px - guess->y_px) < NEAR_PX)

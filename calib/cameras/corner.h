@@ -5,6 +5,10 @@
  * where a square is a few pixels high. The model is point-symmetric about the corner: straight
  * edges and an even blur do not shift it, and it includes a gradient of light.
  *
+ * Of a marker that touches no black square, the corner is where two edges end (one of the four
+ * quadrants is black). Of a circle an ellipse with a blurred edge is fitted (circle.c), whose
+ * centre is off that of the circle by what perspective does.
+ *
  * Pure functions; any thread.
  */
 #pragma once
@@ -16,6 +20,8 @@ struct corner_guess {
     double x_px, y_px;
     double px_a_mm[2]
                   [2]; /* derivative of the picture's x, y (rows) by the board's x, y (columns) */
+    /* Of circles: the centre of the ellipse minus the image of the circle's centre. */
+    double off_centre_px[2];
     /* Straightens edges that lens distortion has bent: with x, y relative to the guess, x +=
      * straighten[0] · (x², xy, y²) and y += straighten[1] · (x², xy, y²). 0: edges are straight. */
     double straighten[2][3];
@@ -29,6 +35,11 @@ struct corner {
     double contrast; /* half the step between black and white, in units of the picture */
 };
 
+#define CORNER_MOST_BLUR_PX   4
+#define CORNER_MOST_ERROR_PX  0.35
+#define CORNER_LEAST_CONTRAST 3    /* in standard deviations of the residuals */
+#define CORNER_MOST_MOVED     0.35 /* from the guess, in squares */
+
 /* FALSE: there is no such corner near the guess, or too little of it is visible. */
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret);
@@ -37,3 +48,7 @@ gboolean corner_fit(const struct picture *picture, const struct board *board, in
  * GArray of struct corner, by id. */
 GArray *corner_fit_all(const struct picture *picture, const struct board *board,
                        const struct corner_guess *guesses);
+
+/* The same of a circle's centre. */
+gboolean circle_fit(const struct picture *picture, const struct board *board, int id,
+                    const struct corner_guess *guess, struct corner *ret);

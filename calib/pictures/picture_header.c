@@ -1,5 +1,5 @@
-/* Sizes from the headers of PNG (IHDR), JPEG (start of frame) and TIFF (tags of the first
- * directory). */
+/* Sizes from the headers of PNG (IHDR), JPEG (start of frame), BMP, portable anymaps, and TIFF
+ * (tags of the first directory). */
 #include "picture_header.h"
 
 #include "base/input_file.h"
@@ -50,6 +50,35 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
         at += alone ? 2 : 2 + (gsize)number(bytes + at + 2, 2, TRUE);
     }
     return FALSE;
+}
+
+/* A bitmap of Windows or OS/2; a negative height says that the top row is the first. */
+static gboolean bmp_size(const guint8 *bytes, gsize length, struct size *ret) {
+    if (length < 26 || memcmp(bytes, "BM", 2) != 0)
+        return FALSE;
+    const gboolean old = number(bytes + 14, 4, FALSE) == 12; /* bytes of the second header */
+    const gint64 height =
+        old ? (gint64)number(bytes + 20, 2, FALSE) : (gint64)(gint32)number(bytes + 22, 4, FALSE);
+    *ret = (struct size){number(bytes + 18, old ? 2 : 4, FALSE), (guint64)ABS(height), 0};
+    return TRUE;
+}
+
+/* A portable graymap or pixmap: "P5", width and height in decimal, between white space and comments
+ * up to the line's end. */
+static gboolean pnm_size(const guint8 *bytes, gsize length, struct size *ret) {
+    guint64 values[2] = {0, 0};
+    gsize at = 2;
+    if (length < 8 || bytes[0] != 'P' || !strchr("2356", bytes[1]))
+        return FALSE;
+    for (int k = 0; k < 2; k++) {
+        gboolean comment = FALSE;
+        for (; at < length && (comment || bytes[at] == '#' || g_ascii_isspace(bytes[at])); at++)
+            comment = bytes[at] == '#' || (comment && bytes[at] != '\n');
+        for (; at < length && g_ascii_isdigit(bytes[at]) && values[k] < G_MAXINT32; at++)
+            values[k] = 10 * values[k] + (guint64)(bytes[at] - '0');
+    }
+    *ret = (struct size){values[0], values[1], 0};
+    return values[0] > 0 && values[1] > 0;
 }
 
 /* A TIFF; entries of tags have 12 bytes, 20 in a BigTIFF. */
@@ -119,9 +148,12 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
     struct size size = {0};
     struct tiff tiff;
     if (!png_size(bytes, length, &size) && !jpeg_size(bytes, length, &size) &&
+        !bmp_size(bytes, length, &size) && !pnm_size(bytes, length, &size) &&
         !(tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size))) {
         g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                    "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+                    "%s: is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "
+                    "can be read",
+                    path);
         return FALSE;
     }
     if (!input_file_check_pixels(path, size.width, size.height, length, error))

@@ -1,5 +1,6 @@
 /*
- * Reads the size of JPEG, PNG and TIFF files before they are decoded. Any thread.
+ * Reads the size of JPEG, PNG, TIFF, BMP and portable anymap (PGM, PPM) files before they are
+ * decoded. Any thread.
  */
 #pragma once
 
@@ -7,7 +8,7 @@
 
 G_BEGIN_DECLS
 
-/* FALSE: the file is none of the three, or larger than input_file_check_pixels() allows. Other
+/* FALSE: the file is none of these, or larger than input_file_check_pixels() allows. Other
  * errors in a header are left to the decoder. */
 gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error);
 

@@ -5,6 +5,7 @@
 
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/features2d.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -37,12 +38,15 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
 }
 
 /* In the order of OpenCV's PREDEFINED_DICTIONARY_NAME. */
-const char *const dictionaries[] = {"4x4_50",   "4x4_100",       "4x4_250",  "4x4_1000", "5x5_50",
-                                    "5x5_100",  "5x5_250",       "5x5_1000", "6x6_50",   "6x6_100",
-                                    "6x6_250",  "6x6_1000",      "7x7_50",   "7x7_100",  "7x7_250",
-                                    "7x7_1000", "aruco_original"};
+const char *const dictionaries[] = {
+    "4x4_50",        "4x4_100",        "4x4_250",       "4x4_1000",      "5x5_50",
+    "5x5_100",       "5x5_250",        "5x5_1000",      "6x6_50",        "6x6_100",
+    "6x6_250",       "6x6_1000",       "7x7_50",        "7x7_100",       "7x7_250",
+    "7x7_1000",      "aruco_original", "apriltag_16h5", "apriltag_25h9", "apriltag_36h10",
+    "apriltag_36h11"};
 static_assert(cv::aruco::DICT_5X5_50 == 4 && cv::aruco::DICT_6X6_50 == 8 &&
-              cv::aruco::DICT_7X7_50 == 12 && cv::aruco::DICT_ARUCO_ORIGINAL == 16);
+              cv::aruco::DICT_7X7_50 == 12 && cv::aruco::DICT_ARUCO_ORIGINAL == 16 &&
+              cv::aruco::DICT_APRILTAG_36h11 == 20);
 
 cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
     for (gsize i = 0; i < G_N_ELEMENTS(dictionaries); i++)
@@ -106,8 +110,11 @@ cv::Mat decode(const char *path, char *text, gsize length, int flags, GError **e
     if (!ret.empty() && (ret.channels() == 1 || ret.channels() == 3) &&
         (ret.depth() == CV_8U || ret.depth() == CV_16U || ret.depth() == CV_32F))
         return ret;
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+    g_set_error(
+        error, VISION_ERROR, VISION_ERROR_IO,
+        "%s: is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that can be "
+        "read",
+        path);
     return {};
 }
 
@@ -117,8 +124,9 @@ int enlargement(const cv::Mat &m) {
     return longest <= 400 ? 3 : longest <= 900 ? 2 : 1;
 }
 
-cv::Ptr<cv::aruco::DetectorParameters> detector() {
+cv::Ptr<cv::aruco::DetectorParameters> detector(int border) {
     auto p = cv::aruco::DetectorParameters::create();
+    p->markerBorderBits = border;
     p->adaptiveThreshWinSizeMin = 5;
     p->adaptiveThreshWinSizeMax = 45;
     p->adaptiveThreshWinSizeStep = 10;
@@ -133,14 +141,14 @@ cv::Ptr<cv::aruco::DetectorParameters> detector() {
 }
 
 /* Adds markers that were not found before. */
-void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, int scale,
+void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, int border, int scale,
                  bool mirrored) {
     cv::Mat scaled = bytes;
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
     if (scale > 1)
         cv::resize(bytes, scaled, {}, scale, scale, cv::INTER_CUBIC);
-    cv::aruco::detectMarkers(scaled, dictionary_of(dictionary), corners, ids, detector());
+    cv::aruco::detectMarkers(scaled, dictionary_of(dictionary), corners, ids, detector(border));
     for (gsize i = 0; i < ids.size(); i++) {
         struct vision_marker marker = {ids[i], {}};
         for (gsize k = 0; k < 4; k++) {
@@ -174,6 +182,21 @@ bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_se
         ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
     }
     return true;
+}
+
+/* Blobs are sought by area and roundness; how large they may be follows from the picture and their
+ * number. */
+bool find_circles(const cv::Mat &bytes, cv::Size many, bool staggered,
+                  std::vector<cv::Point2f> &centres) {
+    cv::SimpleBlobDetector::Params p;
+    const int grid = staggered ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
+    p.minArea = 20;
+    p.maxArea = (float)bytes.total() / (float)many.area();
+    p.minDistBetweenBlobs = 4;
+    p.minConvexity = 0.85f;
+    const auto blobs = cv::SimpleBlobDetector::create(p);
+    return cv::findCirclesGrid(bytes, many, centres, grid, blobs) ||
+           cv::findCirclesGrid(bytes, many, centres, grid | cv::CALIB_CB_CLUSTERING, blobs);
 }
 
 } // namespace
@@ -265,16 +288,16 @@ gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits) {
     });
 }
 
-GArray *vision_find_markers(const struct picture *picture, const char *dictionary,
+GArray *vision_find_markers(const struct picture *picture, const char *dictionary, int border,
                             gboolean mirrored, GError **error) {
     GArray *found = g_array_new(FALSE, FALSE, sizeof(struct vision_marker));
     const bool ok = guarded(error, picture->name, [&] {
         cv::Mat bytes = to_bytes(picture);
         if (mirrored)
             cv::flip(bytes, bytes, 1);
-        add_markers(found, bytes, dictionary, 1, mirrored);
+        add_markers(found, bytes, dictionary, border, 1, mirrored);
         if (enlargement(bytes) > 1)
-            add_markers(found, bytes, dictionary, enlargement(bytes), mirrored);
+            add_markers(found, bytes, dictionary, border, enlargement(bytes), mirrored);
         return true;
     });
     if (!ok)
@@ -292,6 +315,25 @@ gboolean vision_find_chessboard(const struct picture *picture, int columns, int 
                (enlarged > 1 && find_corners(bytes, inner, 1, true, ret_xy_px)) ||
                find_corners(bytes, inner, 0.5, true, ret_xy_px) ||
                find_corners(bytes, inner, 1, false, ret_xy_px);
+    });
+}
+
+gboolean vision_find_circles(const struct picture *picture, int columns, int rows,
+                             gboolean staggered, double *ret_xy_px, GError **error) {
+    return guarded(error, picture->name, [&] {
+        cv::Mat bytes = to_bytes(picture);
+        for (int inverted = 0; inverted < 2; inverted++) {
+            std::vector<cv::Point2f> centres;
+            if (find_circles(bytes, {columns, rows}, staggered, centres)) {
+                for (gsize i = 0; i < centres.size(); i++) {
+                    ret_xy_px[2 * i] = (double)centres[i].x;
+                    ret_xy_px[2 * i + 1] = (double)centres[i].y;
+                }
+                return true;
+            }
+            cv::bitwise_not(bytes, bytes);
+        }
+        return false;
     });
 }
 

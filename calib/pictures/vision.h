@@ -17,8 +17,9 @@ enum vision_error {
     VISION_ERROR_FAILED, /* OpenCV failed */
 };
 
-/* Reads a JPEG, PNG or TIFF as grey. Files of 8 bits are taken as sRGB and made linear, others as
- * linear; 1 is white. EXIF orientation is ignored: pixels stay as on the sensor. */
+/* Reads a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) as grey. Files of 8 bits are taken as
+ * sRGB and made linear, others as linear; 1 is white. EXIF orientation is ignored: pixels stay as
+ * on the sensor. */
 struct picture *vision_read(const char *path, GError **error);
 
 /* The same in colour: height × width × 3 (R, G, B), g_free(). ret_grey: the file is grey and all
@@ -32,7 +33,8 @@ gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gb
                            int *ret_bits, float **ret_rgb, GError **error);
 
 /* A dictionary of markers by its lower-case name without "DICT_": "4x4_50" … "7x7_1000",
- * "aruco_original". Returns the number of cells across without the black border; 0: unknown name.
+ * "aruco_original", "apriltag_16h5" … "apriltag_36h11". Returns the number of cells across without
+ * the black border; 0: unknown name.
  */
 int vision_dictionary(const char *name, int *ret_markers);
 /* cells × cells bits of a marker, row by row, 1 is white. */
@@ -42,14 +44,21 @@ struct vision_marker {
     int id;
     double corners_px[4][2]; /* clockwise in the picture from the marker's own top left */
 };
-/* mirrored: finds mirrored markers. GArray of struct vision_marker; NULL: error. */
-GArray *vision_find_markers(const struct picture *picture, const char *dictionary,
+/* border: width of the markers' black border, in cells. mirrored: finds mirrored markers. GArray of
+ * struct vision_marker; NULL: error. */
+GArray *vision_find_markers(const struct picture *picture, const char *dictionary, int border,
                             gboolean mirrored, GError **error);
 
 /* Finds the inner corners of a chessboard, row by row, in either order. FALSE without an error:
  * there is none. */
 gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
                                 double *ret_xy_px, GError **error);
+
+/* Finds dark circles on a bright ground, or else bright ones on a dark ground, row by row.
+ * staggered: of which every second row is moved by half their distance. FALSE without an error:
+ * there are none. */
+gboolean vision_find_circles(const struct picture *picture, int columns, int rows,
+                             gboolean staggered, double *ret_xy_px, GError **error);
 
 /* Robust homography (row by row, last element 1) of n point pairs; ret_good (n): those within
  * tolerance_px. FALSE: none was found. */

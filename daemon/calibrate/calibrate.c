@@ -3,6 +3,7 @@
 
 #include "command/work.h"
 #include "exr/exr.h"
+#include "pictures/vision.h"
 #include "session/inputs.h"
 
 #include <math.h>
@@ -118,7 +119,8 @@ static int calibrate_by_name(gconstpointer a, gconstpointer b) {
 
 GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
                                  GError **error) {
-    static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff"};
+    static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff",
+                                       ".bmp", ".pgm",  ".ppm", ".exr"};
     g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
     g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
     for (const char *name; dir && paths->len < most && (name = g_dir_read_name(dir));) {
@@ -135,10 +137,39 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
             }
     }
     if (dir && paths->len == 0)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "%s: there is no .jpg, .png or .tif picture in that folder", folder);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+            "%s: there is no .jpg, .png, .tif, .bmp, .pgm, .ppm or .exr picture in that folder",
+            folder);
     g_ptr_array_sort(paths, calibrate_by_name);
     return paths->len > 0 ? g_steal_pointer(&paths) : NULL;
+}
+
+static struct picture *calibrate_read_exr(const char *path, GError **error) {
+    g_autoptr(ExrFile) file = exr_read(path, error);
+    g_autofree char *sum = file ? exr_sha256(path, NULL, error) : NULL;
+    if (!sum)
+        return NULL;
+    const struct exr_part *part = file->parts->len ? file->parts->pdata[0] : NULL;
+    const float *y = part ? exr_part_plane(part, "Y") : NULL;
+    const float *rgb[3] = {y, y, y};
+    for (int c = 0; part && !y && c < 3; c++)
+        rgb[c] = exr_part_plane(part, (const char *const[]){"R", "G", "B"}[c]);
+    if (!rgb[0] || !rgb[1] || !rgb[2]) {
+        g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,
+                    "%s: its first part has neither R, G and B nor Y", path);
+        return NULL;
+    }
+    struct picture *picture = picture_new(path, sum, part->width, part->height);
+    for (gsize i = 0; i < (gsize)part->width * (gsize)part->height; i++)
+        picture->values[i] = 0.2126F * rgb[0][i] + 0.7152F * rgb[1][i] + 0.0722F * rgb[2][i];
+    return picture;
+}
+
+struct picture *calibrate_read_photograph(const char *path, GError **error) {
+    g_autofree char *lower = g_ascii_strdown(path, -1);
+    return g_str_has_suffix(lower, ".exr") ? calibrate_read_exr(path, error)
+                                           : vision_read(path, error);
 }
 
 void calibrate_frame_free(struct calibrate_frame *frame) {

@@ -73,6 +73,10 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
 GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
                                  GError **error);
 
+/* Reads one of them as grey, linear: by pictures/vision.h, or the first part of an EXR file, Y or
+ * the luminance of R, G and B (ITU-R BT.709). */
+struct picture *calibrate_read_photograph(const char *path, GError **error);
+
 /* Keeps a table in the calibration file, a list of numbers for each column, for the report. rows:
  * of double, row by row. */
 struct calibrate_column {

@@ -1,12 +1,11 @@
 /* calibrate cameras: cameras and turntable from captured boards, or one camera from photographs. */
 #include "calibrate.h"
 #include "cameras/cameras.h"
-#include "pictures/vision.h"
 
 #define MOST_PICTURES 20000
 #define KEPT_VECTORS  400 /* residuals of a camera, for the report */
 
-static char *board_option, *images_option, *name_option;
+static char *board_option, *images_option, *name_option, *corners_option;
 static gboolean azimuth_option;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
@@ -19,9 +18,12 @@ static const GOptionEntry entries[] = {
      "cameras keep their mean azimuth",
      NULL},
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &images_option,
-     "No sessions: photographs (JPEG, PNG, TIFF) that one camera took of a board held at different "
+     "No sessions: photographs (JPEG, PNG, TIFF, BMP, PGM, EXR) that one camera took of a board "
+     "held at different "
      "tilts",
      "DIR"},
+    {"corners", 0, 0, G_OPTION_ARG_FILENAME, &corners_option,
+     "Also write the corners that were used here, as mrcal reads them", "FILE"},
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
     {NULL},
 };
@@ -80,7 +82,8 @@ static gboolean gather_photographs(struct job *job, GError **error) {
 
 static struct picture *cli_calibrate_cameras_read_picture(int i, gpointer data, GError **error) {
     const struct calibrate_frame *frame = ((struct job *)data)->base.frames->pdata[i];
-    return frame->sha256 ? calibrate_read(frame, error) : vision_read(frame->path, error);
+    return frame->sha256 ? calibrate_read(frame, error)
+                         : calibrate_read_photograph(frame->path, error);
 }
 
 static gboolean on_step(int step, int n, gpointer data) {
@@ -134,6 +137,33 @@ static void turn_to_board(struct job *job) {
     calibration_turn(job->base.calibration, -flat->azimuth_deg * G_PI / 180);
 }
 
+/* All corners of each picture that was used, in the order of board.h; of those that were not found
+ * or not used, dashes. That is vnlog, and mrcal's corners.vnl of a chessboard. */
+static gboolean write_corners(const struct job *job, GError **error) {
+    const GArray *all = job->result->residuals;
+    const int n = board_n_corners(&job->board), pictures = (int)job->pictures->len;
+    g_autofree const struct cameras_residual **used =
+        g_new0(const struct cameras_residual *, (gsize)n *(gsize)pictures + 1);
+    g_autofree gboolean *is_used = g_new0(gboolean, pictures + 1);
+    g_autoptr(GString) text = g_string_new("# filename x y level\n");
+    for (guint i = 0; i < all->len; i++) {
+        const struct cameras_residual *r = &g_array_index(all, struct cameras_residual, i);
+        used[r->picture * n + r->corner] = r;
+        is_used[r->picture] = TRUE;
+    }
+    for (int i = 0; i < pictures * n; i++) {
+        const struct calibrate_frame *frame = job->base.frames->pdata[i / n];
+        char x[G_ASCII_DTOSTR_BUF_SIZE], y[G_ASCII_DTOSTR_BUF_SIZE];
+        if (is_used[i / n] && used[i])
+            g_string_append_printf(text, "%s %s %s 0\n", frame->path,
+                                   g_ascii_formatd(x, sizeof x, "%.4f", (double)used[i]->x_px),
+                                   g_ascii_formatd(y, sizeof y, "%.4f", (double)used[i]->y_px));
+        else if (is_used[i / n])
+            g_string_append_printf(text, "%s - - -\n", frame->path);
+    }
+    return g_file_set_contents(corners_option, text->str, (gssize)text->len, error);
+}
+
 static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     if (images_option && !gather_photographs(job, error))
@@ -160,7 +190,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
     for (guint i = 0; job->result && i < base->rejected->len; i++)
         g_ptr_array_add(base->calibration->parts[CALIBRATION_CAMERAS].rejected,
                         g_strdup(base->rejected->pdata[i]));
-    return job->result != NULL;
+    return job->result != NULL && (!corners_option || write_corners(job, error));
 }
 
 static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *base) {

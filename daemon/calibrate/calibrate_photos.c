@@ -5,7 +5,6 @@
 #include "command/work.h"
 #include "lamps/ball_outline.h"
 #include "lamps/highlights.h"
-#include "pictures/vision.h"
 
 #include <math.h>
 #include <string.h>
@@ -94,7 +93,7 @@ static gboolean find_outlines(struct job *job, const struct work *work, GError *
     g_autoptr(Picture) mean = NULL;
     const int n = (int)job->names->len;
     for (int i = 0; i < n; i++) {
-        g_autoptr(Picture) picture = vision_read(job->names->pdata[i], error);
+        g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
         if (!picture || !add_to_mean(&mean, picture, (guint)n, error) ||
             !work_tell(work, "outlines", i + 1, n, begun_us, error))
             return FALSE;
@@ -225,7 +224,7 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
     for (guint i = 0; i < job->names->len; i++) {
-        g_autoptr(Picture) picture = vision_read(job->names->pdata[i], error);
+        g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
         if (!picture || !cli_calibrate_photos_measure(job, picture, error) ||
             !work_tell(work, "lights", (int)i + 1, (int)job->names->len, begun_us, error))
             return FALSE;

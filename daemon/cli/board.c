@@ -6,7 +6,8 @@ static char *board_option;
 static double margin_mm, pixels_a_mm = 10;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
-     "Squares across and down, their size and their markers', in mm; without marker a chessboard",
+     "Squares across and down, their size and their markers', in mm; without marker a chessboard; "
+     "mesorig(1) has more",
      "8x8,square=9,marker=6.75,dictionary=4x4_50"},
     {"margin", 0, 0, G_OPTION_ARG_DOUBLE, &margin_mm, "White around the board, 0 if not given",
      "MM"},
@@ -32,14 +33,16 @@ static int cli_board_run(const struct call *call, GError **error) {
     if (!board_draw(&board, path, &drawing, error))
         return CLI_FAILED;
     const int corners = board_n_corners(&board);
+    double size[2];
+    board_size_mm(&board, size);
     g_autofree char *spec = board_spec(&board);
     record_string(call->record, "file", path);
     record_string(call->record, "board", spec);
     record_int(call->record, "corners", corners);
     record_say(call->record,
                "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
-               "measure some squares, and give what you measured:\n  --board %s\n",
-               path, board.columns * board.square_mm, board.rows * board.square_mm, corners, spec);
+               "measure it, and give what you measured:\n  --board %s\n",
+               path, size[0], size[1], corners, spec);
     return CLI_DONE;
 }
 

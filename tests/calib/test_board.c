@@ -136,7 +136,7 @@ static void test_markers(void) {
         g_autoptr(GError) error = NULL;
         const struct board board = parse(specs[i]);
         g_autoptr(Picture) picture = draw(&board, "board.png");
-        g_autoptr(GArray) found = vision_find_markers(picture, board.dictionary, FALSE, &error);
+        g_autoptr(GArray) found = vision_find_markers(picture, board.dictionary, 1, FALSE, &error);
         g_assert_no_error(error);
         g_assert_cmpint(found->len, ==, board.columns * board.rows / 2);
         for (guint k = 0; k < found->len; k++) {
@@ -149,7 +149,8 @@ static void test_markers(void) {
             g_assert_cmpfloat_with_epsilon(m->corners_px[0][0], x, 4);
             g_assert_cmpfloat_with_epsilon(m->corners_px[0][1], y, 4);
         }
-        g_autoptr(GArray) mirrored = vision_find_markers(picture, board.dictionary, TRUE, &error);
+        g_autoptr(GArray) mirrored =
+            vision_find_markers(picture, board.dictionary, 1, TRUE, &error);
         g_assert_cmpint(mirrored->len, <, found->len / 4);
     }
 }

@@ -5,7 +5,9 @@
  */
 #include "cameras/board_find.h"
 #include "cameras/cameras.h"
+#include "exr/exr.h"
 #include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "pictures/vision.h"
 
 #include <glib/gstdio.h>
@@ -377,6 +379,124 @@ static void test_minority(void) {
     g_assert_nonnull(strstr(said, "aero1.jpg: no chessboard of 10 × 7 squares"));
 }
 
+/* The numbers of a photograph in other formats: an 8-bit bitmap with a palette of greys, bottom row
+ * first; a portable graymap with a comment; an uncompressed TIFF; an EXR of linear values. */
+static void write_bytes(const char *folder, const char *name, const GByteArray *bytes) {
+    g_autofree char *path = g_build_filename(folder, name, NULL);
+    g_assert_true(g_file_set_contents(path, (const char *)bytes->data, (gssize)bytes->len, NULL));
+}
+
+static void append_numbers(GByteArray *to, int size, int n, const guint32 *values) {
+    for (int i = 0; i < n; i++) {
+        const guint32 value = GUINT32_TO_LE(values[i]);
+        g_byte_array_append(to, (const guint8 *)&value, (guint)size);
+    }
+}
+
+static void write_as(const char *folder, int i, const guint8 *grey, guint32 width, guint32 height) {
+    const guint32 n = width * height;
+    g_autofree char *name =
+        g_strdup_printf("%02d.%s", i, (const char *const[]){"bmp", "pgm", "TIF", "exr"}[i % 4]);
+    g_autoptr(GByteArray) bytes = g_byte_array_new();
+    if (i % 4 == 0) {
+        const guint32 headers[] = {0x4d42 << 16, 1078 + n, 0, 1078, 40,   width, height,
+                                   1 | 8 << 16,  0,        n, 2835, 2835, 256,   0};
+        append_numbers(bytes, 4, G_N_ELEMENTS(headers), headers);
+        g_byte_array_remove_range(bytes, 0, 2);
+        for (guint32 k = 0; k < 256; k++)
+            append_numbers(bytes, 4, 1, (const guint32[]){k * 0x010101});
+        for (guint32 y = height; y-- > 0;)
+            g_byte_array_append(bytes, grey + y * width, width);
+    } else if (i % 4 == 1) {
+        g_autofree char *head = g_strdup_printf("P5 # 9 9\n%u\n%u 255\n", width, height);
+        g_byte_array_append(bytes, (const guint8 *)head, (guint)strlen(head));
+        g_byte_array_append(bytes, grey, n);
+    } else if (i % 4 == 2) {
+        /* width, height, bits, no compression, black is 0, strip's offset, rows and bytes of it */
+        const guint32 tags[][2] = {{256, width}, {257, height}, {258, 8},      {259, 1},
+                                   {262, 1},     {273, 110},    {278, height}, {279, n}};
+        append_numbers(bytes, 4, 2, (const guint32[]){0x002a4949, 8});
+        append_numbers(bytes, 2, 1, (const guint32[]){G_N_ELEMENTS(tags)});
+        for (gsize k = 0; k < G_N_ELEMENTS(tags); k++)
+            append_numbers(bytes, 4, 3, (const guint32[]){tags[k][0] | 4 << 16, 1, tags[k][1]});
+        append_numbers(bytes, 4, 1, (const guint32[]){0});
+        g_assert_cmpuint(bytes->len, ==, 110);
+        g_byte_array_append(bytes, grey, n);
+    } else {
+        static const char *const channels[] = {"Y", NULL};
+        g_autofree char *path = g_build_filename(folder, name, NULL);
+        g_autoptr(ExrFile) file = exr_file_new();
+        struct exr_part *part =
+            exr_part_new("radiance", (int)width, (int)height, channels, EXR_FLOAT);
+        for (guint32 k = 0; k < n; k++) {
+            const double v = grey[k] / 255.0;
+            part->planes[0][k] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
+        }
+        exr_file_add(file, part);
+        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, NULL));
+        return;
+    }
+    write_bytes(folder, name, bytes);
+}
+
+static void test_formats(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-formats-XXXXXX", NULL);
+    g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
+    g_autofree char *corners = g_build_filename(folder, "corners.vnl", NULL);
+    g_autofree char *text = NULL, *out = NULL, *err = NULL;
+    g_autoptr(GError) error = NULL;
+    double rms_px;
+    for (int i = 0; i < N; i++) {
+        g_autofree char *path = path_of("left", i);
+        g_autofree float *rgb = NULL;
+        int width, height, bits;
+        gboolean is_grey;
+        g_assert_true(vision_read_codes(path, &width, &height, &is_grey, &bits, &rgb, &error));
+        g_autofree guint8 *grey = g_new(guint8, width * height);
+        for (int k = 0; k < width * height; k++)
+            grey[k] = (guint8)rgb[3 * k];
+        write_as(folder, i, grey, (guint32)width, (guint32)height);
+    }
+    const char *const arguments[] = {MESORIG, "calibrate", "cameras", "--images",
+                                     folder,  "--board",   BOARD,     "-o",
+                                     output,  "--corners", corners,   NULL};
+    g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
+    g_test_message("%s%s", out, err);
+    g_autoptr(Calibration) same =
+        calibrate(BOARD, 640, 480, N, read_side, (gpointer) "left", &rms_px, &error);
+    g_assert_no_error(error);
+    g_autofree char *said =
+        g_strdup_printf(": 13 pictures, %d corners, %.3f px RMS", same->cameras[0].points, rms_px);
+    g_assert_nonnull(strstr(out, said));
+
+    /* The corners, of each file all, near where OpenCV's finder sees them, in either order. */
+    g_assert_true(g_file_get_contents(corners, &text, NULL, NULL));
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    g_assert_cmpstr(lines[0], ==, "# filename x y level");
+    g_assert_cmpuint(g_strv_length(lines), ==, N * 54 + 2);
+    int used = 0;
+    for (int i = 0; i < N; i++) {
+        double xy[2 * 54], sum[2] = {0, 0};
+        g_autoptr(Picture) picture = read_side(i, (gpointer) "left", NULL);
+        g_assert_true(vision_find_chessboard(picture, 10, 7, xy, NULL));
+        for (int k = 0; k < 54; k++) {
+            g_auto(GStrv) words = g_strsplit(lines[1 + i * 54 + k], " ", -1);
+            g_assert_cmpuint(g_strv_length(words), ==, 4);
+            if (strcmp(words[3], "0") != 0)
+                continue;
+            const double x = g_ascii_strtod(words[1], NULL), y = g_ascii_strtod(words[2], NULL);
+            used++;
+            for (int turned = 0; turned < 2; turned++) {
+                const double *at = xy + 2 * (turned ? 53 - k : k);
+                sum[turned] = MAX(sum[turned], hypot(x - at[0], y - at[1]));
+            }
+        }
+        g_assert_cmpfloat(MIN(sum[0], sum[1]), <, 1.5);
+    }
+    g_assert_cmpint(used, ==, same->cameras[0].points);
+    remove_tree(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(sets); i++)
@@ -386,6 +506,7 @@ int main(int argc, char **argv) {
     for (gsize i = 0; i < G_N_ELEMENTS(alikes); i++)
         g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
     g_test_add_func("/photographed boards/bent", test_bent);
+    g_test_add_func("/photographed boards/formats", test_formats);
     g_test_add_func("/photographed boards/six", test_six);
     g_test_add_func("/photographed boards/other sizes", test_other_sizes);
     g_test_add_func("/photographed boards/inner corners", test_inner_corners);

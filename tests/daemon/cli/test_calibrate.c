@@ -117,7 +117,7 @@ static void test_cameras_usage(void) {
     assert_has(none, "cannot be found from 2 angle(s)");
     g_autofree char *empty = RUN(1, "calibrate", "cameras", "--images", folder, "-o", calibration,
                                  "--board", "8x8,square=9,marker=6.75");
-    assert_has(empty, "there is no .jpg, .png or .tif picture");
+    assert_has(empty, "there is no .jpg, .png, .tif, .bmp, .pgm");
     g_assert_false(g_file_test(calibration, G_FILE_TEST_EXISTS));
 }
 
