@@ -1,5 +1,5 @@
-/* Light directions from mirror balls under orthographic projection: with n the normal at the
- * highlight and v = (0, 0, 1), the direction is the reflection 2 (n·v) n − v. Several balls give
+/* Light directions from mirror balls: with n the normal at the highlight and v the direction to the
+ * camera, the direction is the reflection 2 (n·v) n − v. Several balls give
  * rays; two rays propose a model (a common direction, or the point where they meet), the one with
  * most agreeing rays is fitted by least squares. */
 #include "ball_light.h"
@@ -12,40 +12,9 @@
 #define AGREE_RAD (0.5 * G_PI / 180)
 #define NEAREST   3.0 /* radii: a light is at least this far from the balls */
 #define KNOWN     0.5 /* largest relative error of a known position */
+#define CONE_RAYS 24  /* of an outline, that a ball is found by */
 
-/* Unit direction of the light whose highlight is at a point of the ball; FALSE: the point is
- * outside of the ball. n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up.
- */
-static gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
-                                     struct vec3 *ret) {
-    double x = (x_px - ball->x_px) / ball->radius_px, y = (ball->y_px - y_px) / ball->radius_px;
-    double rest = 1 - x * x - y * y;
-    if (!(rest > 0))
-        return FALSE;
-    struct vec3 n = vec3(x, y, sqrt(rest));
-    *ret = vec3_sub(vec3_scale(n, 2 * n.z), vec3(0, 0, 1));
-    return TRUE;
-}
-
-/* A mirror ball maps equal areas of the picture to equal solid angles: the mean over the
- * highlight is the mean over the lamp. Four points with the same second moments stand for the
- * highlight. */
-gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px, double y_px,
-                                   double xx_px2, double xy_px2, double yy_px2, struct vec3 *ret) {
-    const double x = sqrt(2 * xx_px2), skew = x > 0 ? 2 * xy_px2 / x : 0;
-    const double y = sqrt(MAX(0, 2 * yy_px2 - skew * skew));
-    const double points[4][2] = {{x, skew}, {-x, -skew}, {0, y}, {0, -y}};
-    struct vec3 sum = vec3(0, 0, 0), d;
-    for (int k = 0; k < 4; k++) {
-        if (!ball_light_direction(ball, x_px + points[k][0], y_px + points[k][1], &d))
-            return ball_light_direction(ball, x_px, y_px, ret);
-        sum = vec3_add(sum, d);
-    }
-    *ret = vec3_unit(sum);
-    return TRUE;
-}
-
-/* The inverse of A with rows r₀, r₁, r₂ has the columns r₁ × r₂, r₂ × r₀, r₀ × r₁ over det A. */
+/* Unit direct of A with rows r₀, r₁, r₂ has the columns r₁ × r₂, r₂ × r₀, r₀ × r₁ over det A. */
 gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret) {
     struct vec3 r[3];
     for (int i = 0; i < 3; i++)
@@ -60,6 +29,96 @@ gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret)
     return TRUE;
 }
 
+static double angle_rad(struct vec3 a, struct vec3 b) {
+    return atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b));
+}
+
+/* Unit direction of the ray through a point of the picture, away from the camera. */
+static struct vec3 ray_through(const struct ball_camera *camera, double x_px, double y_px) {
+    return vec3_unit(vec3((x_px - camera->x_px) / camera->focal_px,
+                          (camera->y_px - y_px) / camera->focal_px, -1));
+}
+
+/* Centre of a ball of radius 1 whose outline is a circle in the picture. The rays r that touch it
+ * form a cone, a · r = cos α: a / cos α solves r · q = 1 by least squares over rays of the circle,
+ * and the centre is q cos α / sin α. */
+static gboolean ball_centre(const struct ball_camera *camera, const struct ball_outline *ball,
+                            struct vec3 *ret) {
+    struct mat3 normal = {0};
+    struct vec3 sum = vec3(0, 0, 0), q;
+    for (int k = 0; k < CONE_RAYS; k++) {
+        const double angle = 2 * G_PI * k / CONE_RAYS;
+        const struct vec3 ray = ray_through(camera, ball->x_px + ball->radius_px * cos(angle),
+                                            ball->y_px + ball->radius_px * sin(angle));
+        const double r[3] = {ray.x, ray.y, ray.z};
+        for (int i = 0; i < 9; i++)
+            normal.m[i / 3][i % 3] += r[i / 3] * r[i % 3];
+        sum = vec3_add(sum, ray);
+    }
+    if (!ball_light_solve(&normal, sum, &q))
+        return FALSE;
+    const double cosine = 1 / vec3_length(q), sine2 = 1 - cosine * cosine;
+    if (!(sine2 > 0))
+        return FALSE;
+    *ret = vec3_scale(q, cosine / sqrt(sine2));
+    return TRUE;
+}
+
+/* Unit direction of the light whose highlight is at a point of the ball, and its place in radii;
+ * FALSE: the point is outside of the ball. Without a focal length the normal is n = (x, y, √(1 − x²
+ * − y²)), x and y relative to the middle in radii, y up; else the ray t r meets the ball of radius
+ * 1 around c where |t r − c| = 1. */
+static gboolean ball_light_direction(const struct ball_camera *camera,
+                                     const struct ball_outline *ball, double x_px, double y_px,
+                                     struct vec3 *ret_from, struct vec3 *ret) {
+    struct vec3 normal, towards = vec3(0, 0, 1);
+    if (camera->focal_px > 0) {
+        const struct vec3 ray = ray_through(camera, x_px, y_px);
+        struct vec3 centre;
+        if (!ball_centre(camera, ball, &centre))
+            return FALSE;
+        const double along = vec3_dot(ray, centre);
+        const double rest = 1 - vec3_dot(centre, centre) + along * along;
+        if (!(rest > 0))
+            return FALSE;
+        *ret_from = vec3_scale(ray, along - sqrt(rest));
+        normal = vec3_sub(*ret_from, centre);
+        towards = vec3_scale(ray, -1);
+    } else {
+        const double x = (x_px - ball->x_px) / ball->radius_px;
+        const double y = (ball->y_px - y_px) / ball->radius_px, rest = 1 - x * x - y * y;
+        if (!(rest > 0))
+            return FALSE;
+        *ret_from = normal = vec3(x, y, sqrt(rest));
+    }
+    *ret = vec3_sub(vec3_scale(normal, 2 * vec3_dot(normal, towards)), towards);
+    return TRUE;
+}
+
+/* A mirror ball maps equal areas of the picture to equal solid angles: the mean over the
+ * highlight is the mean over the lamp. Four points with the same second moments stand for the
+ * highlight. */
+gboolean ball_light_mean_direction(const struct ball_camera *camera,
+                                   const struct ball_outline *ball, double x_px, double y_px,
+                                   double xx_px2, double xy_px2, double yy_px2,
+                                   struct vec3 *ret_from, struct vec3 *ret, double *ret_shift_rad) {
+    const double x = sqrt(2 * xx_px2), skew = x > 0 ? 2 * xy_px2 / x : 0;
+    const double y = sqrt(MAX(0, 2 * yy_px2 - skew * skew));
+    const double points[4][2] = {{x, skew}, {-x, -skew}, {0, y}, {0, -y}};
+    struct vec3 sum = vec3(0, 0, 0), middle, from, d;
+    if (!ball_light_direction(camera, ball, x_px, y_px, ret_from, &middle))
+        return FALSE;
+    gboolean inside = TRUE;
+    for (int k = 0; k < 4 && inside; k++) {
+        inside =
+            ball_light_direction(camera, ball, x_px + points[k][0], y_px + points[k][1], &from, &d);
+        sum = vec3_add(sum, d);
+    }
+    *ret = inside ? vec3_unit(sum) : middle;
+    *ret_shift_rad = angle_rad(*ret, middle);
+    return TRUE;
+}
+
 /* The direction turns by twice the normal's angle, whose sine is the distance from the centre:
  * the error is divided by the cosine radially, and multiplied by it tangentially. */
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
@@ -69,10 +128,6 @@ double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, d
     const double middle = highlight_px * highlight_px + circle_px * circle_px;
     const double outwards = sqrt(middle + pow(sine * circle_px, 2)) / cosine;
     return 2 / ball->radius_px * hypot(outwards, cosine * sqrt(middle));
-}
-
-static double angle_rad(struct vec3 a, struct vec3 b) {
-    return atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
 /* A hypothesis that rays agree with: a position, or else a direction. */

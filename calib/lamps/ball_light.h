@@ -1,7 +1,7 @@
 /*
- * Light direction of a photograph from balls in it, with nothing known of the camera but that it
- * is far away (orthographic projection, as in reflectance transformation imaging). Frame: x to
- * the right, y up, z to the camera; pixels, or mm if the balls' radius is in mm.
+ * Light direction of a photograph from balls in it. Of the camera only its focal length may be
+ * known; without it, it is taken to be far away (orthographic projection, as in reflectance
+ * transformation imaging). Frame: x to the right, y up, z against the camera's line of sight.
  */
 #pragma once
 
@@ -11,11 +11,22 @@ struct ball_outline { /* in the picture, y down */
     double x_px, y_px, radius_px;
 };
 
+struct ball_camera {
+    double focal_px;   /* 0: far away; directions are then wrong by up to a ball's radius over its
+                          distance, and by the angle at which the ball is off the picture's middle */
+    double x_px, y_px; /* principal point: the picture's middle; with a focal length only */
+};
+
 /* Unit direction of the light whose highlight is at a point of the ball and has the given second
  * moments: the mean direction of its light, which is further outwards than the direction at its
- * centroid. FALSE: the point is outside of the ball. */
-gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px, double y_px,
-                                   double xx_px2, double xy_px2, double yy_px2, struct vec3 *ret);
+ * centroid. ret_from: the highlight's place on the ball, in radii of the ball, with a focal length
+ * from the camera, else from the middle of the ball. ret_shift_rad: the angle between the mean and
+ * the direction at the centroid, which is the better one as far as blur makes the highlight's size.
+ * FALSE: the point is outside of the ball. */
+gboolean ball_light_mean_direction(const struct ball_camera *camera,
+                                   const struct ball_outline *ball, double x_px, double y_px,
+                                   double xx_px2, double xy_px2, double yy_px2,
+                                   struct vec3 *ret_from, struct vec3 *ret, double *ret_shift_rad);
 
 /* RMS error of the direction for a highlight and an outline known with these standard deviations
  * (circle_px: of the outline's centre per axis and of its radius). */

@@ -7,15 +7,17 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define RAYS        180
-#define NEAREST     0.75 /* range of the search, in radii of the given circle */
-#define FARTHEST    1.3
-#define STEP_PX     0.5
-#define REACH       4     /* steps on both sides that an edge compares */
-#define ABOVE       6.0   /* least edge, in units of the ray's median difference */
-#define LEAST       0.002 /* least edge, in the square root of light */
-#define TRIALS      400
-#define SEEN        0.4 /* share of the rays that must agree */
+#define RAYS     180
+#define NEAREST  0.75 /* range of the search, in radii of the given circle */
+#define FARTHEST 1.3
+#define STEP_PX  0.5
+#define REACH    4     /* steps on both sides that an edge compares */
+#define ABOVE    6.0   /* least edge, in units of the ray's median difference */
+#define LEAST    0.002 /* least edge, in the square root of light */
+#define TRIALS   400
+#define SEEN                                                                                       \
+    0.48              /* share of the rays that must agree: half of the outline; a circle through  \
+                         less may be the horizon's, mirrored in the ball */
 #define EDGES       3 /* candidate edges per ray, strongest first: the ball itself has edges, too */
 #define NEIGHBOURS  3.0  /* factor of the standard error: neighbouring edges are correlated */
 #define AGREE       0.01 /* of the radius: distance within which an edge agrees */
@@ -30,11 +32,11 @@ struct edges {
     int n;
 };
 
-/* Absolute smoothed derivative of the picture along a ray; 0 outside of the picture. */
-static double *changes_on_ray(const struct picture *picture, const struct ball_outline *given,
-                              double angle, int n) {
+/* Absolute smoothed derivatives along a ray, of the picture and of its square; 0 outside of the
+ * picture. */
+static void changes_on_ray(const struct picture *picture, const struct ball_outline *given,
+                           double angle, int n, double *changes, double *squared) {
     g_autofree double *values = g_new(double, n);
-    double *changes = g_new0(double, n);
     for (int i = 0; i < n; i++) {
         const double radius = NEAREST * given->radius_px + i * STEP_PX;
         const double x = given->x_px + radius * cos(angle), y = given->y_px + radius * sin(angle);
@@ -48,26 +50,37 @@ static double *changes_on_ray(const struct picture *picture, const struct ball_o
                     t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
     }
     for (int i = REACH; i < n - REACH; i++) {
-        double sum = 0;
-        for (int k = 1; k <= REACH; k++)
-            sum += (values[i + k] - values[i - k]) / REACH;
+        double sum = 0, sum2 = 0;
+        for (int k = 1; k <= REACH; k++) {
+            const double a = values[i - k], b = values[i + k];
+            sum += (b - a) / REACH;
+            sum2 += (b * b - a * a) / REACH;
+        }
         changes[i] = isnan(sum) ? 0 : fabs(sum);
+        squared[i] = isnan(sum) ? 0 : fabs(sum2);
     }
-    return changes;
 }
 
-/* Takes the strongest edge of a ray, to a fraction of a step by a parabola, and clears its
- * surroundings; 0: there is none left. */
-static double take_edge(double *changes, int n, double least) {
+/* Takes the strongest edge of a ray and clears its surroundings. Where it is, to a fraction of a
+ * step by a parabola, follows from the light itself, the square: blur moves the edge of its root
+ * towards the dark side. 0: there is none left. */
+static double take_edge(double *changes, const double *squared, int n, double least) {
     int best = 1;
     for (int i = 2; i < n - 1; i++)
         if (changes[i] > changes[best])
             best = i;
-    const double before = changes[best - 1], after = changes[best + 1], at = changes[best];
-    const double bend = before - 2 * at + after;
-    if (!(at > least))
+    if (!(changes[best] > least))
         return 0;
-    for (int i = MAX(best - 2 * REACH, 0); i <= MIN(best + 2 * REACH, n - 1); i++)
+    const int root = best;
+    for (int from = -1; from != best;) { /* uphill */
+        from = best;
+        for (int i = MAX(from - REACH, 1); i <= MIN(from + REACH, n - 2); i++)
+            if (squared[i] > squared[best])
+                best = i;
+    }
+    const double before = squared[best - 1], after = squared[best + 1], at = squared[best];
+    const double bend = before - 2 * at + after;
+    for (int i = MAX(root - 2 * REACH, 0); i <= MIN(root + 2 * REACH, n - 1); i++)
         changes[i] = 0;
     return STEP_PX * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0));
 }
@@ -170,12 +183,13 @@ gboolean ball_outline_find(const struct picture *picture, const struct ball_outl
     edges->n = 0;
     for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
         const double angle = 2 * G_PI * ray / RAYS;
-        g_autofree double *changes = changes_on_ray(picture, given, angle, n);
+        g_autofree double *changes = g_new0(double, n), *squared = g_new0(double, n);
+        changes_on_ray(picture, given, angle, n, changes, squared);
         g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
         qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
         const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
         double at;
-        for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {
+        for (int k = 0; k < EDGES && (at = take_edge(changes, squared, n, least)) > 0; k++) {
             const double radius = NEAREST * given->radius_px + at;
             edges->x[edges->n] = given->x_px + radius * cos(angle);
             edges->y[edges->n] = given->y_px + radius * sin(angle);

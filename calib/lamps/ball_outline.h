@@ -1,5 +1,6 @@
 /*
  * Finds the outline of a ball in a picture: the circle that most edges near a given one lie on.
+ * The picture holds the square root of light, so that highlights do not outshine outlines.
  * Pure; any thread.
  */
 #pragma once

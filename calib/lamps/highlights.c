@@ -15,11 +15,14 @@
 #define SIGHT_PX    0.03  /* standard deviation of a centroid */
 #define CLIPPED_PX  0.1   /* the same for a saturated spot, whose border alone determines it */
 #define SPECK       4     /* smaller spots are dust or hot pixels */
-#define STREAK      4.0   /* aspect from which a spot is a hair or a scratch */
-#define COMPARABLE  0.3   /* share of the best spot's energy from which another may be the lamp */
-#define MOST_SPOTS  256   /* examined, brightest first */
+#define STREAK      4.0   /* aspect from which a spot is a hair or a scratch, */
+#define CORE        0.8 /* unless its part above this share of the peak is round: a brushed ball */
+#define COMPARABLE  0.3 /* share of the best spot's energy from which another may be the lamp */
+#define MOST_SPOTS  256 /* examined, brightest first */
 #define SLANT       0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
 #define SPOT_SHARE  0.2 /* largest area of a spot, in areas of the ball's picture */
+
+#define STAYS 0.5 /* share of a spot's height that the others show if it is no lamp */
 
 #define NOWHERE 0 /* label of pixels without a spot */
 
@@ -39,8 +42,8 @@ struct spot {
     float height;      /* peak above the background */
     double energy;     /* sum of squares above the background: both brightness and size count */
     struct highlight light; /* position in the window */
-    double aspect;          /* length over width */
-    gboolean halo, cut;
+    double share;           /* of the peak, that bounds the light */
+    gboolean streak, halo, cut, stays;
 };
 
 /* Copies the pixels of a circle; FALSE: it is not wholly in the picture. */
@@ -139,27 +142,57 @@ static void highlights_weigh(const struct window *w, const struct spot *spot, do
     ret->yy_px2 = MAX(0, yy / sum - ret->y_px * ret->y_px);
 }
 
-/* √(λ₁ / λ₂) of the second moments of the spot's pixels, each being a square of variance 1/12. */
-static double aspect(const struct window *w, const struct spot *spot) {
-    double x = 0, y = 0, xx = 1.0 / 12, yy = 1.0 / 12, xy = 0;
-    const int *members = w->members + spot->first, n = spot->pixels;
-    for (int k = 0; k < n; k++) {
-        x += (double)(members[k] % w->width) / n;
-        y += (double)(int)(members[k] / w->width) / n;
+/* √(λ₁ / λ₂) of the second moments of the spot's pixels above a share of its peak, each being a
+ * square of variance 1/12; infinite: they are as few as dust's. */
+static double aspect(const struct window *w, const struct spot *spot, double share) {
+    const float least = w->level + (float)share * spot->height;
+    double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
+    int n = 0;
+    for (int k = 0; k < spot->pixels; k++) {
+        const int i = w->members[spot->first + k], column = i % w->width, row = i / w->width;
+        if (w->values[i] < least)
+            continue;
+        n++;
+        x += column, y += row;
+        xx += column * column, yy += row * row, xy += column * row;
     }
-    for (int k = 0; k < n; k++) {
-        double dx = members[k] % w->width - x, dy = (int)(members[k] / w->width) - y;
-        xx += dx * dx / n;
-        yy += dy * dy / n;
-        xy += dx * dy / n;
-    }
+    if (n < SPECK)
+        return INFINITY;
+    x /= n, y /= n;
+    xx = xx / n - x * x + 1.0 / 12;
+    yy = yy / n - y * y + 1.0 / 12;
+    xy = xy / n - x * y;
     double mean = (xx + yy) / 2, apart = hypot((xx - yy) / 2, xy);
     return sqrt((mean + apart) / (mean - apart));
 }
 
+static double root_of(float light) {
+    return sqrt(MAX((double)light, 0));
+}
+
+/* Whether the other photographs are as bright at the spot, by the square root of light: the mean of
+ * all without this one, (n m − s) / (n − 1), above the background. */
+static gboolean highlights_stays(const struct window *w, const struct spot *spot,
+                                 const struct highlight_mean *mean) {
+    const double level = root_of(w->level);
+    double own = 0, others = 0;
+    if (!mean || mean->n < 3)
+        return FALSE;
+    for (int k = 0; k < spot->pixels; k++) {
+        const int i = w->members[spot->first + k];
+        const int x = w->left + i % w->width, y = w->top + (int)(i / w->width);
+        const double root = root_of(w->values[i]);
+        own += root - level;
+        others += (mean->n * (double)mean->root->values[y * mean->root->width + x] - root) /
+                      (mean->n - 1) -
+                  level;
+    }
+    return others > STAYS * own;
+}
+
 /* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
  * is dropped. */
-static GArray *find_spots(struct window *w) {
+static GArray *find_spots(struct window *w, const struct highlight_mean *mean) {
     GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
     guint16 label = NOWHERE + 1;
     int peak;
@@ -172,19 +205,35 @@ static GArray *find_spots(struct window *w) {
             continue;
         for (int k = 0; k < spot.pixels; k++)
             spot.energy += pow((double)(w->values[w->members[spot.first + k]] - w->level), 2);
-        spot.aspect = aspect(w, &spot);
-        highlights_weigh(w, &spot, EDGE, &spot.light);
+        spot.share = EDGE;
+        spot.streak = aspect(w, &spot, EDGE) >= STREAK;
+        if (spot.streak && spot.pixels >= SPECK && aspect(w, &spot, CORE) < STREAK) {
+            spot.share = CORE;
+            spot.streak = FALSE;
+        }
+        spot.stays = highlights_stays(w, &spot, mean);
+        highlights_weigh(w, &spot, spot.share, &spot.light);
         g_array_append_val(spots, spot);
     }
     return spots;
+}
+
+static gboolean any_stays(const GArray *spots) {
+    for (guint i = 0; i < spots->len; i++)
+        if (g_array_index(spots, struct spot, i).stays)
+            return TRUE;
+    return FALSE;
 }
 
 /* NULL, or the reason to refuse the best spot. */
 static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
                             const struct spot *other, double most_px) {
     if (!best)
-        return g_strdup(spots->len > 0 ? "shows no lamp: its bright spots are specks or streaks"
-                                       : "shows no lamp: nothing in it is brighter than the rest");
+        return g_strdup(spots->len == 0 ? "shows no lamp: nothing in it is brighter than the rest"
+                        : any_stays(spots)
+                            ? "shows no lamp: its bright spots are specks or streaks, or other "
+                              "photographs show them, too; light each from another direction"
+                            : "shows no lamp: its bright spots are specks or streaks");
     const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
     if (best->pixels > most_px)
         return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
@@ -205,7 +254,7 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
     const struct spot *best = NULL, *other = NULL;
     for (guint i = 0; i < spots->len; i++) {
         const struct spot *spot = &g_array_index(spots, struct spot, i);
-        if (spot->pixels < SPECK || spot->aspect >= STREAK)
+        if (spot->pixels < SPECK || spot->streak || spot->stays)
             continue;
         if (!best || spot->energy > best->energy) {
             other = best;
@@ -218,13 +267,13 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
     return *ret_why ? NULL : best;
 }
 
-char *highlight_find(const struct picture *picture, double x_px, double y_px, double radius_px,
-                     double most_px, struct highlight *ret) {
+char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
+                     double y_px, double radius_px, double most_px, struct highlight *ret) {
     struct window window = {.picture = picture};
     if (!highlights_cut(&window, x_px, y_px, radius_px))
         return g_strdup("is not wholly in the picture");
     background(&window);
-    g_autoptr(GArray) spots = find_spots(&window);
+    g_autoptr(GArray) spots = find_spots(&window, mean);
     char *why;
     const struct spot *spot = highlights_choose(&window, spots, most_px, &why);
     if (spot) {
@@ -313,7 +362,8 @@ static void highlights_measure_ball(const struct rig *rig, const struct lamp_tar
         !lamp_highlight_px(camera, centre, radius, lamp_mm, &x, &y))
         return;
     double most_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
-    g_autofree char *why = highlight_find(from->picture, x, y, reach.radius_px, most_px, &found);
+    g_autofree char *why =
+        highlight_find(from->picture, NULL, x, y, reach.radius_px, most_px, &found);
     if (!why && found.saturated) /* a rig can expose less; a photograph may have to do */
         why = g_strdup("is saturated where it shows the lamp; expose less");
     if (why) {

@@ -32,6 +32,11 @@ static const GOptionEntry entries[] = {
      "X,Y,R"},
     {"radius", 'r', 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
+    {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
+     "With --images: the camera's focal length in pixels; without it, it is taken to be far away",
+     "PX"},
+    {"within", 0, 0, G_OPTION_ARG_DOUBLE, &photos_within_deg,
+     "With --images: leave out directions with a larger standard error (0.5)", "DEG"},
     {NULL},
 };
 

@@ -12,14 +12,15 @@
 #define INSIDE     0.97 /* of a ball's radius: what is looked at */
 #define AROUND     1.3  /* of it: where a highlight shows that the ball is not where it is said */
 #define BRIGHTER   5.0  /* times the energy of the one on the ball: such a highlight */
-#define SPOT_SHARE 0.2  /* of a ball's disc, that a highlight may take up */
+#define SPOT_SHARE 0.05 /* of a ball's disc, that a highlight may take up: 26° around the lamp */
 #define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
 #define MOVED      0.05 /* of the radius, that such a circle may be off by */
+#define WHITE      0.98 /* of the brightest pixel, that counts as clipped */
 #define LOST       0.25 /* of the radius, within which an outline tells of a mistake */
 #define DEG        (180 / G_PI)
 
 char *photos_folder, **photos_balls;
-double photos_radius_mm;
+double photos_radius_mm, photos_focal_px, photos_within_deg = 0.5;
 
 struct light {
     char *name; /* of the file */
@@ -32,7 +33,9 @@ struct job {
     gboolean outlined[BALL_LIGHT_MOST]; /* balls is from the pictures, not as given */
     int n_balls;
     GPtrArray *names; /* paths */
-    GArray *lights;   /* struct light */
+    Picture *mean;    /* of the square roots of light, of pictures that are not overexposed */
+    int n_mean;
+    GArray *lights; /* struct light */
     GPtrArray *rejected;
 };
 
@@ -45,10 +48,30 @@ static void cli_calibrate_photos_reject(struct job *job, const char *name, int b
     g_ptr_array_add(job->rejected, g_strdup_printf("%s: ball %d %s", name, ball + 1, why));
 }
 
+/* Whether more of a ball is white than a lamp's highlight takes up. The glare of such a picture
+ * reaches over the outline. */
+static gboolean overexposed(const struct job *job, const struct picture *picture, int i) {
+    const struct ball_outline *ball = &job->given[i];
+    const int reach = (int)ball->radius_px, x = (int)ball->x_px, y = (int)ball->y_px;
+    float most = 0;
+    int white = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int row = MAX(y - reach, 0); row <= MIN(y + reach, picture->height - 1); row++)
+            for (int column = MAX(x - reach, 0); column <= MIN(x + reach, picture->width - 1);
+                 column++) {
+                const float value = picture->values[row * picture->width + column];
+                if (pass == 0)
+                    most = fmaxf(most, value);
+                else
+                    white += hypot(column - x, row - y) < reach && value >= (float)WHITE * most;
+            }
+    return white > SPOT_SHARE * G_PI * reach * reach;
+}
+
 /* Adds the square root of a picture's light, so that highlights do not outshine outlines. */
-static gboolean add_to_mean(struct picture **mean, const struct picture *picture, guint n,
-                            GError **error) {
+static gboolean add_to_mean(struct job *job, const struct picture *picture, GError **error) {
     const int pixels = picture->width * picture->height;
+    struct picture **mean = &job->mean;
     if (!*mean)
         *mean = picture_new("mean", "", picture->width, picture->height);
     if ((*mean)->width != picture->width || (*mean)->height != picture->height) {
@@ -59,8 +82,12 @@ static gboolean add_to_mean(struct picture **mean, const struct picture *picture
                     (*mean)->height);
         return FALSE;
     }
+    for (int i = 0; i < job->n_balls; i++)
+        if (overexposed(job, picture, i))
+            return TRUE;
     for (int i = 0; i < pixels; i++)
-        (*mean)->values[i] += sqrtf(MAX(picture->values[i], 0)) / (float)n;
+        (*mean)->values[i] += sqrtf(MAX(picture->values[i], 0));
+    job->n_mean++;
     return TRUE;
 }
 
@@ -90,16 +117,17 @@ static gboolean outline(struct job *job, const struct picture *mean, int i, GErr
 
 static gboolean find_outlines(struct job *job, const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
-    g_autoptr(Picture) mean = NULL;
     const int n = (int)job->names->len;
     for (int i = 0; i < n; i++) {
         g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
-        if (!picture || !add_to_mean(&mean, picture, (guint)n, error) ||
+        if (!picture || !add_to_mean(job, picture, error) ||
             !work_tell(work, "outlines", i + 1, n, begun_us, error))
             return FALSE;
     }
+    for (int i = 0; i < job->mean->width * job->mean->height; i++)
+        job->mean->values[i] /= (float)MAX(job->n_mean, 1);
     for (int i = 0; i < job->n_balls; i++)
-        if (!outline(job, mean, i, error))
+        if (!outline(job, job->mean, i, error))
             return FALSE;
     return TRUE;
 }
@@ -114,10 +142,11 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
 /* NULL, or why the circle is not where the lamp's highlight is. energy: of what is on the ball. */
 static char *look_around(const struct job *job, const struct picture *picture,
                          const struct ball_outline *ball, double most_px, double energy) {
+    const struct highlight_mean mean = {job->mean, job->n_mean};
     struct highlight around;
     const double room = MIN(MIN(ball->x_px, picture->width - 1 - ball->x_px),
                             MIN(ball->y_px, picture->height - 1 - ball->y_px));
-    g_autofree char *why = highlight_find(picture, ball->x_px, ball->y_px,
+    g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
                                           MIN(AROUND * ball->radius_px, room), most_px, &around);
     if (why || on_a_ball(job, around.x_px, around.y_px) || around.energy < BRIGHTER * energy)
         return NULL;
@@ -132,23 +161,30 @@ static char *cli_calibrate_photos_measure_ball(const struct job *job, const stru
                                                int i, struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
     const double most_px = MAX(SPOT_SHARE * G_PI * ball->radius_px * ball->radius_px, 9);
+    const struct highlight_mean mean = {job->mean, job->n_mean};
     struct highlight found = {0};
-    g_autofree char *why =
-        highlight_find(picture, ball->x_px, ball->y_px, INSIDE * ball->radius_px, most_px, &found);
+    if (overexposed(job, picture, i))
+        return g_strdup("is white over more than a lamp's highlight takes up; expose less");
+    g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
+                                          INSIDE * ball->radius_px, most_px, &found);
     g_autofree char *outside =
         job->outlined[i] ? NULL : look_around(job, picture, ball, most_px, found.energy);
     if (outside || why)
         return outside ? g_steal_pointer(&outside) : g_steal_pointer(&why);
-    const double x = (found.x_px - ball->x_px) / ball->radius_px;
-    const double y = (ball->y_px - found.y_px) / ball->radius_px;
-    if (!ball_light_mean_direction(ball, found.x_px, found.y_px, found.xx_px2, found.xy_px2,
-                                   found.yy_px2, &ret->direction))
+    const struct ball_camera camera = {photos_focal_px, 0.5 * (picture->width - 1),
+                                       0.5 * (picture->height - 1)};
+    double shift_rad;
+    if (!ball_light_mean_direction(&camera, ball, found.x_px, found.y_px, found.xx_px2,
+                                   found.xy_px2, found.yy_px2, &ret->from, &ret->direction,
+                                   &shift_rad))
         return g_strdup("shows the lamp outside of its outline");
     /* Balls of one size that seem larger are nearer; that they are so little is let be. */
-    ret->from = vec3((ball->x_px - first->x_px) / ball->radius_px + x,
-                     (first->y_px - ball->y_px) / ball->radius_px + y, sqrt(1 - x * x - y * y));
-    ret->sigma_rad =
-        ball_light_sigma_rad(ball, job->sigma_px[i], found.x_px, found.y_px, found.sigma_px);
+    if (photos_focal_px == 0)
+        ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
+                                             (first->y_px - ball->y_px) / ball->radius_px, 0));
+    /* The truth is between both directions: part of the highlight's size is blur. */
+    ret->sigma_rad = hypot(shift_rad / 2, ball_light_sigma_rad(ball, job->sigma_px[i], found.x_px,
+                                                               found.y_px, found.sigma_px));
     return NULL;
 }
 
@@ -174,6 +210,22 @@ static gboolean contradict(const char *name, const int *balls, int n,
     return FALSE;
 }
 
+static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
+    gboolean outlined = TRUE;
+    for (int i = 0; i < job->n_balls; i++)
+        outlined &= job->outlined[i];
+    g_ptr_array_add(
+        job->rejected,
+        g_strdup_printf("%s: the direction of its light is known to ± %.2f° only; %s, or give "
+                        "--within %.1f",
+                        name, sigma_rad * DEG,
+                        outlined
+                            ? "take the ball larger in the picture, with all of its outline to "
+                              "be seen"
+                            : "let its outline be seen before something bright, take it larger",
+                        ceil(10 * sigma_rad * DEG) / 10));
+}
+
 /* Measures the direction to the lamp from the highlights on all balls in which it is seen. */
 static gboolean cli_calibrate_photos_measure(struct job *job, const struct picture *picture,
                                              GError **error) {
@@ -197,6 +249,10 @@ static gboolean cli_calibrate_photos_measure(struct job *job, const struct pictu
                                                    light.found.off_rad[i] * DEG);
             cli_calibrate_photos_reject(job, picture->name, balls[i], why);
         }
+    if (light.found.sigma_rad * DEG > photos_within_deg) {
+        reject_unsure(job, picture->name, light.found.sigma_rad);
+        return TRUE;
+    }
     light.name = g_path_get_basename(picture->name);
     g_array_append_val(job->lights, light);
     return TRUE;
@@ -318,6 +374,7 @@ int photos_calibrate(const struct call *call, GError **error) {
     if (ok)
         cli_calibrate_photos_tell(call->record, &job);
     g_clear_pointer(&job.names, g_ptr_array_unref);
+    g_clear_pointer(&job.mean, picture_free);
     g_ptr_array_unref(job.rejected);
     g_array_unref(job.lights);
     return ok ? CLI_DONE : CLI_FAILED;

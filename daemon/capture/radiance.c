@@ -32,21 +32,31 @@ static inline float straight(float above_dark, float bend) {
     return 2 * above_dark / (1 + sqrtf(MAX(root, 0)));
 }
 
+/* With x_i DN above dark at exposure t_i, and shortest exposures first: Σ x_i / Σ t_i over the k
+ * exposures up to the longest that this same mean says to be below the limit. To leave out each
+ * exposure that is itself above it would leave out what noise makes too bright, and the rest is too
+ * dark. This mean's error and what the error of a mean of fewer exposures has beside it are
+ * uncorrelated (weights by exposure are the best for photon noise), so that a choice by the one
+ * favours no sign of the other. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
     gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;
-    int limit = radiance_saturation(frames[0]->bits);
+    const int limit = radiance_saturation(frames[0]->bits), full = (1 << frames[0]->bits) - 1;
     float scale = (float)pow(10, -gain_db / 20), bend = (float)bend_per_dn;
     g_autofree float *ms = g_new0(float, n);
     for (int i = 0; i < n; i++)
         ms[i] = frames[i]->exposure_us * 1e-3f;
     gint64 saturated = 0;
     for (gsize p = 0; p < n_pixels; p++) {
-        float sum = 0, time = 0;
+        float sum = 0, time = 0, all = 0, all_ms = 0;
         for (int i = 0; i < n; i++) {
-            gboolean good = frames[i]->pixels[p] < limit;
-            sum += good ? straight(frames[i]->pixels[p] - dark[i][p], bend) : 0;
-            time += good ? ms[i] : 0;
+            all += straight(frames[i]->pixels[p] - dark[i][p], bend);
+            all_ms += ms[i];
+            if (frames[i]->pixels[p] < full &&
+                all * ms[i] < straight((float)limit - dark[i][p], bend) * all_ms) {
+                sum = all;
+                time = all_ms;
+            }
         }
         if (time <= 0) {
             saturated++;

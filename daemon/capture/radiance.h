@@ -20,9 +20,10 @@ struct radiance_stats {
 };
 
 /* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
- * pixel at frame i's exposure. Each pixel's exposures are weighted by their length; saturated ones
- * are left out. A sensor that shows linear·(1 − bend·linear) DN above dark is made linear first; 0
- * for one that is. ret has width × height values. */
+ * pixel at frame i's exposure. Each pixel's exposures are weighted by their length; those that by
+ * their common mean are saturated are left out, so that noise makes no bias there. A sensor that
+ * shows linear·(1 − bend·linear) DN above dark is made linear first; 0 for one that is. ret has
+ * width × height values. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 

@@ -139,8 +139,9 @@ static char *calibrate(int code, const struct ball *balls, int n, gboolean json)
     g_autoptr(GError) error = NULL;
     g_autoptr(GStrvBuilder) builder = g_strv_builder_new();
     g_autofree char *errors = NULL, *out = NULL;
-    static const char *const start[] = {MESORIG, "calibrate", "lights", "--images", "photos",
-                                        "-o",    "lights.lp", "-r",     "30",       NULL};
+    static const char *const start[] = {MESORIG,  "calibrate",  "lights",    "--images",
+                                        "photos", "-o",         "lights.lp", "-r",
+                                        "30",     "--within=1", NULL};
     g_strv_builder_addv(builder, (const char **)(gpointer)start);
     for (int i = 0; i < n; i++) {
         g_autofree char *ball =

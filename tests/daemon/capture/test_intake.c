@@ -96,6 +96,53 @@ static void test_merge_precision(void) {
     g_assert_cmpfloat_with_epsilon(stats.signal_dn, 30, 1e-9);
 }
 
+/* A standard normal number (Box and Muller 1958). */
+static double any_normal(GRand *rand) {
+    const double u = 1 - g_rand_double(rand), v = g_rand_double(rand);
+    return sqrt(-2 * log(u)) * cos(2 * G_PI * v);
+}
+
+/* Photon noise of a converter with 0.2 DN an electron, around the level at which the longest or the
+ * middle one of three exposures saturates: the mean of many merged pixels is the truth within four
+ * standard errors of it, and of what rounding a number of DN adds. */
+static void test_merge_bias(void) {
+    enum { ROUNDS = 1500 };
+    const gint64 us[] = {1000, 4000, 16000};
+    const double gain = 0.2, limit = 0.98 * 4095;
+    g_autoptr(GRand) rand = g_rand_new_with_seed(3);
+    float dark[PIXELS] = {0}, merged[PIXELS];
+    const float *darks[] = {dark, dark, dark};
+    for (int saturating = 1; saturating < 3; saturating++)
+        for (int step = -4; step <= 4; step++) {
+            const double per_ms = (1 + 0.005 * step) * limit / ((double)us[saturating] * 1e-3);
+            double sum = 0, squares = 0;
+            for (int round = 0; round < ROUNDS; round++) {
+                Frame *frames[3];
+                struct radiance_stats stats;
+                for (int k = 0; k < 3; k++) {
+                    const double dn = per_ms * (double)us[k] * 1e-3;
+                    frames[k] = flat_frame(0, us[k]);
+                    for (int i = 0; i < PIXELS; i++)
+                        frames[k]->pixels[i] = (guint16)CLAMP(
+                            lround(dn + sqrt(gain * dn) * any_normal(rand)), 0, 4095);
+                }
+                radiance_merge((const Frame *const *)(gpointer)frames, darks, 3, 0, 0, merged,
+                               &stats);
+                for (int i = 0; i < PIXELS; i++) {
+                    sum += (double)merged[i] / per_ms - 1;
+                    squares += pow((double)merged[i] / per_ms - 1, 2);
+                }
+                for (int k = 0; k < 3; k++)
+                    frame_unref(frames[k]);
+            }
+            const double n = (double)ROUNDS * PIXELS, bias = sum / n;
+            const double error = sqrt((squares / n - bias * bias) / n);
+            g_test_message("exposure %d at %.3f of saturation: bias %+.4f %% ± %.4f", saturating,
+                           1 + 0.005 * step, 100 * bias, 100 * error);
+            g_assert_cmpfloat(fabs(bias), <, 4 * error);
+        }
+}
+
 /* What a sensor that bends by a tenth at full scale shows, bent back, is what there was. */
 static void test_bend(void) {
     const double bends[] = {0.1 / 4095, -0.1 / 4095};
@@ -541,6 +588,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/radiance/merge", test_merge);
     g_test_add_func("/radiance/precision", test_merge_precision);
+    g_test_add_func("/radiance/bias", test_merge_bias);
     g_test_add_func("/radiance/bend", test_bend);
     g_test_add_func("/radiance/saturation", test_saturation);
     g_test_add_func("/radiance/mean", test_mean);
