@@ -56,12 +56,19 @@ enum calibration_camera_parameter {
     CALIBRATION_SHIFT_Y,
     CALIBRATION_SHIFT_Z,
     CALIBRATION_CAMERA_PARAMETERS,
+    /* Of rational and fisheye lenses; k1, k2 and k3 are above. */
+    CALIBRATION_K4 = CALIBRATION_CAMERA_PARAMETERS,
+    CALIBRATION_K5,
+    CALIBRATION_K6,
+    CALIBRATION_ALL_CAMERA_PARAMETERS,
 };
 
 struct calibration_camera { /* with rig.cameras */
     gboolean known;
     /* In the units of the parameters; 0 in rows of fixed parameters. */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
+    /* Rows k4, k5, k6 against all parameters. */
+    double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
     double residual_rms_px;
     int points; /* corners it was calibrated from */
 };

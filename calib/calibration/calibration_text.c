@@ -31,6 +31,8 @@ static const struct {
 static const struct field camera_fields[] = {
     {"covariance", CAMERA(covariance), CALIBRATION_CAMERA_PARAMETERS *CALIBRATION_CAMERA_PARAMETERS,
      FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"further_covariance", CAMERA(further_covariance), 3 * CALIBRATION_ALL_CAMERA_PARAMETERS, FALSE,
+     -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
     {"residual_rms_px", CAMERA(residual_rms_px), 1, FALSE, 0, FIELD_LARGE},
     {"points", CAMERA(points), 1, TRUE, 0, G_MAXINT},
     {NULL},
@@ -246,6 +248,18 @@ static gboolean is_covariance(const double *c, int n) {
     return TRUE;
 }
 
+/* All parameters of a camera together. */
+static gboolean calibration_text_is_camera(const struct calibration_camera *camera) {
+    enum { KNOWN = CALIBRATION_CAMERA_PARAMETERS, ALL = CALIBRATION_ALL_CAMERA_PARAMETERS };
+    double c[ALL][ALL];
+    for (int i = 0; i < ALL; i++)
+        for (int k = 0; k < ALL; k++)
+            c[i][k] = i >= KNOWN   ? camera->further_covariance[i - KNOWN][k]
+                      : k >= KNOWN ? camera->further_covariance[k - KNOWN][i]
+                                   : camera->covariance[i][k];
+    return is_covariance(&c[0][0], ALL);
+}
+
 /* Numbers separated by semicolons; the last one may have a separator, too. */
 static gboolean are_finite(const char *list) {
     g_auto(GStrv) words = g_strsplit(list, ";", -1);
@@ -313,7 +327,7 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
     if (!calibration_text_keep_extra(r, to, error))
         return FALSE;
     for (int i = 0; i < to->rig.n_cameras; i++)
-        if (!is_covariance(&to->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS))
+        if (!calibration_text_is_camera(&to->cameras[i]))
             return fields_refuse(
                 r->path, to->rig.cameras[i].name, "covariance", error,
                 "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");

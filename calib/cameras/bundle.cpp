@@ -8,8 +8,12 @@
 #include <Eigen/Dense>
 #include <Eigen/Sparse>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
+#include <map>
+#include <set>
 #include <vector>
 
 G_DEFINE_QUARK(bundle_error, bundle_error)
@@ -26,6 +30,7 @@ const bool quiet = [] {
 
 constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practically exact */
 constexpr double ASPECT_SIGMA = 0.002;   /* of fx / fy about the prior's */
+constexpr double LEAST_LEFT = 1e-6;      /* share of a residual that the fit must have left */
 
 /* v = R₀ exp([ω]×) p; R₀ row by row. */
 template <typename T> void rotate(const double r0[9], const T *omega, const T p[3], T v[3]) {
@@ -53,17 +58,46 @@ void place(const double r0[9], const T *lay, const T &angle, const double board[
     ret[2] = p[2];
 }
 
-/* Brown's distortion model as in rig.h; lens = (fx, fy, cx, cy, k1, k2, k3, p1, p2). */
-template <typename T> bool project(const T *lens, const T p[3], T ret[2]) {
+/* The lens models of rig.h; c = (fx, fy, cx, cy, k1, k2, k3, p1, p2, k4, k5, k6). */
+template <typename T> bool project(rig_lens lens, const T *c, const T p[3], T ret[2]) {
+    if (lens == RIG_LENS_FISHEYE) {
+        const T across2 = p[0] * p[0] + p[1] * p[1];
+        T scale = T(1) / p[2]; /* θ / |(x, y)| on the axis */
+        if (across2 > T(1e-18)) {
+            const T across = sqrt(across2), theta = atan2(across, p[2]), s = theta * theta;
+            scale = theta * (T(1) + s * (c[4] + s * (c[5] + s * (c[6] + s * c[9])))) / across;
+        } else if (!(p[2] > T(1e-6))) {
+            return false;
+        }
+        ret[0] = c[0] * p[0] * scale + c[2];
+        ret[1] = c[1] * p[1] * scale + c[3];
+        return true;
+    }
     if (!(p[2] > T(1e-6)))
         return false;
     const T x = p[0] / p[2], y = p[1] / p[2], s = x * x + y * y;
-    const T radial = T(1) + s * (lens[4] + s * (lens[5] + s * lens[6]));
-    ret[0] =
-        lens[0] * (x * radial + T(2) * lens[7] * x * y + lens[8] * (s + T(2) * x * x)) + lens[2];
-    ret[1] =
-        lens[1] * (y * radial + lens[7] * (s + T(2) * y * y) + T(2) * lens[8] * x * y) + lens[3];
+    T radial = T(1) + s * (c[4] + s * (c[5] + s * c[6]));
+    if (lens == RIG_LENS_RATIONAL) {
+        const T below = T(1) + s * (c[9] + s * (c[10] + s * c[11]));
+        if (!(below > T(1e-3)))
+            return false;
+        radial /= below;
+    }
+    ret[0] = c[0] * (x * radial + T(2) * c[7] * x * y + c[8] * (s + T(2) * x * x)) + c[2];
+    ret[1] = c[1] * (y * radial + c[7] * (s + T(2) * y * y) + T(2) * c[8] * x * y) + c[3];
     return true;
+}
+
+/* Whether a lens model has parameter i of its intrinsics. */
+bool has(rig_lens lens, int i) {
+    switch (lens) {
+    case RIG_LENS_FISHEYE:
+        return i < 7 || i == 9;
+    case RIG_LENS_RATIONAL:
+        return true;
+    default:
+        return i < 9;
+    }
 }
 
 struct Reprojection {
@@ -78,7 +112,7 @@ struct Reprojection {
         rotate(camera.rotation, pose, p, q);
         for (int i = 0; i < 3; i++)
             q[i] += pose[3 + i];
-        if (!project(lens, q, px))
+        if (!project(camera.lens, lens, q, px))
             return false;
         const T d[2] = {px[0] - o->seen_px[0], px[1] - o->seen_px[1]};
         const double noise = camera.noise * o->noise;
@@ -204,8 +238,15 @@ struct Work {
                 nullptr, lenses[i].data());
             if (c.fixed_pose)
                 problem.SetParameterBlockConstant(poses[i].data());
+            std::vector<int> unused;
+            for (int k = 0; k < BUNDLE_INTRINSICS; k++)
+                if (!has(c.lens, k))
+                    unused.push_back(k);
             if (c.fixed_lens)
                 problem.SetParameterBlockConstant(lenses[i].data());
+            else if (!unused.empty())
+                problem.SetManifold(lenses[i].data(),
+                                    new ceres::SubsetManifold(BUNDLE_INTRINSICS, unused));
             if (std::hypot(n[0], n[1]) < 0.1 * std::fabs(n[2]))
                 continue; /* the azimuth of a camera near the zenith is undetermined */
             mean.cameras.push_back(&c);
@@ -312,26 +353,117 @@ struct Work {
     }
 };
 
-/* JᵀJ as a dense matrix: there are a few hundred parameters at most. */
-Eigen::MatrixXd normal_matrix(Work &work, std::vector<int> *at) {
-    ceres::Problem::EvaluateOptions options;
-    ceres::CRSMatrix j;
-    int columns;
-    options.parameter_blocks = work.free_blocks(at, &columns);
-    work.problem.Evaluate(options, nullptr, nullptr, nullptr, &j);
-    const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
-        j.num_rows, j.num_cols, (int)j.values.size(), j.rows.data(), j.cols.data(),
-        j.values.data());
-    const Eigen::SparseMatrix<double> product = jacobian.transpose() * jacobian;
-    return Eigen::MatrixXd(product);
+using Sparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+using Columns = std::vector<int>;
+
+/* Residuals and Jacobian at the solution, in the order in which they were added: first two rows for
+ * each observation that is not rejected. at: as free_blocks() says. */
+struct Linear {
+    std::vector<int> at;
+    std::vector<double> residuals;
+    Sparse jacobian;
+
+    explicit Linear(Work &work) {
+        ceres::Problem::EvaluateOptions options;
+        ceres::CRSMatrix j;
+        int columns;
+        options.parameter_blocks = work.free_blocks(&at, &columns);
+        work.problem.Evaluate(options, nullptr, &residuals, nullptr, &j);
+        jacobian = Eigen::Map<const Sparse>(j.num_rows, j.num_cols, (int)j.values.size(),
+                                            j.rows.data(), j.cols.data(), j.values.data());
+    }
+};
+
+/* Columns of a camera's parameters, in the order of its covariance; −1: fixed. */
+Columns camera_columns(const bundle_camera &camera, int lens, int pose) {
+    Columns columns(BUNDLE_CAMERA, -1), of_lens(BUNDLE_INTRINSICS, -1);
+    for (int i = 0; i < BUNDLE_INTRINSICS && lens >= 0; i++)
+        if (has(camera.lens, i))
+            of_lens[(gsize)i] = lens++;
+    for (gsize i = 0; i < BUNDLE_CAMERA; i++)
+        columns[i] = i < 9    ? of_lens[i]
+                     : i < 15 ? (pose < 0 ? -1 : pose + (int)i - 9)
+                              : of_lens[i - 6];
+    return columns;
 }
 
-void take_camera(bundle_camera *camera, const Eigen::MatrixXd &covariance, int lens, int pose) {
-    int row[15];
-    for (int i = 0; i < 15; i++)
-        row[i] = i < 9 ? (lens < 0 ? -1 : lens + i) : (pose < 0 ? -1 : pose + i - 9);
-    for (int i = 0; i < 15; i++)
-        for (int k = 0; k < 15; k++)
+/* A picture's part of the cluster-robust sum: G = J_iᵀ (I − J_i C J_iᵀ)^−½ r_i and J_iᵀ J_i over
+ * the columns that the picture depends on. With J_i = Q R and R C Rᵀ = U diag(l) Uᵀ, G = Rᵀ U
+ * diag((1 − l)^−½) Uᵀ Qᵀ r_i. Where l is 1, the fit follows whatever the picture says, and nothing
+ * is left to learn from its residuals. */
+struct Cluster {
+    Columns columns;
+    Eigen::VectorXd score;
+    Eigen::MatrixXd expected;
+
+    Cluster(const Linear &linear, const std::vector<int> &rows, const Eigen::MatrixXd &c) {
+        std::vector<int> local((gsize)linear.jacobian.cols(), -1);
+        for (int row : rows)
+            for (Sparse::InnerIterator it(linear.jacobian, row); it; ++it)
+                if (local[(gsize)it.col()] < 0) {
+                    local[(gsize)it.col()] = (int)columns.size();
+                    columns.push_back((int)it.col());
+                }
+        const Eigen::Index n = (Eigen::Index)columns.size();
+        Eigen::MatrixXd j = Eigen::MatrixXd::Zero((Eigen::Index)rows.size(), n);
+        Eigen::VectorXd r((Eigen::Index)rows.size());
+        for (gsize i = 0; i < rows.size(); i++) {
+            r((Eigen::Index)i) = linear.residuals[(gsize)rows[i]];
+            for (Sparse::InnerIterator it(linear.jacobian, rows[i]); it; ++it)
+                j((Eigen::Index)i, local[(gsize)it.col()]) = it.value();
+        }
+        Eigen::MatrixXd own(n, n);
+        for (Eigen::Index a = 0; a < n; a++)
+            for (Eigen::Index b = 0; b < n; b++)
+                own(a, b) = c(columns[(gsize)a], columns[(gsize)b]);
+        expected = j.transpose() * j;
+        const Eigen::Index rank = std::min(j.rows(), n);
+        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(j);
+        const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(j.rows(), rank);
+        const Eigen::MatrixXd upper = q.transpose() * j;
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(upper * own * upper.transpose());
+        const Eigen::VectorXd left = (1 - eigen.eigenvalues().array()).matrix();
+        Eigen::VectorXd along = eigen.eigenvectors().transpose() * (q.transpose() * r);
+        for (Eigen::Index i = 0; i < rank; i++)
+            along(i) = left(i) > LEAST_LEFT ? along(i) / std::sqrt(left(i)) : 0;
+        score = upper.transpose() * (eigen.eigenvectors() * along);
+    }
+};
+
+/* The covariance of one camera's free parameters, from C and all pictures, and its inflation f. */
+Eigen::MatrixXd clustered(const Eigen::MatrixXd &c, const Columns &free,
+                          const std::vector<Cluster> &clusters, int pictures, double *ret_f) {
+    const Eigen::Index p = (Eigen::Index)free.size();
+    Eigen::MatrixXd rows(p, c.cols()), own(p, p);
+    for (Eigen::Index i = 0; i < p; i++)
+        rows.row(i) = c.row(free[(gsize)i]);
+    for (Eigen::Index i = 0; i < p; i++)
+        own.col(i) = rows.col(free[(gsize)i]);
+    /* C J_pᵀ J_p C = C − Σ_i C J_iᵀ J_i C */
+    Eigen::MatrixXd s = own;
+    for (const Cluster &cluster : clusters) {
+        const Eigen::Index n = (Eigen::Index)cluster.columns.size();
+        Eigen::MatrixXd part(p, n);
+        for (Eigen::Index i = 0; i < n; i++)
+            part.col(i) = rows.col(cluster.columns[(gsize)i]);
+        const Eigen::VectorXd u = part * cluster.score;
+        s += u * u.transpose() - part * cluster.expected * part.transpose();
+    }
+    const Eigen::VectorXd scale = own.diagonal().array().max(1e-300).rsqrt();
+    const Eigen::MatrixXd unit = scale.asDiagonal() * own * scale.asDiagonal();
+    const Eigen::MatrixXd scaled = scale.asDiagonal() * s * scale.asDiagonal();
+    *ret_f = std::max(unit.ldlt().solve(scaled).trace() / (double)p, 1.0);
+    const double n = pictures, q = (double)p;
+    return (n * s + q * *ret_f * own) / (n + q);
+}
+
+void take_camera(bundle_camera *camera, const Eigen::MatrixXd &covariance, const Columns &columns) {
+    Columns row(BUNDLE_CAMERA, -1);
+    int used = 0;
+    for (gsize i = 0; i < BUNDLE_CAMERA; i++)
+        row[i] = columns[i] < 0 ? -1 : used++;
+    for (gsize i = 0; i < BUNDLE_CAMERA; i++)
+        for (gsize k = 0; k < BUNDLE_CAMERA; k++)
             camera->covariance[i][k] =
                 row[i] < 0 || row[k] < 0
                     ? 0
@@ -351,8 +483,8 @@ gboolean bundle_solve(struct bundle *bundle, GError **error) {
         ceres::Solver::Options options;
         ceres::Solver::Summary summary;
         options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-        options.max_num_iterations = 100;
-        options.function_tolerance = 1e-12;
+        options.max_num_iterations = bundle->coarse ? 30 : 100;
+        options.function_tolerance = bundle->coarse ? 1e-5 : 1e-12;
         options.parameter_tolerance = 1e-12;
         options.num_threads = 2;
         options.logging_type = ceres::SILENT;
@@ -366,11 +498,12 @@ gboolean bundle_solve(struct bundle *bundle, GError **error) {
     }
 }
 
-gboolean bundle_covariance(struct bundle *bundle, GError **error) {
+gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error) {
     try {
         Work work(bundle);
-        std::vector<int> at;
-        const Eigen::MatrixXd h = normal_matrix(work, &at);
+        const Linear linear(work);
+        const Eigen::MatrixXd h =
+            Eigen::MatrixXd(Sparse(linear.jacobian.transpose()) * linear.jacobian);
         /* Scaled to a unit diagonal, since units differ by orders of magnitude. */
         const Eigen::VectorXd scale = h.diagonal().array().max(1e-300).rsqrt();
         const Eigen::MatrixXd scaled = scale.asDiagonal() * h * scale.asDiagonal();
@@ -379,10 +512,35 @@ gboolean bundle_covariance(struct bundle *bundle, GError **error) {
             return fail(error, BUNDLE_ERROR_SINGULAR,
                         "the observations do not determine all parameters");
         const Eigen::MatrixXd inverse = llt.solve(Eigen::MatrixXd::Identity(h.rows(), h.cols()));
-        const Eigen::MatrixXd covariance = scale.asDiagonal() * inverse * scale.asDiagonal();
-        for (int i = 0; i < bundle->n_cameras; i++)
-            take_camera(&bundle->cameras[i], covariance, at[(gsize)(2 * i)],
-                        at[(gsize)(2 * i + 1)]);
+        const Eigen::MatrixXd c = scale.asDiagonal() * inverse * scale.asDiagonal();
+        std::map<int, std::vector<int>> pictures; /* rows of each */
+        std::vector<std::set<int>> seen((gsize)bundle->n_cameras);
+        int row = 0;
+        for (int i = 0; i < bundle->n_observations; i++) {
+            const bundle_observation &o = bundle->observations[i];
+            if (o.rejected)
+                continue;
+            pictures[o.picture].push_back(row++);
+            pictures[o.picture].push_back(row++);
+            seen[(gsize)o.camera].insert(o.picture);
+        }
+        std::vector<Cluster> clusters;
+        for (const auto &picture : pictures)
+            clusters.emplace_back(linear, picture.second, c);
+        for (gsize i = 0; i < seen.size(); i++) {
+            bundle_camera *camera = &bundle->cameras[i];
+            const Columns columns = camera_columns(*camera, linear.at[2 * i], linear.at[2 * i + 1]);
+            Columns free;
+            double f = 1;
+            std::copy_if(columns.begin(), columns.end(), std::back_inserter(free),
+                         [](int column) { return column >= 0; });
+            take_camera(camera,
+                        free.empty() ? Eigen::MatrixXd()
+                                     : clustered(c, free, clusters, (int)seen[i].size(), &f),
+                        columns);
+            if (ret_inflation)
+                ret_inflation[i] = f;
+        }
         return TRUE;
     } catch (const std::exception &e) {
         return fail(error, BUNDLE_ERROR_FAILED, e.what());
@@ -398,9 +556,10 @@ gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gbool
     const double lay[6] = {0, 0, 0, l.place[0], l.place[1], l.place[2]};
     double lens[BUNDLE_INTRINSICS] = {0}, p[3], q[3];
     std::memcpy(lens, c.intrinsics, straight ? 4 * sizeof(double) : sizeof lens);
+    const rig_lens model = straight ? RIG_LENS_POLYNOMIAL : c.lens;
     place(l.rotation, lay, s.angle_rad, board_mm, p);
     rotate(c.rotation, zero, p, q);
     for (int i = 0; i < 3; i++)
         q[i] += c.shift[i];
-    return project(lens, q, ret_px);
+    return project(model, lens, q, ret_px);
 }

@@ -8,24 +8,32 @@
  * project(R_c p + t_c), rig.h's model. The axis is the rig's z axis and has no parameters.
  *
  * Rotations are R = R₀ exp([ω]×); covariances are those of ω at R = R₀.
+ *
+ * Residuals of one picture are not independent: a board that is bent in it, compression or a lens
+ * that is not quite as its model says move neighbouring corners together. Covariances therefore
+ * contain the scatter between pictures (bundle_covariance()).
  */
 #pragma once
 
-#include <glib.h>
+#include "geometry/lens.h"
 
 G_BEGIN_DECLS
 
-#define BUNDLE_INTRINSICS 9 /* fx fy cx cy k1 k2 k3 p1 p2 */
+#define BUNDLE_INTRINSICS 12 /* fx fy cx cy k1 k2 k3 p1 p2 k4 k5 k6 */
+#define BUNDLE_CAMERA     18 /* parameters of a camera, in the order of its covariance */
 
 struct bundle_camera {
+    enum rig_lens lens; /* parameters that it does not have stay as they are */
     double intrinsics[BUNDLE_INTRINSICS];
     double prior[BUNDLE_INTRINSICS];       /* prior values, */
     double prior_sigma[BUNDLE_INTRINSICS]; /* and their standard deviations; 0: no prior */
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
     double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
-    double noise;              /* factor by which the sigmas of its observations are too small */
-    double covariance[15][15]; /* out: intrinsics, ω, shift; 0 where fixed */
+    double noise; /* factor by which the sigmas of its observations are too small */
+    /* Out: fx … p2, ω, shift, k4, k5, k6, the order of enum calibration_camera_parameter; 0 where
+     * fixed. */
+    double covariance[BUNDLE_CAMERA][BUNDLE_CAMERA];
 };
 
 struct bundle_lay {
@@ -56,6 +64,7 @@ struct bundle {
     int n_cameras, n_lays, n_stops, n_observations;
     gboolean fix_azimuth; /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
     double robust;        /* Huber's threshold in standard deviations; 0: plain least squares */
+    gboolean coarse;      /* stops when the cost falls by less than 1e-5 of it a step */
 };
 
 /* Minimises in place. FALSE with a BUNDLE_ERROR if it does not converge. */
@@ -67,8 +76,16 @@ enum bundle_error {
 };
 gboolean bundle_solve(struct bundle *bundle, GError **error);
 
-/* Sets the cameras' covariances, for the noise given. */
-gboolean bundle_covariance(struct bundle *bundle, GError **error);
+/* Sets the cameras' covariances. C = (JᵀJ)⁻¹ holds if residuals are independent and of the noise
+ * given. The cluster-robust estimate, a cluster being a picture i with residuals r_i (Liang & Zeger
+ * 1986), with residuals corrected for what the fit has taken from them (CR2, Bell & McCaffrey
+ * 2002), is
+ *   S = C J_pᵀ J_p C + Σ_i u_i u_iᵀ,  u_i = C J_iᵀ (I − J_i C J_iᵀ)^−½ r_i,
+ * J_p being the rows of priors; its expectation is C if C is right. It has as many degrees of
+ * freedom as there are pictures, few for so many entries, so that it is shrunk towards a multiple
+ * of C: with n pictures and p parameters of the camera V = (n S + p f C) / (n + p), f = max(1,
+ * tr(C⁻¹ S) / p). f is ret_inflation of each camera (may be NULL). */
+gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
 /* Projects a board point. straight: as if the lens had no distortion. FALSE: behind the camera. */
 gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,

@@ -257,6 +257,8 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
         n++;
     }
     to->rms_px = n ? sqrt(sum / n) : 0;
+    memcpy(to->held_out_px, work->held_out_px, sizeof to->held_out_px);
+    memcpy(to->inflation, work->inflation, sizeof to->inflation);
     for (int i = 0; i < work->bundle.n_stops; i++) {
         const struct bundle_stop *stop = &work->bundle.stops[i];
         const struct cameras_stop s = {stop->lay, stop->commanded_rad * 180 / G_PI,
@@ -275,15 +277,12 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
 }
 
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from) {
-    to->fx_px = from->intrinsics[0];
-    to->fy_px = from->intrinsics[1];
-    to->cx_px = from->intrinsics[2];
-    to->cy_px = from->intrinsics[3];
-    to->k1 = from->intrinsics[4];
-    to->k2 = from->intrinsics[5];
-    to->k3 = from->intrinsics[6];
-    to->p1 = from->intrinsics[7];
-    to->p2 = from->intrinsics[8];
+    double *const members[BUNDLE_INTRINSICS] = {&to->fx_px, &to->fy_px, &to->cx_px, &to->cy_px,
+                                                &to->k1,    &to->k2,    &to->k3,    &to->p1,
+                                                &to->p2,    &to->k4,    &to->k5,    &to->k6};
+    to->lens = (int)from->lens;
+    for (int i = 0; i < BUNDLE_INTRINSICS; i++)
+        *members[i] = from->intrinsics[i];
     memcpy(to->rotation.m, from->rotation, sizeof from->rotation);
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
@@ -314,7 +313,12 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         cameras_take_camera(&calibration->rig.cameras[c], from);
         calibration->rig.cameras[c].width = work->nominal.cameras[c].width;
         calibration->rig.cameras[c].height = work->nominal.cameras[c].height;
-        memcpy(to->covariance, from->covariance, sizeof to->covariance);
+        for (int i = 0; i < BUNDLE_CAMERA; i++)
+            for (int k = 0; k < BUNDLE_CAMERA; k++)
+                if (i >= CALIBRATION_K4)
+                    to->further_covariance[i - CALIBRATION_K4][k] = from->covariance[i][k];
+                else if (k < CALIBRATION_K4)
+                    to->covariance[i][k] = from->covariance[i][k];
         /* Counts a camera's points and the RMS of their residuals. */
         const struct bundle *b = &work->bundle;
         double squares = 0;
@@ -349,7 +353,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
         struct rig_camera *camera = &work.nominal.cameras[0];
         camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
         camera->translation_mm = vec3(0, 0, 0);
-        ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error);
+        ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error) &&
+             (task->lens_given || cameras_choose_lens(&work, error));
     } else {
         cameras_start(&work);
         ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&

@@ -9,7 +9,17 @@
  *
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
  * view) stay near the rig file's. Standard deviations of this prior: principal point 2 % of the
- * width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002.
+ * width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002; of a rational lens k1 … k6 1 and of
+ * a fisheye k1 … k4 1 instead.
+ *
+ * The lens model is the rig file's, or the polynomial for photographs, unless the task says
+ * another. For photographs it can be chosen by evidence: each model is fitted to four fifths of
+ * the pictures and predicts the corners in the others, whose boards alone are fitted, five times
+ * (cross-validation by picture). The fisheye takes the polynomial's place, and then the rational
+ * lens theirs, if the loss over the pictures falls by more than twice the standard error of its
+ * differences.
+ *
+ * Errors include the scatter between pictures (bundle.h).
  *
  * Any thread, one calibration at a time.
  */
@@ -44,6 +54,8 @@ struct cameras_task {
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
     gpointer data;
+    gboolean lens_given; /* FALSE: photographs by evidence, a rig as its file says */
+    enum rig_lens lens;
 };
 
 struct cameras_residual {
@@ -68,6 +80,10 @@ struct cameras_result {
     GArray *stops;     /* struct cameras_stop */
     GArray *lays;      /* struct cameras_lay */
     double rms_px;
+    /* Of photographs whose lens was chosen by evidence: robust RMS of predicted corners for each
+     * model; 0: not tried, or that model cannot be fitted. */
+    double held_out_px[RIG_LENSES];
+    double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter between pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 typedef struct cameras_result CamerasResult;

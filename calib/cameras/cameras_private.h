@@ -24,6 +24,7 @@ struct cameras_work {
     struct bundle bundle;
     GArray *observations; /* struct bundle_observation, of bundle */
     gboolean free_boards;
+    double held_out_px[RIG_LENSES], inflation[RIG_MAX_CAMERAS]; /* cameras.h */
     int steps, step;
 };
 
@@ -44,8 +45,14 @@ gboolean cameras_start_lay(struct cameras_work *work, int lay);
 void cameras_set_observations(struct cameras_work *work);
 double cameras_median(GArray *values); /* of double; sorts the array */
 
+/* cameras_lens.c: which lens model photographs speak for. */
+gboolean cameras_choose_lens(struct cameras_work *work, GError **error);
+void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens);
+
 /* cameras_refine.c: bundle adjustment in rounds with outlier rejection. */
 gboolean cameras_refine(struct cameras_work *work, GError **error);
+/* Sets each camera's noise robustly, from all observations. */
+void cameras_estimate_noise(struct bundle *bundle);
 /* Length of the whitened residual, in standard deviations of the corner; ret_d: in pixels. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);

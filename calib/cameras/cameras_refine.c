@@ -32,10 +32,9 @@ int cameras_n_parameters(const struct cameras_work *work) {
            (work->free_boards ? 0 : work->bundle.n_stops);
 }
 
-/* Robust noise of each camera: median |residual| / √(2 ln 2). The corners' covariances contain
- * the pixel noise only; compression, a warped print, and errors of the lens model add to it. */
-static void estimate_noise(struct cameras_work *work) {
-    struct bundle *b = &work->bundle;
+/* Median |residual| / √(2 ln 2). The corners' covariances contain the pixel noise only;
+ * compression, a warped print, and errors of the lens model add to it. */
+void cameras_estimate_noise(struct bundle *b) {
     double d[2];
     for (int c = 0; c < b->n_cameras; c++) {
         g_autoptr(GArray) residuals = g_array_new(FALSE, FALSE, sizeof(double));
@@ -215,10 +214,10 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
         if (!bundle_solve(&work->bundle, error))
             return FALSE;
         if (round == 0) { /* twice, since Huber's threshold depends on the estimated noise */
-            estimate_noise(work);
+            cameras_estimate_noise(&work->bundle);
             if (!bundle_solve(&work->bundle, error))
                 return FALSE;
-            estimate_noise(work);
+            cameras_estimate_noise(&work->bundle);
         }
         cameras_refine_weigh(work);
         weigh_pictures(work);
@@ -226,5 +225,6 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
         if (!cameras_progress(work, error))
             return FALSE;
     }
-    return bundle_solve(&work->bundle, error) && bundle_covariance(&work->bundle, error);
+    return bundle_solve(&work->bundle, error) &&
+           bundle_covariance(&work->bundle, work->inflation, error);
 }

@@ -16,8 +16,9 @@ void cameras_start(struct cameras_work *work) {
         const struct vec3 centre = rig_camera_centre_mm(c), shift = c->translation_mm;
         struct bundle_camera *to = &work->bundle.cameras[i];
         *to = (struct bundle_camera){
+            .lens = (enum rig_lens)c->lens,
             .intrinsics = {c->fx_px, c->fy_px, c->cx_px, c->cy_px, c->k1, c->k2, c->k3, c->p1,
-                           c->p2},
+                           c->p2, c->k4, c->k5, c->k6},
             /* priors of the lens parameters, see cameras.h */
             .prior_sigma = {0, 0, 0.02 * c->width, 0.02 * c->width, 0.3, 0.3, 0.1, 0.003, 0.003},
             .shift = {shift.x, shift.y, shift.z},
@@ -25,6 +26,7 @@ void cameras_start(struct cameras_work *work) {
             .noise = 1};
         memcpy(to->prior, to->intrinsics, sizeof to->prior);
         memcpy(to->rotation, c->rotation.m, sizeof to->rotation);
+        cameras_set_lens(to, work->task->lens_given ? work->task->lens : to->lens);
     }
 }
 

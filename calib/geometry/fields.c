@@ -11,7 +11,10 @@ void fields_write(GString *text, const struct field *fields, gconstpointer from)
 
     for (const struct field *f = fields; f->name; f++) {
         const char *at = (const char *)from + f->offset;
-        if (f->integer && f->optional && f->n == 1 && *(const int *)at == 0)
+        gboolean zero = TRUE;
+        for (int i = 0; i < f->n; i++)
+            zero = zero && (f->integer ? ((const int *)at)[i] == 0 : ((const double *)at)[i] == 0);
+        if (zero && (f->sparing || (f->integer && f->optional && f->n == 1)))
             continue;
         g_string_append_printf(text, "%s=", f->name);
         for (int i = 0; i < f->n; i++) {

@@ -16,6 +16,7 @@ struct field {
     gboolean integer;
     double min, max;
     gboolean optional; /* 0 if a file does not have it */
+    gboolean sparing;  /* and not written while all of it is 0: files of earlier versions lack it */
 };
 
 /* "key=value" lines. An optional integer that is 0 is left out. */

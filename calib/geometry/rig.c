@@ -2,7 +2,10 @@
  * coordinates, so that Rᵀ maps a viewing ray back. */
 #include "rig.h"
 
+#include <string.h>
+
 #define INVERSE_STEPS        60
+#define SAMPLED_RADII        16 /* at which a rational lens or fisheye must not fold back */
 #define INVERSE_TOLERANCE_PX 1e-11
 
 static const struct vec3 up = {0, 0, 1};
@@ -24,37 +27,68 @@ struct vec3 rig_camera_centre_mm(const struct rig_camera *camera) {
     return vec3_scale(mat3_mul_transposed(&camera->rotation, camera->translation_mm), -1);
 }
 
-/* Brown's model: x'' = x'(1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x'y' + p2 (r² + 2x'²), y'' likewise. */
-static void distort(const struct rig_camera *c, double x, double y, double *ret_x, double *ret_y) {
-    double s = x * x + y * y;
-    double radial = 1 + s * (c->k1 + s * (c->k2 + s * c->k3));
-
-    *ret_x = x * radial + 2 * c->p1 * x * y + c->p2 * (s + 2 * x * x);
-    *ret_y = y * radial + c->p1 * (s + 2 * y * y) + 2 * c->p2 * x * y;
+const char *rig_lens_name(enum rig_lens lens) {
+    static const char *const names[RIG_LENSES] = {"polynomial", "rational", "fisheye"};
+    return names[lens];
 }
 
-/* Derivative of distort(): {∂x''/∂x', ∂x''/∂y', ∂y''/∂x', ∂y''/∂y'}. */
-static void distort_jacobian(const struct rig_camera *c, double x, double y, double j[4]) {
-    double s = x * x + y * y;
-    double radial = 1 + s * (c->k1 + s * (c->k2 + s * c->k3));
-    double slope = 2 * (c->k1 + s * (2 * c->k2 + s * 3 * c->k3));
+gboolean rig_lens_by_name(const char *name, enum rig_lens *ret) {
+    for (int i = 0; i < RIG_LENSES; i++)
+        if (g_str_equal(name, rig_lens_name((enum rig_lens)i))) {
+            *ret = (enum rig_lens)i;
+            return TRUE;
+        }
+    return FALSE;
+}
 
-    j[0] = radial + slope * x * x + 2 * c->p1 * y + 6 * c->p2 * x;
-    j[1] = slope * x * y + 2 * c->p1 * x + 2 * c->p2 * y;
+/* The radial factor g(s) of the polynomial and rational lens, s = r², and its derivative. */
+static double radial(const struct rig_camera *c, double s, double *ret_slope) {
+    const double above = 1 + s * (c->k1 + s * (c->k2 + s * c->k3));
+    const double slope = c->k1 + s * (2 * c->k2 + s * 3 * c->k3);
+
+    *ret_slope = slope;
+    if (c->lens != RIG_LENS_RATIONAL)
+        return above;
+    const double below = 1 + s * (c->k4 + s * (c->k5 + s * c->k6));
+    const double slope_below = c->k4 + s * (2 * c->k5 + s * 3 * c->k6);
+    *ret_slope = (slope * below - above * slope_below) / (below * below);
+    return above / below;
+}
+
+/* x'' = x' g(r²) + 2 p1 x'y' + p2 (r² + 2x'²), y'' likewise; and {∂x''/∂x', ∂x''/∂y', ∂y''/∂x',
+ * ∂y''/∂y'}. */
+static void distort(const struct rig_camera *c, double x, double y, double *ret_x, double *ret_y,
+                    double j[4]) {
+    double s = x * x + y * y, slope, g = radial(c, s, &slope);
+
+    *ret_x = x * g + 2 * c->p1 * x * y + c->p2 * (s + 2 * x * x);
+    *ret_y = y * g + c->p1 * (s + 2 * y * y) + 2 * c->p2 * x * y;
+    j[0] = g + 2 * slope * x * x + 2 * c->p1 * y + 6 * c->p2 * x;
+    j[1] = 2 * slope * x * y + 2 * c->p1 * x + 2 * c->p2 * y;
     j[2] = j[1];
-    j[3] = radial + slope * y * y + 6 * c->p1 * y + 2 * c->p2 * x;
+    j[3] = g + 2 * slope * y * y + 6 * c->p1 * y + 2 * c->p2 * x;
 }
 
-/* d(r'')/dr' as a polynomial of s = r'². */
+/* d(r'')/dr' = g + 2 s g'(s) without tangential distortion, s = r'². */
 static double radial_slope(const struct rig_camera *c, double s) {
-    return 1 + s * (3 * c->k1 + s * (5 * c->k2 + s * 7 * c->k3));
+    double slope, g = radial(c, s, &slope);
+    return g + 2 * s * slope;
 }
 
-/* Whether the distorted radius grows all the way from the centre to s = r'². */
+/* Whether the distorted radius grows all the way from the centre to s = r'². The polynomial's slope
+ * has its extremes where 3 k1 + 10 k2 s + 21 k3 s² = 0; the rational lens's is sampled, and its
+ * denominator must not vanish. */
 static gboolean radius_grows(const struct rig_camera *c, double s) {
     double a = 21 * c->k3, b = 10 * c->k2, d = 3 * c->k1;
     double roots[2] = {-1, -1};
 
+    for (int i = 1; c->lens == RIG_LENS_RATIONAL && i < SAMPLED_RADII; i++) {
+        const double at = s * i * i / (SAMPLED_RADII * SAMPLED_RADII);
+        if (!(1 + at * (c->k4 + at * (c->k5 + at * c->k6)) > 0) || !(radial_slope(c, at) > 0))
+            return FALSE;
+    }
+    if (c->lens == RIG_LENS_RATIONAL)
+        return 1 + s * (c->k4 + s * (c->k5 + s * c->k6)) > 0 && radial_slope(c, s) > 0;
     if (a != 0 && b * b - 4 * a * d >= 0) {
         double q = -0.5 * (b + copysign(sqrt(b * b - 4 * a * d), b));
         roots[0] = q / a;
@@ -68,19 +102,70 @@ static gboolean radius_grows(const struct rig_camera *c, double s) {
     return radial_slope(c, s) > 0;
 }
 
-/* p' = R p + t, (x', y') = p'_xy / p'_z, then distortion and the camera matrix. Refused where the
- * model is not invertible: the radius stops growing, or the Jacobian's determinant is not
- * positive. */
+/* The fisheye's radius ρ(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), and dρ/dθ. */
+static double fisheye_radius(const struct rig_camera *c, double theta, double *ret_slope) {
+    const double s = theta * theta;
+    *ret_slope = 1 + s * (3 * c->k1 + s * (5 * c->k2 + s * (7 * c->k3 + s * 9 * c->k4)));
+    return theta * (1 + s * (c->k1 + s * (c->k2 + s * (c->k3 + s * c->k4))));
+}
+
+/* Whether ρ grows all the way to θ: its slope is sampled. */
+static gboolean fisheye_grows(const struct rig_camera *c, double theta) {
+    double slope;
+    for (int i = 1; i <= SAMPLED_RADII; i++) {
+        fisheye_radius(c, theta * i / SAMPLED_RADII, &slope);
+        if (!(slope > 0))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* Inverts ρ(θ): the first θ in [0, π] of that radius lies between two samples; then bisection. */
+static double fisheye_angle(const struct rig_camera *c, double radius) {
+    const double step = G_PI / 256;
+    double low = 0, slope;
+
+    while (low < G_PI && fisheye_radius(c, low + step, &slope) < radius) {
+        if (slope <= 0)
+            break; /* it folds back: no ray has that radius */
+        low += step;
+    }
+    double high = MIN(low + step, G_PI);
+    for (int i = 0; i < INVERSE_STEPS && high - low > 0; i++) {
+        const double middle = (low + high) / 2, r = fisheye_radius(c, middle, &slope);
+        if (r < radius && slope > 0)
+            low = middle;
+        else
+            high = middle;
+    }
+    return (low + high) / 2;
+}
+
+/* p' = R p + t, then the lens, then the camera matrix. Refused where the model is not invertible:
+ * the radius stops growing, or the Jacobian's determinant is not positive. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px) {
     struct vec3 p = vec3_add(mat3_mul_vec(&camera->rotation, point_mm), camera->translation_mm);
-    if (!(p.z > 0))
-        return FALSE;
-    double x = p.x / p.z, y = p.y / p.z, j[4];
-    distort_jacobian(camera, x, y, j);
-    if (!radius_grows(camera, x * x + y * y) || !(j[0] * j[3] - j[1] * j[2] > 0))
-        return FALSE;
-    distort(camera, x, y, &x, &y);
+    double x, y, j[4];
+
+    if (camera->lens == RIG_LENS_FISHEYE) {
+        const double across = hypot(p.x, p.y), theta = atan2(across, p.z);
+        if (!(across > 0 || p.z > 0) || !fisheye_grows(camera, theta))
+            return FALSE;
+        const double radius = fisheye_radius(camera, theta, &j[0]);
+        x = across > 0 ? p.x / across * radius : 0;
+        y = across > 0 ? p.y / across * radius : 0;
+    } else {
+        if (!(p.z > 0))
+            return FALSE;
+        x = p.x / p.z;
+        y = p.y / p.z;
+        if (!radius_grows(camera, x * x + y * y))
+            return FALSE;
+        distort(camera, x, y, &x, &y, j);
+        if (!(j[0] * j[3] - j[1] * j[2] > 0))
+            return FALSE;
+    }
     *ret_x_px = camera->fx_px * x + camera->cx_px;
     *ret_y_px = camera->fy_px * y + camera->cy_px;
     return TRUE;
@@ -89,14 +174,13 @@ gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, doub
 /* Inverts distort() by Newton's method from the distorted point; a step is halved while it
  * increases the error. */
 static void rig_undistort(const struct rig_camera *c, double xd, double yd, double *x, double *y) {
-    double scale = MAX(c->fx_px, c->fy_px), fx, fy, j[4];
+    double scale = MAX(c->fx_px, c->fy_px), fx, fy, j[4], next[4];
 
     *x = xd;
     *y = yd;
-    distort(c, *x, *y, &fx, &fy);
+    distort(c, *x, *y, &fx, &fy, j);
     double error_left = hypot(fx - xd, fy - yd);
     for (int i = 0; i < INVERSE_STEPS && error_left * scale > INVERSE_TOLERANCE_PX; i++) {
-        distort_jacobian(c, *x, *y, j);
         double det = j[0] * j[3] - j[1] * j[2];
         if (det == 0)
             return;
@@ -104,12 +188,13 @@ static void rig_undistort(const struct rig_camera *c, double xd, double yd, doub
         double dy = (j[0] * (fy - yd) - j[2] * (fx - xd)) / det;
         for (double step = 1;; step /= 2) {
             double nx, ny;
-            distort(c, *x - step * dx, *y - step * dy, &nx, &ny);
+            distort(c, *x - step * dx, *y - step * dy, &nx, &ny, next);
             double error = hypot(nx - xd, ny - yd);
             if (error < error_left) {
                 *x -= step * dx;
                 *y -= step * dy;
                 fx = nx, fy = ny, error_left = error;
+                memcpy(j, next, sizeof next);
                 break;
             }
             if (step < 1e-6)
@@ -119,10 +204,16 @@ static void rig_undistort(const struct rig_camera *c, double xd, double yd, doub
 }
 
 struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px) {
+    const double xd = (x_px - camera->cx_px) / camera->fx_px;
+    const double yd = (y_px - camera->cy_px) / camera->fy_px, radius = hypot(xd, yd);
     double x, y;
 
-    rig_undistort(camera, (x_px - camera->cx_px) / camera->fx_px,
-                  (y_px - camera->cy_px) / camera->fy_px, &x, &y);
+    if (camera->lens == RIG_LENS_FISHEYE && radius > 0) {
+        const double theta = fisheye_angle(camera, radius), across = sin(theta) / radius;
+        return vec3_unit(
+            mat3_mul_transposed(&camera->rotation, vec3(xd * across, yd * across, cos(theta))));
+    }
+    rig_undistort(camera, xd, yd, &x, &y);
     return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
 }
 

@@ -18,6 +18,7 @@
 #include <glib.h>
 
 #include "base/vec.h"
+#include "lens.h"
 
 #define RIG_MAX_CAMERAS    16
 #define RIG_MAX_LAMPS      128
@@ -29,13 +30,12 @@
 #define RIG_MAX_FIDUCIALS  16
 #define RIG_NAME           32
 
-/* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
- * x right, y down; x' = x/z of the point in camera coordinates (z forward). */
 struct rig_camera {
     char name[RIG_NAME];
     int width, height;
+    int lens; /* enum rig_lens */
     double fx_px, fy_px, cx_px, cy_px;
-    double k1, k2, k3, p1, p2;
+    double k1, k2, k3, p1, p2, k4, k5, k6;
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
@@ -118,13 +118,14 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
 
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
 
-/* Projects a point of the rig frame. FALSE if it is behind the camera or so far out that the
- * distortion model folds back; it may lie outside the picture. */
+/* Projects a point of the rig frame. FALSE if it is behind the camera (a fisheye sees to its side
+ * and behind it, too) or so far out that the lens model folds back; it may lie outside the
+ * picture. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px);
 
-/* The viewing ray of a pixel: from the camera's centre, unit, in the rig frame. The distortion is
- * inverted to 1e-9 px. */
+/* The viewing ray of a pixel: from the camera's centre, unit, in the rig frame. The lens model is
+ * inverted to 1e-9 px; beyond the largest radius of a fisheye it is the ray at that radius. */
 struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px);
 
 /* Rotates about z: from sample to rig frame by +τ, from rig to sample frame by −τ. */

@@ -5,7 +5,7 @@
 #define MOST_PICTURES 20000
 #define KEPT_VECTORS  400 /* residuals of a camera, for the report */
 
-static char *board_option, *images_option, *name_option, *corners_option;
+static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
 static gboolean azimuth_option;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
@@ -25,6 +25,10 @@ static const GOptionEntry entries[] = {
     {"corners", 0, 0, G_OPTION_ARG_FILENAME, &corners_option,
      "Also write the corners that were used here, as mrcal reads them", "FILE"},
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
+    {"lens", 0, 0, G_OPTION_ARG_STRING, &lens_option,
+     "The lens model: polynomial, rational or fisheye (default: by evidence with --images, else as "
+     "in the rig file or --from)",
+     "MODEL"},
     {NULL},
 };
 
@@ -32,7 +36,8 @@ struct job {
     struct calibrate_job base;
     struct board board;
     struct cameras_result *result;
-    GArray *pictures; /* struct cameras_picture, one per frame */
+    enum rig_lens lens; /* if lens_option is given */
+    GArray *pictures;   /* struct cameras_picture, one per frame */
 };
 
 static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {
@@ -178,6 +183,8 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
         .read = cli_calibrate_cameras_read_picture,
         .progress = on_step,
         .data = job,
+        .lens_given = lens_option != NULL,
+        .lens = job->lens,
     };
     job->result = (images_option ? cameras_calibrate_lens : cameras_calibrate)(base->calibration,
                                                                                &task, error);
@@ -193,6 +200,33 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
     return job->result != NULL && (!corners_option || write_corners(job, error));
 }
 
+/* Each camera's lens model, and for photographs what it was chosen by. */
+static void tell_lenses(Record *to, const struct calibration *calibration,
+                        const struct cameras_result *result) {
+    const struct rig *rig = &calibration->rig;
+    record_begin_list(to, "lenses");
+    for (int c = 0; c < rig->n_cameras; c++) {
+        record_begin(to, NULL);
+        record_string(to, "camera", rig->cameras[c].name);
+        record_string(to, "lens", rig_lens_name((enum rig_lens)rig->cameras[c].lens));
+        record_double(to, "variance_inflation", result->inflation[c]);
+        record_end(to);
+    }
+    record_end(to);
+    if (!images_option)
+        return;
+    record_say(to, "\n  %s lens%s", rig_lens_name((enum rig_lens)rig->cameras[0].lens),
+               lens_option ? ", as told" : "; corners of photographs left out are predicted to");
+    record_begin(to, "held_out_px");
+    for (int i = 0; i < RIG_LENSES; i++) {
+        if (!(result->held_out_px[i] > 0))
+            continue;
+        record_double(to, rig_lens_name((enum rig_lens)i), result->held_out_px[i]);
+        record_say(to, " %.3f px (%s)", result->held_out_px[i], rig_lens_name((enum rig_lens)i));
+    }
+    record_end(to);
+}
+
 static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *base) {
     const struct cameras_result *result = ((const struct job *)base)->result;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_CAMERAS];
@@ -205,6 +239,7 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
                result->residuals->len, result->rms_px);
     if (part->rejected->len)
         record_say(to, "; %u left out", part->rejected->len);
+    tell_lenses(to, base->calibration, result);
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);
@@ -224,6 +259,9 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
     if (!board_parse(&job.board, board_option, &bad) ||
         (!images_option && !board_check_upright(&job.board, &bad)))
         return cli_usage(call->command, "%s", bad->message);
+    if (lens_option && !rig_lens_by_name(lens_option, &job.lens))
+        return cli_usage(call->command, "--lens %s: give polynomial, rational or fisheye",
+                         lens_option);
     job.pictures = g_array_new(FALSE, FALSE, sizeof(struct cameras_picture));
     const int code = calibrate_run(call, &method, &job.base, error);
     cameras_result_free(job.result);

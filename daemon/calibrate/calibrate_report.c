@@ -63,10 +63,10 @@ static double sigma(const struct calibration_camera *camera, int parameter) {
 static void cli_calibrate_report_add_cameras(GString *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
     g_string_append_printf(
-        to,
-        "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>from the zenith, "
-        "azimuth (°)</th><th>focal length (px)</th><th>centre (px)</th><th>k1</th><th>corners</th>"
-        "<th>RMS (px)</th></tr>\n");
+        to, "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>from the zenith, "
+            "azimuth (°)</th><th>focal length (px)</th><th>centre "
+            "(px)</th><th>lens</th><th>k1</th><th>corners</th>"
+            "<th>RMS (px)</th></tr>\n");
     for (int i = 0; i < rig->n_cameras; i++) {
         const struct rig_camera *c = &rig->cameras[i];
         const struct calibration_camera *e = &calibration->cameras[i];
@@ -78,10 +78,12 @@ static void cli_calibrate_report_add_cameras(GString *to, const struct calibrati
         g_string_append_printf(
             to,
             "<tr><td>%s</td><td>%.2f, %.2f, %.2f</td><td>%.3f, %.3f</td><td>%.2f ± %.2f</td><td>"
-            "%.1f ± %.1f, %.1f ± %.1f</td><td>%.4f ± %.4f</td><td>%d</td><td>%.3f</td></tr>\n",
+            "%.1f ± %.1f, %.1f ± %.1f</td><td>%s</td><td>%.4f ± "
+            "%.4f</td><td>%d</td><td>%.3f</td></tr>\n",
             name, at.x, at.y, at.z, DEG(theta), DEG(phi), c->fx_px, sigma(e, CALIBRATION_FX),
-            c->cx_px, sigma(e, CALIBRATION_CX), c->cy_px, sigma(e, CALIBRATION_CY), c->k1,
-            sigma(e, CALIBRATION_K1), e->points, e->residual_rms_px);
+            c->cx_px, sigma(e, CALIBRATION_CX), c->cy_px, sigma(e, CALIBRATION_CY),
+            rig_lens_name((enum rig_lens)c->lens), c->k1, sigma(e, CALIBRATION_K1), e->points,
+            e->residual_rms_px);
     }
     g_string_append_printf(to, "</table>\n");
 }

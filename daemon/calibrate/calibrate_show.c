@@ -41,6 +41,7 @@ static void show_camera(Record *to, const struct rig_camera *camera,
     record_say(to, "  %s: %.3f %.3f %.3f mm, focal length %.2f %.2f px, centre %.2f %.2f px",
                camera->name, at.x, at.y, at.z, camera->fx_px, camera->fy_px, camera->cx_px,
                camera->cy_px);
+    record_say(to, ", %s lens", rig_lens_name((enum rig_lens)camera->lens));
     if (errors->known)
         record_say(
             to, "; ± %.2f px focal, %.4f° turn, RMS %.3f px of %d corners",

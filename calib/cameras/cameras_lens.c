@@ -1,0 +1,143 @@
+/* Chooses a lens model by cross-validation. Pictures are left out whole: residuals of one picture
+ * have errors in common, and of two neighbouring corners one predicts the other. */
+#include "cameras_private.h"
+
+#include <string.h>
+
+#define FOLDS       5
+#define WIDE_SIGMA  1   /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
+#define ROBUST      3   /* times the noise: threshold of Huber's loss */
+#define MOST_LOSS   4.5 /* times the noise: a corner farther off counts as one that is so far off */
+#define SIGNIFICANT 2   /* standard errors of the summed differences of losses */
+
+void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
+    static const int distortion[] = {4, 5, 6, 9, 10, 11}; /* k1 … k6 */
+    if (lens != camera->lens)
+        memset(camera->intrinsics + 4, 0, sizeof *camera->intrinsics * (BUNDLE_INTRINSICS - 4));
+    camera->lens = lens;
+    memcpy(camera->prior + 4, camera->intrinsics + 4,
+           sizeof *camera->prior * (BUNDLE_INTRINSICS - 4));
+    for (gsize i = 0; lens != RIG_LENS_POLYNOMIAL && i < G_N_ELEMENTS(distortion); i++)
+        camera->prior_sigma[distortion[i]] = WIDE_SIGMA;
+}
+
+/* A fit of one model to all pictures: the bundle of the work with copies of what it changes. */
+struct trial {
+    struct bundle bundle;
+    gboolean ok;
+    double *loss; /* of each picture; its corners predicted from pictures of other folds */
+};
+
+static void copy_bundle(struct bundle *to, const struct bundle *from) {
+    *to = *from;
+    to->cameras = g_memdup2(from->cameras, sizeof *to->cameras);
+    to->lays = g_memdup2(from->lays, sizeof *to->lays * (gsize)from->n_lays);
+    to->stops = g_memdup2(from->stops, sizeof *to->stops * (gsize)from->n_stops);
+    to->observations =
+        g_memdup2(from->observations, sizeof *to->observations * (gsize)from->n_observations);
+}
+
+static void free_bundle(struct bundle *bundle) {
+    g_free(bundle->cameras);
+    g_free(bundle->lays);
+    g_free(bundle->stops);
+    g_free(bundle->observations);
+}
+
+static gboolean fit_all(const struct cameras_work *work, enum rig_lens lens, struct trial *ret) {
+    copy_bundle(&ret->bundle, &work->bundle);
+    cameras_set_lens(&ret->bundle.cameras[0], lens);
+    ret->bundle.robust = ROBUST;
+    ret->bundle.coarse = TRUE;
+    for (int round = 0; round < 2; round++) { /* Huber's threshold depends on the noise */
+        if (!bundle_solve(&ret->bundle, NULL))
+            return FALSE;
+        cameras_estimate_noise(&ret->bundle);
+    }
+    return TRUE;
+}
+
+/* Σ min((r / noise)², MOST_LOSS²) of each picture of a fold: the lens from the pictures of all
+ * other folds, then the poses of this fold's boards alone. */
+static gboolean predict(const struct trial *trial, int fold, double noise, double *loss) {
+    struct bundle b;
+    double d[2];
+    copy_bundle(&b, &trial->bundle);
+    b.cameras[0].noise = noise;
+    for (int i = 0; i < b.n_observations; i++)
+        b.observations[i].rejected = b.observations[i].picture % FOLDS == fold;
+    gboolean ok = bundle_solve(&b, NULL);
+    for (int i = 0; i < b.n_observations; i++)
+        b.observations[i].rejected = !b.observations[i].rejected;
+    b.cameras[0].fixed_lens = TRUE;
+    ok = ok && bundle_solve(&b, NULL);
+    for (int i = 0; ok && i < b.n_observations; i++) {
+        const double r = cameras_residual(&b, &b.observations[i], d) / noise;
+        if (!b.observations[i].rejected)
+            loss[b.observations[i].picture] += MIN(r * r, MOST_LOSS * MOST_LOSS);
+    }
+    free_bundle(&b);
+    return ok;
+}
+
+/* Whether b predicts better than a: Σ d > SIGNIFICANT √(Σ d²), d being the picture's loss by a
+ * minus that by b. */
+static gboolean is_better(const double *a, const double *b, int n) {
+    double sum = 0, squares = 0;
+    for (int i = 0; i < n; i++) {
+        sum += a[i] - b[i];
+        squares += (a[i] - b[i]) * (a[i] - b[i]);
+    }
+    return sum > SIGNIFICANT * sqrt(squares);
+}
+
+/* The polynomial is the default, then comes the model with fewer parameters. */
+gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
+    static const enum rig_lens order[] = {RIG_LENS_POLYNOMIAL, RIG_LENS_FISHEYE, RIG_LENS_RATIONAL};
+    const int n = work->task->n_pictures;
+    struct trial trials[RIG_LENSES] = {0}, *best = NULL;
+    double noise = G_MAXDOUBLE, scale_px = 0, d[2];
+    cameras_set_observations(work);
+    for (int i = 0; i < RIG_LENSES; i++) {
+        trials[i].ok = fit_all(work, (enum rig_lens)i, &trials[i]);
+        trials[i].loss = g_new0(double, n + 1);
+        if (trials[i].ok)
+            noise = MIN(noise, trials[i].bundle.cameras[0].noise);
+    }
+    for (gsize k = 0; k < G_N_ELEMENTS(order); k++) {
+        struct trial *trial = &trials[order[k]];
+        for (int fold = 0; trial->ok && fold < FOLDS; fold++)
+            trial->ok = predict(trial, fold, noise, trial->loss);
+        if (trial->ok && (!best || is_better(best->loss, trial->loss, n)))
+            best = trial;
+    }
+    if (!best) /* the refinement will say why */
+        best = &trials[RIG_LENS_POLYNOMIAL];
+    /* Pixels of a whitened residual of 1, for people: by the median. */
+    g_autoptr(GArray) ratios = g_array_new(FALSE, FALSE, sizeof(double));
+    for (int i = 0; best->ok && i < best->bundle.n_observations; i++) {
+        const double r = cameras_residual(&best->bundle, &best->bundle.observations[i], d);
+        const double ratio = r > 0 && r < G_MAXDOUBLE ? hypot(d[0], d[1]) / r : 0;
+        g_array_append_val(ratios, ratio);
+    }
+    if (ratios->len)
+        scale_px = noise * cameras_median(ratios);
+    for (int i = 0; i < RIG_LENSES; i++) {
+        double sum = 0;
+        for (int k = 0; k < n; k++)
+            sum += trials[i].loss[k];
+        if (trials[i].ok && work->bundle.n_observations > 0)
+            work->held_out_px[i] = scale_px * sqrt(sum / work->bundle.n_observations);
+    }
+    if (best->ok) {
+        struct bundle *to = &work->bundle;
+        *to->cameras = *best->bundle.cameras;
+        to->cameras->noise = 1;
+        memcpy(to->lays, best->bundle.lays, sizeof *to->lays * (gsize)to->n_lays);
+    }
+    for (int i = 0; i < RIG_LENSES; i++) {
+        free_bundle(&trials[i].bundle);
+        g_free(trials[i].loss);
+    }
+    return cameras_progress(work, error);
+}

@@ -1,0 +1,337 @@
+/*
+ * Lens models from corners that this file's own formulas place: each model is recovered within its
+ * error bars, the right one is chosen, a narrow lens keeps the polynomial, and the error bars
+ * hold for boards that are bent differently in each picture.
+ */
+#include "cameras/cameras_private.h"
+#include "geometry/rig.h"
+
+#include <math.h>
+#include <string.h>
+
+#define WIDTH      640
+#define HEIGHT     480
+#define N_PICTURES 12
+#define N_SEEDS    4
+#define SIGMA_PX   0.05
+#define BOARD      "10x7,square=25"
+
+/* How a lens images x / z, y / z; k: k1 … k6, p1, p2 by OpenCV's manual, written anew. */
+struct lens {
+    const char *name;
+    enum rig_lens model;
+    double focal, k[6], p[2];
+};
+
+static void image(const struct lens *lens, const double v[3], double ret_px[2]) {
+    const double *k = lens->k, x = v[0] / v[2], y = v[1] / v[2], r2 = x * x + y * y;
+    double u, w;
+    if (lens->model == RIG_LENS_FISHEYE) {
+        const double t = atan(sqrt(r2));
+        const double bent =
+            t + k[0] * pow(t, 3) + k[1] * pow(t, 5) + k[2] * pow(t, 7) + k[3] * pow(t, 9);
+        u = x * bent / sqrt(r2);
+        w = y * bent / sqrt(r2);
+    } else {
+        double g = 1 + k[0] * r2 + k[1] * pow(r2, 2) + k[2] * pow(r2, 3);
+        if (lens->model == RIG_LENS_RATIONAL)
+            g /= 1 + k[3] * r2 + k[4] * pow(r2, 2) + k[5] * pow(r2, 3);
+        u = x * g + 2 * lens->p[0] * x * y + lens->p[1] * (r2 + 2 * x * x);
+        w = y * g + lens->p[0] * (r2 + 2 * y * y) + 2 * lens->p[1] * x * y;
+    }
+    ret_px[0] = lens->focal * u + 322;
+    ret_px[1] = lens->focal * w + 237;
+}
+
+static double normal(GRand *rand) {
+    const double u = 1 - g_rand_double(rand);
+    return sqrt(-2 * log(u)) * cos(2 * G_PI * g_rand_double(rand));
+}
+
+/* The corners of one board held before the lens: its middle towards a random point of the picture,
+ * turned about two axes by up to 0.7. bend_mm: standard deviation of its sagitta, anew in each
+ * picture, across and down. */
+static GArray *photograph(const struct lens *lens, const struct board *board, GRand *rand,
+                          double bend_mm) {
+    GArray *corners = g_array_new(FALSE, TRUE, sizeof(struct corner));
+    const double half = tan(MIN(atan(WIDTH / 2.0 / lens->focal), 1.0));
+    const double size = board->columns * board->square_mm;
+    const double range = size / (2 * half) * g_rand_double_range(rand, 0.9, 1.6);
+    const double a = g_rand_double_range(rand, -0.7, 0.7), b = g_rand_double_range(rand, -0.7, 0.7);
+    const double c = g_rand_double_range(rand, -0.5, 0.5);
+    const double at[2] = {g_rand_double_range(rand, -0.6, 0.6) * half * range,
+                          g_rand_double_range(rand, -0.4, 0.4) * half * range};
+    const double sag[2] = {bend_mm * normal(rand), bend_mm * normal(rand)};
+    for (int id = 0; id < board_n_corners(board); id++) {
+        double mm[2], px[2];
+        board_corner_mm(board, id, mm);
+        const double across = mm[0] / (size / 2), down = mm[1] / (size / 2);
+        const double z0 = sag[0] * (1 - across * across) + sag[1] * (1 - down * down);
+        const double x0 = mm[0] * cos(c) - mm[1] * sin(c), y0 = mm[0] * sin(c) + mm[1] * cos(c);
+        const double x1 = x0 * cos(a) + z0 * sin(a), z1 = z0 * cos(a) - x0 * sin(a);
+        const double v[3] = {at[0] + x1, at[1] + y0 * cos(b) - z1 * sin(b),
+                             range + y0 * sin(b) + z1 * cos(b)};
+        if (v[2] < 0.15 * range)
+            continue;
+        image(lens, v, px);
+        if (px[0] < 4 || px[0] > WIDTH - 5 || px[1] < 4 || px[1] > HEIGHT - 5)
+            continue;
+        const struct corner corner = {
+            .id = id,
+            .x_px = px[0] + SIGMA_PX * normal(rand),
+            .y_px = px[1] + SIGMA_PX * normal(rand),
+            .covariance_px2 = {{SIGMA_PX * SIGMA_PX, 0}, {0, SIGMA_PX * SIGMA_PX}}};
+        g_array_append_val(corners, corner);
+    }
+    return corners;
+}
+
+struct found {
+    struct bundle_camera camera;
+    double held_out_px[RIG_LENSES], inflation, chi2; /* of fx, fy, cx, cy, a degree of freedom */
+};
+
+/* dᵀ C⁻¹ d / 4 of the focal lengths and the principal point, by Cholesky's factor. */
+static double chi2(const struct lens *lens, const struct bundle_camera *camera) {
+    const double truth[4] = {lens->focal, lens->focal, 322, 237};
+    double l[4][4] = {0}, z[4], sum = 0;
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j <= i; j++) {
+            double s = camera->covariance[i][j];
+            for (int k = 0; k < j; k++)
+                s -= l[i][k] * l[j][k];
+            l[i][j] = i == j ? sqrt(s) : s / l[j][j];
+        }
+        z[i] = camera->intrinsics[i] - truth[i];
+        for (int k = 0; k < i; k++)
+            z[i] -= l[i][k] * z[k];
+        z[i] /= l[i][i];
+        sum += z[i] * z[i];
+    }
+    return sum / 4;
+}
+
+/* As cameras_calibrate_lens() does, from corners rather than pictures. given: RIG_LENSES: by
+ * evidence. */
+static struct found calibrate(const struct lens *lens, guint32 seed, double bend_mm,
+                              enum rig_lens given) {
+    struct cameras_task task = {.n_pictures = N_PICTURES,
+                                .lens_given = given != RIG_LENSES,
+                                .lens = given == RIG_LENSES ? RIG_LENS_POLYNOMIAL : given};
+    struct bundle_camera cameras[RIG_MAX_CAMERAS] = {0};
+    struct bundle_lay lays[N_PICTURES] = {0};
+    struct bundle_stop stops[N_PICTURES] = {0};
+    struct seen seen[N_PICTURES] = {0};
+    struct cameras_work work = {.task = &task, .seen = seen, .free_boards = TRUE};
+    struct found found = {0};
+    g_autoptr(GError) error = NULL;
+    GRand *rand = g_rand_new_with_seed(seed);
+    g_assert_true(board_parse(&task.board, BOARD, NULL));
+    work.nominal.n_cameras = 1;
+    work.nominal.cameras[0].rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    work.observations = g_array_new(FALSE, TRUE, sizeof(struct bundle_observation));
+    work.bundle = (struct bundle){.cameras = cameras,
+                                  .lays = lays,
+                                  .stops = stops,
+                                  .n_cameras = 1,
+                                  .n_lays = N_PICTURES,
+                                  .n_stops = N_PICTURES};
+    for (int i = 0; i < N_PICTURES; i++) {
+        stops[i].lay = i;
+        seen[i] = (struct seen){.name = (char *)"corners",
+                                .lay = i,
+                                .stop = i,
+                                .width = WIDTH,
+                                .height = HEIGHT,
+                                .corners = photograph(lens, &task.board, rand, bend_mm)};
+    }
+    const gboolean ok = cameras_start_lens(&work, &error) && cameras_start_lays(&work, &error) &&
+                        (task.lens_given || cameras_choose_lens(&work, &error)) &&
+                        cameras_refine(&work, &error);
+    g_assert_no_error(error);
+    g_assert_true(ok);
+    found.camera = cameras[0];
+    found.inflation = work.inflation[0];
+    found.chi2 = chi2(lens, &cameras[0]);
+    memcpy(found.held_out_px, work.held_out_px, sizeof found.held_out_px);
+    for (int i = 0; i < N_PICTURES; i++) {
+        g_clear_pointer(&seen[i].corners, g_array_unref);
+        g_clear_pointer(&seen[i].set_aside, g_array_unref);
+        g_free(seen[i].why);
+    }
+    g_array_unref(work.observations);
+    g_rand_free(rand);
+    return found;
+}
+
+static const struct lens lenses[] = {
+    {"narrow", RIG_LENS_POLYNOMIAL, 1800, {-0.1, 0.2}, {0.0005, -0.001}},
+    {"polynomial", RIG_LENS_POLYNOMIAL, 430, {-0.28, 0.09, -0.012}, {0.001, -0.0005}},
+    {"rational", RIG_LENS_RATIONAL, 260, {0.9, 0.02, 0, 1.3, 0.3, 0.002}, {0.0005, -0.001}},
+    {"fisheye", RIG_LENS_FISHEYE, 230, {0.03, -0.025, 0.02, -0.007}, {0}},
+};
+
+/* rig_project() is the same formula as this file's, and rig_pixel_ray() its inverse. */
+static void test_projection(gconstpointer data) {
+    const struct lens *lens = data;
+    const double *k = lens->k;
+    struct rig_camera camera = {.width = WIDTH,
+                                .height = HEIGHT,
+                                .lens = (int)lens->model,
+                                .fx_px = lens->focal,
+                                .fy_px = lens->focal,
+                                .cx_px = 322,
+                                .cy_px = 237,
+                                .k1 = k[0],
+                                .k2 = k[1],
+                                .k3 = k[2],
+                                .k4 = k[3],
+                                .k5 = k[4],
+                                .k6 = k[5],
+                                .p1 = lens->p[0],
+                                .p2 = lens->p[1],
+                                .rotation = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
+    const double reach = MIN(WIDTH / 1.5 / lens->focal, 1.5);
+    GRand *rand = g_rand_new_with_seed(5);
+    int n = 0;
+    for (int i = 0; i < 1000; i++) {
+        const double v[3] = {g_rand_double_range(rand, -reach, reach),
+                             g_rand_double_range(rand, -reach, reach), 1};
+        double want[2], got[2];
+        image(lens, v, want);
+        if (want[0] < 0 || want[0] >= WIDTH || want[1] < 0 || want[1] >= HEIGHT ||
+            !rig_project(&camera, vec3(v[0], v[1], v[2]), &got[0], &got[1]))
+            continue;
+        g_assert_cmpfloat_with_epsilon(got[0], want[0], 1e-9);
+        g_assert_cmpfloat_with_epsilon(got[1], want[1], 1e-9);
+        const struct vec3 ray = rig_pixel_ray(&camera, want[0], want[1]);
+        g_assert_cmpfloat_with_epsilon(ray.x / ray.z, v[0], 1e-8);
+        g_assert_cmpfloat_with_epsilon(ray.y / ray.z, v[1], 1e-8);
+        n++;
+    }
+    g_assert_cmpint(n, >, 300);
+    g_rand_free(rand);
+}
+
+/* A fisheye of k = 0 images 60° off and 120° off its axis at radii of π/3 and 2π/3 focal lengths;
+ * with k1 = −0.1 its radius stops growing where 1 = 0.3 θ². */
+static void test_fisheye(void) {
+    struct rig_camera camera = {.lens = RIG_LENS_FISHEYE,
+                                .fx_px = 300,
+                                .fy_px = 300,
+                                .rotation = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
+    double x, y;
+    for (int i = 0; i < 3; i++) {
+        const double theta = i * G_PI / 3;
+        g_assert_true(rig_project(&camera, vec3(0, sin(theta), cos(theta)), &x, &y));
+        g_assert_cmpfloat_with_epsilon(x, 0, 1e-9);
+        g_assert_cmpfloat_with_epsilon(y, 300 * theta, 1e-9);
+        const struct vec3 ray = rig_pixel_ray(&camera, x, y);
+        g_assert_cmpfloat_with_epsilon(ray.y, sin(theta), 1e-11);
+        g_assert_cmpfloat_with_epsilon(ray.z, cos(theta), 1e-11);
+    }
+    camera.k1 = -0.1;
+    const double fold = sqrt(1 / 0.3);
+    g_assert_true(rig_project(&camera, vec3(sin(fold - 0.01), 0, cos(fold - 0.01)), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(sin(fold + 0.01), 0, cos(fold + 0.01)), &x, &y));
+}
+
+/* A fisheye and its covariance come back from a file bit for bit; a polynomial's file has no key
+ * that an earlier version does not know. */
+static void test_file(void) {
+    g_autoptr(GError) error = NULL;
+    struct rig rig = {.id = "x", .n_cameras = 1};
+    struct rig_camera *camera = &rig.cameras[0];
+    *camera = (struct rig_camera){.name = "cam",
+                                  .width = WIDTH,
+                                  .height = HEIGHT,
+                                  .fx_px = 300,
+                                  .fy_px = 301,
+                                  .response = 1,
+                                  .rotation = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
+    g_autoptr(Calibration) polynomial = calibration_new(&rig);
+    polynomial->cameras[0].known = TRUE;
+    g_autofree char *old = calibration_to_text(polynomial);
+    g_assert_null(strstr(old, "lens="));
+    g_assert_null(strstr(old, "k4="));
+    g_assert_null(strstr(old, "further_covariance="));
+    camera->lens = RIG_LENS_FISHEYE;
+    camera->k4 = 0.1 / 3;
+    g_autoptr(Calibration) fisheye = calibration_new(&rig);
+    struct calibration_camera *errors = &fisheye->cameras[0];
+    errors->known = TRUE;
+    errors->covariance[0][0] = 4;
+    errors->further_covariance[0][0] = 0.1 / 7;
+    errors->further_covariance[0][CALIBRATION_K4] = 1e-3;
+    g_autofree char *text = calibration_to_text(fisheye);
+    g_autoptr(Calibration) back = calibration_from_text(text, "x", &error);
+    g_assert_no_error(error);
+    g_assert_cmpmem(&back->rig.cameras[0], sizeof *camera, camera, sizeof *camera);
+    g_assert_cmpmem(back->cameras, sizeof *errors, errors, sizeof *errors);
+    errors->further_covariance[0][0] = 1; /* more than √(4 · 1e-3) */
+    g_autofree char *bad = calibration_to_text(fisheye);
+    g_assert_null(calibration_from_text(bad, "x", &error));
+    g_assert_nonnull(strstr(error->message, "is not a covariance"));
+}
+
+static void test_recovered(gconstpointer data) {
+    const struct lens *lens = data;
+    double sum = 0, inflation = 0;
+    for (guint32 seed = 1; seed <= N_SEEDS; seed++) {
+        const struct found found = calibrate(lens, seed, 0, lens->model);
+        sum += found.chi2 / N_SEEDS;
+        inflation += found.inflation / N_SEEDS;
+        g_assert_cmpfloat(found.chi2, <, 6);
+    }
+    g_test_message("%s: chi2 %.2f a degree of freedom, variance inflated by %.2f", lens->name, sum,
+                   inflation);
+    g_assert_cmpfloat(sum, <, 1.8);
+    g_assert_cmpfloat(sum, >, 0.4);
+    g_assert_cmpfloat(inflation, <, 1.3);
+}
+
+static void test_chosen(gconstpointer data) {
+    const struct lens *lens = data;
+    const struct found found = calibrate(lens, 101, 0, RIG_LENSES);
+    g_test_message("%s: %s, held out %.4f (polynomial) %.4f (rational) %.4f px (fisheye)",
+                   lens->name, rig_lens_name(found.camera.lens), found.held_out_px[0],
+                   found.held_out_px[1], found.held_out_px[2]);
+    g_assert_cmpint(found.camera.lens, ==, lens->model);
+    g_assert_cmpfloat(found.chi2, <, 6);
+}
+
+/* The boards' sagitta of 2 mm moves corners by pixels, the same way in the whole picture. */
+static void test_bent(gconstpointer data) {
+    const struct lens *lens = data;
+    double sum = 0, inflation = 0;
+    for (guint32 seed = 201; seed < 201 + N_SEEDS; seed++) {
+        const struct found found = calibrate(lens, seed, 2, lens->model);
+        sum += found.chi2 / N_SEEDS;
+        inflation += found.inflation / N_SEEDS;
+    }
+    g_test_message("%s: chi2 %.2f a degree of freedom, variance inflated by %.2f", lens->name, sum,
+                   inflation);
+    g_assert_cmpfloat(sum, <, 2.5);
+    g_assert_cmpfloat(sum, >, 0.3);
+    g_assert_cmpfloat(inflation, >, 2);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(lenses); i++) {
+        const struct lens *lens = &lenses[i];
+        g_autofree char *projection = g_strdup_printf("/lenses/projection/%s", lens->name);
+        g_autofree char *recovered = g_strdup_printf("/lenses/recovered/%s", lens->name);
+        g_autofree char *chosen = g_strdup_printf("/lenses/chosen/%s", lens->name);
+        g_autofree char *bent = g_strdup_printf("/lenses/bent boards/%s", lens->name);
+        g_test_add_data_func(projection, lens, test_projection);
+        g_test_add_data_func(recovered, lens, test_recovered);
+        if (lens->model != RIG_LENS_RATIONAL)
+            g_test_add_data_func(chosen, lens, test_chosen);
+        if (lens->model == RIG_LENS_FISHEYE)
+            g_test_add_data_func(bent, lens, test_bent);
+    }
+    g_test_add_func("/lenses/fisheye", test_fisheye);
+    g_test_add_func("/lenses/file", test_file);
+    return g_test_run();
+}
