@@ -12,6 +12,7 @@ struct mistake {
     const char *head, *line; /* of the change */
     const char *place;       /* what the message has after the file's path */
     const char *says;
+    const char *told; /* the file that the message names; NULL: the one that was changed */
 };
 
 static const struct mistake mistakes[] = {
@@ -25,7 +26,8 @@ static const struct mistake mistakes[] = {
      "not a number"},
     {"rig.conf", "[camera cam30]", "distance_mm = 650 mm", " [camera cam30] distance_mm",
      "write the number alone"},
-    {"rig.conf", "[axis turntable]", NULL, ": there is no section [axis turntable]", "a rig needs"},
+    {"rig.conf", "[axis turntable]", NULL, ":13: [views]: no camera stands at theta 30",
+     "there is no [axis turntable] in the rig file", "session.conf"},
     {"rig.conf", "[lamps bank]", NULL, " [lamp lamp30] bank", "there is no section [lamps"},
     {"rig.conf", "[lamp lamp30]", "bank = benk", " [lamp lamp30] bank", "[lamps benk]"},
     {"rig.conf", "[camera cam30]", "width = 33", " [camera cam30] width", "write width = 32"},
@@ -58,7 +60,8 @@ static void test_mistakes(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
         const struct mistake *mistake = &mistakes[i];
         struct operation *run = operator_new(NULL);
-        g_autofree char *path = g_build_filename(run->directory, mistake->file, NULL);
+        g_autofree char *path =
+            g_build_filename(run->directory, mistake->told ? mistake->told : mistake->file, NULL);
         small_rig_write(run->directory, mistake->file,
                         (const struct change[]){{mistake->head, mistake->line}, {0}});
         operator_does(run, 1, "plan", run->rig, run->conf, NULL);
