@@ -300,10 +300,7 @@ static void devices_collect(GError **collected, GError *error) {
 static void devices_stop(Axis *axis, GError **collected) {
     GError *error = NULL;
 
-    /* One in doubt is asked again, even if it should stand. */
-    if (axis && axis_safety(axis) == DEVICE_UNSAFE)
-        axis_halt(axis, &error);
-    else if (axis)
+    if (axis)
         axis_stop(axis, &error);
     devices_collect(collected, error);
 }

@@ -180,6 +180,8 @@ static void test_products(void) {
     g_autofree char *products = operator_products(run->session);
     g_autofree char *out = g_build_filename(run->directory, "out", NULL);
     g_autofree char *output = g_strdup_printf("--output=%s", out);
+    g_autofree char *bonn = g_strconcat(output, ".btf", NULL);
+    g_autofree char *points = g_strconcat(output, ".ply", NULL);
     g_autofree char *lpca = g_build_filename(run->session, "products/lpca.exr", NULL);
     static const char view[] = "products/btf/view_0002.exr", mdf[] = "products/mdf.exr";
     flip_in(run, view);
@@ -187,7 +189,7 @@ static void test_products(void) {
     refuses(run, view, "compress", output, NULL);
     refuses(run, view, "compare", lpca, NULL);
     refuses(run, view, "resample", output, NULL);
-    operator_does(run, 1, "export", "btf", run->session, output, NULL);
+    operator_does(run, 1, "export", "btf", run->session, bonn, NULL);
     assert_has(run->err, "`mesorig process ");
     operator_does(run, 0, "process", run->session, NULL);
     assert_has(run->out, "1 product was damaged or gone, and has been made again");
@@ -195,7 +197,7 @@ static void test_products(void) {
     flip_in(run, mdf);
     refuses(run, mdf, "check", NULL, NULL);
     refuses(run, mdf, "compress", "--method=mdf", output);
-    operator_does(run, 1, "export", "points", run->session, output, NULL);
+    operator_does(run, 1, "export", "points", run->session, points, NULL);
     assert_has(run->err, "`mesorig process ");
     operator_does(run, 0, "process", run->session, NULL);
     check_whole(run, products);
