@@ -149,7 +149,8 @@ struct calibration *calibration_read(const char *path, GError **error) {
 }
 
 /* Names and sizes identify devices: their order is that of the rig file. */
-/* What a lamp or laser is and stands on, where that differs from the rig file; else NULL. */
+/* Says how a lamp or laser differs from the rig file: its name, or whether the arc carries it; NULL
+ * if it does not differ. */
 static char *differ(const char *what, int index, const char *name, int fixed,
                     const char *nominal_name, int nominal_fixed) {
     static const char *const stands[] = {"is carried by the arc", "stands by itself"};

@@ -56,7 +56,7 @@ enum calibration_camera_parameter {
     CALIBRATION_SHIFT_Y,
     CALIBRATION_SHIFT_Z,
     CALIBRATION_CAMERA_PARAMETERS,
-    /* Of rational and fisheye lenses; k1, k2 and k3 are above. */
+    /* Only rational and fisheye lenses have these, beside k1, k2 and k3 above. */
     CALIBRATION_K4 = CALIBRATION_CAMERA_PARAMETERS,
     CALIBRATION_K5,
     CALIBRATION_K6,

@@ -80,8 +80,8 @@ struct cameras_result {
     GArray *stops;     /* struct cameras_stop */
     GArray *lays;      /* struct cameras_lay */
     double rms_px;
-    /* Of photographs whose lens was chosen by evidence: robust RMS of predicted corners for each
-     * model; 0: not tried, or that model cannot be fitted. */
+    /* Cross-validation of the lens models, with photographs alone: the robust RMS error with which
+     * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
     double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter between pictures; ≥ 1 */
 };

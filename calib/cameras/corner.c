@@ -30,7 +30,7 @@ struct pixels {
     gboolean ended; /* the edges end in the corner */
 };
 
-/* Of a marker's corner, +1 or −1 along the board's x and y: the way into the marker. */
+/* Direction from a marker's corner into the marker: +1 or −1 along the board's x and y. */
 static void inwards(const struct board *board, int id, double ret[2]) {
     double corners[4][2];
     board_marker_mm(board, id / 4, corners);

@@ -27,8 +27,8 @@ struct highlight {
     gboolean saturated;
 };
 
-/* What n photographs under different lamps have in common: the mean of their light's square root.
- */
+/* Mean of the square roots of n photographs under different lamps: it shows what they have in
+ * common. */
 struct highlight_mean {
     const struct picture *root;
     int n;

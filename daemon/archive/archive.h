@@ -1,7 +1,7 @@
 /*
  * What is kept of a session for others: everything that its database, its products' headers and a
  * few of its pictures say, gathered once, and written as a page (HTML, one file) or as the metadata
- * of a research object (RO-Crate 1.1). Reads only, but for archive_write_crate(). Any thread.
+ * of a research object (RO-Crate 1.1). Writes nothing. Any thread.
  */
 #pragma once
 
@@ -33,7 +33,7 @@ struct archive_picture {
 
 struct archive {
     char *path, *name, *program, *created; /* created: ISO 8601, UTC */
-    /* What [session] says of the sample; "" where it says nothing. */
+    /* The keys sample, operator, notes and license of [session]; "" where they are not given. */
     char *sample, *operator_name, *notes, *license;
     char *state;    /* "done", "unfinished", "paused", "aborted" */
     char *imported; /* what it was imported from, or NULL */

@@ -2,6 +2,7 @@
 #include "archive.h"
 
 #include "base/config.h"
+#include "base/robust.h"
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
 #include "mdf/mdf_views.h"
@@ -256,11 +257,6 @@ static int by_theta(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-static int by_value(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The BTF's flags and error bars, ring by ring; views that cannot be read are told. */
 static void read_btf(struct archive *archive, const GPtrArray *views) {
     struct btf_flag_counts all = {0};
@@ -294,7 +290,7 @@ static void read_btf(struct archive *archive, const GPtrArray *views) {
         ring->bounds = (double)counts.bounds / texels;
         ring->shorter = (double)counts.shorter / texels;
         ring->predicted = (double)counts.predicted / texels;
-        g_array_sort(sigmas, by_value);
+        g_array_sort(sigmas, robust_by_value);
         if (sigmas->len > 0)
             ring->sigma = g_array_index(sigmas, double, sigmas->len / 2);
         all.texels += counts.texels;
