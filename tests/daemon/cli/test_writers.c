@@ -11,7 +11,7 @@
 #include "lib/operator.h"
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
-#define PAIRS   50 /* MESORIG_PAIRS in the environment: more */
+#define PAIRS   20 /* MESORIG_PAIRS in the environment: more */
 #define SEED    20261122
 
 static int pairs(void) {
