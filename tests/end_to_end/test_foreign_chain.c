@@ -758,8 +758,8 @@ static void test_sample(gconstpointer data) {
               mdf[c].n, mdf[c].all, rms(edges[c].squares, edges[c].n), edges[c].chi2 / edges[c].n,
               edges[c].n, edges[c].all);
         g_assert_cmpfloat(rms(mdf[c].squares, mdf[c].n), <, 0.08);
-        g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, >, 0.3);
-        g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, <, 5);
+        g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, >, 0.7);
+        g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, <, 1.4);
         g_assert_cmpfloat(mdf[c].n + edges[c].n, >, 0.98 * (mdf[c].all + edges[c].all));
     }
 }
