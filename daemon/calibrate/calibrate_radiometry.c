@@ -46,7 +46,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
                calibration->rig.n_cameras, calibrate_output);
     for (int c = 0; c < calibration->rig.n_cameras && !cli_json; c++) {
         const struct transfer *t = &calibration->noise[c].transfer;
-        if (calibration->noise[c].known && t->linearity > 0.01)
+        if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)
             g_printerr("camera %s is not linear: an exposure's signal is up to %.1f %% off. Switch "
                        "off its gamma and whatever else changes its values\n",
                        calibration->rig.cameras[c].name, 100 * t->linearity);
