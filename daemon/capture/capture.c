@@ -126,7 +126,9 @@ static void capture_note(Session *session, const char *level, const char *source
 
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error) {
-    g_autoptr(Plan) plan = capture_validate(devices, conf, directory, error);
+    g_autoptr(Plan) plan = session_conf_check_chosen(conf, error)
+                               ? capture_validate(devices, conf, directory, error)
+                               : NULL;
     if (!plan)
         return FALSE;
     g_autoptr(GPtrArray) warnings = NULL;
@@ -141,6 +143,12 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
         capture_save_value(session, "predicted_bytes", (double)plan->bytes);
         capture_note(session, "info", "plan", plan->notes);
+        if (conf->chosen) {
+            g_autofree char *said =
+                g_strdup_printf("chosen by pictures on trial: %s", conf->chosen);
+            session_set_value(session, "chosen", conf->chosen, NULL);
+            session_add_event(session, 0, "info", "exposures", said, NULL);
+        }
         /* The session has the calibration as a whole; this says where it came from. */
         session_set_value(session, "calibration",
                           calibrated ? devices->calibration_path : "nominal", NULL);

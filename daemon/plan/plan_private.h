@@ -77,12 +77,6 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
-/* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
- * may be NULL; a plan whose session was not read from a file has no place. */
-void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
-                    const char *section, const char *key, const char *format, ...)
-    G_GNUC_PRINTF(6, 7);
-
 /* Disk space of the session's frames and database, in blocks of 4 KiB; without products. */
 guint64 plan_bytes(const struct plan_build *b);
 
