@@ -76,7 +76,6 @@ static Capture *capture_open(struct devices *devices, const char *directory,
         capture->callbacks = *callbacks;
     capture->state = CAPTURE_PAUSED;
     capture->since_us = -1;
-    capture->left_committed = -1;
     g_queue_init(&capture->flights);
     if (!read_session(capture, error)) {
         capture_free(capture);
@@ -297,6 +296,7 @@ void capture_free(Capture *capture) {
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);
+    g_free(capture->plan_left_s);
     g_free(capture->reason);
     g_free(capture->doing);
     g_free(capture);
@@ -350,20 +350,14 @@ void capture_abort(Capture *capture) {
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 
+/* Runs down from what was predicted when the last shot was exposed (capture_run_note_left()). */
 static double time_left_s(Capture *capture) {
-    if (capture->state == CAPTURE_DONE || !capture->remaining)
+    if (capture->state == CAPTURE_DONE || !capture->plan_left_s)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
-    if (capture->left_committed != capture->committed || capture->state == CAPTURE_HOMING) {
-        const struct session_shot *const *shots =
-            (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
-        capture->left_s = plan_remaining_s(
-            shots, (int)(capture->remaining->len - capture->committed), &capture->conf,
-            &capture->devices->timing, devices_axis_deg(capture->devices->turntable),
-            devices_axis_deg(capture->devices->arc));
-        capture->left_at_s = capture_now_s(capture);
-        capture->left_committed = capture->committed;
-    }
-    return MAX(capture->left_s - (capture_now_s(capture) - capture->left_at_s), 0);
+    if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED)
+        return capture->plan_left_s[capture->committed];
+    const double passed_s = capture_now_s(capture) - capture->left_at_s;
+    return MAX(capture->left_s - passed_s, capture->left_least_s);
 }
 
 static gboolean waits_for_somebody(const Capture *capture) {

@@ -333,10 +333,15 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
 
     g_array_append_vals(nested, b->shots->data, b->shots->len);
     plan_order(nested, poses, n_poses, b->timing, ORDER_VIEWS);
-    plan->nested_s = plan_total_s(nested, b->conf, b->timing);
-    plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
+    const double homing_s = plan_homing_s(b->rig, b->timing);
+    double first_s;
+    plan->nested_s = plan_total_s(nested, b->conf, b->timing, &first_s);
+    plan->lower_bound_s =
+        homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
     plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing, b->conf->order);
-    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
+    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing, &first_s) + homing_s + first_s;
+    /* Orders are chosen by what follows their first pose: this begins with the same move. */
+    plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }

@@ -22,7 +22,8 @@
  *
  * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its mount
  * positions, its own first; this needs the fewest mountings. Predictions leave out the operator's
- * time and the homing of the axes afterwards.
+ * time and the homing of the axes afterwards; that at the beginning takes what the axes' homing_s
+ * say.
  */
 #pragma once
 
@@ -140,12 +141,19 @@ void plan_free(struct plan *plan); /* NULL is ignored */
 typedef struct plan Plan;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)
 
+/* How long the axes take to home, all at once. */
+double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
+
 /* The sweep angles at which a laser's sheet passes the edges of the sample's box and its margin. */
 void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,
                     double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
 
 /* Predicted time of those of the shots that are still planned, in this order and from a given pose;
- * for the time left. */
+ * for the time left. ret_left_s (n + 1): what is left before each of them, when the last exposure
+ * of the one before has ended, and after the last one. plan_remaining_s: the first of these. */
+void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
+                 const struct rig_timing *timing, double turntable_deg, double arc_deg,
+                 double *ret_left_s);
 double plan_remaining_s(const struct session_shot *const *shots, int n,
                         const struct session_conf *conf, const struct rig_timing *timing,
                         double turntable_deg, double arc_deg);

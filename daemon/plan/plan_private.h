@@ -153,8 +153,10 @@ double plan_lead_s(const struct session_shot *previous, const struct session_sho
 /* Read-out of the slowest camera of a shot. */
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 
-double plan_total_s(GArray *shots, const struct session_conf *conf,
-                    const struct rig_timing *timing);
+/* From the pose of the first shot on. ret_first_s: what the move from where homing leaves the axes,
+ * at 0, into that pose adds. */
+double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig_timing *timing,
+                    double *ret_first_s);
 
 /* shots[i].pose is an index into poses; see plan.h and plan_time.c for the argument. */
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
