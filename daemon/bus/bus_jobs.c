@@ -156,6 +156,7 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
 struct start_options {
     gboolean process;
     char *calibration; /* path; NULL: what the rig file names */
+    char *chosen;      /* in place of "auto" in the session file; NULL: nothing */
 };
 
 static gboolean bus_jobs_check_options(GVariant *options, struct start_options *ret,
@@ -172,10 +173,14 @@ static gboolean bus_jobs_check_options(GVariant *options, struct start_options *
                    g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
             g_free(ret->calibration);
             ret->calibration = g_variant_dup_string(value, NULL);
+        } else if (strcmp(key, "chosen") == 0 &&
+                   g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
+            g_free(ret->chosen);
+            ret->chosen = g_variant_dup_string(value, NULL);
         } else {
             g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
                         "the option %s does not exist or has the wrong type: give process "
-                        "(boolean) or calibration (string)",
+                        "(boolean), calibration or chosen (strings)",
                         key);
             return FALSE;
         }
@@ -211,13 +216,15 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
         return FALSE;
     const gboolean good = bus_jobs_check_options(options, &chosen, error);
     g_autofree char *calibration = chosen.calibration;
+    g_autofree char *exposures = chosen.chosen;
     if (!good || !check_calibration(calibration, begins, error) ||
         (begins && !bus_need_absolute(session_path, error)))
         return FALSE;
     struct preparer_request request = {.task = begins ? PREPARER_BEGIN : PREPARER_EXAMINE,
                                        .session_path = session_path,
                                        .directory = directory,
-                                       .calibration = calibration};
+                                       .calibration = calibration,
+                                       .chosen = exposures};
     struct bus_job *job = start_job(bus, invocation, &request);
     job->process = chosen.process;
     return TRUE;

@@ -59,7 +59,8 @@ static GBytes *request_bytes(const struct preparer_request *request) {
                       preparer_bytes_of(&devices->geometry, sizeof devices->geometry),
                       preparer_bytes_of(&devices->timing, sizeof devices->timing), devices->text,
                       devices->path, calibration ? calibration : "", devices->calibration_days,
-                      request->session_path ? request->session_path : "", request->directory));
+                      request->session_path ? request->session_path : "",
+                      request->chosen ? request->chosen : "", request->directory));
     return g_variant_get_data_as_bytes(variant);
 }
 

@@ -32,6 +32,7 @@ struct preparer_request {
     const char *session_path; /* ignored by PREPARER_EXAMINE */
     const char *directory;    /* empty: PREPARER_CHECK does without */
     const char *calibration;  /* replaces the calibration that the rig file names; NULL: that one */
+    const char *chosen;       /* PREPARER_BEGIN: session_conf_choose(); NULL: nothing is auto */
 };
 
 /* A child that is cancelled is killed. */

@@ -17,7 +17,7 @@ struct prepare_work {
     guint32 cpu_s;
     guint64 memory_bytes;
     struct devices devices; /* geometry, timing and texts; no device is open */
-    char *text, *path, *calibration, *session_path, *directory;
+    char *text, *path, *calibration, *session_path, *chosen, *directory;
 };
 
 static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
@@ -40,10 +40,10 @@ static gboolean read_request(struct prepare_work *work) {
         g_variant_new_from_bytes(G_VARIANT_TYPE(PREPARER_REQUEST_TYPE), bytes, FALSE));
     if (!g_variant_is_normal_form(request))
         return FALSE;
-    g_variant_get(request, "(&siiut@ay@ay^ay^ay^ayd^ay^ay)", &version, &work->parent, &work->task,
-                  &work->cpu_s, &work->memory_bytes, &geometry, &timing, &work->text, &work->path,
-                  &work->calibration, &work->devices.calibration_days, &work->session_path,
-                  &work->directory);
+    g_variant_get(request, "(&siiut@ay@ay^ay^ay^ayd^ay^ay^ay)", &version, &work->parent,
+                  &work->task, &work->cpu_s, &work->memory_bytes, &geometry, &timing, &work->text,
+                  &work->path, &work->calibration, &work->devices.calibration_days,
+                  &work->session_path, &work->chosen, &work->directory);
     work->devices.text = work->text;
     work->devices.path = work->path;
     work->devices.calibration_path = *work->calibration ? work->calibration : NULL;
@@ -83,8 +83,10 @@ static GVariant *do_work(const struct prepare_work *work, GError **error) {
     if (!session_conf_load(&conf, work->session_path, error))
         return NULL;
     if (work->task == PREPARER_BEGIN)
-        return capture_create(devices, &conf, work->directory, error) ? g_variant_new_string("")
-                                                                      : NULL;
+        return session_conf_choose(&conf, work->chosen, error) &&
+                       capture_create(devices, &conf, work->directory, error)
+                   ? g_variant_new_string("")
+                   : NULL;
     g_autoptr(Plan) plan = *work->directory
                                ? capture_validate(devices, &conf, work->directory, error)
                                : plan_build(&conf, &devices->geometry, &devices->timing, error);
@@ -119,6 +121,7 @@ int preparer_child(void) {
     g_free(work.path);
     g_free(work.calibration);
     g_free(work.session_path);
+    g_free(work.chosen);
     g_free(work.directory);
     return ok ? 0 : 1;
 }

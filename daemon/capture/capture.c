@@ -76,7 +76,6 @@ static Capture *capture_open(struct devices *devices, const char *directory,
         capture->callbacks = *callbacks;
     capture->state = CAPTURE_PAUSED;
     capture->since_us = -1;
-    capture->left_committed = -1;
     g_queue_init(&capture->flights);
     if (!read_session(capture, error)) {
         capture_free(capture);
@@ -126,7 +125,9 @@ static void capture_note(Session *session, const char *level, const char *source
 
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error) {
-    g_autoptr(Plan) plan = capture_validate(devices, conf, directory, error);
+    g_autoptr(Plan) plan = session_conf_check_chosen(conf, error)
+                               ? capture_validate(devices, conf, directory, error)
+                               : NULL;
     if (!plan)
         return FALSE;
     g_autoptr(GPtrArray) warnings = NULL;
@@ -141,6 +142,12 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
         capture_save_value(session, "predicted_bytes", (double)plan->bytes);
         capture_note(session, "info", "plan", plan->notes);
+        if (conf->chosen) {
+            g_autofree char *said =
+                g_strdup_printf("chosen by pictures on trial: %s", conf->chosen);
+            session_set_value(session, "chosen", conf->chosen, NULL);
+            session_add_event(session, 0, "info", "exposures", said, NULL);
+        }
         /* The session has the calibration as a whole; this says where it came from. */
         session_set_value(session, "calibration",
                           calibrated ? devices->calibration_path : "nominal", NULL);
@@ -289,6 +296,7 @@ void capture_free(Capture *capture) {
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);
+    g_free(capture->plan_left_s);
     g_free(capture->reason);
     g_free(capture->doing);
     g_free(capture);
@@ -342,20 +350,14 @@ void capture_abort(Capture *capture) {
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 
+/* Runs down from what was predicted when the last shot was exposed (capture_run_note_left()). */
 static double time_left_s(Capture *capture) {
-    if (capture->state == CAPTURE_DONE || !capture->remaining)
+    if (capture->state == CAPTURE_DONE || !capture->plan_left_s)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
-    if (capture->left_committed != capture->committed || capture->state == CAPTURE_HOMING) {
-        const struct session_shot *const *shots =
-            (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
-        capture->left_s = plan_remaining_s(
-            shots, (int)(capture->remaining->len - capture->committed), &capture->conf,
-            &capture->devices->timing, devices_axis_deg(capture->devices->turntable),
-            devices_axis_deg(capture->devices->arc));
-        capture->left_at_s = capture_now_s(capture);
-        capture->left_committed = capture->committed;
-    }
-    return MAX(capture->left_s - (capture_now_s(capture) - capture->left_at_s), 0);
+    if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED)
+        return capture->plan_left_s[capture->committed];
+    const double passed_s = capture_now_s(capture) - capture->left_at_s;
+    return MAX(capture->left_s - passed_s, capture->left_least_s);
 }
 
 static gboolean waits_for_somebody(const Capture *capture) {

@@ -56,8 +56,9 @@ struct Capture {
     gint64 since_us;     /* −1 while it stands */
     double clock_saved_s;
     double predicted_s, lower_bound_s;
+    double *plan_left_s; /* before each of remaining and after the last: plan_left_s(); or NULL */
     double left_s, left_at_s; /* predicted, and when */
-    gint64 left_committed;    /* committed then; −1: not yet */
+    double left_least_s;      /* not before the shot under way has been exposed */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct latest_picture latest[RIG_MAX_CAMERAS];
     guint32 moved;           /* of what the session was paused for: capture_marks.c */

@@ -323,9 +323,16 @@ static void on_room(gpointer data) {
     sequencer_poke(capture->sequencer);
 }
 
+/* The time left, from when the first n of the remaining shots had been exposed. */
+static void capture_run_note_left(Capture *capture, guint n, double at_s) {
+    capture->left_s = capture->plan_left_s[n];
+    capture->left_at_s = at_s;
+    capture->left_least_s = capture->plan_left_s[MIN(n + 1, capture->remaining->len)];
+}
+
 static void on_homed(gpointer data) {
     Capture *capture = data;
-    capture->left_committed = -1;
+    capture_run_note_left(capture, 0, capture_now_s(capture));
     if (capture->state == CAPTURE_HOMING)
         capture_set_state(capture, CAPTURE_RUNNING);
 }
@@ -348,6 +355,8 @@ static void capture_run_on_frame(const struct session_shot *shot, int camera, in
     double time_s = session_clock_s(capture, frame->exposure_end_us);
     intake_frame(capture->intake, shot, camera, sub, frame, retakes, time_s);
     capture->frames++;
+    if (sub + 1 == shot_n_frames(&capture->conf, shot))
+        capture_run_note_left(capture, capture->committed + capture->flights.length, time_s);
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
          shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
@@ -399,7 +408,6 @@ static void capture_run_begin(gpointer data) {
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();
     capture->committed = 0;
-    capture->left_committed = -1;
     capture->all_taken = FALSE;
     for (guint i = 0; i < capture->shots->len; i++) {
         struct session_shot *shot = capture->shots->pdata[i];
@@ -412,6 +420,15 @@ static void capture_run_begin(gpointer data) {
         return;
     }
     guint n = capture_mount_reach(capture);
+    const struct devices *devices = capture->devices;
+    g_free(capture->plan_left_s);
+    capture->plan_left_s = g_new(double, capture->remaining->len + 1);
+    plan_left_s((const struct session_shot *const *)capture->remaining->pdata,
+                (int)capture->remaining->len, &capture->conf, &devices->timing, 0, 0,
+                capture->plan_left_s); /* where homing leaves the axes */
+    capture_run_note_left(capture, 0, capture_now_s(capture));
+    capture->left_s += plan_homing_s(&devices->geometry, &devices->timing);
+    capture->left_least_s = capture->plan_left_s[0];
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     capture->leg = g_ptr_array_sized_new(n);
     for (guint i = 0; i < n; i++)

@@ -71,9 +71,19 @@ static const struct option sample_options[] = {
 static const char *const blocked_choices[] = {"shift", "skip", "refuse", NULL};
 static const char *const order_choices[] = {"quickest", "views", NULL};
 
+const char *const auto_key_names[AUTO_KEYS] = {
+    [AUTO_EXPOSURES] = "exposures_us",
+    [AUTO_LASER] = "laser_exposure_us",
+    [AUTO_SHORT] = "laser_short_us",
+};
+
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
-     .help = "Exposures of one bracket under a lamp, ascending, at most twelve"},
+     .help =
+         "Exposures of one bracket under a lamp, ascending, at most twelve; auto (here and for "
+         "laser_exposure_us and laser_short_us): chosen by pictures on trial before the capture"},
+    {"auto_longest_us", OPTION_DOUBLE, "us", 100, 60e6, "100000", .offset = CONF(auto_longest_us),
+     .help = "The longest exposure that auto may choose"},
     {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = CONF(gain_db),
      .help = "Gain of all cameras"},
     {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = CONF(laser_exposure_us),
@@ -342,12 +352,29 @@ static gboolean take_sample(const struct config_section *section, struct fields 
     return TRUE;
 }
 
+/* What stands for "auto" until it is chosen: a plan with it takes the longest. */
+static void take_bounds(struct session_conf *conf) {
+    if (conf->is_auto[AUTO_EXPOSURES]) {
+        conf->n_exposures = AUTO_MOST_EXPOSURES;
+        double us = conf->auto_longest_us;
+        for (int i = AUTO_MOST_EXPOSURES - 1; i >= 0; i--, us /= AUTO_FACTOR)
+            conf->exposures_us[i] = us;
+    }
+    if (conf->is_auto[AUTO_LASER])
+        conf->laser_exposure_us = conf->auto_longest_us;
+    if (conf->is_auto[AUTO_SHORT])
+        conf->laser_short_us = MAX(conf->laser_exposure_us / AUTO_FACTOR, 1);
+}
+
 static gboolean take_capture(const struct config_section *section, struct fields *f,
                              GError **error) {
     struct session_conf *conf = &f->conf;
     int n = f->exposures_us.n;
 
-    if (n < 1 || n > PLAN_MAX_BRACKET) {
+    take_bounds(conf);
+    if (conf->is_auto[AUTO_EXPOSURES])
+        n = 0;
+    else if (n < 1 || n > PLAN_MAX_BRACKET) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
                          "%d exposures; give 1 to %d, separated by ';'", n, PLAN_MAX_BRACKET);
         return FALSE;
@@ -364,8 +391,10 @@ static gboolean take_capture(const struct config_section *section, struct fields
             return FALSE;
         }
     }
-    conf->n_exposures = n;
-    if (conf->laser_short_us == 0 ||
+    if (!conf->is_auto[AUTO_EXPOSURES])
+        conf->n_exposures = n;
+    if (conf->laser_short_us == 0 || conf->is_auto[AUTO_SHORT] ||
+        (conf->is_auto[AUTO_LASER] && conf->laser_short_us >= 1) ||
         (conf->laser_short_us >= 1 &&
          llround(conf->laser_short_us) < llround(conf->laser_exposure_us)))
         return TRUE;
@@ -390,6 +419,34 @@ static gboolean session_conf_read_directions(struct session_conf *conf, const Co
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
                 "%s: there is neither [lights] nor [lasers]: nothing to take", config_path(config));
     return FALSE;
+}
+
+/* The section but for keys that are "auto", of which it only notes that they are. */
+static gboolean session_conf_read_capture(const Config *config, struct fields *f, GError **error) {
+    const struct config_section *section = session_conf_need(config, "capture", error);
+    struct option options[G_N_ELEMENTS(capture_options)];
+    const char *automatic[AUTO_KEYS + 1] = {0};
+    int n = 0, n_auto = 0;
+
+    if (!section)
+        return FALSE;
+    for (const struct option *option = capture_options; option->name; option++) {
+        int key = 0;
+        while (key < AUTO_KEYS && !g_str_equal(option->name, auto_key_names[key]))
+            key++;
+        if (key < AUTO_KEYS && g_strcmp0(config_value(section, option->name, NULL), "auto") == 0) {
+            f->conf.is_auto[key] = TRUE;
+            automatic[n_auto++] = option->name;
+        } else {
+            options[n++] = *option;
+        }
+    }
+    options[n] = (struct option){NULL};
+    if (!options_parse(options, section, automatic, f, error))
+        return FALSE;
+    gboolean ok = take_capture(section, f, error);
+    options_clear(options, f);
+    return ok;
 }
 
 static gboolean read_section(const Config *config, const char *class_name,
@@ -420,7 +477,7 @@ static gboolean read_config(struct session_conf *conf, Config *config, GError **
         read_section(config, "session", session_options, &f, session_conf_take_name, error) &&
         read_section(config, "sample", sample_options, &f, take_sample, error) &&
         session_conf_read_directions(&f.conf, config, error) &&
-        read_section(config, "capture", capture_options, &f, take_capture, error);
+        session_conf_read_capture(config, &f, error);
     config_free(config);
     if (!ok)
         session_conf_clear(&f.conf);
@@ -437,10 +494,75 @@ gboolean session_conf_parse(struct session_conf *conf, const char *text, const c
     return read_config(conf, config_parse(text, path, error), error);
 }
 
+/* The value of a key in lines "KEY = VALUE"; g_free(). NULL: there is none. */
+static char *chosen_value(const char *lines, const char *key) {
+    g_auto(GStrv) all = g_strsplit(lines, "\n", -1);
+
+    for (char **line = all; *line; line++) {
+        char *value = strchr(*line, '=');
+        if (!value)
+            continue;
+        *value++ = '\0';
+        if (g_str_equal(g_strstrip(*line), key))
+            return g_strdup(g_strstrip(value));
+    }
+    return NULL;
+}
+
+gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error) {
+    for (int key = 0; key < AUTO_KEYS; key++)
+        if (conf->is_auto[key]) {
+            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                        "%s: [capture] %s is auto: `mesorig capture` chooses it by pictures on "
+                        "trial; another program gives what it has chosen in Start's option chosen",
+                        conf->path, auto_key_names[key]);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error) {
+    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_autoptr(GString) said = g_string_new(NULL);
+    char *values[AUTO_KEYS] = {0};
+    gboolean capture = FALSE;
+
+    for (int key = 0; key < AUTO_KEYS; key++)
+        if (conf->is_auto[key] && (values[key] = chosen_value(chosen, auto_key_names[key])))
+            g_string_append_printf(said, "%s%s = %s", said->len ? ", " : "", auto_key_names[key],
+                                   values[key]);
+    for (char **line = lines; *line; line++) {
+        g_autofree char *name = g_strndup(*line, strcspn(*line, "="));
+        const char *value = NULL;
+        g_strstrip(name);
+        capture = *name == '[' ? g_str_has_prefix(name, "[capture]") : capture;
+        for (int key = 0; key < AUTO_KEYS && capture; key++)
+            value = g_str_equal(name, auto_key_names[key]) ? values[key] : value;
+        if (value)
+            g_string_append_printf(text, "%s = %s", name, value);
+        else
+            g_string_append(text, *line);
+        if (line[1])
+            g_string_append_c(text, '\n');
+    }
+    for (int key = 0; key < AUTO_KEYS; key++)
+        g_free(values[key]);
+    struct session_conf whole;
+    if (!session_conf_parse(&whole, text->str, conf->path, error))
+        return FALSE;
+    session_conf_clear(conf);
+    *conf = whole;
+    if (said->len)
+        conf->chosen = g_strdup(said->str);
+    return session_conf_check_chosen(conf, error);
+}
+
 void session_conf_clear(struct session_conf *conf) {
     g_free(conf->name);
     g_free(conf->text);
     g_free(conf->path);
+    g_free(conf->chosen);
     g_strfreev(conf->views_of);
     g_strfreev(conf->lights_of);
     g_strfreev(conf->lasers_of);
