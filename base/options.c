@@ -21,8 +21,8 @@ static char *range_text(const struct option *option) {
     if (!is_limited(option))
         return g_strdup("any");
     char low[G_ASCII_DTOSTR_BUF_SIZE], high[G_ASCII_DTOSTR_BUF_SIZE];
-    g_ascii_formatd(low, sizeof low, "%.9g", option->min);
-    g_ascii_formatd(high, sizeof high, "%.9g", option->max);
+    g_ascii_formatd(low, sizeof low, "%.10g", option->min);
+    g_ascii_formatd(high, sizeof high, "%.10g", option->max);
     if (option->max >= G_MAXDOUBLE)
         return option->min <= -G_MAXDOUBLE ? g_strdup("any") : g_strdup_printf("%s or more", low);
     return option->min <= -G_MAXDOUBLE ? g_strdup_printf("%s or less", high)

@@ -82,6 +82,9 @@ gboolean session_conf_load(struct session_conf *conf, const char *path, GError *
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
 void session_conf_clear(struct session_conf *conf);
+
+/* The keys of a section of a session file; NULL: there is no such section. */
+const struct option *session_conf_options(const char *class_name);
 typedef struct session_conf SessionConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(SessionConf, session_conf_clear)
 

@@ -132,6 +132,20 @@ static const struct option ring_options[] = {
     {NULL},
 };
 
+const struct option *session_conf_options(const char *class_name) {
+    static const struct {
+        const char *class_name;
+        const struct option *options;
+    } tables[] = {{"session", session_options}, {"sample", sample_options},
+                  {"views", ring_options},      {"lights", ring_options},
+                  {"lasers", ring_options},     {"capture", capture_options}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+        if (g_str_equal(class_name, tables[i].class_name))
+            return tables[i].options;
+    return NULL;
+}
+
 static gboolean number_between(const char *text, double min, double max, double *ret) {
     char *end = NULL;
 

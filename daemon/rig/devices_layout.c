@@ -135,7 +135,7 @@ static const struct option mark_place_options[] = {
     {NULL},
 };
 
-const struct option *layout_options(const char *class_name) {
+const struct option *devices_section_options(const char *class_name) {
     static const struct {
         const char *class_name;
         const struct option *options;
@@ -163,7 +163,7 @@ static const char **devices_layout_names_of(const struct option *options, const 
 }
 
 const char **layout_keys(const char *class_name) {
-    return devices_layout_names_of(layout_options(class_name), NULL);
+    return devices_layout_names_of(devices_section_options(class_name), NULL);
 }
 
 /* Checks the driver's options without opening it, and reads the rig's own from the same section.
@@ -173,7 +173,7 @@ static gboolean devices_layout_read_device(const struct config_section *section,
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
     GError *error = NULL;
     const struct driver_info *info = drivers_find(section, &error);
-    const struct option *options = layout_options(section->class_name);
+    const struct option *options = devices_section_options(section->class_name);
     const struct option_target ours = {options, place};
 
     if (!info) {

@@ -31,9 +31,6 @@ void layout_clear(struct layout *layout);
  * the list alone with g_free(). */
 const char **layout_keys(const char *class_name);
 
-/* The table behind those keys, and that of [rig], [lamp] and [mark]; NULL if a class has none. */
-const struct option *layout_options(const char *class_name);
-
 /* The driver that the driver key of a section names: a struct of the section's class, which begins
  * with a struct driver_info. The error lists the existing drivers of that class. */
 gconstpointer drivers_find(const struct config_section *section, GError **error);

@@ -411,6 +411,18 @@ static gboolean load_section(World *world, const struct world_options *all,
                           "[laser NAME] and [mark NAME]");
 }
 
+const struct option *world_section_options(const char *class_name) {
+    static const struct {
+        const char *class_name;
+        const struct option *options;
+    } tables[] = {{"world", world_table}, {"sample", sample_option_table}, {"camera", camera_table},
+                  {"lamp", lamp_table},   {"laser", laser_table},          {"mark", mark_table}};
+    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+        if (g_str_equal(class_name, tables[i].class_name))
+            return tables[i].options;
+    return NULL;
+}
+
 gboolean world_load(World *world, const char *path, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(Config) config = config_load_checked(path, mistakes);
