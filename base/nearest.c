@@ -31,3 +31,20 @@ void nearest_consider(struct nearest *nearest, const char *name) {
         nearest->name = name;
     }
 }
+
+void nearest_add_option(GError *error, const GOptionEntry *const *tables) {
+    const char *wrong = strstr(error->message, "--");
+    if (!wrong || !g_error_matches(error, G_OPTION_ERROR, G_OPTION_ERROR_UNKNOWN_OPTION))
+        return;
+    g_autofree char *name = g_strndup(wrong + 2, strcspn(wrong + 2, "="));
+    struct nearest nearest = nearest_new(name);
+    for (; *tables; tables++)
+        for (const GOptionEntry *entry = *tables; entry->long_name; entry++)
+            if (*entry->long_name && !(entry->flags & G_OPTION_FLAG_HIDDEN))
+                nearest_consider(&nearest, entry->long_name);
+    if (!nearest.name)
+        return;
+    char *message = g_strdup_printf("%s; did you mean --%s?", error->message, nearest.name);
+    g_free(error->message);
+    error->message = message;
+}

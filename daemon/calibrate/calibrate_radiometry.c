@@ -8,7 +8,7 @@ static char *reflectance_option, *tile_option;
 static const GOptionEntry entries[] = {
     {"reflectance", 'r', 0, G_OPTION_ARG_STRING, &reflectance_option,
      "Of the tile, as its maker says: one number, or three for red, green and blue", "R[;G;B]"},
-    {"tile", 't', 0, G_OPTION_ARG_STRING, &tile_option,
+    {"tile", 0, 0, G_OPTION_ARG_STRING, &tile_option,
      "Its size in mm, if it is not that of the session's sample", "WxH"},
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
@@ -105,6 +105,8 @@ static int cli_calibrate_radiometry_run(const struct call *call, GError **error)
 const struct command calibrate_radiometry = {
     .name = "calibrate radiometry",
     .arguments = "SESSION --reflectance R -o FILE",
+    .examples = "  mesorig calibrate radiometry tile.session -r 0.96 -c rig.calibration -o "
+                "rig.calibration\n",
     .help = "Find out how bright cameras see and lamps shine, from a session of a white tile.",
     .options = entries,
     .min = 1,

@@ -398,10 +398,12 @@ static int cli_calibrate_report_run(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-const struct command calibrate_report = {.name = "calibrate report",
-                                         .arguments = "FILE -o FILE.html",
-                                         .help = "Draw what a calibration file says, as a page.",
-                                         .options = entries,
-                                         .min = 1,
-                                         .max = 1,
-                                         .run = cli_calibrate_report_run};
+const struct command calibrate_report = {
+    .name = "calibrate report",
+    .arguments = "FILE -o FILE.html",
+    .examples = "  mesorig calibrate report rig.calibration -o rig.html\n",
+    .help = "Draw what a calibration file says, as a page.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_calibrate_report_run};

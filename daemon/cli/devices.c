@@ -135,6 +135,8 @@ static int run_devices(const struct call *call, GError **error) {
 const struct command cli_devices = {
     .name = "devices",
     .arguments = "",
+    .examples = "  mesorig devices\n"
+                "  mesorig devices --json | jq .\n",
     .help = "List what is on the buses, and the sections that would use it.",
     .options = entries,
     .run = run_devices};

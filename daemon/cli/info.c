@@ -329,6 +329,8 @@ static int cli_info_run(const struct call *call, GError **error) {
 
 const struct command cli_info = {.name = "info",
                                  .arguments = "FILE|DIR",
+                                 .examples = "  mesorig info weave.session\n"
+                                             "  mesorig info weave.session --history course.svg\n",
                                  .help = "Show what a session or an EXR holds.",
                                  .options = entries,
                                  .min = 1,

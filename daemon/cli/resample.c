@@ -13,7 +13,7 @@ static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
      "own: those planned (default); 81: the papers'; or a table of directions", "own|81|FILE"},
-    {"threads", 't', 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
     {NULL},
 };
 
@@ -161,6 +161,9 @@ static int cli_resample_run(const struct call *call, GError **error) {
 
 const struct command cli_resample = {.name = "resample",
                                      .arguments = "DIR -o DIR",
+                                     .examples =
+                                         "  mesorig resample weave.session -o same.session\n"
+                                         "  mesorig resample weave.session -o same.session -d 81\n",
                                      .help = "Make a session whose BTF has the same directions for "
                                              "all texels, and say how far to believe it.",
                                      .options = entries,

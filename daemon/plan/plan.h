@@ -101,6 +101,9 @@ gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GErr
 /* FALSE: something is still auto. */
 gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error);
 void session_conf_clear(struct session_conf *conf);
+
+/* The keys of a section of a session file; NULL: there is no such section. */
+const struct option *session_conf_options(const char *class_name);
 typedef struct session_conf SessionConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(SessionConf, session_conf_clear)
 

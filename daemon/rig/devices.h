@@ -113,3 +113,10 @@ gboolean devices_secure(struct devices *devices, GError **error);
 
 /* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);
+
+/* The i-th of all drivers, by class; NULL: there are no more. */
+const struct driver_info *devices_driver(gsize i);
+
+/* The keys of [rig], [lamp NAME] and [mark NAME], and those that sections of cameras and lasers
+ * have beside their drivers'; NULL: the class has none. */
+const struct option *devices_section_options(const char *class_name);

@@ -4,7 +4,7 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-#define TERMS 8 /* unless -c or --error says them */
+#define TERMS 8 /* unless --components or --error says them */
 
 struct mdf_codec_maps_options {
     int components; /* 0: not given */

@@ -230,7 +230,8 @@ static void test_open(struct fixture *fixture, gconstpointer data) {
 
 static void test_validate(struct fixture *fixture, gconstpointer data) {
     g_autofree char *bad = g_build_filename(fixture->folder, "bad.conf", NULL);
-    g_file_set_contents(bad, "[session]\nname = x\ncolour = blue\n", -1, NULL);
+    g_file_set_contents(bad, "[session]\nname = x\ncolour = blue\n[sample]\nwidth_mm = x\n", -1,
+                        NULL);
     gboolean ok = FALSE;
     const char *text;
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
@@ -254,7 +255,12 @@ static void test_validate(struct fixture *fixture, gconstpointer data) {
         ask(fixture, "Validate", g_variant_new("(ss)", bad, fixture->directory));
     g_variant_get(wrong, "(b&s@a{sv})", &ok, &text, NULL);
     g_assert_false(ok);
-    g_assert_nonnull(strstr(text, "bad.conf:3"));
+    g_auto(GStrv) told = g_strsplit(text, "\n", -1);
+    g_assert_cmpuint(g_strv_length(told), >, 3);
+    g_assert_nonnull(strstr(told[0], "bad.conf: "));
+    g_assert_true(g_str_has_suffix(told[0], " mistakes:"));
+    g_assert_nonnull(strstr(told[1], "bad.conf:3: [session] colour: there is no such key"));
+    g_assert_nonnull(strstr(text, "bad.conf:5: [sample] width_mm: \"x\" is not a number"));
     refused(fixture, "Validate", g_variant_new("(ss)", "session.conf", ""), "BadPath", NULL);
     refused(fixture, "Start", start_parameters(bad, fixture->directory), "ConfigUnknown", NULL);
     refused(fixture, "Start", start_parameters(SESSION, "here"), "BadPath", NULL);
