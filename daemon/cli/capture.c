@@ -41,10 +41,12 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-/* chosen: in place of "auto" in the session file; may be NULL. */
-static GVariant *start_options(const char *chosen) {
+/* session: NULL to resume. chosen: in place of "auto" in the session file; may be NULL. NULL: a
+ * file that they name cannot be read. */
+static GVariant *start_options(Link *link, const char *session, const char *chosen,
+                               GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
-    GVariantDict options;
+    g_auto(GVariantDict) options;
     g_variant_dict_init(&options, NULL);
     if (process)
         g_variant_dict_insert(&options, "process", "b", TRUE);
@@ -52,6 +54,9 @@ static GVariant *start_options(const char *chosen) {
         g_variant_dict_insert(&options, "calibration", "s", path);
     if (chosen)
         g_variant_dict_insert(&options, "chosen", "s", chosen);
+    if ((session && !link_add_text(link, &options, "session_text", session, error)) ||
+        (session && path && !link_add_text(link, &options, "calibration_text", path, error)))
+        return NULL;
     return g_variant_dict_end(&options);
 }
 
@@ -170,10 +175,12 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
         (session && !try_first(link, rig, session, &chosen, error)))
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
-    const gboolean ok = session ? bus_rig1_call_start_sync(link_rig(link), session, directory,
-                                                           start_options(chosen), NULL, error)
-                                : bus_rig1_call_resume_sync(link_rig(link), directory,
-                                                            start_options(NULL), NULL, error);
+    GVariant *options = start_options(link, session, chosen, error);
+    const gboolean ok =
+        options &&
+        (session
+             ? bus_rig1_call_start_sync(link_rig(link), session, directory, options, NULL, error)
+             : bus_rig1_call_resume_sync(link_rig(link), directory, options, NULL, error));
     if (!ok)
         return CLI_FAILED;
     monitor_set_answer(monitor, yes && simulated ? ANSWER_AT_ONCE : ANSWER_ENTER);

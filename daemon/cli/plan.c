@@ -21,8 +21,11 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     gboolean ok = FALSE;
     g_autofree char *text = NULL;
     g_autoptr(GVariant) plan = NULL;
-    if (!bus_rig1_call_validate_sync(link_rig(link), session, directory, &ok, &text, &plan, NULL,
-                                     error))
+    g_auto(GVariantDict) options;
+    g_variant_dict_init(&options, NULL);
+    if (!link_add_text(link, &options, "session_text", session, error) ||
+        !bus_rig1_call_validate_sync(link_rig(link), session, directory,
+                                     g_variant_dict_end(&options), &ok, &text, &plan, NULL, error))
         return NULL;
     if (!ok)
         g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);

@@ -204,7 +204,7 @@ static void test_others_served(struct fixture *fixture, gconstpointer data) {
 static void test_largest_plan(struct fixture *fixture, gconstpointer data) {
     double ms[ROUNDS];
     g_autofree char *path = long_session_write(fixture->folder, PLAN_RINGS);
-    ask(fixture, "Validate", g_variant_new("(ss)", path, ""));
+    ask(fixture, "Validate", g_variant_new("(ssa{sv})", path, "", NULL));
     for (int i = 0; i < ROUNDS; i++)
         ms[i] = safe_state_ms(fixture->operator);
     g_assert_false(is_answered(fixture)); /* it is planned still */
