@@ -148,9 +148,12 @@ static gboolean try_first(Link *link, const char *rig_path, const char *session,
         gboolean ok = FALSE;
         g_autofree char *text = NULL;
         g_autoptr(GVariant) plan = NULL;
+        g_auto(GVariantDict) options;
+        g_variant_dict_init(&options, NULL);
         /* What is wrong with the session comes before anything moves. */
-        if (!bus_rig1_call_validate_sync(link_rig(link), session, "", &ok, &text, &plan, NULL,
-                                         error))
+        if (!link_add_text(link, &options, "session_text", session, error) ||
+            !bus_rig1_call_validate_sync(link_rig(link), session, "", g_variant_dict_end(&options),
+                                         &ok, &text, &plan, NULL, error))
             return FALSE;
         if (!ok) {
             g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
