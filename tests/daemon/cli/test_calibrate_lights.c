@@ -265,6 +265,9 @@ static void mistakes_of_sweeps(void) {
         RUN(1, "their planes of 16 and 1 mm are exchanged", "calibrate", "laser", "low.session",
             "high.session", "--planes", "16;1", "-c", "one.conf", "-o", "no.conf");
     assert_has(planes, "exchange the heights in --planes");
+    g_free(RUN(1, "said to be 15.5 mm high, and the lines tell ", "calibrate", "laser",
+               "low.session", "high.session", "--planes", "1;15.5", "-c", "one.conf", "-o",
+               "no.conf"));
     for (int i = 0; i < 2; i++)
         note(sessions[i], ARC_BACK);
     g_free(RUN(1, "the arc turns against the angles that were noted", "calibrate", "laser",
@@ -279,8 +282,6 @@ static void mistakes_of_sweeps(void) {
 /* A ball as a camera far away sees it, lit from a direction or a place: a mirror image of the lamp
  * somewhat blurred. Written as sRGB, as cameras do. */
 static void paint(guint8 *pixels, int size, const struct ball_outline *ball, struct vec3 lamp,
-    g_free(RUN(1, "said to be 15.5 mm high, and the lines tell ", "calibrate", "laser",
-               "low.session", "high.session", "-p", "1;15.5", "-c", "one.conf", "-o", "no.conf"));
                   gboolean near, double gain) {
     for (int y = 0; y < size; y++)
         for (int x = 0; x < size; x++) {
