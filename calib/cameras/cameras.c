@@ -360,7 +360,7 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
         camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
         camera->translation_mm = vec3(0, 0, 0);
         ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error) &&
-             (task->lens_given || cameras_choose_lens(&work, error));
+             cameras_choose_lens(&work, error);
     } else {
         cameras_start(&work);
         ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&

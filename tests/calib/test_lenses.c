@@ -149,8 +149,7 @@ static struct found calibrate(const struct lens *lens, guint32 seed, double bend
                                 .corners = photograph(lens, &task.board, rand, bend_mm)};
     }
     const gboolean ok = cameras_start_lens(&work, &error) && cameras_start_lays(&work, &error) &&
-                        (task.lens_given || cameras_choose_lens(&work, &error)) &&
-                        cameras_refine(&work, &error);
+                        cameras_choose_lens(&work, &error) && cameras_refine(&work, &error);
     g_assert_no_error(error);
     g_assert_true(ok);
     found.camera = cameras[0];
