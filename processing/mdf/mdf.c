@@ -21,14 +21,15 @@
 #define FRAME_SHARE 0.1
 /* In such tolerances, points may lie this far above the reference plane, and below the deepest
  * structure. */
-#define ABOVE       5
-#define BELOW       10
-#define SEEN_SHARE  0.75f /* share of the pixels around a texel that must see the line */
-#define LIVE_SHARE  0.25  /* of the peaks in the best phase of the colour filter */
-#define FAINT       0.5   /* of the brightest line at a texel: such a line has half weight */
-#define CONFIRM     2     /* neighbouring texels that must have the same distance */
-#define CLOSE       0.2f  /* factor of the agreement tolerance for smooth continuation */
-#define MANY_SWEEPS 4     /* from this number of sweeps on, one is not believed against others */
+#define ABOVE          5
+#define BELOW          10
+#define SEEN_SHARE     0.75f /* share of the pixels around a texel that must see the line */
+#define LIVE_SHARE     0.25  /* of the peaks in the best phase of the colour filter */
+#define FAINT          0.5   /* of the brightest line at a texel: such a line has half weight */
+#define CONFIRM        2     /* neighbouring texels that must have the same distance */
+#define CLOSE          0.2f  /* factor of the agreement tolerance for smooth continuation */
+#define LEAST_TEXEL_PX 0.1   /* for errors' sake */
+#define MANY_SWEEPS    4     /* from this number of sweeps on, one is not believed against others */
 
 /* What a sweep saw of a texel. */
 struct seen {
@@ -90,13 +91,14 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->spacing_px = 1;
     for (int axis = 0; axis < 2; axis++) {
         const double column = 0.5 * (grid->width - !axis), row = 0.5 * (grid->height - axis);
-        double x[2], y[2];
-        for (int k = 0; k < 2; k++)
-            rig_project(
-                camera,
-                rig_turn(rectify_point_mm(grid, column + k * !axis, row + k * axis), turntable_rad),
-                &x[k], &y[k]);
-        view->texel_px[axis] = hypot(x[1] - x[0], y[1] - y[0]);
+        double x[2] = {0}, y[2] = {0};
+        gboolean shown = TRUE;
+        for (int k = 0; k < 2; k++) {
+            const struct vec3 p = rectify_point_mm(grid, column + k * !axis, row + k * axis);
+            shown &= rig_project(camera, rig_turn(p, turntable_rad), &x[k], &y[k]);
+        }
+        /* Texels far smaller than pixels are not worth more. */
+        view->texel_px[axis] = shown ? MAX(hypot(x[1] - x[0], y[1] - y[0]), LEAST_TEXEL_PX) : 1;
     }
     return view;
 }
