@@ -211,8 +211,10 @@ static void note(const char *session, const char *sql) {
     sqlite3_close(db);
 }
 
-#define TURN_BACK "UPDATE shot SET turntable_deg = -turntable_deg"
-#define ARC_BACK  "UPDATE shot SET arc_deg = -arc_deg"
+#define TURN_BACK     "UPDATE shot SET turntable_deg = -turntable_deg"
+#define ARC_BACK      "UPDATE shot SET arc_deg = -arc_deg"
+#define RADIANS(what) "UPDATE shot SET " what " = " what " * 0.017453292519943295"
+#define DEGREES(what) "UPDATE shot SET " what " = " what " / 0.017453292519943295"
 #define LAMPS(a, b)                                                                                \
     "UPDATE shot SET device = CASE device WHEN " #a " THEN " #b " WHEN " #b " THEN " #a            \
     " ELSE device END WHERE kind = 'lamp'"
@@ -224,7 +226,6 @@ static void mistakes_of_posts(void) {
         {TURN_BACK, "the turntable turns against the angles that were noted"},
         {ARC_BACK, "correct the sign of steps_per_deg of [axis arc] in the rig file"},
         {LAMPS(0, 1), "lamps l20 and l40 are exchanged"},
-        {LAMPS(0, 2), "lamps l20 and l65 are exchanged"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
         note("poles.session", wrong[i][0]);
@@ -234,7 +235,11 @@ static void mistakes_of_posts(void) {
     }
     g_free(RUN(0, NULL, "calibrate", "lights", "poles.session", "-t", "target.conf", "-o",
                "again.conf"));
-    note("poles.session", "UPDATE shot SET arc_deg = arc_deg * 0.017453292519943295");
+    note("poles.session", RADIANS("turntable_deg"));
+    g_free(RUN(1, "the turntable has its angles noted in radians", "calibrate", "lights",
+               "poles.session", "-t", "target.conf", "-o", "no.conf"));
+    note("poles.session", DEGREES("turntable_deg"));
+    note("poles.session", RADIANS("arc_deg"));
     g_free(RUN(1, "the arc has its angles noted in radians", "calibrate", "lights", "poles.session",
                "-t", "target.conf", "-o", "no.conf"));
 }
@@ -251,6 +256,10 @@ static void mistakes_of_balls(void) {
     g_free(RUN(1, "the turntable turns against", "calibrate", "lights", "balls.session", "-t",
                "balls.target", "-o", "no.conf"));
     note("balls.session", TURN_BACK);
+    note("balls.session", ARC_BACK);
+    g_free(RUN(1, "the sign of steps_per_deg of [axis arc]", "calibrate", "lights", "balls.session",
+               "-t", "balls.target", "-o", "no.conf"));
+    note("balls.session", ARC_BACK);
     note("balls.session", LAMPS(0, 1));
     g_autofree char *told = RUN(1, "of lamp l40: they are exchanged", "calibrate", "lights",
                                 "balls.session", "-t", "balls.target", "-o", "no.conf");
