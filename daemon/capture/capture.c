@@ -89,6 +89,10 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->sequencer = sequencer_new(devices, &capture->conf, &hooks);
     capture->predicted_s = load_value(session, "predicted_s");
     capture->lower_bound_s = load_value(session, "lower_bound_s");
+    capture->predicted_bytes = load_value(session, "predicted_bytes");
+    capture->expected_bytes = load_value(session, "expected_bytes");
+    if (capture->expected_bytes <= 0)
+        capture->expected_bytes = capture->predicted_bytes;
     capture->clock_base_s = load_value(session, "clock_s");
     capture->begun_us = g_get_monotonic_time();
     capture->real_base_s = load_value(session, "real_s");
@@ -237,7 +241,7 @@ static gboolean prepare_resumed(Capture *capture, GError **error) {
             capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
     }
     double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
-    double bytes = load_value(capture->session, "predicted_bytes") * part;
+    double bytes = capture->expected_bytes * part;
     if (part > 0 &&
         !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
         return FALSE;

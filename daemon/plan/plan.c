@@ -398,6 +398,15 @@ static struct plan *plan_finish(struct plan_build *b) {
                                                      note->n == 1 ? "" : "s", note->text));
     }
     plan_note_auto(b->conf, plan->notes);
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        if (b->shots->len > 0 && plan_bytes_vary(&b->rig->cameras[c]) &&
+            g_array_index(b->shots, struct session_shot, 0).cameras & 1u << c) {
+            g_ptr_array_add(plan->notes,
+                            g_strdup("frames of more than 256² pixels are compressed, and how far "
+                                     "depends on what they show: disk space may be a third more; "
+                                     "the capture tells better after its first shots"));
+            break;
+        }
     if (b->views->len == 1)
         g_ptr_array_add(plan->notes,
                         g_strdup("one view: what is seen from there under each light (an "

@@ -144,6 +144,13 @@ void plan_free(struct plan *plan); /* NULL is ignored */
 typedef struct plan Plan;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)
 
+/* Disk space that one camera's part of a shot takes, kept frames and row included. Where it varies,
+ * since pictures so large are compressed and it depends on what they show, it may be a third off.
+ */
+guint64 plan_shot_bytes(const struct session_conf *conf, const struct session_shot *shot,
+                        const struct rig_camera *camera, int bits);
+gboolean plan_bytes_vary(const struct rig_camera *camera);
+
 /* How long the axes take to home, all at once. */
 double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 
