@@ -162,6 +162,8 @@ static void take_line(Config *config, char *text, int line) {
     /* A section begins for the keys after a broken heading, so that they do not join the one
      * before. */
     const gboolean heading = *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"));
+    if (last && !heading)
+        last->incomplete = !config->problems;
     if (second || heading) {
         g_autofree char *plain = g_utf8_make_valid(second ? "" : text, -1);
         g_strstrip(g_strdelimit(plain, "[]", ' '));
@@ -170,8 +172,6 @@ static void take_line(Config *config, char *text, int line) {
         config->broken = TRUE;
         if (config_add_section(config, named, line, NULL))
             last_section(config)->broken = !config->problems;
-    } else if (last) {
-        last->incomplete = !config->problems;
     }
     if (second)
         config_parse_line(config, text, line, NULL);

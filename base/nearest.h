@@ -15,6 +15,6 @@ struct nearest nearest_new(const char *key);
 void nearest_consider(struct nearest *nearest, const char *name);
 
 /* Adds to an error of g_option_context_parse() that does not know an option "; did you mean
- * --NAME?", if one of the tables, each ending with a NULL name, has one like it. tables ends with
- * NULL. */
+ * --NAME?", if one of the tables, each ending with a NULL name, has one like it; of a letter, those
+ * without a letter that begin with it. tables ends with NULL. */
 void nearest_add_option(GError *error, const GOptionEntry *const *tables);

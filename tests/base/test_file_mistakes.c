@@ -6,6 +6,7 @@
 #include "world/world.h"
 
 #include <glib/gstdio.h>
+#include <stdio.h>
 #include <string.h>
 
 static char *folder;
@@ -172,8 +173,14 @@ static void test_consequences(void) {
          read_session,
          {"exposures_us =", "exposure_us =", NULL, "did you mean exposures_us?"}},
         {"session.conf", read_session, {"[session]", "[sesion]", NULL, "[session]?"}},
+        {"rig.conf",
+         read_rig,
+         {"driver = sim-laser\nworld = world.conf", "driver = sim-laser\ndriver = sim-laser",
+          "driver = sim-laser\nsweep", "driver: was given before"}},
         {"rig.conf", read_rig, {"[axis arc]", "[axis arc", NULL, "']' is missing"}},
-        {"rig.conf", read_rig, {"[lamps bank]", "[lapms bank]", NULL, "did you mean [lamps NAME]?"}},
+        {"rig.conf",
+         read_rig,
+         {"[lamps bank]", "[lapms bank]", NULL, "did you mean [lamps NAME]?"}},
         {"rig.conf", read_rig, {"[rig]", "[rigg]", NULL, "did you mean [rig]?"}},
         {"rig.conf", read_rig, {"[camera cam30]", "[camera]", NULL, "needs a name"}},
         {"rig.conf", read_rig, {"sweep = sweep30", "swep = sweep30", NULL, "did you mean sweep?"}},
@@ -220,6 +227,75 @@ static void test_many(void) {
     }
 }
 
+/* Lines are swapped, repeated, cut and overwritten. */
+static char *mutated(const char *text) {
+    static const char *const pieces[] = {"[",     "]",    "=", ";",     "nan", "-1",
+                                         "1e999", "\xff", "x", "[rig]", "#",   "driver = sim-axis"};
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    const int n = (int)g_strv_length(lines);
+    for (int i = g_test_rand_int_range(1, 12); i > 0; i--) {
+        char **line = &lines[g_test_rand_int_range(0, n)];
+        const int at = g_test_rand_int_range(0, (gint32)strlen(*line) + 1);
+        const char *piece = pieces[g_test_rand_int_range(0, (gint32)G_N_ELEMENTS(pieces))];
+        const char *other = lines[g_test_rand_int_range(0, n)];
+        const int way = g_test_rand_int_range(0, 4);
+        char *made = way == 0   ? g_strdup(other)
+                     : way == 1 ? g_strndup(*line, (gsize)at)
+                     : way == 2 ? g_strdup(piece)
+                                : g_strdup_printf("%.*s%s%s", at, *line, piece, *line + at);
+        g_free(*line);
+        *line = made;
+    }
+    return g_strjoinv("\n", lines);
+}
+
+/* Whatever is in a file: the number told is that of the lines told, these are in order, no two are
+ * the same, and all of it is UTF-8. */
+static void test_mutations(void) {
+    static const struct {
+        const char *kind;
+        Reader read;
+        int n;
+    } kinds[] = {{"rig.conf", read_rig, 500},
+                 {"session.conf", read_session, 500},
+                 {"world.conf", read_world, 60}};
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
+        g_autofree char *path = g_build_filename(folder, kinds[i].kind, NULL);
+        g_autofree char *text = file_of_kind(kinds[i].kind);
+        g_autofree char *begin = g_strdup_printf("%s:", path);
+        int n_several = 0;
+        for (int k = 0; k < kinds[i].n; k++) {
+            g_autofree char *wrong = mutated(text);
+            g_autoptr(GError) error = NULL;
+            if (kinds[i].read(wrong, path, &error)) {
+                g_assert_no_error(error);
+                continue;
+            }
+            g_assert_true(g_utf8_validate(error->message, -1, NULL));
+            g_assert_true(g_str_has_prefix(error->message, begin));
+            g_auto(GStrv) lines = g_strsplit(error->message, "\n", -1);
+            const int n = (int)g_strv_length(lines) - 1;
+            if (n == 0)
+                continue;
+            int told = 0, last = 0;
+            g_autoptr(GHashTable) seen = g_hash_table_new(g_str_hash, g_str_equal);
+            g_assert_cmpint(sscanf(lines[0] + strlen(begin), " %d mistakes:", &told), ==, 1);
+            g_assert_cmpint(MIN(told, MISTAKES_SHOWN) + (told > MISTAKES_SHOWN), ==, n);
+            for (int j = 1; j <= MIN(told, MISTAKES_SHOWN); j++) {
+                int line = 0;
+                g_assert_true(g_hash_table_add(seen, lines[j]));
+                g_assert_true(g_str_has_prefix(lines[j], begin));
+                if (sscanf(lines[j] + strlen(begin), "%d:", &line) != 1)
+                    line = G_MAXINT; /* of the file as a whole */
+                g_assert_cmpint(line, >=, last);
+                last = line;
+            }
+            n_several++;
+        }
+        g_assert_cmpint(n_several, >, kinds[i].n / 4);
+    }
+}
+
 /* Copies of the error, as GTask and D-Bus make them, tell all as well. */
 static void test_error(void) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
@@ -253,6 +329,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/file-mistakes/world", test_world);
     g_test_add_func("/file-mistakes/consequences", test_consequences);
     g_test_add_func("/file-mistakes/many", test_many);
+    g_test_add_func("/file-mistakes/mutations", test_mutations);
     g_test_add_func("/file-mistakes/error", test_error);
     const int rc = g_test_run();
     g_rmdir(folder);

@@ -127,17 +127,18 @@ static void check_examples(const struct command *command, gpointer data) {
         }
         (*n)++;
     }
-    g_auto(GStrv) name = g_strsplit(command->name, " ", -1);
-    const char *const argv[] = {BUILD_DIR "/bin/mesorig", name[0], name[1] ? name[1] : "--help",
-                                name[1] ? "--help" : NULL, NULL};
-    g_autofree char *help = said_by(0, argv);
-    assert_said(help, command->examples);
 }
 
 static void test_examples(void) {
     int n = 0;
     each_command(cli_commands(), check_examples, &n);
     g_assert_cmpint(n, >=, 30);
+    /* One table, and two ways to print its help. */
+    const char *const plain[] = {BUILD_DIR "/bin/mesorig", "verify", "--help", NULL};
+    const char *const parent[] = {BUILD_DIR "/bin/mesorig", "calibrate", "--help", NULL};
+    g_autofree char *verify = said_by(0, plain), *calibrate = said_by(0, parent);
+    assert_said(verify, "Examples:\n  mesorig verify weave.session\n");
+    assert_said(calibrate, "Examples:\n  mesorig calibrate show rig.calibration\n");
 }
 
 /* In any locale, and without a bus, a display or a rig. A mistyped option is told which was meant.
