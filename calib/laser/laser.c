@@ -22,6 +22,8 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define EXCHANGED 5.0 /* times nearer to another laser's place than to its own */
 
 #define MISFIT_MM      0.03 /* RMS from which on the heights of planes are doubted */
+#define WORST          0.05 /* share of points that are nowhere near a sheet */
+#define MOST_OFF_MM    0.3  /* a point further off counts so much, also one that was rejected */
 #define HEIGHT_BETTER  3.0  /* times less RMS tells that a height was wrong */
 #define HEIGHT_ERRORS  5.0  /* standard errors that it must differ by */
 #define HEIGHT_POINTS  2000 /* of a laser, are enough to tell */
@@ -372,7 +374,8 @@ static gboolean laser_check_places(const struct problem *problem, const double *
     return TRUE;
 }
 
-/* Adjusts all parameters. ret_mm: RMS distance of the points that are used. */
+/* Adjusts all parameters. ret_mm: RMS distance of all points but the worst WORST, each at most
+ * MOST_OFF_MM. */
 static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc, double *x,
                             struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
     struct drive *const drive = &problem->swing;
@@ -394,18 +397,22 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
             sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
     if (!drive_fit(&fit, sigma, &drive, 1, x, ret))
         return FALSE;
+    g_autofree double *off_mm = g_new(double, problem->n);
+    const int n = (int)((1 - WORST) * problem->n);
     for (int i = 0; i < problem->n; i++)
-        if (!ret->rejected[i])
-            sum += pow(ret->residuals[i] * problem->points[i].sigma_mm, 2);
-    *ret_mm = sqrt(sum / MAX(ret->n_used, 1));
+        off_mm[i] = fabs(ret->residuals[i]) * problem->points[i].sigma_mm;
+    qsort(off_mm, (gsize)problem->n, sizeof *off_mm, fit_compare);
+    for (int i = 0; i < n; i++)
+        sum += pow(MIN(off_mm[i], MOST_OFF_MM), 2);
+    *ret_mm = sqrt(sum / MAX(n, 1));
     *ret_height_error_mm = isnan(problem->plane_mm) ? 0 : fit_error(&fit, ret, problem->height_at);
     return TRUE;
 }
 
 /* Adjusts again with the height of the plane at plane_mm unknown. INFINITY: that tells nothing. */
 static double laser_with_height(struct problem *problem, const struct laser_arc *arc,
-                                const char *const *sweep_names, double plane_mm, int least_used,
-                                double *ret_by_mm, double *ret_error_mm) {
+                                const char *const *sweep_names, double plane_mm, double *ret_by_mm,
+                                double *ret_error_mm) {
     struct fit_result fitted;
     double rms_mm;
     problem->plane_mm = plane_mm;
@@ -415,8 +422,7 @@ static double laser_with_height(struct problem *problem, const struct laser_arc 
     if (!laser_solve(problem, arc, x, &fitted, &rms_mm, ret_error_mm))
         return INFINITY;
     *ret_by_mm = x[problem->height_at];
-    gboolean tells =
-        fitted.n_used >= least_used && fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
+    gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
     for (int i = 0; i < problem->n && tells; i++) /* two planes in one fit anything */
         tells = problem->points[i].point_mm.z == plane_mm ||
                 fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= LEAST_HEIGHTS;
@@ -424,14 +430,12 @@ static double laser_with_height(struct problem *problem, const struct laser_arc 
     return tells ? rms_mm : INFINITY;
 }
 
-/* Whether no other height of one plane explains the lines much better, is_mm being the RMS of the
- * share used_share of all points. Where a sheet cuts a plane, all cameras see the same line, which
- * determines each height; one camera that sees a sheet from several sides determines the ratio of
- * their distances to it, so that either height may be wrong. Else a height's standard error is
- * large, and nothing is told. */
+/* Whether no other height of one plane explains the lines much better, is_mm being their RMS. Where
+ * a sheet cuts a plane, all cameras see the same line, which determines each height; one camera
+ * that sees a sheet from several sides determines the ratio of their distances to it, so that
+ * either height may be wrong. Else a height's standard error is large, and nothing is told. */
 static gboolean laser_check_heights(const struct problem *problem, const struct laser_arc *arc,
-                                    const char *const *sweep_names, double is_mm, double used_share,
-                                    GError **error) {
+                                    const char *const *sweep_names, double is_mm, GError **error) {
     struct height {
         const struct laser_point *of; /* one of its points */
         double rms_mm, by_mm, error_mm;
@@ -460,8 +464,7 @@ static gboolean laser_check_heights(const struct problem *problem, const struct 
             continue;
         g_array_append_val(tried, plane_mm);
         height.rms_mm =
-            laser_with_height(&other, arc, sweep_names, plane_mm, (int)(0.9 * used_share * other.n),
-                              &height.by_mm, &height.error_mm);
+            laser_with_height(&other, arc, sweep_names, plane_mm, &height.by_mm, &height.error_mm);
         if (height.rms_mm < best.rms_mm) {
             second = best;
             best = height;
@@ -509,8 +512,7 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
             ok = laser_check_determined(&problem, &fitted, error) &&
                  laser_check_stretch(&problem, x, error) &&
                  laser_check_places(&problem, x, error) &&
-                 laser_check_heights(&problem, arc, sweep_names, rms_mm, (double)fitted.n_used / n,
-                                     error);
+                 laser_check_heights(&problem, arc, sweep_names, rms_mm, error);
             if (ok)
                 laser_take(&problem, &fitted, x, ret);
             fit_result_clear(&fitted);
