@@ -14,7 +14,7 @@
 #define SATURATED_PART 0.05
 /* Part of the range that the 99th percentile reaches at the longest exposure under the brightest
  * lamp, at least; and that a suggested exposure is to reach. */
-#define BRIGHT_PART 0.05
+#define BRIGHT_PART 0.1
 #define WANTED_PART 0.5
 /* Part of the range by which a lamp raises the mean of a picture that sees it. */
 #define LAMP_PART 0.0005

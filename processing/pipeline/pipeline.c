@@ -211,7 +211,9 @@ static double pipeline_after_s(const struct run *run, int n_btf, int n_mdf) {
     const double texels = (double)grid->width * grid->height;
     const double eigenmaps_s =
         run->options->n_eigenmaps > 0 ? EIGENMAPS_S * n_btf * run->catalogue->lights->len : 0;
-    const double slowed = run->all_cpu_s > 0 ? MAX(run->all_s / run->all_cpu_s, 1) : 1;
+    /* Other programs slow the views down; what they leave is one thread's alone then. */
+    const double slowed =
+        run->all_cpu_s > 0 ? MAX(run->all_s / run->all_cpu_s / pipeline_threads(run), 1) : 1;
     return texels * (eigenmaps_s + MDF_S * n_mdf) * slowed;
 }
 
