@@ -205,7 +205,7 @@ static void test_consequences(void) {
 
 /* Twenty are shown, the others counted; a file of nothing but mistakes takes no time. */
 static void test_many(void) {
-    static const guint counts[] = {20, 21, 500, 100000};
+    static const guint counts[] = {20, 21, 500, 20000};
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++) {
         g_autoptr(GString) text =
             g_string_new("[rig]\nid = x\n[camera top]\ndriver = sim-camera\n");
