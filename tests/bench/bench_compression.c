@@ -163,20 +163,21 @@ static void measure(const struct btf_matrix *btf, GError **error) {
                                          .work.data = &stages};
     const int threads = (int)g_get_num_processors();
     const double gflops = peak(threads);
-    const double start = stages.last = bench_now_s();
+    const double start = stages.last = bench_now_s(), start_cpu = bench_cpu_s();
     struct lpca *lpca = lpca_compute(btf, &options, error);
-    const double time = bench_now_s() - start;
+    const double time = bench_now_s() - start, cpu = bench_cpu_s() - start_cpu;
     if (!lpca)
         return;
     stages.seconds[stages.n - 1] += bench_now_s() - stages.last;
     const double share = needed_gflop(btf, lpca) / time / gflops;
-    printf(json
-               ? "{\"rows\": %zu, \"columns\": %zu, \"clusters\": %d, \"components\": %d, "
-                 "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f"
-               : "%zu × %zu, %d clusters of %d components: %.3f s, error %.5f; sgemm %.1f GFLOP/s, "
-                 "share of that %.3f; ",
+    printf(json ? "{\"rows\": %zu, \"columns\": %zu, \"clusters\": %d, \"components\": %d, "
+                  "\"seconds\": %.3f, \"processor_s\": %.3f, \"error\": %.5f, "
+                  "\"sgemm_gflops\": %.1f, \"share\": %.3f"
+                : "%zu × %zu, %d clusters of %d components: %.3f s (%.3f of processors), error "
+                  "%.5f; sgemm %.1f GFLOP/s, "
+                  "share of that %.3f; ",
            btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout), lpca->n_clusters,
-           lpca->n_components, time, lpca->error, gflops, share);
+           lpca->n_components, time, cpu, lpca->error, gflops, share);
     print_stages(&stages);
     puts(json ? "}" : "");
     lpca_free(lpca);

@@ -38,12 +38,16 @@ def lpca(rows, clusters, components, iterations):
                   for k in range(clusters) if (labels == k).any()]
         errors = np.stack([errors_of(rows, squares, *model) for model in models], axis=1)
         labels = errors.argmin(axis=1)
+    weights = [(rows[labels == k] - mean) @ axes.T for k, (mean, axes) in enumerate(models)]
+    return labels, models, weights
+
+
+def error_of(rows, labels, models, weights):
+    """Not timed, as ours knows its error from sums that it has anyway."""
     rest = 0.0
-    for k in range(len(models)):
-        mean, axes = models[k]
-        centred = rows[labels == k] - mean
-        rest += ((centred - centred @ axes.T @ axes).astype(np.float64) ** 2).sum()
-    return np.sqrt(rest / squares.astype(np.float64).sum())
+    for k, (mean, axes) in enumerate(models):
+        rest += ((rows[labels == k] - mean - weights[k] @ axes).astype(np.float64) ** 2).sum()
+    return np.sqrt(rest / np.einsum("ij,ij->", rows, rows, dtype=np.float64))
 
 
 def main():
@@ -55,10 +59,12 @@ def main():
     parser.add_argument("-i", "--iterations", type=int, default=10)
     options = parser.parse_args()
     rows = np.fromfile(options.file, dtype=np.float32).reshape(options.rows, -1)
-    start = time.monotonic()
-    error = lpca(rows, options.clusters, options.components, options.iterations)
-    print(json.dumps({"peer": "numpy", "seconds": round(time.monotonic() - start, 3),
-                      "error": round(float(error), 5)}))
+    start = time.monotonic(), time.process_time()
+    found = lpca(rows, options.clusters, options.components, options.iterations)
+    seconds = time.monotonic() - start[0], time.process_time() - start[1]
+    error = error_of(rows, *found)
+    print(json.dumps({"peer": "numpy", "seconds": round(seconds[0], 3),
+                      "processor_s": round(seconds[1], 3), "error": round(float(error), 5)}))
 
 
 if __name__ == "__main__":

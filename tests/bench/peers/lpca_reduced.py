@@ -83,17 +83,25 @@ def compress(rows, clusters, components):
     random = np.random.default_rng(0)
     reduced = reduce_rows(rows, random)
     labels, means, axes = cluster(reduced, clusters, components, random)
-    rest = 0.0
+    models = {}
     for k in range(clusters):
         members = labels == k
         if not members.any():
             continue
-        centred = rows[members] - rows[members].mean(axis=0)
+        mean = rows[members].mean(axis=0)
+        centred = rows[members] - mean
         products = (reduced[members] - means[k]) @ axes[k].T
         found, _ = np.linalg.qr((products.T @ centred).T)
-        weights = centred @ found
-        rest += ((centred - weights @ found.T).astype(np.float64) ** 2).sum()
-    return np.sqrt(rest / (rows.astype(np.float64) ** 2).sum())
+        models[k] = mean, found.T, centred @ found
+    return labels, models
+
+
+def error_of(rows, labels, models):
+    """Not timed, as ours knows its error from sums that it has anyway."""
+    rest = 0.0
+    for k, (mean, axes, weights) in models.items():
+        rest += ((rows[labels == k] - mean - weights @ axes).astype(np.float64) ** 2).sum()
+    return np.sqrt(rest / np.einsum("ij,ij->", rows, rows, dtype=np.float64))
 
 
 def main():
@@ -104,11 +112,12 @@ def main():
     parser.add_argument("-c", "--components", type=int, default=8)
     options = parser.parse_args()
     rows = np.fromfile(options.file, dtype=np.float32).reshape(options.rows, -1)
-    start = time.monotonic()
-    error = compress(rows, options.clusters, options.components)
-    print(json.dumps({"peer": "NumPy, reduced first",
-                      "seconds": round(time.monotonic() - start, 3),
-                      "error": round(float(error), 5)}))
+    start = time.monotonic(), time.process_time()
+    found = compress(rows, options.clusters, options.components)
+    seconds = time.monotonic() - start[0], time.process_time() - start[1]
+    error = error_of(rows, *found)
+    print(json.dumps({"peer": "NumPy, reduced first", "seconds": round(seconds[0], 3),
+                      "processor_s": round(seconds[1], 3), "error": round(float(error), 5)}))
 
 
 if __name__ == "__main__":

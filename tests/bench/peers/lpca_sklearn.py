@@ -15,15 +15,24 @@ from sklearn.decomposition import TruncatedSVD
 
 def compress(rows, clusters, components):
     labels = MiniBatchKMeans(clusters, random_state=0, n_init=1).fit_predict(rows)
-    rest = 0.0
+    models = {}
     for k in np.unique(labels):
-        centred = rows[labels == k] - rows[labels == k].mean(axis=0)
+        mean = rows[labels == k].mean(axis=0)
+        centred = rows[labels == k] - mean
         if len(centred) <= components:
             continue
         svd = TruncatedSVD(components, random_state=0)
         weights = svd.fit_transform(centred)
-        rest += ((centred - weights @ svd.components_).astype(np.float64) ** 2).sum()
-    return np.sqrt(rest / (rows.astype(np.float64) ** 2).sum())
+        models[k] = mean, svd.components_, weights
+    return labels, models
+
+
+def error_of(rows, labels, models):
+    """Not timed, as ours knows its error from sums that it has anyway."""
+    rest = 0.0
+    for k, (mean, axes, weights) in models.items():
+        rest += ((rows[labels == k] - mean - weights @ axes).astype(np.float64) ** 2).sum()
+    return np.sqrt(rest / np.einsum("ij,ij->", rows, rows, dtype=np.float64))
 
 
 def main():
@@ -34,10 +43,12 @@ def main():
     parser.add_argument("-c", "--components", type=int, default=8)
     options = parser.parse_args()
     rows = np.fromfile(options.file, dtype=np.float32).reshape(options.rows, -1)
-    start = time.monotonic()
-    error = compress(rows, options.clusters, options.components)
-    print(json.dumps({"peer": "scikit-learn", "seconds": round(time.monotonic() - start, 3),
-                      "error": round(float(error), 5)}))
+    start = time.monotonic(), time.process_time()
+    found = compress(rows, options.clusters, options.components)
+    seconds = time.monotonic() - start[0], time.process_time() - start[1]
+    error = error_of(rows, *found)
+    print(json.dumps({"peer": "scikit-learn", "seconds": round(seconds[0], 3),
+                      "processor_s": round(seconds[1], 3), "error": round(float(error), 5)}))
 
 
 if __name__ == "__main__":
