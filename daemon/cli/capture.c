@@ -194,7 +194,7 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     g_clear_pointer(&link, link_free);
     /* A private daemon has taken its child along; what is up to date is not made again. */
     return code == CLI_DONE && process && private
-               ? process_run(directory, NULL, FALSE, call->record, error)
+               ? process_session(directory, NULL, FALSE, call->record, error)
                : code;
 }
 

@@ -97,8 +97,8 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
                            process->causes, error);
 }
 
-int process_run(const char *directory, const char *calibration, gboolean follow, Record *to,
-                GError **error) {
+int process_session(const char *directory, const char *calibration, gboolean follow, Record *to,
+                    GError **error) {
     g_autoptr(GPtrArray) causes = g_ptr_array_new_with_free_func(g_free);
     struct process process = {directory, calibration, follow, .causes = causes};
     double seconds = 0;
@@ -142,7 +142,7 @@ static int cli_process_run(const struct call *call, GError **error) {
         calibration_option ? read_calibration(directory, calibration_option, error) : NULL;
     if (calibration_option && !calibration)
         return CLI_FAILED;
-    return process_run(directory, calibration, follow_option, call->record, error);
+    return process_session(directory, calibration, follow_option, call->record, error);
 }
 
 const struct command cli_process = {.name = "process",
