@@ -189,8 +189,8 @@ static gboolean check_lens(const struct cameras_work *work, GError **error) {
             most);
     return focal < MOST_DISTANCE ||
            cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                          "the photographs determine the focal length only to %.2g %%: more of "
-                          "them, with larger tilts, would do better",
+                          "the photographs determine the focal length only to %.2g %%: take more "
+                          "of them, with larger tilts",
                           100 * focal);
 }
 
@@ -222,9 +222,8 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
         if (!(distance < MOST_DISTANCE))
             return cameras_refuse(
                 error, CAMERAS_ERROR_PICTURES,
-                "camera %s: the pictures do not determine where it stands (its distance to "
-                "%.2g %%): more of them, with the board at larger tilts and all over the "
-                "picture, would",
+                "camera %s: the pictures do not determine its position (its distance only to %.2g "
+                "%%): take more, with the board at larger tilts and in all parts of the picture",
                 work->nominal.cameras[c].name, 100 * distance);
     }
     return check_scale(work, error);

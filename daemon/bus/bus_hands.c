@@ -15,7 +15,7 @@
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
-/* A device that somebody has in hand: a call about it waits for its answer, or it gives light. */
+/* A device in use by hand: a call waits for its answer, or it gives light. */
 struct hand {
     Bus *bus;
     enum hand_kind kind;
@@ -65,7 +65,7 @@ void bus_hands_watch(Bus *bus, gboolean watch) {
             interlock_unlisten(bus->devices->interlocks[i], bus->hand_interlocks[i]);
 }
 
-/* The device is nobody's any more. */
+/* The device is free again. */
 static void hand_drop(struct hand *hand) {
     Bus *bus = hand->bus;
     hand_listen(hand, FALSE);

@@ -184,7 +184,7 @@ static gboolean bus_jobs_check_options(GVariant *options, struct start_options *
     return TRUE;
 }
 
-/* In place of what the rig file names, for a session that begins now. */
+/* Replaces the calibration that the rig file names, for a session that begins now. */
 static gboolean check_calibration(const char *path, gboolean begins, GError **error) {
     if (!path)
         return TRUE;

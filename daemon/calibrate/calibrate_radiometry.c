@@ -38,7 +38,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
     record_say(to, "%s: %d pictures of the tile, %.2f %% RMS", calibrate_output, r->pictures,
                100 * r->residual);
     if (part->rejected->len)
-        record_say(to, "; %u pictures are of no use", part->rejected->len);
+        record_say(to, "; %u pictures could not be used", part->rejected->len);
     record_say(to,
                "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d "
                "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",

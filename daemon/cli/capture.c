@@ -61,7 +61,7 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
                     "mesorigd has ended unexpectedly; what was committed stays: mesorig resume "
                     "%s%s%s",
-                    directory, *log ? "\nIts last words:\n" : "", log);
+                    directory, *log ? "\nIts last messages:\n" : "", log);
         return CLI_FAILED;
     }
     if (cli_json)
@@ -90,14 +90,14 @@ static gboolean is_calibrated(const char *rig_path) {
     return FALSE;
 }
 
-/* Before a long capture. FALSE: they say that it would be spoilt, and --yes was not given; or a
- * device has failed. What else is wrong with the session Start says. */
+/* Before a long capture. FALSE: they predict that it would be spoilt, and --yes was not given; or a
+ * device has failed. Start reports other errors of the session. */
 static gboolean take_test_shots(Link *link, const char *rig_path, const char *session,
                                 GError **error) {
     g_auto(SessionConf) conf = {0};
     struct rig rig;
-    while (
-        g_main_context_iteration(NULL, FALSE)) /* what the daemon shows since it opened the rig */
+    while (g_main_context_iteration(
+        NULL, FALSE)) /* handles the property changes since the daemon opened the rig */
         ;
     const char *state = bus_rig1_get_state(link_rig(link));
     const gboolean free_now = g_strcmp0(state, "idle") == 0 || g_strcmp0(state, "done") == 0 ||
@@ -149,7 +149,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     const int code = cli_capture_tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
-    /* A private daemon has taken its child along; what is up to date is not made again. */
+    /* The child of a private daemon has ended with it; products that are up to date are not made
+     * again. */
     return code == CLI_DONE && process && private
                ? process_run(directory, NULL, FALSE, call->record, error)
                : code;

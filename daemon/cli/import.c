@@ -85,7 +85,7 @@ static void cli_import_tell(Record *to, const struct import_result *result, doub
     if (result->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT
-                   " texels of its pictures are missing or no numbers, and are 0\n",
+                   " texels of its pictures are missing or not numbers; they are set to 0\n",
                    result->holes);
 }
 
@@ -114,9 +114,10 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
                "makes BTF and MDF\n",
                output, result->n_views, result->n_lights, result->n_lasers, result->n_frames, time);
     if (result->n_missing > 0)
-        record_say(to,
-                   "%d pictures of sweeps are missing; what they would have shown is not seen\n",
-                   result->n_missing);
+        record_say(
+            to,
+            "%d pictures of sweeps are missing; the surface that only they show is not measured\n",
+            result->n_missing);
     if (result->not_numbers > 0)
         record_say(to, "%" G_GINT64_FORMAT " pixels are not numbers\n", result->not_numbers);
 }
@@ -147,7 +148,8 @@ static int write_template(const struct call *call, GError **error) {
     if (!g_file_set_contents(output, text, -1, error))
         return CLI_FAILED;
     record_string(call->record, "file", output);
-    record_say(call->record, "%s: fill in what says ?, and give it to import poses with -c\n",
+    record_say(call->record,
+               "%s: replace each ? by its value, and give the file to import poses with -c\n",
                output);
     return CLI_DONE;
 }

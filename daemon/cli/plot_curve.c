@@ -7,7 +7,7 @@
 #define TOP    110.0
 #define BOTTOM (PLOT_HEIGHT - 90.0)
 #define LINE   (PLOT_TEXT + 2)
-#define LEAST  1e-4 /* errors below are those of rounding, and stand there */
+#define LEAST  1e-4 /* smaller errors are those of rounding, and are drawn here */
 
 /* Both axes are logarithmic. */
 struct axes {
@@ -108,7 +108,7 @@ static int cli_plot_curve_by_height(gconstpointer a, gconstpointer b) {
     return (p->x < q->x) - (p->x > q->x);
 }
 
-/* Names stand in the order of what they name, one below the other, so that few lines cross. */
+/* Names stand in the order of their points, one below the other, so that few lines cross. */
 static void place_names(GArray *list) {
     g_array_sort(list, cli_plot_curve_by_height);
     for (guint i = 0; i < list->len; i++) {

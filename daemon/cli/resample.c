@@ -115,8 +115,7 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
         record_say(to, "where cameras and lamps were is not known: all texels had the same "
                        "directions\n");
     if (result->mdf)
-        record_say(to,
-                   "its MDF is the measured one as it was, with the views it was measured from\n");
+        record_say(to, "its MDF is copied unchanged, with the views from which it was measured\n");
     record_say(to, "\nmeasured from  left out: view            light   there and back\n");
     tell_bands(to, "by_view", result->from, &result->all, add_left_out, say_from);
     record_say(to, "\nmade for         moved     at most   too far out%s\n",

@@ -17,7 +17,8 @@
 #define WANTED_PART 0.5
 /* Part of the range by which a lamp raises the mean of a picture that sees it. */
 #define LAMP_PART 0.0005
-/* A saturated picture is taken again so much shorter, to tell how short is short enough. */
+/* A saturated picture is taken again with an exposure shorter by this factor, to find one that is
+ * short enough. */
 #define SHORTER 32
 
 struct seen { /* by a camera, of all lamps */
@@ -66,7 +67,7 @@ static double range_dn(const struct guard *guard, int camera) {
     return (1 << guard->seen[camera].bits) - 1;
 }
 
-/* Of the planned azimuths of lights, with the turntable at 0, that farthest from all cameras. */
+/* The planned azimuth of a light, with the turntable at 0, that is farthest from all cameras. */
 static double free_azimuth_deg(const struct guard *guard) {
     const struct ring *ring = &guard->conf->lights[0];
     double best_deg = ring->offset_deg, farthest_deg = -1;
@@ -86,7 +87,7 @@ static double free_azimuth_deg(const struct guard *guard) {
     return best_deg;
 }
 
-/* Where the arc stands in no picture; an axis that the rig does not have is left out. */
+/* Moves the arc to where it stands in no picture; an axis that the rig lacks is left out. */
 static gboolean guard_pose(struct guard *guard, GError **error) {
     GVariant *devices = bus_rig1_get_devices(link_rig(guard->link));
     const char *class_name, *name, *driver, *health;

@@ -18,8 +18,8 @@ static const GOptionEntry axis_entries[] = {HAND_RIG_ENTRY, {NULL}};
 
 struct waiting {
     GMainLoop *loop;
-    int n_open;  /* interlocks, in the beginning */
-    char *fault; /* that has ended it, or NULL */
+    int n_open;  /* open interlocks at the start */
+    char *fault; /* the fault that has ended it, or NULL */
 };
 
 static gboolean on_end(gpointer data) {

@@ -42,8 +42,8 @@ static gboolean set_lights(Link *link, gboolean on, GError **error) {
            (!laser || hand_light(link, TRUE, laser, on, error));
 }
 
-/* A daemon with the rig, whose lights that were asked for are on. Those that a failure leaves on go
- * off with the link. */
+/* Finds a daemon with the rig and switches the requested lights on. After a failure they go off
+ * with the link. */
 static Link *look_begin(const struct call *call, GError **error) {
     if (exposure_us == 0)
         exposure_us = EXPOSURE_US;

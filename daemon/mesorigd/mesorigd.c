@@ -120,7 +120,7 @@ static void on_name_lost(GDBusConnection *connection, const char *name, gpointer
 
 static gboolean go_public(struct daemon *daemon, GError **error) {
     if (listen_address) {
-        /* For the socket alone: who owns it may connect. */
+        /* For the socket only: its owner may connect. */
         const mode_t before = umask(0077);
         daemon->server = bus_serve(daemon->bus, listen_address, error);
         umask(before);

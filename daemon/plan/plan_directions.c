@@ -105,7 +105,7 @@ static int find_udeg(const GArray *angles, gint64 udeg) {
     return -1;
 }
 
-/* Whether a direction at this angle from where a device stands is as good as its own. */
+/* Whether a device stands close enough to a direction, by the angle between them. */
 static gboolean is_near(gint64 udeg, double theta_deg) {
     const double off_deg = (double)MIN(udeg, PLAN_FULL_TURN - udeg) / UDEG;
 
@@ -174,7 +174,8 @@ static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kin
     return -1;
 }
 
-/* Index of the angle that stands for all that stand by themselves; it is added if need be. */
+/* Index of the angle that represents all devices that stand by themselves; it is added if missing.
+ */
 static int fixed_angle(GArray *angles) {
     const struct plan_angle angle = {.fixed = TRUE};
 

@@ -4,7 +4,7 @@
 
 /* Cost evaluations before the search for a better order gives up. */
 #define SEARCH_BUDGET 300000
-/* Sessions of more shots than this keep the order their poses give. */
+/* Sessions of more shots than this keep the order of their poses. */
 #define SEARCH_LARGEST 1500
 /* Up to this many shots, all candidates are improved, not the best alone. */
 #define SEARCH_ALL    40
@@ -38,7 +38,7 @@ struct orderer {
     int lit; /* lamp that the last shot of the order left on, −1: none */
 };
 
-/* Only what is lit and belongs to the block that is being ordered. */
+/* Only shots with light in the block that is being ordered. */
 static gboolean is_ours(const struct orderer *o, guint index) {
     return plan_order_is_lit(plan_order_shot_at(o->shots, index)) && o->block_of[index] == o->block;
 }

@@ -248,7 +248,7 @@ static gboolean read_rings(const struct config_section *section, struct ring *ri
                          has_preset || has_rings ? ", not both" : "");
     else if (has_devices && fields.offset_deg != 0)
         config_set_error(error, CONFIG_ERROR_VALUE, section, "offset_deg",
-                         "goes with rings: devices stand where they stand; leave it out");
+                         "turns rings only: the devices' positions are fixed; leave it out");
     else if (has_devices) {
         *ret_devices = g_steal_pointer(&fields.devices);
         ok = TRUE;

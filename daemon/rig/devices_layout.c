@@ -276,7 +276,7 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     camera->vignetting = p.vignetting;
     camera->response = p.response;
     rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
-    if (p.theta_deg == 0) /* overhead its azimuth is how it is turned about its axis */
+    if (p.theta_deg == 0) /* overhead, the azimuth is its rotation about its own axis */
         for (int k = 0; k < 2; k++) {
             double *row = camera->rotation.m[k];
             const struct vec3 turned = rig_turn(vec3(row[0], row[1], row[2]), RAD(p.phi_deg));
@@ -502,7 +502,7 @@ static gboolean check_whole(const struct layout *layout, GError **error) {
                              "laser names it as its sweep");
             return FALSE;
         }
-        /* Virtual time would run away from a real device. */
+        /* Virtual time would run ahead of a real device. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-")) {
             config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
                              "%s is a real device and cannot keep virtual time; write clock = real "

@@ -38,7 +38,7 @@ struct v4l2_camera {
     guint64 shot;
     gint64 earliest_us; /* at which the exposure of the wanted frame may have begun */
     guint source, timer;
-    int broken; /* errno of a stream that broke while nobody waited */
+    int broken; /* errno of a stream that broke while no frame was waited for */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct v4l2_camera, name)
@@ -170,11 +170,11 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
         video_stream_give_back(&v4l2->node, &buffer);
         if (!monotonic)
             camera_report_fault(
-                camera, device_error_new(
-                            DEVICE_ERROR_UNSUPPORTED, v4l2->who,
-                            "%s does not stamp its frames by the monotonic clock, so that it "
-                            "cannot be distinguished by whether they were exposed after a trigger",
-                            v4l2->node.path));
+                camera,
+                device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
+                                 "%s does not stamp its frames with the monotonic clock, so that "
+                                 "frames exposed before and after a trigger cannot be told apart",
+                                 v4l2->node.path));
         else if (frame)
             camera_report_frame(camera, g_steal_pointer(&frame));
         else

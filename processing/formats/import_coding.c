@@ -28,9 +28,9 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                                "light",
                                coding->black_level);
     if (bits != 0 && !(bits >= 2 && bits <= 16 && bits == floor(bits)))
-        return data_error_fail(set->table, row->line, error,
-                               "bits of %g are not valid: 2 to 16, or nothing for all of the file",
-                               bits);
+        return data_error_fail(
+            set->table, row->line, error,
+            "bits of %g are not valid: give 2 to 16, or nothing to use all bits of the file", bits);
     coding->bits = (int)bits;
     while (coding->transfer < G_N_ELEMENTS(transfers) &&
            strcmp(transfer, transfers[coding->transfer]) != 0)

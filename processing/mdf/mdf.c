@@ -13,13 +13,13 @@
 
 #define LEAST_ANGLE                                                                                \
     0.03 /* least sine of the angle between ray and sheet: below it depth is noise */
-/* Distances of two sweeps this close agree: a share of a texel, for what a texel's surface differs
- * within it, or of what a sweep's frame is deep, as peaks of the faintest lines are known to a
- * tenth of a frame. */
+/* Distances of two sweeps this close agree: a share of a texel, since the surface varies within it,
+ * or of the depth of a sweep's frame, since peaks of the faintest lines are known to a tenth of a
+ * frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In such tolerances, points may lie this far above the reference plane, and below the deepest
- * structure. */
+/* In units of these tolerances, points may lie this far above the reference plane, and below the
+ * deepest structure. */
 #define ABOVE       5
 #define BELOW       10
 #define SEEN_SHARE  0.75f /* share of the pixels around a texel that must see the line */
@@ -116,7 +116,7 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
 /* max(TEXEL_SHARE · texel, FRAME_SHARE · depth of a frame). From one frame to the next the sheet
  * turns by step_rad: at a range R from the source it moves by step · R, and by step · R / |n·r|
  * along a ray r; here along the one through the middle of the texels. ret_height_mm: with step · R
- * alone, as sweeps that tell little of heights must not put points far outside of the sample. */
+ * alone, since sweeps of low height resolution must not put points far outside the sample. */
 static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sweep,
                                double *ret_height_mm) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
@@ -330,7 +330,7 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
-/* Mean square of what a texel's distance m is off the middle of two opposite neighbours a and b,
+/* Mean square deviation of a texel's distance m from the middle of two opposite neighbours a and b,
  * Σ ((a + b) / 2 − m)² / pairs over the (up to four) pairs. On a plane it is 1.5 σ² of the noise of
  * single texels; at a step, about the square of half of it. −1: no pair has both. */
 static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
@@ -354,11 +354,11 @@ static double mdf_roughness_mm2(const MdfView *view, const float *distance, int 
     return n > 0 ? squares / n : -1;
 }
 
-/* Adds to the standard errors σ what the scatter of sweeps does not show. With r² a texel's
- * roughness:
+/* Adds to the standard errors σ the errors that the scatter of sweeps does not show. With r² a
+ * texel's roughness:
  *   - All sweeps read a curved surface between the same pixels, and share that error:
  *     σ² + (r² − 1.5 σ²) / BETWEEN.
- *   - Nothing repeats what one sweep alone saw, but the surface around says how far values stray
+ *   - Nothing repeats what one sweep alone saw, but the surface around shows how far values stray
  *     there: (r² + median r² of the view) / 1.5 (the median, as r² may be small by chance). Without
  *     neighbours it is the largest step from texel to texel that one surface takes. */
 static void mdf_complete_errors(const MdfView *view, const float *distance, const float *sweeps,

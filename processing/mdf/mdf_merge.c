@@ -44,8 +44,8 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
 
 /* Weighted mean m = Σ w x / Σ w with the standard error √(Σ w² (x − m)² / (1 − w / Σ w)) / Σ w.
  * This holds whether or not the weights are the inverse variances: sweeps at flat angles to the
- * line of sight scatter more than their weights say. (1 − w / Σ w makes up for what x itself moves
- * m.) */
+ * line of sight scatter more than their weights say. (1 − w / Σ w compensates for the influence of
+ * x itself on m.) */
 static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, int n) {
     double weights = 0, sum = 0, scatter = 0;
     for (int i = 0; i < n; i++) {

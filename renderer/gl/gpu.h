@@ -12,7 +12,7 @@ enum gpu_error {
     GPU_ERROR_NONE,      /* there is no OpenGL 3.3 here */
     GPU_ERROR_TOO_LARGE, /* the card cannot hold it */
     GPU_ERROR_PROGRAM,   /* a shader was refused */
-    GPU_ERROR_FAILED,    /* OpenGL said that something went wrong */
+    GPU_ERROR_FAILED,    /* OpenGL reported an error */
 };
 
 typedef struct Gpu Gpu;

@@ -62,7 +62,7 @@ struct virtual_modbus_state {
     gint64 began_us; /* when the last motion began, of g_get_monotonic_time() */
     gboolean coils[VIRTUAL_MODBUS_BITS];
     int requests, watchdogs, connections, pulses;
-    int timeouts; /* how often it was not heard of for its communication timeout */
+    int timeouts; /* how often its communication timeout has expired */
     guint16 speed, accel;
 };
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);

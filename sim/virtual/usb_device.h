@@ -36,7 +36,7 @@ enum virtual_usb_fault {
     VIRTUAL_USB_WELL,
     VIRTUAL_USB_STALLS, /* every request of the class's own, and every bulk transfer */
     VIRTUAL_USB_SILENT, /* never answers them */
-    VIRTUAL_USB_SHORT,  /* answers half of what it should */
+    VIRTUAL_USB_SHORT,  /* answers with half of the data */
 };
 
 /* Plugged into port 1 to 9 of bus 1. model must outlive it. */

@@ -248,7 +248,7 @@ static gboolean sample_check_options(const struct config_section *section,
     return TRUE;
 }
 
-/* A mesh that leaves its place would make wrong data, not an error, later on. */
+/* A mesh outside its bounds would cause wrong data later on, not an error. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            GError **error) {

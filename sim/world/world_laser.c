@@ -72,7 +72,8 @@ static void world_laser_add_share(struct laser_light *light, double angle, doubl
         g_array_append_val(light->shares, share);
 }
 
-/* Light by one bounce is smooth: once a pixel, from the vertex nearest to its first sample. */
+/* Light after one bounce is smooth: it is added once per pixel, from the vertex nearest to its
+ * first sample. */
 static void add_bounces(struct laser_light *light, const struct view *view) {
     const struct scene *scene = &light->world->scene;
     guint i = 0;

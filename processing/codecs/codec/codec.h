@@ -37,7 +37,7 @@ struct codec_result {
     double error;       /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of what the file gives back */
     double exact_error; /* the same before numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ|; −1: the codec does not know it */
-    gboolean packed;        /* the file is what counts as its size, not what is drawn */
+    gboolean packed;        /* its size is that of the file, not that in a renderer */
 };
 
 struct codec;
@@ -63,7 +63,7 @@ struct codec {
      * options, without "--". Those that are not given take their fallback, without one 0. */
     const struct option *options;
     gsize options_size;
-    /* What contradicts what, as a sentence without a full stop; NULL: nothing. May be NULL. */
+    /* How options contradict each other, a sentence without a full stop; NULL: not. May be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded;      /* keeps to --memory */

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define TERMS      4           /* unless -c or --error says them */
+#define TERMS      4           /* unless -c or --error gives the number */
 #define CURVE_MOST 16          /* terms of a curve */
 #define ROWS       ((gsize)64) /* texels read at a time, so that what is written stays in the cache */
 
@@ -161,8 +161,8 @@ static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *r
         }
 }
 
-/* Maps are in the order of what they explain, so that the last ones are left out one power of two
- * after the other. */
+/* Maps are in the order of the variance they explain, so that the last ones are left out, by powers
+ * of two. */
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                       const struct work *work, CodecPoint tell, gpointer data,
                                       GError **error) {

@@ -1,4 +1,4 @@
-/* Mip levels of a local PCA: each is one of its own, of the BTF with half the texels each way. */
+/* Mip levels of a local PCA: each level is a local PCA of the BTF with half the texels each way. */
 #pragma once
 
 #include "lpca.h"

@@ -81,7 +81,7 @@ static const struct option lpca_codec_table[] = {
     {NULL},
 };
 
-/* What contradicts what among the options. */
+/* Contradictions among the options. */
 static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
@@ -99,15 +99,14 @@ static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     return NULL;
 }
 
-/* How often rounding has asked for another error, and for which; the checkpoint keeps it. */
+/* How often rounding has required another error, and which; the checkpoint keeps it. */
 struct rounding {
     gint64 times;
     double target;
 };
 
-/* A local PCA of as many clusters and components as options ask for, or as the error or the size
- * asked for needs; put on a grid, if one is asked for, and rounded. ret: its errors before and
- * after. */
+/* A local PCA of as many clusters and components as options ask for, or as the requested error or
+ * size needs; resampled to a grid if requested, and rounded. ret: its errors before and after. */
 static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
@@ -164,11 +163,12 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
     if (checkpoint)
         checkpoint_drop(checkpoint, "rounding");
     if (ok && !reached)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; "
-                    "quantise less or use more clusters",
-                    100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
-                    100 * ret->exact_error);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "an error of %.3g %% is not reached: with rounding%s it is %.3g %%, without %.3g %%; "
+            "quantise less or use more clusters",
+            100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
+            100 * ret->exact_error);
     return lpca;
 }
 
@@ -215,8 +215,8 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
-/* Computes, packs or chooses by the options; without an error or a size to keep to, COMPONENTS
- * components. What the BTF's values take counts as memory used. */
+/* Computes, packs or chooses by the options; without a target error or size, COMPONENTS components.
+ * The memory of the BTF's values counts, too. */
 static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   const struct codec_job *job, struct codec_result *ret,
                                   GError **error) {

@@ -4,7 +4,7 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-#define TERMS 8 /* unless -c or --error says them */
+#define TERMS 8 /* unless -c or --error gives the number */
 
 struct mdf_codec_maps_options {
     int components; /* 0: not given */
@@ -92,8 +92,8 @@ static const struct option mdf_codec_views_table[] = {
     {NULL},
 };
 
-/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of what
- * the file gives back. */
+/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of the
+ * values read back from the file. */
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
