@@ -28,7 +28,7 @@ struct config_section {
     char *name;           /* the rest, or NULL */
     int line;
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
-    GHashTable *entries; /* what they are; private to the Config */
+    GHashTable *entries; /* the entries; private to the Config */
 };
 
 /* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. */

@@ -50,9 +50,9 @@ struct driver_info {
     gsize priv_size; /* allocated zeroed, filled from the options, freed by the class */
 };
 
-/* What is known of a device that was told to be off or to stand. */
+/* The known state of a device that was commanded off or to stop. */
 enum device_safety {
-    DEVICE_SAFE,   /* it has answered so since it was told last; drivers read it back */
+    DEVICE_SAFE,   /* it has confirmed that since the last command; drivers read it back */
     DEVICE_UNSAFE, /* it refused, did not answer in time, or says otherwise */
     DEVICE_TOLD,   /* it has not answered yet */
 };

@@ -98,7 +98,7 @@ struct rig {
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
     double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc; and */
-    double arc_width_mm;  /* its width, also of lamps: they give the part hidden from a camera */
+    double arc_width_mm;  /* its width, also taken for lamps: both hide parts of pictures */
 };
 
 #define RIG_ERROR rig_error_quark()

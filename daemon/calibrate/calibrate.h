@@ -1,6 +1,6 @@
 /*
- * What the subcommands of `mesorig calibrate` share. Each has a file of its own,
- * calibrate_NAME.c, and a row in the table in calibrate.c.
+ * Shared by the subcommands of `mesorig calibrate`. Each has a file of its own, calibrate_NAME.c,
+ * and a row in the table in calibrate.c.
  *
  * They read captured sessions and hand plain pictures to calib/, which knows no sessions.
  */

@@ -22,18 +22,22 @@
 static char *target_option;
 static const GOptionEntry entries[] = {
     {"target", 't', 0, G_OPTION_ARG_FILENAME, &target_option,
-     "What stands on the turntable: etc/demo/poles.conf, etc/demo/balls.conf", "FILE"},
+     "Description of the target on the turntable, such as etc/demo/poles.conf or "
+     "etc/demo/balls.conf",
+     "FILE"},
     CALIBRATE_OUTPUT("Write the result here"),
     CALIBRATE_FROM("Start from this calibration, which knows the cameras"),
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
      "No session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
     {"ball", 'b', 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
-     "With --images: where a ball is in them, in pixels to 5 % of R; several tell distances too",
+     "With --images: position and radius of a ball in pixels, accurate to 5 % of R; several balls "
+     "determine distances, too",
      "X,Y,R"},
     {"radius", 'r', 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
     {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
-     "With --images: the camera's focal length in pixels; without it, it is taken to be far away",
+     "With --images: the camera's focal length in pixels; without it, the camera is taken to be "
+     "far away",
      "PX"},
     {"within", 0, 0, G_OPTION_ARG_DOUBLE, &photos_within_deg,
      "With --images: leave out directions with a larger standard error (0.5)", "DEG"},

@@ -7,9 +7,11 @@
 static char *reflectance_option, *tile_option;
 static const GOptionEntry entries[] = {
     {"reflectance", 'r', 0, G_OPTION_ARG_STRING, &reflectance_option,
-     "Of the tile, as its maker says: one number, or three for red, green and blue", "R[;G;B]"},
+     "Reflectance of the tile, as its maker states it: one number, or three for red, green and "
+     "blue",
+     "R[;G;B]"},
     {"tile", 't', 0, G_OPTION_ARG_STRING, &tile_option,
-     "Its size in mm, if it is not that of the session's sample", "WxH"},
+     "The tile's size in mm, if it is not that of the session's sample", "WxH"},
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
                    "file that is written, if it is there; else that of the session"),
@@ -105,7 +107,8 @@ static int cli_calibrate_radiometry_run(const struct call *call, GError **error)
 const struct command calibrate_radiometry = {
     .name = "calibrate radiometry",
     .arguments = "SESSION --reflectance R -o FILE",
-    .help = "Find out how bright cameras see and lamps shine, from a session of a white tile.",
+    .help = "Find the response of the cameras and the intensity of the lamps, from a session of a "
+            "white tile.",
     .options = entries,
     .min = 1,
     .max = 1,

@@ -312,7 +312,7 @@ static int cli_calibrate_report_run(const struct call *call, GError **error) {
 
 const struct command calibrate_report = {.name = "calibrate report",
                                          .arguments = "FILE -o FILE.html",
-                                         .help = "Draw what a calibration file says, as a page.",
+                                         .help = "Draw a calibration file as a page.",
                                          .options = entries,
                                          .min = 1,
                                          .max = 1,

@@ -60,9 +60,9 @@ struct Capture {
     gint64 left_committed;    /* committed then; −1: not yet */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct latest_picture latest[RIG_MAX_CAMERAS];
-    guint32 moved;           /* of what the session was paused for: capture_marks.c */
-    guint32 suspected;       /* of what the shot before seemed to show */
-    GQueue *marks;           /* of GArray of struct fiducial_seen: of the last shots */
+    guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
+    guint32 suspected; /* those that the previous shot seemed to show */
+    GQueue *marks;     /* of GArray of struct fiducial_seen: of the last shots */
     gboolean marks_reported; /* how they looked at the beginning */
     guint changed_source;
     gint64 changed_at_us;

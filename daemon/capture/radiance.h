@@ -12,7 +12,7 @@
 
 /* DN from which a pixel is taken to be saturated: 98 % of full scale, rounded up. */
 int radiance_saturation(int bits);
-gint64 radiance_saturated(const Frame *frame); /* how many pixels are */
+gint64 radiance_saturated(const Frame *frame); /* number of saturated pixels */
 
 struct radiance_stats {
     gint64 saturated; /* pixels saturated in every exposure: they hold the shortest's value */
@@ -39,5 +39,5 @@ void radiance_add(const Frame *frame, guint32 *sums);
 /* Writes the dark level of every pixel and returns their mean. */
 double radiance_mean(const guint32 *sums, int n, gsize n_pixels, float *ret);
 
-/* How many pixels are more than margin_dn above dark: those that a laser lights if it stays on. */
+/* Number of pixels more than margin_dn above dark: those that a laser lights if it stays on. */
 gint64 radiance_lit(const Frame *frame, const float *dark, double margin_dn);

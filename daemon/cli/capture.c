@@ -25,14 +25,14 @@ static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Take this calibration, not the one that the rig file names", "FILE"},
+     "Use this calibration, not the one that the rig file names", "FILE"},
     YES_ENTRY,
     {NULL},
 };
 
 static const GOptionEntry resume_entries[] = {
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
-     "Rig file, if it is not where it was when the session was begun", "RIG"},
+     "Rig file, if it has been moved since the session was begun", "RIG"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
     YES_ENTRY,
     {NULL},
@@ -197,7 +197,7 @@ const struct command cli_capture = {
     .examples =
         "  mesorig capture rig.conf session.conf -o weave.session\n"
         "  mesorig capture rig.conf session.conf -o weave.session -c rig.calibration --process\n",
-    .help = "Capture a session, or begin to, and show how it goes.",
+    .help = "Capture a session and show its progress.",
     .options = capture_entries,
     .daemon = TRUE,
     .min = 2,

@@ -192,7 +192,8 @@ const struct command cli_check = {
     .arguments = "DIR",
     .examples = "  mesorig check weave.session --plot energy.svg\n"
                 "  mesorig check weave.session --strict && mesorig compress weave.session\n",
-    .help = "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
+    .help = "Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement "
+            "of views.",
     .options = entries,
     .min = 1,
     .max = 1,

@@ -15,8 +15,8 @@
 
 #define LEAST_COS    0.05 /* least difference of cos θ within a pair */
 #define LEAST_PAIRS  6
-#define LEAST_SKEW   0.05 /* asymmetry below it is no sign of a mistake */
-#define BETTER       4.0  /* times less of it is the sign of one */
+#define LEAST_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
+#define BETTER       4.0  /* a mistake is indicated if undoing it makes it so many times smaller */
 #define DISPLAY      2.2
 #define MOST_ALBEDO  1.05
 #define LEAST_ALBEDO 0.002 /* the blackest paints have more */

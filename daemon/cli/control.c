@@ -110,7 +110,7 @@ static int run_request(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-/* Says of each device what it has answered. Not read back is a failure. */
+/* Prints the answer of each device. A state that was not read back is a failure. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);

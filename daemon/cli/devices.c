@@ -132,6 +132,6 @@ static int run_devices(const struct call *call, GError **error) {
 const struct command cli_devices = {
     .name = "devices",
     .arguments = "",
-    .help = "List what is on the buses, and the sections that would use it.",
+    .help = "List the devices on the buses, and the rig file sections that would use them.",
     .options = entries,
     .run = run_devices};

@@ -29,14 +29,14 @@ static const GOptionEntry entries[] = {
     {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "poses: how deep the structure is (0)", "MM"},
     {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "poses: the colour filter of grey pictures (mono)",
      "mono|rggb|bggr|grbg|gbrg"},
-    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge, "poses: what sweeps show (line)",
-     "line|darkens|lightens"},
+    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge,
+     "poses: what sweeps show: line, darkens or lightens (line)", "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
      "poses: the least peak of a sweep, of 4095 (40)", "DN"},
     {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
-     "poses: lamps within this of a direction of the sample are one light (0: none)", "DEG"},
+     "poses: lamps whose directions differ by at most this angle are one light (0: none)", "DEG"},
     {"target", 0, 0, G_OPTION_ARG_NONE, &target,
-     "poses: of a calibration target: views need not have every light", NULL},
+     "poses: pictures of a calibration target, whose views need not have every light", NULL},
     {"template", 0, 0, G_OPTION_ARG_NONE, &template,
      "poses: write a file of nominal values to fill in, for -c, and import nothing", NULL},
     {NULL},
@@ -225,7 +225,7 @@ static int cli_import_run(const struct call *call, GError **error) {
 const struct command cli_import = {
     .name = "import",
     .arguments = "KIND SOURCE -o DIR",
-    .help = "Make a session of what others have measured. KIND: btf (a file "
+    .help = "Make a session of data that others have measured. KIND: btf (a file "
             "of Bonn's), pictures (a folder, "
             "names with tl… pl… tv… pv…), rti (a list of lights), "
             "relight (an info.json with its planes), "

@@ -325,7 +325,7 @@ static int cli_info_run(const struct call *call, GError **error) {
 
 const struct command cli_info = {.name = "info",
                                  .arguments = "FILE|DIR",
-                                 .help = "Show what a session or an EXR holds.",
+                                 .help = "Show the contents of a session or an EXR.",
                                  .options = entries,
                                  .min = 1,
                                  .max = 1,

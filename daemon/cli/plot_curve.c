@@ -87,7 +87,7 @@ static void cli_plot_curve_draw_series(cairo_t *cr, const struct axes *axes, dou
     for (int i = 0; i < series->n; i++) {
         const double x = cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes);
         const double y = y_of(axes, series->points[i].error);
-        /* Round, square or pointed, so that more than colours tell series apart. */
+        /* Round, square or pointed, so that not only colours distinguish series. */
         if (series->colour % 3 == 0) {
             cairo_arc(cr, x, y, 4.5, 0, 2 * G_PI);
         } else if (series->colour % 3 == 1) {

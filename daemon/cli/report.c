@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define ASYMMETRY_WARN 0.05 /* RMS, of the mean over texels */
-#define REFUTED_WARN   0.01 /* of what views see of the surface */
+#define REFUTED_WARN   0.01 /* share of the points that views see */
 
 static char *output_option;
 static gboolean crate_option, no_verify_option;

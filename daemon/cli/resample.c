@@ -12,7 +12,9 @@ static int threads;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "own: those planned (default); 81: the papers'; or a table of directions", "own|81|FILE"},
+     "own: the planned directions (default); 81: those of the papers; or a file with a table of "
+     "directions",
+     "own|81|FILE"},
     {"threads", 't', 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
     {NULL},
 };
@@ -161,7 +163,7 @@ static int cli_resample_run(const struct call *call, GError **error) {
 const struct command cli_resample = {.name = "resample",
                                      .arguments = "DIR -o DIR",
                                      .help = "Make a session whose BTF has the same directions for "
-                                             "all texels, and say how far to believe it.",
+                                             "all texels, and report its accuracy.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

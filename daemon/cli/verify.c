@@ -64,7 +64,7 @@ static gboolean cli_verify_work(const struct work *work, gpointer data, GError *
         session_find_damage(session, SESSION_FRAMES, "", work, &verify->n_frames, error);
     if (!verify->frames)
         return FALSE;
-    /* Resume hashes frames only where it is told to. */
+    /* Resume hashes only frames that are noted. */
     for (guint i = 0; i < verify->frames->len && !verify->not_noted; i++) {
         const struct session_damage *damage = verify->frames->pdata[i];
         session_note_damage(session, damage->path, damage->what, &verify->not_noted);

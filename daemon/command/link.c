@@ -131,8 +131,8 @@ static Link *link_to_private(GError **error) {
     return NULL;
 }
 
-/* What a session's control file says. The directory may be of others: a link, a file of another
- * user, or something that is not a regular file, is ignored. NULL: nothing. */
+/* The address in a session's control file. The directory may belong to others: a link, a file of
+ * another user, or something that is not a regular file, is ignored. NULL: nothing. */
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);

@@ -10,7 +10,8 @@
 static double seconds;
 
 static const GOptionEntry light_entries[] = {
-    {"for", 't', 0, G_OPTION_ARG_DOUBLE, &seconds, "Off again after so long; else at Ctrl-C", "S"},
+    {"for", 't', 0, G_OPTION_ARG_DOUBLE, &seconds,
+     "Seconds after which it goes off again (at Ctrl-C)", "S"},
     HAND_RIG_ENTRY,
     {NULL},
 };

@@ -20,8 +20,8 @@ static int count;
     {                                                                                              \
         "exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "How long it exposes (10000)",    \
         "US"},                                                                                     \
-        {"lamp", 'l', 0, G_OPTION_ARG_STRING, &lamp, "Light this lamp meanwhile", "LAMP"},         \
-        {"laser", 0, 0, G_OPTION_ARG_STRING, &laser, "Light this laser meanwhile", "LASER"},       \
+        {"lamp", 'l', 0, G_OPTION_ARG_STRING, &lamp, "Switch this lamp on meanwhile", "LAMP"},     \
+        {"laser", 0, 0, G_OPTION_ARG_STRING, &laser, "Switch this laser on meanwhile", "LASER"},   \
         HAND_RIG_ENTRY
 
 static const GOptionEntry snap_entries[] = {

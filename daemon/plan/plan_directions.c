@@ -193,9 +193,9 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-/* Adds a direction, and the angle that shows it: of a camera at azimuth φ_c, which sees the sample
- * from φ_c − τ, the turntable's τ; of a lamp or laser, which the sample sees at φ = α − τ plus its
- * own azimuth at α = 0, the azimuth α − τ. */
+/* Adds a direction and the angle that shows it. A camera at azimuth φ_c sees the sample from φ_c −
+ * τ: the angle is the turntable's τ. The sample sees a lamp or laser at φ = α − τ plus its own
+ * azimuth at α = 0: the angle is α − τ. */
 static gboolean add_direction(const struct plan_build *b, const struct candidates *candidates,
                               double theta_deg, double phi_deg, GArray *angles, GArray *directions,
                               GArray *angle_of, GError **error) {

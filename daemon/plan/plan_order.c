@@ -20,7 +20,7 @@ static gboolean plan_order_is_lit(const struct session_shot *shot) {
     return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
 }
 
-/* What is planned in each pose: lamps by number, then sweeps by how long they take to prepare. */
+/* The shots of each pose: lamps by number, then sweeps by how long they take to prepare. */
 struct pose_shots {
     GArray *lamps, *sweeps; /* of guint */
 };

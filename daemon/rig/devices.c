@@ -377,7 +377,7 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
     return g_variant_builder_end(&list);
 }
 
-/* What a device has answered to devices_secure(). */
+/* A device's answer to devices_secure(). */
 struct answer {
     gboolean done;
     GError *error;

@@ -147,7 +147,7 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_free(guardian);
 }
 
-/* What the daemon has sent. */
+/* The bytes that the daemon has sent. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
 
 static enum news guardian_receive(gint64 *until_us) {

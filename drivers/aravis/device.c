@@ -24,7 +24,7 @@
 /* Longer than Aravis needs to report that a camera was unplugged. */
 #define UNPLUG_REPORT_US 10000
 
-/* How many packets may be asked for again, a packet of the picture. */
+/* Limit of resend requests, as a share of a picture's packets. */
 #define REQUESTS 1.0
 
 struct AravisDevice {

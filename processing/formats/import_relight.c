@@ -58,7 +58,7 @@ static gboolean relight_number(JsonNode *node, double *ret) {
     return isfinite(*ret);
 }
 
-/* An array of a number of numbers; 0: any multiple of three. */
+/* An array of n numbers; n 0: any multiple of three. */
 static double *relight_numbers(const struct relight *relight, JsonObject *of, const char *key,
                                guint n, guint *ret_n, GError **error) {
     JsonNode *node = json_object_get_member(of, key);

@@ -43,7 +43,7 @@ struct method {
      * card; for a method without a material file, path is that of a normal map, or NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
-    /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
+    /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* GPU memory */
     /* Sets textures and uniforms of a program in use that has the shaders. */

@@ -162,7 +162,7 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f, Dir
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-/* What the three forms have in common. */
+/* The part common to the three forms. */
 struct extent_mm {
     int width, height, n_views;
     double texel_mm, deepest_mm;

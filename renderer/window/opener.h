@@ -10,7 +10,7 @@
 
 enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_PLACES };
 
-/* What was opened for a place, or why not. */
+/* The result of opening a material for a place, or the error. */
 struct opened {
     enum opener_place place;
     const struct method *method; /* unused for OPENER_MDF */

@@ -24,7 +24,7 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGige, virtual_gige_free)
 
-/* What a section writes for "device"; "GE-" and the serial number work too. */
+/* The value of "device" in a section; "GE-" and the serial number work too. */
 const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);

@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <string.h>
 
-/* What a command and an answer begin with: prefix, flags or status, command, length, number. */
+/* The head of a command and of an answer: prefix, flags or status, command, length, number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
 #define RESPONSE_MS 200 /* the longest time that an answer may take, as on a busy computer */

@@ -1,4 +1,4 @@
-/* What the parts of a virtual rig share: rig.c has cameras of GigE Vision and USB3 Vision and
+/* Shared by the parts of a virtual rig: rig.c has cameras of GigE Vision and USB3 Vision and
  * Modbus, rig_usb.c the rest of USB, and V4L2. */
 #pragma once
 

@@ -8,7 +8,7 @@ enum cached { /* apart from those of world_light.c */
               CACHED_LASER_LIST,
 };
 
-/* What a sweep adds to a pixel: amplitude times the profile at (sweep − angle)/σ. */
+/* The contribution of a sweep to a pixel: amplitude times the profile at (sweep − angle)/σ. */
 struct share {
     float angle; /* in σ of the profile, from the list's first angle */
     float amplitude;

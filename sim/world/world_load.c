@@ -389,8 +389,8 @@ static gboolean load_section(World *world, const struct world_options *all,
         if (section->name && classes[i].n < classes[i].max)
             return classes[i].load(world, all, section, error);
         if (section->name)
-            config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "more than %d of a kind",
-                             classes[i].max);
+            config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                             "there are more than %d sections of this class", classes[i].max);
         else
             config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
                              section->class_name);

@@ -105,9 +105,9 @@ static inline guint64 world_bits(double value) {
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* Where light comes from, seen from the sample. What depends on it depends on the angle between arc
- * and turntable alone, unless the arc's axis is not the turntable's. What is fixed turns against
- * the turntable alone. */
+/* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
+ * between arc and turntable alone, unless the arc's axis differs from the turntable's; those for
+ * fixed lights depend on the turntable alone. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad 0 where it does not matter */
     gboolean fixed;

@@ -15,7 +15,7 @@
 
 /* Properties of every material. Arrays belong to the material or its model. */
 struct material_info {
-    char *label;      /* to tell it from others: the file's or the session's name, or a method's */
+    char *label; /* distinguishes it from others: the file's or the session's name, or a method's */
     const char *kind; /* "btf", or the name of its codec */
     const struct btf_layout *layout;
     gint64 bytes; /* as a renderer holds it; the BTF in halves */
@@ -34,8 +34,8 @@ struct codec_job {
 struct codec_result {
     GPtrArray *levels; /* models, with a free function: the BTF's own, then its mip levels */
     int clusters, components, grid; /* those that there are; components: terms, lobes, … a texel */
-    double error;       /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of what the file gives back */
-    double exact_error; /* the same before numbers were rounded for the file */
+    double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of the values read back from the file */
+    double exact_error;     /* the same before numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ|; −1: the codec does not know it */
     gboolean packed;        /* its size is that of the file, not that in a renderer */
 };

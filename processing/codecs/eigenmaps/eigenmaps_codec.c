@@ -62,7 +62,7 @@ static const struct option eigenmaps_codec_table[] = {
      .min = 1,
      .max = G_MAXDOUBLE,
      .offset = offsetof(struct eigenmaps_codec_options, components),
-     .help = "eigen-maps, 4 if not given; with --error at most"},
+     .help = "eigen-maps, 4 if not given; with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct eigenmaps_codec_options, error),
@@ -190,7 +190,7 @@ static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct bt
 const struct codec eigenmaps_codec = {
     .name = "eigenmaps",
     .title = "eigen-maps",
-    .help = "eigen-maps, as few as explain most (Wang et al. 2005)",
+    .help = "eigen-maps: a few maps that all views share (Wang et al. 2005)",
     .options = eigenmaps_codec_table,
     .options_size = sizeof(struct eigenmaps_codec_options),
     .bounded = TRUE,

@@ -253,7 +253,7 @@ static void lobes_fit_block(int block, gpointer data) {
     g_atomic_int_set(&run->done[block], 1);
 }
 
-/* Takes what the checkpoint has, and registers what it is to save from now on. */
+/* Takes the checkpoint's arrays, and registers those to save from now on. */
 static void lobes_resume(struct lobes_run *run) {
     Checkpoint *checkpoint = run->options->checkpoint;
     const struct lobes *lobes = run->lobes;

@@ -12,14 +12,14 @@
 #define LN2        0.69314718F
 #define TINY       1e-20F
 
-/* What the solver needs of all samples at one point. */
+/* The sums over all samples that the solver needs at one point. */
 struct normal {
     lanes cost;
     lanes gradient[P];             /* Jᵀr */
     lanes matrix[P * (P + 1) / 2]; /* JᵀJ, lower half row by row */
 };
 
-/* What is the same for all samples. */
+/* Values common to all samples. */
 struct prepared_lobe {
     lanes d[3], s, n;
 };

@@ -1,4 +1,4 @@
-/* What the files of lobes.h share. */
+/* Shared by the files of lobes.h. */
 #pragma once
 
 #include "base/direction.h"

@@ -14,7 +14,7 @@ static const char *const names[] = {
     [LPCA_KEPT_SQUARES] = "lpca.squares",
 };
 
-/* What the file of each stage holds. */
+/* The arrays in the file of each stage. */
 #define KEPT(what) (1U << LPCA_KEPT_##what)
 static const guint kept_by[] = {
     [LPCA_REDUCING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(AXES),
@@ -143,7 +143,7 @@ void lpca_leave(struct lpca_run *run) {
     g_clear_pointer(&run->done, g_free);
 }
 
-/* What a whole one is kept as. */
+/* An array of a complete local PCA, as it is kept. */
 struct piece {
     const char *name;
     gpointer values;

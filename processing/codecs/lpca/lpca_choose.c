@@ -89,8 +89,8 @@ static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GEr
     return NULL;
 }
 
-/* Tries choice->clusters clusters. What is kept of the choice changes only once the try is over.
- * Limits of memory end the search where something was found already. */
+/* Tries choice->clusters clusters. The saved choice changes only once the try is over. Limits of
+ * memory end the search where something was found already. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;

@@ -1,5 +1,5 @@
-/* How many clusters and components: the smallest local PCA that is good enough, or the best one
- * that is small enough. */
+/* Chooses the numbers of clusters and components: the smallest local PCA that is good enough, or
+ * the best one that is small enough. */
 #pragma once
 
 #include "lpca.h"

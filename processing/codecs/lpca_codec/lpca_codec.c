@@ -44,13 +44,13 @@ static const struct option lpca_codec_table[] = {
      .min = 1,
      .max = LPCA_MAX_PACKED,
      .offset = offsetof(struct lpca_codec_options, components),
-     .help = "eigen-BRDFs of a cluster, 8 if not given, more than 64 of packed ones alone; with "
-             "--error or --size at most"},
+     .help = "eigen-BRDFs of a cluster, 8 if not given (more than 64 only if packed); with --error "
+             "or --size the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct lpca_codec_options, error),
-     .help = "as small as reaches this error of the whole BTF: components, and clusters unless -k "
-             "says them"},
+     .help = "the smallest that reaches this error of the whole BTF: chooses components, and "
+             "clusters unless -k gives them"},
     {.name = "size",
      .type = OPTION_BYTES,
      .offset = offsetof(struct lpca_codec_options, size),
@@ -70,8 +70,8 @@ static const struct option lpca_codec_table[] = {
      .fallback = "half",
      .choices = lpca_codec_quantise,
      .offset = offsetof(struct lpca_codec_options, quantise),
-     .help = "numbers in the file; 8bit is of eigen-BRDFs alone; packed, with --error or --size, "
-             "is smallest, and unpacked to be drawn"},
+     .help = "numbers in the file; 8bit applies to eigen-BRDFs only; packed, with --error or "
+             "--size, is smallest, and is unpacked to be drawn"},
     {.name = "colours",
      .type = OPTION_CHOICE,
      .fallback = "rgb",
