@@ -352,7 +352,8 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
         vision_find_markers(picture, board->dictionary, border, TRUE, NULL);
     if (mirrored && mirrored->len >= MAX(4, found->len))
         board_find_refuse(
-            error, "the board is mirrored: the picture is flipped, or the board was printed so");
+            error,
+            "the board is mirrored: the picture is flipped, or the board was printed mirrored");
     else if (n >= 2)
         board_find_refuse(error,
                           "its markers do not lie as on the board of %d × %d: it is another board, "
@@ -497,7 +498,7 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
         m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
         return board_find_refuse(error,
                                  "the board is mirrored: the picture is flipped, or the board was "
-                                 "printed so");
+                                 "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
     if (fine) { /* once more by all corners found: they are more accurate than the detector's */
         g_array_set_size(from, 2 * corners->len);

@@ -63,14 +63,15 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);
     return (used >= LEAST_PICTURES && 2 * used >= all) ||
-           cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                          "only %d of %d photographs agree on one lens, but at least half of them "
-                          "and %d must: the "
-                          "board was not found in %d, and %d contradict the others; for one, %s; "
-                          "take out photographs of another board, camera, zoom or focus, or give "
-                          "more",
-                          used, all, LEAST_PICTURES, all - used - contradict, contradict,
-                          first_reason(work, 0));
+           cameras_refuse(
+               error, CAMERAS_ERROR_PICTURES,
+               "only %d of %d photographs agree on one lens, but at least half of them "
+               "and %d must: the "
+               "board was not found in %d, and %d contradict the others; for example, %s; take out "
+               "photographs of another board, camera, zoom or focus, or give "
+               "more",
+               used, all, LEAST_PICTURES, all - used - contradict, contradict,
+               first_reason(work, 0));
 }
 
 /* On the turntable a tilted board faces away from some cameras: only pictures that show it count.

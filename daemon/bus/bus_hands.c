@@ -25,7 +25,7 @@ struct hand {
     Laser *laser;
     Axis *axis;
     const char *name;                  /* the device's own */
-    GDBusMethodInvocation *invocation; /* that waits; NULL: none */
+    GDBusMethodInvocation *invocation; /* the call that waits; NULL: none */
     GDBusConnection *connection;       /* of the client */
     char *sender;                      /* its name on a message bus, or NULL */
     guint watch;                       /* of that name */

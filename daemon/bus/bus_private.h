@@ -40,7 +40,7 @@ struct Bus {
     guint end_id; /* the idle source that frees a capture that has ended */
     BusFunc func;
     gpointer data;
-    GDBusConnection *client; /* who runs this; only compared */
+    GDBusConnection *client; /* the client that started it; only compared */
     BusFunc client_gone;
     gpointer client_data;
 };

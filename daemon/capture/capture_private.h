@@ -43,7 +43,7 @@ struct Capture {
     GPtrArray *shots;            /* all, owned */
     GPtrArray *remaining;        /* of this run */
     guint committed;             /* of remaining */
-    GPtrArray *leg;              /* those of them before a laser must be mounted elsewhere */
+    GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */
     int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
     int wanted_mount;            /* the laser whose place is asked for; −1: none */
     GQueue flights;

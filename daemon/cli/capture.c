@@ -59,7 +59,8 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     if (end == MONITOR_LOST) {
         g_autofree char *log = link_log(link);
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
-                    "mesorigd has ended unexpectedly; what was committed stays: mesorig resume "
+                    "mesorigd has ended unexpectedly; committed frames are kept: continue with "
+                    "mesorig resume "
                     "%s%s%s",
                     directory, *log ? "\nIts last messages:\n" : "", log);
         return CLI_FAILED;

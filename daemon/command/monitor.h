@@ -23,7 +23,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 
 enum monitor_answer {
     ANSWER_ELSEWHERE, /* mesorig continue, in another terminal */
-    ANSWER_ENTER,     /* that too, or the Enter key here, if there is one */
+    ANSWER_ENTER,     /* that, or the Enter key of this terminal, if there is one */
     ANSWER_AT_ONCE,   /* for simulated rigs: nobody has to do anything */
 };
 

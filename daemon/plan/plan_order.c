@@ -30,7 +30,7 @@ struct orderer {
     const int *block_of;             /* of each shot */
     int block;                       /* that is being ordered */
     int before;                      /* the last shot of the block before, −1: none */
-    const struct session_shot *dark; /* what the first shot comes after, or NULL */
+    const struct session_shot *dark; /* the shot before the first one, or NULL */
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;

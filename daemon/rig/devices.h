@@ -64,7 +64,7 @@ struct devices {
     Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
     char *text;       /* the rig file as it was read */
     char *path;       /* of the rig file, absolute */
-    char *calibration_path; /* that the rig file names, absolute; NULL: none */
+    char *calibration_path; /* the one that the rig file names, absolute; NULL: none */
     double calibration_days;
 };
 

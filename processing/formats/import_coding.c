@@ -45,7 +45,7 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                            coding->flat_path);
 }
 
-/* IEC 61966-2-1; below 0 its straight part goes on. */
+/* IEC 61966-2-1; its linear part continues below 0. */
 static double import_coding_from_srgb(double v) {
     return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
 }

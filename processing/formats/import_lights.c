@@ -24,7 +24,7 @@ struct list {
     const char *path;
     GArray *lights; /* of struct import_light */
     struct columns columns;
-    gint64 count; /* as the list states it; 0: it does not */
+    gint64 count; /* number that the list states; 0: none */
     int count_line;
 };
 

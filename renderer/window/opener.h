@@ -18,7 +18,7 @@ struct opened {
     gpointer material; /* of the method; NULL with an error */
     struct mdf_source *mdf;
     GError *error;
-    gint number; /* of those asked for */
+    gint number; /* number of the request */
 };
 
 typedef struct Opener Opener; /* belongs to the thread of the window */

@@ -28,8 +28,8 @@ struct window {
     const char *shape;
     char *session; /* directory, or NULL */
     char *material, *second_material;
-    char *message; /* what went wrong last, or NULL */
-    char *title;   /* that the window has */
+    char *message; /* the last error, or NULL */
+    char *title;   /* the present title of the window */
     double x, y;   /* of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];

@@ -43,7 +43,8 @@ struct VirtualUsb {
 };
 
 struct flight {
-    UMockdevIoctlClient *client; /* whose memory it is in: only it may reap; not a reference */
+    UMockdevIoctlClient
+        *client; /* the client whose memory holds it: only that may reap it; not a reference */
     UMockdevIoctlData *urb;
     gboolean waits; /* a bulk transfer that has no data yet */
     gint64 due_us;  /* G_MAXINT64: never */

@@ -55,7 +55,7 @@ struct virtual_camera_faults {
 
     /* GigE Vision alone. */
     double loss;        /* part of the packets of pictures that is lost on the way */
-    gboolean no_resend; /* what is asked for again does not come */
+    gboolean no_resend; /* requested packets are not sent again */
     gboolean unplugged; /* nothing comes through */
     int mtu;            /* larger packets do not get through; 0: all do */
 

@@ -41,8 +41,8 @@ struct vision_camera { /* on the network or on USB */
 
 struct VirtualRig {
     Config *config;
-    char **usb; /* which are on USB */
-    char **u3v; /* which cameras are USB3 Vision's */
+    char **usb; /* names of the devices on USB */
+    char **u3v; /* names of the USB3 Vision cameras */
     World *world;
     GString *text;
     GArray *devices; /* of struct virtual_rig_device */

@@ -56,7 +56,7 @@ static gpointer make_vertices(const struct cache_key *key, gconstpointer data, g
     return lit;
 }
 
-struct laser_light { /* what a list is made with */
+struct laser_light { /* the input of a list */
     const World *world;
     const struct optics_camera *camera;
     struct optics_laser laser;

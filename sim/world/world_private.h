@@ -53,7 +53,7 @@ struct World {
     double turntable_deg, arc_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
-    int laser_place[WORLD_MAX_LASERS]; /* whose place each is mounted at */
+    int laser_place[WORLD_MAX_LASERS]; /* the laser at whose place each is mounted */
 };
 
 /* world_load.c: fills a zeroed world from its file; on failure the world may be half full. */

@@ -33,7 +33,7 @@ struct codec_job {
 /* What encode() found. The caller sets all to 0 and frees levels. */
 struct codec_result {
     GPtrArray *levels; /* models, with a free function: the BTF's own, then its mip levels */
-    int clusters, components, grid; /* those that there are; components: terms, lobes, … a texel */
+    int clusters, components, grid; /* the numbers used; components: terms, lobes, … */
     double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of the values read back from the file */
     double exact_error;     /* the same before numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ|; −1: the codec does not know it */
@@ -44,7 +44,7 @@ struct codec;
 
 /* One point of a curve of error against size. */
 struct codec_point {
-    const char *series; /* of one codec there may be several */
+    const char *series; /* a codec may have several */
     char *label;  /* distinguishes the sizes of a codec, as in "8 clusters"; the callee takes it */
     gint64 bytes; /* as a renderer holds it */
     double error; /* relative RMS; −1: the callee measures model */

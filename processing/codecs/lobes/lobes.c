@@ -58,7 +58,7 @@ struct lobes_run {
     struct lobes_start *start;
     float *views, *lights; /* × 3, unit vectors */
     float *polynomial;     /* A⁺: POLYNOMIAL × n_lights */
-    int n_blocks, *done;   /* of each block of texels whether it is */
+    int n_blocks, *done;   /* done: whether each block of texels is fitted */
 };
 
 /* X of least norm that minimises ‖A X − B‖², with the row (lx², ly², lx ly, lx, ly, 1) of A for

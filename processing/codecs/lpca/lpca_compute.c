@@ -373,8 +373,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
-    /* Thrice as it is, with what is rotated, and two that are rounded, each with its whole numbers.
-     */
+    /* Three unrounded copies, the rotated one included, and two rounded ones with integers. */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
     /* Copied to be written. */

@@ -25,7 +25,7 @@
 
 #include "lpca.h"
 
-/* Beside LPCA_MAX_COMPONENTS, which others have: what a packed one may have. */
+/* Limit of components of a packed local PCA; others have LPCA_MAX_COMPONENTS. */
 #define LPCA_MAX_PACKED 512
 
 /* The part that does not depend on the step: made once, rounded as often as needed. */

@@ -36,7 +36,7 @@ struct lpca_reduced {
     int n, r;
     const float *rows;                  /* n × r */
     const struct lpca_options *options; /* threads, progress, cancellable, team */
-    struct lpca_run *run;               /* whose state is kept; or NULL */
+    struct lpca_run *run;               /* the run whose state is kept; or NULL */
     int k, c;                           /* asked for; k is lowered to what is of use */
     int *labels;                        /* n */
     float *means;                       /* k × r */

@@ -130,8 +130,9 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
     return g_steal_pointer(&lpca);
 }
 
-/* Errors add in squares: what rounding adds is taken off the error that the next one is to reach,
- * e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows `rounding`. */
+/* Errors add in squares: the error added by rounding is subtracted from the target of the next
+ * attempt, e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows
+ * `rounding`. */
 static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf, struct lpca_options *options,
                                        struct codec_result *ret, GError **error) {
