@@ -20,9 +20,11 @@ struct entry {
 
 struct Config {
     char *path, *text;
-    GArray *sections;  /* of struct config_section */
-    GHashTable *lines; /* "class name" -> line of that section; keys owned */
-    GArray *problems;  /* of struct config_problem; NULL: loading fails at the first problem */
+    GArray *sections;   /* of struct config_section */
+    GHashTable *lines;  /* "class name" -> line of that section; keys owned */
+    GArray *problems;   /* of struct config_problem; NULL: mistakes has them */
+    Mistakes *mistakes; /* the loader's; NULL after loading */
+    gboolean broken;    /* a heading is */
 };
 
 GQuark config_error_quark(void) {
@@ -52,9 +54,10 @@ static gboolean G_GNUC_PRINTF(4, 5)
     syntax_error(GError **error, const Config *config, int line, const char *format, ...) {
     va_list args;
     va_start(args, format);
-    g_autofree char *message = g_strdup_vprintf(format, args);
+    GError *made = error_details_new_valist(CONFIG_ERROR, CONFIG_ERROR_SYNTAX, NULL, format, args);
     va_end(args);
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX, "%s:%d: %s", config->path, line, message);
+    error_details_add_place(&made, config->path, line, NULL);
+    g_propagate_error(error, made);
     return FALSE;
 }
 
@@ -120,6 +123,8 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
 }
 
 static gboolean config_parse_line(Config *config, char *text, int line, GError **error) {
+    if (!g_utf8_validate(text, -1, NULL))
+        return syntax_error(error, config, line, "not UTF-8");
     g_strstrip(text);
     if (!*text || *text == '#')
         return TRUE;
@@ -137,26 +142,36 @@ static gboolean config_parse_line(Config *config, char *text, int line, GError *
 }
 
 /* Leaves out a line that cannot be understood, and notes the problem. */
-static void parse_line_leniently(Config *config, char *text, int line) {
-    const struct config_section *last = last_section(config);
+static void take_line(Config *config, char *text, int line) {
+    struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
-    g_autoptr(GError) error = NULL;
+    GError *error = NULL;
     /* A second "driver": the heading between the two is missing. */
     const gboolean second = last && g_str_has_prefix(text, "driver") &&
                             strcspn(text, " \t=") == strlen("driver") &&
                             config_value(last, "driver", NULL);
     if (config_parse_line(config, copy, line, &error))
         return;
-    const struct config_problem problem = {g_strdup(error->message), line};
-    g_array_append_val(config->problems, problem);
+    if (config->problems) {
+        const struct config_problem problem = {g_strdup(error->message), line};
+        g_array_append_val(config->problems, problem);
+        g_error_free(error);
+    } else {
+        mistakes_add(config->mistakes, error);
+    }
     /* A section begins for the keys after a broken heading, so that they do not join the one
      * before. */
-    if (second || *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"))) {
-        g_autofree char *plain = g_strdup(second ? "" : text);
+    const gboolean heading = *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"));
+    if (last && !heading)
+        last->incomplete = !config->problems;
+    if (second || heading) {
+        g_autofree char *plain = g_utf8_make_valid(second ? "" : text, -1);
         g_strstrip(g_strdelimit(plain, "[]", ' '));
-        g_autofree char *heading =
+        g_autofree char *named =
             g_strdup_printf("%s (line %d)", *plain ? plain : CONFIG_NO_HEADING, line);
-        config_add_section(config, heading, line, NULL);
+        config->broken = TRUE;
+        if (config_add_section(config, named, line, NULL))
+            last_section(config)->broken = !config->problems;
     }
     if (second)
         config_parse_line(config, text, line, NULL);
@@ -169,28 +184,28 @@ static int line_at(const char *text, const char *at) {
     return line;
 }
 
-static gboolean config_do_parse(Config *config, gsize length, GError **error) {
-    const char *text = config->text, *bad;
-    if (strlen(text) != length)
-        return syntax_error(error, config, line_at(text, text + strlen(text)), "a NUL byte");
-    if (!g_utf8_validate(text, -1, &bad))
-        return syntax_error(error, config, line_at(text, bad), "not UTF-8");
+/* FALSE: it is no text at all. */
+static gboolean config_do_parse(Config *config, gsize length) {
+    const char *text = config->text;
+    GError *error = NULL;
+    if (strlen(text) != length) {
+        syntax_error(&error, config, line_at(text, text + strlen(text)), "a NUL byte");
+        return mistakes_add(config->mistakes, error);
+    }
     if (g_str_has_prefix(text, "\xef\xbb\xbf"))
         text += 3;
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     for (int i = 0; lines[i]; i++)
-        if (config->problems)
-            parse_line_leniently(config, lines[i], i + 1);
-        else if (!config_parse_line(config, lines[i], i + 1, error))
-            return FALSE;
+        take_line(config, lines[i], i + 1);
     return TRUE;
 }
 
-/* Takes ownership of text, which is NUL-terminated and may hold other NULs, to be refused. */
-static Config *config_new(char *text, gsize length, const char *path, gboolean lenient,
-                          GError **error) {
+/* Takes ownership of text, which is NUL-terminated and may hold other NULs, to be refused.
+ * mistakes NULL: leniently. */
+static Config *config_new(char *text, gsize length, const char *path, Mistakes *mistakes) {
     Config *config = g_new0(Config, 1);
-    if (lenient) {
+    config->mistakes = mistakes;
+    if (!mistakes) {
         config->problems = g_array_new(FALSE, TRUE, sizeof(struct config_problem));
         g_array_set_clear_func(config->problems, config_problem_clear);
     }
@@ -199,10 +214,11 @@ static Config *config_new(char *text, gsize length, const char *path, gboolean l
     config->sections = g_array_new(FALSE, TRUE, sizeof(struct config_section));
     g_array_set_clear_func(config->sections, section_clear);
     config->lines = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
-    if (!config_do_parse(config, length, error)) {
+    if (!config_do_parse(config, length)) {
         config_free(config);
         return NULL;
     }
+    config->mistakes = NULL;
     for (guint i = 0; i < config->sections->len; i++)
         g_ptr_array_add(g_array_index(config->sections, struct config_section, i).keys, NULL);
     return config;
@@ -216,11 +232,26 @@ static char *config_read_file(const char *path, gsize *ret_length, GError **erro
     return text;
 }
 
-Config *config_load(const char *path, GError **error) {
-    g_return_val_if_fail(path, NULL);
+Config *config_load_checked(const char *path, Mistakes *mistakes) {
+    g_return_val_if_fail(path && mistakes, NULL);
     gsize length;
-    char *text = config_read_file(path, &length, error);
-    return text ? config_new(text, length, path, FALSE, error) : NULL;
+    GError *error = NULL;
+    char *text = config_read_file(path, &length, &error);
+    mistakes_add(mistakes, error);
+    return text ? config_new(text, length, path, mistakes) : NULL;
+}
+
+/* Takes ownership of config; NULL with mistakes. */
+static Config *config_without(Config *config, const Mistakes *mistakes, GError **error) {
+    if (mistakes_report(mistakes, error))
+        return config;
+    config_free(config);
+    return NULL;
+}
+
+Config *config_load(const char *path, GError **error) {
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    return config_without(config_load_checked(path, mistakes), mistakes, error);
 }
 
 Config *config_load_lenient(const char *path, GError **error) {
@@ -233,7 +264,7 @@ Config *config_load_lenient(const char *path, GError **error) {
         if (bytes[i] == '\0')
             bytes[i] = '\1'; /* a control character, for which the line is refused */
     char *text = g_utf8_make_valid(bytes, (gssize)length);
-    return config_new(text, strlen(text), path, TRUE, error);
+    return config_new(text, strlen(text), path, NULL);
 }
 
 const struct config_problem *config_problems(const Config *config, gsize *ret_n) {
@@ -242,15 +273,25 @@ const struct config_problem *config_problems(const Config *config, gsize *ret_n)
                             : NULL;
 }
 
-Config *config_parse(const char *text, const char *path, GError **error) {
-    g_return_val_if_fail(text && path, NULL);
+Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes) {
+    g_return_val_if_fail(text && path && mistakes, NULL);
     gsize length = strlen(text);
     if (length > MAX_BYTES) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
-                    "%s: longer than 1 MiB: this is not a configuration file", path);
+        mistakes_add(mistakes,
+                     g_error_new(CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
+                                 "%s: longer than 1 MiB: this is not a configuration file", path));
         return NULL;
     }
-    return config_new(g_strdup(text), length, path, FALSE, error);
+    return config_new(g_strdup(text), length, path, mistakes);
+}
+
+Config *config_parse(const char *text, const char *path, GError **error) {
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    return config_without(config_parse_checked(text, path, mistakes), mistakes, error);
+}
+
+gboolean config_has_all_sections(const Config *config) {
+    return !config->broken;
 }
 
 void config_free(Config *config) {
@@ -283,7 +324,7 @@ const struct config_section *config_find(const Config *config, const char *class
     for (guint i = 0; i < config->sections->len; i++) {
         const struct config_section *section =
             &g_array_index(config->sections, struct config_section, i);
-        if (strcmp(section->class_name, class_name) != 0)
+        if (section->broken || strcmp(section->class_name, class_name) != 0)
             continue;
         if (name && g_strcmp0(section->name, name) == 0)
             return section;
@@ -314,19 +355,48 @@ char *config_resolve(const Config *config, const char *path) {
     return g_canonicalize_filename(path, folder);
 }
 
+static GError *config_error_at(enum config_error code, const Config *config,
+                               const struct config_section *section, const char *key,
+                               const char *format, va_list args) G_GNUC_PRINTF(5, 0);
+static GError *config_error_at(enum config_error code, const Config *config,
+                               const struct config_section *section, const char *key,
+                               const char *format, va_list args) {
+    GError *made = error_details_new_valist(CONFIG_ERROR, (gint)code, NULL, format, args);
+    int line = section ? section->line : 0;
+    if (section && key)
+        config_value(section, key, &line);
+    g_autofree char *where =
+        section ? g_strdup_printf("[%s]%s%s", section->group, key ? " " : "", key ? key : "")
+                : NULL;
+    error_details_add_place(&made, config_path(config), line, where);
+    return made;
+}
+
 gboolean config_set_error(GError **error, enum config_error code,
                           const struct config_section *section, const char *key, const char *format,
                           ...) {
     va_list args;
     va_start(args, format);
-    GError *made = error_details_new_valist(CONFIG_ERROR, (gint)code, NULL, format, args);
+    GError *made = config_error_at(code, section->config, section, key, format, args);
     va_end(args);
-    int line = section->line;
-    if (key)
-        config_value(section, key, &line);
-    g_autofree char *where =
-        g_strdup_printf("[%s]%s%s", section->group, key ? " " : "", key ? key : "");
-    error_details_add_place(&made, config_path(section->config), line, where);
     g_propagate_error(error, made);
     return FALSE;
+}
+
+gboolean config_mistake(Mistakes *mistakes, enum config_error code,
+                        const struct config_section *section, const char *key, const char *format,
+                        ...) {
+    va_list args;
+    va_start(args, format);
+    GError *made = config_error_at(code, section->config, section, key, format, args);
+    va_end(args);
+    return mistakes_add(mistakes, made);
+}
+
+gboolean config_lacks(Mistakes *mistakes, const Config *config, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    GError *made = config_error_at(CONFIG_ERROR_MISSING, config, NULL, NULL, format, args);
+    va_end(args);
+    return mistakes_add(mistakes, made);
 }

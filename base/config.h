@@ -6,6 +6,8 @@
  */
 #pragma once
 
+#include "mistakes.h"
+
 #include <gio/gio.h>
 
 #define CONFIG_ERROR config_error_quark()
@@ -27,12 +29,23 @@ struct config_section {
     char *class_name;     /* first word */
     char *name;           /* the rest, or NULL */
     int line;
+    gboolean broken;     /* its heading was not understood: what stands below is to be skipped */
+    gboolean incomplete; /* a line below it was not understood: keys may be missing */
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
     GHashTable *entries; /* the entries; private to the Config */
 };
 
-/* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. */
+/* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error tells
+ * all lines that are wrong. */
 Config *config_load(const char *path, GError **error);
+
+/* The same, for a reader that goes on to tell the mistakes in what has been understood, too. Lines
+ * that were not are left out. NULL: there is nothing to go on with; mistakes say why. */
+Config *config_load_checked(const char *path, Mistakes *mistakes);
+Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
+
+/* Whether all headings were understood: a section that is not there is really missing. */
+gboolean config_has_all_sections(const Config *config);
 
 /* An error in a line of a file that was read leniently. */
 struct config_problem {
@@ -64,7 +77,7 @@ const char *config_text(const Config *config); /* as it was read */
 /* Sections in file order. Owned by the Config. */
 const struct config_section *config_sections(const Config *config, gsize *ret_n);
 
-/* The only section of a class, or the one of that name; NULL if there is none. */
+/* The only section of a class, or the one of that name; NULL if there is none that is whole. */
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 
@@ -82,3 +95,12 @@ char *config_resolve(const Config *config, const char *path);
 gboolean config_set_error(GError **error, enum config_error code,
                           const struct config_section *section, const char *key, const char *format,
                           ...) G_GNUC_PRINTF(5, 6);
+
+/* The same as one of several mistakes of a file. Returns FALSE always. */
+gboolean config_mistake(Mistakes *mistakes, enum config_error code,
+                        const struct config_section *section, const char *key, const char *format,
+                        ...) G_GNUC_PRINTF(5, 6);
+
+/* Something that the file as a whole does not have. Returns FALSE always. */
+gboolean config_lacks(Mistakes *mistakes, const Config *config, const char *format, ...)
+    G_GNUC_PRINTF(3, 4);

@@ -4,6 +4,7 @@
 
 struct details {
     char *file, *subject, *text, *what, *advice; /* text: what and advice as they are shown */
+    int line;
 };
 
 /* GLib keeps a domain's own data in front of the GError, aligned for any type. */
@@ -30,7 +31,7 @@ static void details_copy(const GError *from, GError *to) {
     const struct details *source = details_of(from);
     *details_of(to) =
         (struct details){g_strdup(source->file), g_strdup(source->subject), g_strdup(source->text),
-                         g_strdup(source->what), g_strdup(source->advice)};
+                         g_strdup(source->what), g_strdup(source->advice),  source->line};
 }
 
 static void details_clear(GError *error) {
@@ -102,8 +103,29 @@ void error_details_add_place(GError **error, const char *file, int line, const c
     if (details) {
         g_free(details->file);
         details->file = g_strdup(file);
+        details->line = line;
     }
-    g_prefix_error(error, "%s:%d: %s: ", file, line, where);
+    g_autofree char *number = line > 0 ? g_strdup_printf(":%d", line) : g_strdup("");
+    g_prefix_error(error, "%s%s: %s%s", file, number, where ? where : "", where ? ": " : "");
+}
+
+void error_details_replace(GError **error, const char *text) {
+    struct details *details = details_of(*error);
+    const char *file = details ? details->file : NULL;
+    char *message = file ? g_strconcat(file, ": ", text, NULL) : g_strdup(text);
+    g_free((*error)->message);
+    (*error)->message = message;
+    if (!details)
+        return;
+    g_clear_pointer(&details->subject, g_free);
+    g_clear_pointer(&details->text, g_free);
+    g_clear_pointer(&details->what, g_free);
+    g_clear_pointer(&details->advice, g_free);
+}
+
+int error_details_line(const GError *error) {
+    const struct details *details = details_of(error);
+    return details ? details->line : 0;
 }
 
 const char *error_details_subject(const GError *error) {

@@ -31,8 +31,14 @@ GError *error_details_new_valist(GQuark domain, int code, const char *subject, c
 void error_details_add_subject(GError **error, const char *subject);
 
 /* The same for the place in a file that has led to the error: "FILE:LINE: WHERE: ", as in
- * "rig.conf:12: [axis turntable] bus: ". */
+ * "rig.conf:12: [axis turntable] bus: ". Line 0 and where NULL: that part is left out. */
 void error_details_add_place(GError **error, const char *file, int line, const char *where);
+
+/* Replaces the text behind the place's file: "FILE: TEXT", or the text alone. Subject and advice
+ * are then unknown, domain and code remain. */
+void error_details_replace(GError **error, const char *text);
+
+int error_details_line(const GError *error); /* of the place; 0: none, or not known */
 
 /* NULL: none, or not known. Owned by the error. */
 const char *error_details_subject(const GError *error);

@@ -31,3 +31,36 @@ void nearest_consider(struct nearest *nearest, const char *name) {
         nearest->name = name;
     }
 }
+
+/* Of an unknown letter "-s": all options without a letter that begin with it; of "--sise=3": the
+ * nearest. */
+static char *nearest_options(const char *wrong, const GOptionEntry *const *tables) {
+    const gboolean letter = wrong[1] != '-';
+    g_autofree char *name = g_strndup(wrong + 2, strcspn(wrong + 2, "="));
+    struct nearest nearest = nearest_new(name);
+    GString *begin = g_string_new(NULL);
+    for (; *tables; tables++)
+        for (const GOptionEntry *entry = *tables; entry->long_name; entry++) {
+            if (!*entry->long_name || (entry->flags & G_OPTION_FLAG_HIDDEN))
+                continue;
+            nearest_consider(&nearest, entry->long_name);
+            if (letter && !entry->short_name && *entry->long_name == wrong[1])
+                g_string_append_printf(begin, "%s--%s", begin->len ? " or " : "", entry->long_name);
+        }
+    if (!letter && nearest.name)
+        g_string_printf(begin, "--%s", nearest.name);
+    return g_string_free(begin, FALSE);
+}
+
+void nearest_add_option(GError *error, const GOptionEntry *const *tables) {
+    const char *wrong = strstr(error->message, " -");
+    if (!wrong || !wrong[2] ||
+        !g_error_matches(error, G_OPTION_ERROR, G_OPTION_ERROR_UNKNOWN_OPTION))
+        return;
+    g_autofree char *meant = nearest_options(wrong + 1, tables);
+    if (!*meant)
+        return;
+    char *message = g_strdup_printf("%s; did you mean %s?", error->message, meant);
+    g_free(error->message);
+    error->message = message;
+}

@@ -14,3 +14,8 @@ struct nearest nearest_new(const char *key);
 /* Replaces the nearest name if this one is nearer. Names and keys longer than 63 bytes are not
  * compared. */
 void nearest_consider(struct nearest *nearest, const char *name);
+
+/* Adds to an error of g_option_context_parse() that does not know an option "; did you mean
+ * --NAME?", if one of the tables, each ending with a NULL name, has one like it; of a letter, those
+ * without a letter that begin with it. tables ends with NULL. */
+void nearest_add_option(GError *error, const GOptionEntry *const *tables);

@@ -21,8 +21,8 @@ static char *range_text(const struct option *option) {
     if (!is_limited(option))
         return g_strdup("any");
     char low[G_ASCII_DTOSTR_BUF_SIZE], high[G_ASCII_DTOSTR_BUF_SIZE];
-    g_ascii_formatd(low, sizeof low, "%.9g", option->min);
-    g_ascii_formatd(high, sizeof high, "%.9g", option->max);
+    g_ascii_formatd(low, sizeof low, "%.10g", option->min);
+    g_ascii_formatd(high, sizeof high, "%.10g", option->max);
     if (option->max >= G_MAXDOUBLE)
         return option->min <= -G_MAXDOUBLE ? g_strdup("any") : g_strdup_printf("%s or more", low);
     return option->min <= -G_MAXDOUBLE ? g_strdup_printf("%s or less", high)
@@ -204,21 +204,23 @@ static gsize stem_length(const char *name) {
     return length;
 }
 
-/* FALSE. */
-static gboolean unknown_key(const struct option *table, const struct config_section *section,
-                            const char *const *also, const char *key, GError **error) {
+/* Sets the error; returns the key that was meant, or NULL. */
+static const char *unknown_key(const struct option_target *targets, gsize n_targets,
+                               const struct config_section *section, const char *const *also,
+                               const char *key, GError **error) {
     struct nearest nearest = nearest_new(key);
-    for (const struct option *option = table; option && option->name; option++) {
-        const gsize stem = stem_length(key);
-        if (stem == stem_length(option->name) && strncmp(option->name, key, stem) == 0) {
-            config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
-                             "the unit is part of the name: write %s%s%s%s", option->name,
-                             option->unit ? " (in " : "", option->unit ? option->unit : "",
-                             option->unit ? ")" : "");
-            return FALSE;
+    const gsize stem = stem_length(key);
+    for (gsize i = 0; i < n_targets; i++)
+        for (const struct option *option = targets[i].table; option && option->name; option++) {
+            if (stem == stem_length(option->name) && strncmp(option->name, key, stem) == 0) {
+                config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
+                                 "the unit is part of the name: write %s%s%s%s", option->name,
+                                 option->unit ? " (in " : "", option->unit ? option->unit : "",
+                                 option->unit ? ")" : "");
+                return option->name;
+            }
+            nearest_consider(&nearest, option->name);
         }
-        nearest_consider(&nearest, option->name);
-    }
     for (; also && *also; also++)
         nearest_consider(&nearest, *also);
     if (nearest.name)
@@ -226,7 +228,7 @@ static gboolean unknown_key(const struct option *table, const struct config_sect
                          "there is no such key; did you mean %s?", nearest.name);
     else
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key, "there is no such key here");
-    return FALSE;
+    return nearest.name;
 }
 
 const struct option *options_find(const struct option *table, const char *name) {
@@ -257,8 +259,10 @@ static gboolean parse_option(const struct option *option, const struct config_se
 gboolean options_check_key(const struct option *table, const struct config_section *section,
                            const char *const *also, const char *key, GError **error) {
     const struct option *option = options_find(table, key);
-    if (!option && !(also && g_strv_contains(also, key)))
-        return unknown_key(table, section, also, key, error);
+    if (!option && !(also && g_strv_contains(also, key))) {
+        unknown_key(&(struct option_target){table, NULL}, 1, section, also, key, error);
+        return FALSE;
+    }
     if (!option)
         return TRUE;
     const struct option alone[] = {*option, {NULL}};
@@ -268,18 +272,50 @@ gboolean options_check_key(const struct option *table, const struct config_secti
     return good;
 }
 
+gboolean options_read(const struct option_target *targets, gsize n_targets,
+                      const struct config_section *section, const char *const *also,
+                      Mistakes *mistakes) {
+    g_autoptr(GPtrArray) meant = g_ptr_array_new(); /* by keys that are misspelt */
+    gboolean good = !section->incomplete;
+    for (const char *const *key = config_keys(section); *key; key++) {
+        gboolean known = also && (g_strv_contains(also, *key) || g_strv_contains(also, "*"));
+        for (gsize i = 0; i < n_targets && !known; i++)
+            known = options_find(targets[i].table, *key) != NULL;
+        if (known)
+            continue;
+        GError *error = NULL;
+        const char *name = unknown_key(targets, n_targets, section, also, *key, &error);
+        if (name)
+            g_ptr_array_add(meant, (gpointer)name);
+        good = mistakes_add(mistakes, error);
+    }
+    for (gsize i = 0; i < n_targets; i++)
+        for (const struct option *option = targets[i].table; option && option->name; option++) {
+            GError *error = NULL;
+            if (parse_option(option, section, targets[i].target, &error))
+                continue;
+            good = FALSE;
+            if (!config_value(section, option->name, NULL) &&
+                (section->incomplete ||
+                 g_ptr_array_find_with_equal_func(meant, option->name, g_str_equal, NULL)))
+                g_error_free(error); /* another mistake is its cause */
+            else
+                mistakes_add(mistakes, error);
+        }
+    for (gsize i = 0; i < n_targets && !good; i++)
+        options_clear(targets[i].table, targets[i].target);
+    return good;
+}
+
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error) {
-    for (const char *const *key = config_keys(section); *key; key++)
-        if (!options_find(table, *key) && !(also && g_strv_contains(also, *key)))
-            return unknown_key(table, section, also, *key, error);
-    for (const struct option *option = table; option && option->name; option++) {
-        if (!parse_option(option, section, target, error)) {
-            options_clear(table, target);
-            return FALSE;
-        }
-    }
-    return TRUE;
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    if (options_read(&(struct option_target){table, target}, 1, section, also, mistakes))
+        return TRUE;
+    if (mistakes_report(mistakes, error))
+        config_set_error(error, CONFIG_ERROR_SYNTAX, section, NULL,
+                         "a line of this section was not understood");
+    return FALSE;
 }
 
 void options_defaults(const struct option *table, gpointer target) {

@@ -43,6 +43,20 @@ struct option {
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error);
 
+/* A table and the struct that it fills. */
+struct option_target {
+    const struct option *table;
+    gpointer target;
+};
+
+/* The same for keys that belong to one of several tables, and it adds all mistakes of the section
+ * (the error of options_parse() tells them all, too). A key that must be given is not missed where
+ * a misspelt one is told to be it, nor where a line of the section was not understood. "*" in also:
+ * any other key. TRUE: all is right, and no line was left out. */
+gboolean options_read(const struct option_target *targets, gsize n_targets,
+                      const struct config_section *section, const char *const *also,
+                      Mistakes *mistakes);
+
 /* Sets one field of target from a text, as on a command line: the error does not name the option.
  */
 gboolean options_set(const struct option *option, const char *text, gpointer target,

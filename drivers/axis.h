@@ -27,10 +27,12 @@ struct axis_motion {
     double accel_deg_s2; /* > 0, also to stop */
     double backlash_deg; /* >= 0: taken up by always arriving in the positive direction */
     double settle_ms;    /* from arrival until the load is still; the class waits for it */
+    double homing_s;     /* that homing takes, for predictions; 0: not known */
 };
 
-/* The options of a motion, for a driver's table. at: offset of the struct axis_motion that they
- * fill; speed, accel: defaults of speed_deg_s and accel_deg_s2, NULL where they must be given. */
+/* A driver's own row says homing_s. The options of a motion, for a driver's table. at: offset of
+ * the struct axis_motion that they fill; speed, accel: defaults of speed_deg_s and accel_deg_s2,
+ * NULL where they must be given. */
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \

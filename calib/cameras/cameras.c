@@ -4,6 +4,9 @@
  * rounds with outlier rejection (cameras_refine.c). */
 #include "cameras_private.h"
 
+#include "base/work.h"
+
+#include <cblas.h>
 #include <gio/gio.h>
 #include <string.h>
 
@@ -345,8 +348,11 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
                                           GError **error) {
     struct cameras_work work;
     struct cameras_result *result = NULL;
+    const int blas_threads = openblas_get_num_threads();
     if (!free_boards && !board_check_upright(&task->board, error))
         return NULL;
+    /* OpenCV and this room solve thousands of small systems, between which threads only wait. */
+    work_use_one_blas_thread();
     cameras_work_init(&work, calibration, task, free_boards);
     gboolean ok = for_each(&work, find_board, NULL, error);
     if (free_boards) {
@@ -354,7 +360,7 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
         camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
         camera->translation_mm = vec3(0, 0, 0);
         ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error) &&
-             (task->lens_given || cameras_choose_lens(&work, error));
+             cameras_choose_lens(&work, error);
     } else {
         cameras_start(&work);
         ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
@@ -380,6 +386,7 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     g_free(work.bundle.cameras);
     g_free(work.bundle.stops);
     g_free(work.bundle.lays);
+    openblas_set_num_threads(blas_threads);
     return result;
 }
 

@@ -91,7 +91,9 @@ static gboolean is_better(const double *a, const double *b, int n) {
     return sum > SIGNIFICANT * sqrt(squares);
 }
 
-/* The polynomial is the default, then comes the model with fewer parameters. */
+/* The polynomial is the default, then comes the model with fewer parameters. A lens that is given
+ * is fitted alone, as a start of the refinement: from a straight lens, that may end at a minimum
+ * where the parameters of a rational lens are undetermined. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     static const enum rig_lens order[] = {RIG_LENS_POLYNOMIAL, RIG_LENS_FISHEYE, RIG_LENS_RATIONAL};
     const int n = work->task->n_pictures;
@@ -99,20 +101,22 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     double noise = G_MAXDOUBLE, scale_px = 0, d[2];
     cameras_set_observations(work);
     for (int i = 0; i < RIG_LENSES; i++) {
-        trials[i].ok = fit_all(work, (enum rig_lens)i, &trials[i]);
         trials[i].loss = g_new0(double, n + 1);
+        if (work->task->lens_given && work->task->lens != (enum rig_lens)i)
+            continue;
+        trials[i].ok = fit_all(work, (enum rig_lens)i, &trials[i]);
         if (trials[i].ok)
             noise = MIN(noise, trials[i].bundle.cameras[0].noise);
     }
     for (gsize k = 0; k < G_N_ELEMENTS(order); k++) {
         struct trial *trial = &trials[order[k]];
-        for (int fold = 0; trial->ok && fold < FOLDS; fold++)
+        for (int fold = 0; trial->ok && !work->task->lens_given && fold < FOLDS; fold++)
             trial->ok = predict(trial, fold, noise, trial->loss);
         if (trial->ok && (!best || is_better(best->loss, trial->loss, n)))
             best = trial;
     }
     if (!best) /* the refinement reports why */
-        best = &trials[RIG_LENS_POLYNOMIAL];
+        best = &trials[work->task->lens_given ? work->task->lens : RIG_LENS_POLYNOMIAL];
     /* Pixels of a whitened residual of 1, for people: by the median. */
     g_autoptr(GArray) ratios = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; best->ok && i < best->bundle.n_observations; i++) {
@@ -126,7 +130,7 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
         double sum = 0;
         for (int k = 0; k < n; k++)
             sum += trials[i].loss[k];
-        if (trials[i].ok && work->bundle.n_observations > 0)
+        if (trials[i].ok && sum > 0)
             work->held_out_px[i] = scale_px * sqrt(sum / work->bundle.n_observations);
     }
     if (best->ok) {

@@ -2,7 +2,8 @@
  * d at the commanded sweep angle and p the point of the plane that the pixel sees. Parameters:
  * tilt and centre of the arc's axis (4, with a prior), six per laser (below), offsets of the
  * cameras (2 each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ
- * estimated by drive.h). */
+ * estimated by drive.h). Where lines fit badly, the height of each plane in turn is one more
+ * parameter, which tells whether that plane was given another height than it has. */
 #include "laser.h"
 
 #include "geometry/drive.h"
@@ -20,11 +21,19 @@ G_DEFINE_QUARK(laser_error, laser_error)
 
 #define EXCHANGED 5.0 /* times nearer to another laser's place than to its own */
 
+#define MISFIT_MM      0.03 /* RMS from which on the heights of planes are doubted */
+#define WORST          0.05 /* share of points that are nowhere near a sheet */
+#define MOST_OFF_MM    0.3  /* a point further off counts so much, also one that was rejected */
+#define HEIGHT_BETTER  3.0  /* times less RMS tells that a height was wrong */
+#define HEIGHT_ERRORS  5.0  /* standard errors that it must differ by */
+#define HEIGHT_POINTS  2000 /* of a laser, are enough to tell */
+#define HEIGHT_AS_GOOD 1.5  /* times the RMS of another height is no worse */
+
 #define ARC 4 /* number of parameters of the arc; they come first */
 
 /* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's
- * angle. */
-enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON };
+ * angle, height of its plane. */
+enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
 
 /* Corrections of a laser: position across the sheet and along the beam (mm), axis towards beam
  * and across (rad), zero of the sweep (rad), and relative stretch of the sweep angle. */
@@ -37,7 +46,9 @@ struct problem {
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of; /* n: index of the arc's angle; −1: a laser that stands by itself */
+    int *swing_of;   /* n: index of the arc's angle; −1: a laser that stands by itself */
+    double plane_mm; /* points at this height may be at another one; NAN: none */
+    int height_at;   /* parameter: how much higher their plane is */
     int n_parameters;
 };
 
@@ -75,6 +86,9 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
     struct rig_arc arc = laser_arc_of(problem, x);
     struct rig_laser lasers[RIG_MAX_LASERS];
+    struct vec3 eyes[RIG_MAX_CAMERAS];
+    for (int i = 0; i < problem->rig->n_cameras; i++)
+        eyes[i] = rig_camera_centre_mm(&problem->rig->cameras[i]);
     for (int i = 0; i < problem->rig->n_lasers; i++)
         if (problem->at[i] >= 0)
             lasers[i] = laser_of(problem, x, i);
@@ -87,6 +101,10 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         struct rig_plane sheet =
             rig_laser_sheet(&arc, &lasers[point->laser], arc_rad, point->sweep_rad);
         struct vec3 p = point->point_mm;
+        if (p.z == problem->plane_mm) { /* along the line of sight to the other plane */
+            const struct vec3 way = vec3_sub(p, eyes[point->camera]);
+            p = vec3_add(p, vec3_scale(way, x[problem->height_at] / way.z));
+        }
         p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
         p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
         ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
@@ -157,6 +175,8 @@ static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_
     }
     problem->swing.at = problem->n_parameters;
     problem->n_parameters += problem->swing.n;
+    problem->height_at = problem->n_parameters;
+    problem->n_parameters += !isnan(problem->plane_mm);
     if (!any)
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                     "no laser's line is seen in any sweep");
@@ -175,6 +195,7 @@ static int *laser_new_depends(const struct problem *problem) {
         for (int k = 0; k < 2; k++)
             of[ON_CAMERA + k] = problem->camera_at[p->camera] + k;
         of[ON_SWING] = problem->swing_of[i] >= 0 ? problem->swing.at + problem->swing_of[i] : -1;
+        of[ON_HEIGHT] = p->point_mm.z == problem->plane_mm ? problem->height_at : -1;
     }
     return depends;
 }
@@ -226,8 +247,9 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
     }
 }
 
-static void laser_take(const struct problem *problem, const struct fit *fit,
-                       struct fit_result *fitted, const double *x, struct laser_result *ret) {
+static void laser_take(const struct problem *problem, struct fit_result *fitted, const double *x,
+                       struct laser_result *ret) {
+    const struct fit *const fit = &(struct fit){.n_parameters = problem->n_parameters};
     double sum[RIG_MAX_LASERS] = {0}, all = 0;
     ret->rig = *problem->rig;
     ret->rig.arc = laser_arc_of(problem, x);
@@ -352,10 +374,126 @@ static gboolean laser_check_places(const struct problem *problem, const double *
     return TRUE;
 }
 
+/* Adjusts all parameters. ret_mm: RMS distance of all points but the worst WORST, each at most
+ * MOST_OFF_MM. */
+static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc, double *x,
+                            struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
+    struct drive *const drive = &problem->swing;
+    g_autofree int *depends = laser_new_depends(problem);
+    g_autofree double *sigma = g_new0(double, problem->n_parameters);
+    const struct fit fit = {.n_parameters = problem->n_parameters,
+                            .n_observations = problem->n,
+                            .dimension = 1,
+                            .residuals = laser_residuals,
+                            .data = problem,
+                            .reject = REJECT,
+                            .depends = depends,
+                            .n_depends = ON};
+    double sum = 0;
+    for (int k = 0; k < ARC; k++)
+        sigma[k] = k < 2 ? arc->tilt_rad : arc->centre_mm;
+    for (int c = 0; c < problem->rig->n_cameras; c++)
+        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
+    if (!drive_fit(&fit, sigma, &drive, 1, x, ret))
+        return FALSE;
+    g_autofree double *off_mm = g_new(double, problem->n);
+    const int n = (int)((1 - WORST) * problem->n);
+    for (int i = 0; i < problem->n; i++)
+        off_mm[i] = fabs(ret->residuals[i]) * problem->points[i].sigma_mm;
+    qsort(off_mm, (gsize)problem->n, sizeof *off_mm, fit_compare);
+    for (int i = 0; i < n; i++)
+        sum += pow(MIN(off_mm[i], MOST_OFF_MM), 2);
+    *ret_mm = sqrt(sum / MAX(n, 1));
+    *ret_height_error_mm = isnan(problem->plane_mm) ? 0 : fit_error(&fit, ret, problem->height_at);
+    return TRUE;
+}
+
+/* Adjusts again with the height of the plane at plane_mm unknown. INFINITY: that tells nothing. */
+static double laser_with_height(struct problem *problem, const struct laser_arc *arc,
+                                const char *const *sweep_names, double plane_mm, double *ret_by_mm,
+                                double *ret_error_mm) {
+    struct fit_result fitted;
+    double rms_mm;
+    problem->plane_mm = plane_mm;
+    if (!laser_lay_out(problem, sweep_names, NULL))
+        return INFINITY;
+    g_autofree double *x = g_new0(double, problem->n_parameters);
+    if (!laser_solve(problem, arc, x, &fitted, &rms_mm, ret_error_mm))
+        return INFINITY;
+    *ret_by_mm = x[problem->height_at];
+    gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
+    for (int i = 0; i < problem->n && tells; i++) /* two planes in one fit anything */
+        tells = problem->points[i].point_mm.z == plane_mm ||
+                fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= LEAST_HEIGHTS;
+    fit_result_clear(&fitted);
+    return tells ? rms_mm : INFINITY;
+}
+
+/* Whether no other height of one plane explains the lines much better, is_mm being their RMS. Where
+ * a sheet cuts a plane, all cameras see the same line, which determines each height; one camera
+ * that sees a sheet from several sides determines the ratio of their distances to it, so that
+ * either height may be wrong. Else a height's standard error is large, and nothing is told. */
+static gboolean laser_check_heights(const struct problem *problem, const struct laser_arc *arc,
+                                    const char *const *sweep_names, double is_mm, GError **error) {
+    struct height {
+        const struct laser_point *of; /* one of its points */
+        double rms_mm, by_mm, error_mm;
+    } best = {NULL, is_mm / HEIGHT_BETTER, 0, 0}, second = {NULL, INFINITY, 0, 0};
+    const int step = 1 + problem->n / (HEIGHT_POINTS * problem->rig->n_lasers);
+    if (is_mm < MISFIT_MM)
+        return TRUE;
+    g_autofree struct laser_point *some = g_new(struct laser_point, problem->n);
+    g_autofree int *swing_of = g_new(int, problem->n);
+    g_autoptr(GArray) tried = g_array_new(FALSE, FALSE, sizeof(double));
+    struct problem other = *problem;
+    other.points = some;
+    other.swing_of = swing_of;
+    other.n = 0;
+    for (int i = 0; i < problem->n; i += step) {
+        some[other.n] = problem->points[i];
+        swing_of[other.n++] = problem->swing_of[i];
+    }
+    for (int i = 0; i < other.n; i++) {
+        const double plane_mm = some[i].point_mm.z;
+        struct height height = {&some[i], 0, 0, 0};
+        gboolean known = FALSE;
+        for (guint k = 0; k < tried->len && !known; k++)
+            known = g_array_index(tried, double, k) == plane_mm;
+        if (known)
+            continue;
+        g_array_append_val(tried, plane_mm);
+        height.rms_mm =
+            laser_with_height(&other, arc, sweep_names, plane_mm, &height.by_mm, &height.error_mm);
+        if (height.rms_mm < best.rms_mm) {
+            second = best;
+            best = height;
+        } else if (height.rms_mm < second.rms_mm) {
+            second = height;
+        }
+    }
+    if (!best.of)
+        return TRUE;
+    const double plane_mm = best.of->point_mm.z;
+    g_autofree char * or
+        = second.of && second.rms_mm < HEIGHT_AS_GOOD * best.rms_mm
+              ? g_strdup_printf(", or that of %s, said to be %g mm high, %.3f ± %.3f mm",
+                                sweep_names[second.of->sweep], second.of->point_mm.z,
+                                second.of->point_mm.z + second.by_mm, second.error_mm)
+              : g_strdup("");
+    g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
+                "%s: its plate is said to be %g mm high, and the lines tell %.3f ± %.3f mm%s (they "
+                "lie %.3g mm from the sheets, and %.3g mm otherwise); measure it, and correct its "
+                "height in --planes, or reference_mm in [sample] of its session file",
+                sweep_names[best.of->sweep], plane_mm, plane_mm + best.by_mm, best.error_mm, or,
+                is_mm, best.rms_mm);
+    return FALSE;
+}
+
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error) {
-    struct problem problem = {.rig = rig, .points = points, .n = n};
+    struct problem problem = {.rig = rig, .points = points, .n = n, .plane_mm = NAN};
     struct drive *const drive = &problem.swing;
     g_autofree int *swing_of = problem.swing_of = g_new(int, n + 1);
     memset(ret, 0, sizeof *ret);
@@ -367,28 +505,16 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
                   laser_check_mistakes(rig, points, n, sweep_names, error);
     if (ok) {
         struct fit_result fitted;
-        g_autofree int *depends = laser_new_depends(&problem);
+        double rms_mm, unused;
         g_autofree double *x = g_new0(double, problem.n_parameters);
-        g_autofree double *sigma = g_new0(double, problem.n_parameters);
-        const struct fit fit = {.n_parameters = problem.n_parameters,
-                                .n_observations = n,
-                                .dimension = 1,
-                                .residuals = laser_residuals,
-                                .data = &problem,
-                                .reject = REJECT,
-                                .depends = depends,
-                                .n_depends = ON};
-        for (int k = 0; k < ARC; k++)
-            sigma[k] = k < 2 ? arc->tilt_rad : arc->centre_mm;
-        for (int c = 0; c < rig->n_cameras; c++)
-            for (int k = 0; problem.camera_at[c] >= 0 && k < 2; k++)
-                sigma[problem.camera_at[c] + k] = LASER_CAMERA_PX;
-        ok = drive_fit(&fit, sigma, &drive, 1, x, &fitted);
+        ok = laser_solve(&problem, arc, x, &fitted, &rms_mm, &unused);
         if (ok) {
             ok = laser_check_determined(&problem, &fitted, error) &&
-                 laser_check_stretch(&problem, x, error) && laser_check_places(&problem, x, error);
+                 laser_check_stretch(&problem, x, error) &&
+                 laser_check_places(&problem, x, error) &&
+                 laser_check_heights(&problem, arc, sweep_names, rms_mm, error);
             if (ok)
-                laser_take(&problem, &fit, &fitted, x, ret);
+                laser_take(&problem, &fitted, x, ret);
             fit_result_clear(&fitted);
         } else {
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,

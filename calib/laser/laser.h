@@ -70,7 +70,8 @@ struct laser_arc {
 };
 
 /* Estimates lasers and arc. rig: calibrated cameras, nominal lasers and arc. sweep_names: of the
- * points' sweeps, for messages. */
+ * points' sweeps, for messages. If another height of one plane explains the lines three times
+ * better, that is LASER_ERROR_MISTAKE with the height. */
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error);

@@ -37,6 +37,7 @@ struct archive {
     char *sample, *operator_name, *notes, *license;
     char *state;    /* "done", "unfinished", "paused", "aborted" */
     char *imported; /* what it was imported from, or NULL */
+    char *chosen;   /* exposures that were auto, or NULL */
     struct session_grid grid;
     int views, lights, lasers;
     int planned, done, skipped; /* shots */

@@ -90,6 +90,7 @@ static void add_facts(GString *to, const struct archive *archive) {
                                    {"State", archive->state},
                                    {"Size", texels},
                                    {"Directions", directions},
+                                   {"Exposures chosen", archive->chosen},
                                    {"Shots", shots},
                                    {"Capture", archive->imported ? NULL : time},
                                    {"Frames on disk", disk},

@@ -47,10 +47,10 @@ static void picture_free(gpointer data) {
 void archive_free(struct archive *archive) {
     if (!archive)
         return;
-    char *const texts[] = {archive->path,    archive->name,   archive->program,
-                           archive->created, archive->sample, archive->operator_name,
-                           archive->notes,   archive->state,  archive->license,
-                           archive->imported};
+    char *const texts[] = {archive->path,     archive->name,   archive->program,
+                           archive->created,  archive->sample, archive->operator_name,
+                           archive->notes,    archive->state,  archive->license,
+                           archive->imported, archive->chosen};
     for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
         g_free(texts[i]);
     calibration_free(archive->calibration);
@@ -226,6 +226,7 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
                               : !state || g_str_equal(state, "running") ? "unfinished"
                                                                         : state);
     archive->imported = session_value(session, "imported");
+    archive->chosen = session_value(session, "chosen");
     archive->predicted_s = number(session, "predicted_s");
     archive->predicted_bytes = number(session, "predicted_bytes");
     archive->clock_s = number(session, "clock_s");

@@ -1,3 +1,4 @@
+#include "bus_authority.h"
 #include "bus_devices.h"
 #include "bus_errors.h"
 #include "bus_hands.h"
@@ -181,6 +182,7 @@ void bus_close_rig(Bus *bus) {
     g_autoptr(GError) error = NULL;
     if (bus->ending)
         return; /* from within bus_end(), which runs the main loop */
+    bus_authority_stop(bus, "the rig was closed meanwhile");
     bus_jobs_stop_all(bus, "the rig was closed meanwhile");
     if (bus->devices) {
         bus_hands_end(bus, "the rig was closed meanwhile");
@@ -250,6 +252,7 @@ gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char
 }
 
 gboolean bus_make_safe(Bus *bus, GError **error) {
+    bus_authority_stop(bus, "SafeState ended it before it began");
     if (!bus_need_rig(bus, error))
         return FALSE;
     bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
@@ -265,11 +268,12 @@ gboolean bus_make_safe(Bus *bus, GError **error) {
 Bus *bus_new(const char *address) {
     Bus *bus = g_new0(Bus, 1);
     bus_errors_register();
-    bus->object = bus_rig1_skeleton_new();
+    bus->object = bus_authority_skeleton();
     g_object_set_data(G_OBJECT(bus->object), "bus", bus);
     bus->address = g_strdup(address);
     bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     bus->jobs = g_ptr_array_new();
+    bus->questions = g_ptr_array_new();
     bus->hands = g_ptr_array_new();
     memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
     bus->queue = bus_queue_new(bus);
@@ -279,6 +283,7 @@ Bus *bus_new(const char *address) {
 }
 
 gboolean bus_end(Bus *bus, GError **error) {
+    bus_authority_stop(bus, "mesorigd ends");
     bus_jobs_stop_all(bus, "mesorigd ends");
     if (!bus->devices)
         return TRUE;
@@ -307,6 +312,7 @@ void bus_free(Bus *bus) {
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
     g_ptr_array_unref(bus->jobs);
+    g_ptr_array_unref(bus->questions);
     g_ptr_array_unref(bus->hands);
     g_free(bus->address);
     g_free(bus);

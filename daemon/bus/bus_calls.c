@@ -1,3 +1,4 @@
+#include "bus_authority.h"
 #include "bus_errors.h"
 #include "bus_hands.h"
 
@@ -34,9 +35,10 @@ static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation,
 }
 
 static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
-                            const char *session_path, const char *directory, Bus *bus) {
+                            const char *session_path, const char *directory, GVariant *options,
+                            Bus *bus) {
     GError *error = NULL;
-    return bus_validate(bus, invocation, session_path, directory, &error) ||
+    return bus_validate(bus, invocation, session_path, directory, options, &error) ||
            bus_calls_refuse(invocation, error);
 }
 
@@ -79,7 +81,9 @@ static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, 
 
 static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    const gboolean begun = bus_jobs_stop_begin(bus, "Abort ended what was about to begin");
+    const char *why = "Abort ended what was about to begin";
+    const gboolean asked = bus_authority_stop(bus, why);
+    const gboolean begun = bus_jobs_stop_begin(bus, why) || asked;
     if (!begun && !bus_need_capture(bus, &error))
         return bus_calls_refuse(invocation, error);
     if (bus->capture)

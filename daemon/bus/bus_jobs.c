@@ -1,3 +1,4 @@
+#include "bus_authority.h"
 #include "bus_errors.h"
 #include "bus_private.h"
 #include "plan/report.h"
@@ -115,6 +116,7 @@ static struct bus_job *start_job(Bus *bus, GDBusMethodInvocation *invocation,
     job->directory = g_strdup(request->directory);
     g_ptr_array_add(bus->jobs, job);
     request->devices = bus->devices;
+    request->caller = bus_authority_caller(invocation);
     request->limits = bus->limits[request->task];
     preparer_run(request, job->cancellable, on_prepared, job);
     return job;
@@ -142,41 +144,54 @@ static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **
     return FALSE;
 }
 
-gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
-                      const char *directory, GError **error) {
-    struct preparer_request request = {
-        .task = PREPARER_CHECK, .session_path = session_path, .directory = directory};
-    if (!bus_need_rig(bus, error) || !bus_need_absolute(session_path, error) ||
-        (*directory && !bus_need_absolute(directory, error)) || !may_check(bus, invocation, error))
-        return FALSE;
-    start_job(bus, invocation, &request);
-    return TRUE;
-}
-
-struct start_options {
+typedef struct {
     gboolean process;
-    char *calibration; /* path; NULL: what the rig file names */
-};
+    char *calibration;                     /* path; NULL: what the rig file names */
+    char *session_text, *calibration_text; /* of those files; NULL: they are to be read */
+    char *exposures;                       /* session_conf_choose(); NULL: nothing is auto */
+} JobOptions;
 
-static gboolean bus_jobs_check_options(GVariant *options, struct start_options *ret,
-                                       GError **error) {
+static void job_options_clear(JobOptions *options) {
+    g_free(options->calibration);
+    g_free(options->session_text);
+    g_free(options->calibration_text);
+    g_free(options->exposures);
+}
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(JobOptions, job_options_clear)
+
+static gboolean bus_jobs_check_options(GVariant *options, JobOptions *ret, GError **error) {
+    const struct {
+        const char *key;
+        char **text;
+    } texts[] = {
+        {"calibration", &ret->calibration},
+        {"session_text", &ret->session_text},
+        {"calibration_text", &ret->calibration_text},
+        {"chosen", &ret->exposures},
+    };
     GVariantIter iter;
     const char *key;
     g_autoptr(GVariant) value = NULL;
-    *ret = (struct start_options){0};
     g_variant_iter_init(&iter, options);
     while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
+        gboolean known = FALSE;
         if (strcmp(key, "process") == 0 && g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
             ret->process = g_variant_get_boolean(value);
-        } else if (strcmp(key, "calibration") == 0 &&
-                   g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
-            g_free(ret->calibration);
-            ret->calibration = g_variant_dup_string(value, NULL);
-        } else {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                        "the option %s does not exist or has the wrong type: give process "
-                        "(boolean) or calibration (string)",
-                        key);
+            known = TRUE;
+        }
+        for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
+            if (strcmp(key, texts[i].key) == 0 &&
+                g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
+                g_free(*texts[i].text);
+                *texts[i].text = g_variant_dup_string(value, NULL);
+                known = TRUE;
+            }
+        if (!known) {
+            g_set_error(
+                error, BUS_ERROR, BUS_ERROR_UNKNOWN,
+                "the option %s does not exist or has the wrong type: give process "
+                "(boolean), calibration, chosen, session_text or calibration_text (strings)",
+                key);
             return FALSE;
         }
         g_clear_pointer(&value, g_variant_unref);
@@ -184,8 +199,37 @@ static gboolean bus_jobs_check_options(GVariant *options, struct start_options *
     return TRUE;
 }
 
+/* The daemon may read more than its caller, and less: the caller reads it. */
+static gboolean check_readable(GDBusMethodInvocation *invocation, const char *path,
+                               const char *text, const char *option, GError **error) {
+    if (!path || text || !bus_authority_caller(invocation))
+        return TRUE;
+    g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED,
+                "%s: mesorigd reads no file for another user: give its text in the option %s", path,
+                option);
+    return FALSE;
+}
+
+gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
+                      const char *directory, GVariant *options, GError **error) {
+    g_auto(JobOptions) chosen = {0};
+    if (!bus_need_rig(bus, error) || !bus_need_absolute(session_path, error) ||
+        (*directory && !bus_need_absolute(directory, error)) ||
+        !bus_jobs_check_options(options, &chosen, error) ||
+        !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
+        !may_check(bus, invocation, error))
+        return FALSE;
+    struct preparer_request request = {.task = PREPARER_CHECK,
+                                       .session_path = session_path,
+                                       .session_text = chosen.session_text,
+                                       .directory = directory};
+    start_job(bus, invocation, &request);
+    return TRUE;
+}
+
 /* Replaces the calibration that the rig file names, for a session that begins now. */
-static gboolean check_calibration(const char *path, gboolean begins, GError **error) {
+static gboolean check_calibration(const char *path, const char *text, gboolean begins,
+                                  GError **error) {
     if (!path)
         return TRUE;
     if (!begins) {
@@ -196,7 +240,7 @@ static gboolean check_calibration(const char *path, gboolean begins, GError **er
     }
     if (!bus_need_absolute(path, error))
         return FALSE;
-    if (g_file_test(path, G_FILE_TEST_EXISTS))
+    if (text || g_file_test(path, G_FILE_TEST_EXISTS))
         return TRUE;
     g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: there is no such calibration", path);
     return FALSE;
@@ -204,20 +248,23 @@ static gboolean check_calibration(const char *path, gboolean begins, GError **er
 
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                    const char *directory, GVariant *options, GError **error) {
-    struct start_options chosen;
+    g_auto(JobOptions) chosen = {0};
     const gboolean begins = session_path != NULL;
     if (!bus_need_rig(bus, error) || !bus_need_free(bus, error) ||
-        !bus_need_absolute(directory, error))
-        return FALSE;
-    const gboolean good = bus_jobs_check_options(options, &chosen, error);
-    g_autofree char *calibration = chosen.calibration;
-    if (!good || !check_calibration(calibration, begins, error) ||
-        (begins && !bus_need_absolute(session_path, error)))
+        !bus_need_absolute(directory, error) || !bus_jobs_check_options(options, &chosen, error) ||
+        !check_calibration(chosen.calibration, chosen.calibration_text, begins, error) ||
+        (begins && !bus_need_absolute(session_path, error)) ||
+        !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
+        !check_readable(invocation, chosen.calibration, chosen.calibration_text, "calibration_text",
+                        error))
         return FALSE;
     struct preparer_request request = {.task = begins ? PREPARER_BEGIN : PREPARER_EXAMINE,
                                        .session_path = session_path,
+                                       .session_text = chosen.session_text,
                                        .directory = directory,
-                                       .calibration = calibration};
+                                       .calibration = chosen.calibration,
+                                       .calibration_text = chosen.calibration_text,
+                                       .chosen = chosen.exposures};
     struct bus_job *job = start_job(bus, invocation, &request);
     job->process = chosen.process;
     return TRUE;

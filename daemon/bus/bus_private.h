@@ -1,7 +1,8 @@
 /*
  * What bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras' last
  * pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a child
- * works for), bus_hands.c (devices by hand) and bus_queue.c (calls that wait) share.
+ * works for), bus_hands.c (devices by hand), bus_queue.c (calls that wait) and bus_authority.c (who
+ * may call what) share.
  */
 #pragma once
 
@@ -13,11 +14,13 @@
 #include "rig1-bus.h"
 
 struct bus_queue;
+struct bus_caller;
 
 struct Bus {
     BusRig1 *object;
     struct bus_queue *queue;
-    GPtrArray *jobs; /* of struct bus_job, owned by what they wait for */
+    GPtrArray *jobs;      /* of struct bus_job, owned by what they wait for */
+    GPtrArray *questions; /* to polkit (bus_authority.c), owned by what they wait for */
     struct preparer_limits limits[PREPARER_TASKS];
     char *address;
     struct devices *devices; /* NULL: closed */
@@ -73,7 +76,7 @@ gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char
 /* As the methods of these names, in a child: the call is answered when that has ended. FALSE: it
  * was refused at once, and is to be answered with the error. session_path NULL: as Resume. */
 gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
-                      const char *directory, GError **error);
+                      const char *directory, GVariant *options, GError **error);
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                    const char *directory, GVariant *options, GError **error);
 

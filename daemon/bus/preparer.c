@@ -53,13 +53,17 @@ static GBytes *request_bytes(const struct preparer_request *request) {
     const struct devices *devices = request->devices;
     const char *calibration =
         request->calibration ? request->calibration : devices->calibration_path;
-    g_autoptr(GVariant) variant = g_variant_ref_sink(
-        g_variant_new(PREPARER_REQUEST, MESORIG_VERSION, (gint32)getpid(), (gint32)request->task,
-                      request->limits.cpu_s, request->limits.memory_bytes,
-                      preparer_bytes_of(&devices->geometry, sizeof devices->geometry),
-                      preparer_bytes_of(&devices->timing, sizeof devices->timing), devices->text,
-                      devices->path, calibration ? calibration : "", devices->calibration_days,
-                      request->session_path ? request->session_path : "", request->directory));
+    g_autoptr(GVariant) variant = g_variant_ref_sink(g_variant_new(
+        PREPARER_REQUEST, MESORIG_VERSION, (gint32)getpid(), (gint32)request->task,
+        request->limits.cpu_s, request->limits.memory_bytes,
+        preparer_bytes_of(&devices->geometry, sizeof devices->geometry),
+        preparer_bytes_of(&devices->timing, sizeof devices->timing), devices->text, devices->path,
+        calibration ? calibration : "", devices->calibration_days,
+        request->session_path ? request->session_path : "", request->directory,
+        request->session_text ? request->session_text : "",
+        request->calibration_text ? request->calibration_text : "",
+        request->chosen ? request->chosen : "",
+        preparer_bytes_of(request->caller, request->caller ? sizeof *request->caller : 0)));
     return g_variant_get_data_as_bytes(variant);
 }
 

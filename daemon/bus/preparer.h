@@ -8,6 +8,7 @@
  */
 #pragma once
 
+#include "bus_caller.h"
 #include "rig/devices.h"
 
 enum preparer_task {
@@ -30,8 +31,13 @@ struct preparer_request {
     struct preparer_limits limits;
     const struct devices *devices;
     const char *session_path; /* ignored by PREPARER_EXAMINE */
+    const char *session_text; /* of that file; NULL: it is read */
     const char *directory;    /* empty: PREPARER_CHECK does without */
     const char *calibration;  /* replaces the calibration that the rig file names; NULL: that one */
+    const char *chosen;       /* PREPARER_BEGIN: session_conf_choose(); NULL: nothing is auto */
+    const char *calibration_text; /* of that file; NULL: it is read */
+    const struct bus_caller
+        *caller; /* who must have the right to write in directory; NULL: need not */
 };
 
 /* A child that is cancelled is killed. */

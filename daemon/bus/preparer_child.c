@@ -17,7 +17,10 @@ struct prepare_work {
     guint32 cpu_s;
     guint64 memory_bytes;
     struct devices devices; /* geometry, timing and texts; no device is open */
-    char *text, *path, *calibration, *session_path, *directory;
+    char *text, *path, *calibration, *session_path, *directory, *session_text, *calibration_text;
+    char *chosen;
+    struct bus_caller caller;
+    gboolean has_caller;
 };
 
 static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
@@ -32,7 +35,7 @@ static gboolean read_request(struct prepare_work *work) {
     g_autoptr(GInputStream) from = g_unix_input_stream_new(STDIN_FILENO, FALSE);
     g_autoptr(GOutputStream) to = g_memory_output_stream_new_resizable();
     const char *version;
-    g_autoptr(GVariant) geometry = NULL, timing = NULL;
+    g_autoptr(GVariant) geometry = NULL, timing = NULL, caller = NULL;
     if (g_output_stream_splice(to, from, G_OUTPUT_STREAM_SPLICE_CLOSE_TARGET, NULL, NULL) < 0)
         return FALSE;
     g_autoptr(GBytes) bytes = g_memory_output_stream_steal_as_bytes(G_MEMORY_OUTPUT_STREAM(to));
@@ -40,14 +43,18 @@ static gboolean read_request(struct prepare_work *work) {
         g_variant_new_from_bytes(G_VARIANT_TYPE(PREPARER_REQUEST_TYPE), bytes, FALSE));
     if (!g_variant_is_normal_form(request))
         return FALSE;
-    g_variant_get(request, "(&siiut@ay@ay^ay^ay^ayd^ay^ay)", &version, &work->parent, &work->task,
-                  &work->cpu_s, &work->memory_bytes, &geometry, &timing, &work->text, &work->path,
-                  &work->calibration, &work->devices.calibration_days, &work->session_path,
-                  &work->directory);
+    g_variant_get(request, "(&siiut@ay@ay^ay^ay^ayd^ay^ay^ay^ay^ay@ay)", &version, &work->parent,
+                  &work->task, &work->cpu_s, &work->memory_bytes, &geometry, &timing, &work->text,
+                  &work->path, &work->calibration, &work->devices.calibration_days,
+                  &work->session_path, &work->directory, &work->session_text,
+                  &work->calibration_text, &work->chosen, &caller);
+    work->has_caller = g_variant_get_size(caller) > 0;
     work->devices.text = work->text;
     work->devices.path = work->path;
     work->devices.calibration_path = *work->calibration ? work->calibration : NULL;
+    work->devices.calibration_text = *work->calibration_text ? work->calibration_text : NULL;
     return strcmp(version, MESORIG_VERSION) == 0 &&
+           (!work->has_caller || take_bytes(caller, &work->caller, sizeof work->caller)) &&
            take_bytes(geometry, &work->devices.geometry, sizeof work->devices.geometry) &&
            take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
 }
@@ -74,17 +81,24 @@ static gboolean limit_memory(guint64 bytes) {
 static GVariant *do_work(const struct prepare_work *work, GError **error) {
     const struct devices *devices = &work->devices;
     g_auto(SessionConf) conf = {0};
+    if (work->has_caller && *work->directory &&
+        !bus_caller_may_write(&work->caller, work->directory, error))
+        return NULL;
     if (work->task == PREPARER_EXAMINE) {
         g_autofree char *warning = NULL;
         if (!capture_examine(devices, work->directory, &warning, error))
             return NULL;
         return g_variant_new_string(warning ? warning : "");
     }
-    if (!session_conf_load(&conf, work->session_path, error))
+    if (!(*work->session_text
+              ? session_conf_parse(&conf, work->session_text, work->session_path, error)
+              : session_conf_load(&conf, work->session_path, error)))
         return NULL;
     if (work->task == PREPARER_BEGIN)
-        return capture_create(devices, &conf, work->directory, error) ? g_variant_new_string("")
-                                                                      : NULL;
+        return session_conf_choose(&conf, work->chosen, error) &&
+                       capture_create(devices, &conf, work->directory, error)
+                   ? g_variant_new_string("")
+                   : NULL;
     g_autoptr(Plan) plan = *work->directory
                                ? capture_validate(devices, &conf, work->directory, error)
                                : plan_build(&conf, &devices->geometry, &devices->timing, error);
@@ -119,6 +133,9 @@ int preparer_child(void) {
     g_free(work.path);
     g_free(work.calibration);
     g_free(work.session_path);
+    g_free(work.chosen);
     g_free(work.directory);
+    g_free(work.session_text);
+    g_free(work.calibration_text);
     return ok ? 0 : 1;
 }

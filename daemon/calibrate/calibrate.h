@@ -24,6 +24,8 @@ extern char *calibrate_output, *calibrate_from; /* -o and -c */
 #define CALIBRATE_FROM(what)                                                                       \
     { "calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibrate_from, what, "FILE" }
 
+#define CALIBRATE_LINEAR 0.01 /* of a signal: a camera that is further off has a gamma */
+
 struct calibrate_job;
 
 struct calibrate_method {

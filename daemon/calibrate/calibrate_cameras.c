@@ -272,6 +272,8 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
 const struct command calibrate_cameras = {
     .name = "calibrate cameras",
     .arguments = "SESSION… --board BOARD -o FILE",
+    .examples = "  mesorig calibrate cameras flat.session leaning.session -b "
+                "8x8,square=9,marker=6.75,thickness=3 -o rig.calibration\n",
     .help = "Find out where cameras and the turntable's axis are, "
             "from sessions of a board: one flat on the "
             "turntable, others leaning.",

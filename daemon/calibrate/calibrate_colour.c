@@ -52,6 +52,8 @@ static int cli_calibrate_colour_run(const struct call *call, GError **error) {
 const struct command calibrate_colour = {
     .name = "calibrate colour",
     .arguments = "SESSION --chart FILE -o FILE",
+    .examples = "  mesorig calibrate colour chart.session --chart chart.csv -c rig.calibration -o "
+                "rig.calibration\n",
     .help = "Find the colour matrix of the cameras, from a captured and processed colour chart.",
     .options = entries,
     .min = 1,

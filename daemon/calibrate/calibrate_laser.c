@@ -18,7 +18,7 @@ static char *planes_option;
 static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration, which knows cameras and arc"),
-    {"planes", 'p', 0, G_OPTION_ARG_STRING, &planes_option,
+    {"planes", 0, 0, G_OPTION_ARG_STRING, &planes_option,
      "Heights of the plates' tops above the turntable, one a session; default: each session's "
      "reference plane",
      "MM;MM…"},
@@ -284,11 +284,14 @@ static int cli_calibrate_laser_run(const struct call *call, GError **error) {
     return code;
 }
 
-const struct command calibrate_laser = {.name = "calibrate laser",
-                                        .arguments = "SESSION SESSION… -o FILE",
-                                        .help = "Find out how the laser sheets lie and sweep, from "
-                                                "sessions of flat plates of different height.",
-                                        .options = entries,
-                                        .min = 1,
-                                        .max = 64,
-                                        .run = cli_calibrate_laser_run};
+const struct command calibrate_laser = {
+    .name = "calibrate laser",
+    .arguments = "SESSION SESSION… -o FILE",
+    .examples = "  mesorig calibrate laser plate1.session plate8.session -c rig.calibration -o "
+                "rig.calibration\n",
+    .help = "Find out how the laser sheets lie and sweep, from "
+            "sessions of flat plates of different height.",
+    .options = entries,
+    .min = 1,
+    .max = 64,
+    .run = cli_calibrate_laser_run};

@@ -29,11 +29,11 @@ static const GOptionEntry entries[] = {
     CALIBRATE_FROM("Start from this calibration, which knows the cameras"),
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
      "No session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
-    {"ball", 'b', 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
+    {"ball", 0, 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
      "With --images: position and radius of a ball in pixels, accurate to 5 % of R; several balls "
      "determine distances, too",
      "X,Y,R"},
-    {"radius", 'r', 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
+    {"radius", 0, 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
     {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
      "With --images: the camera's focal length in pixels; without it, the camera is taken to be "
@@ -538,6 +538,9 @@ static int cli_calibrate_lights_run(const struct call *call, GError **error) {
 const struct command calibrate_lights = {
     .name = "calibrate lights",
     .arguments = "SESSION --target FILE -o FILE",
+    .examples = "  mesorig calibrate lights poles.session -t poles.conf -c rig.calibration -o "
+                "rig.calibration\n"
+                "  mesorig calibrate lights -i photos --ball 150,160,60 -o lights.lp\n",
     .help = "Find out where lamps and the arc's axis are, from a session of posts or of balls.",
     .options = entries,
     .max = 1,

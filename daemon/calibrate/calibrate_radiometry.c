@@ -10,7 +10,7 @@ static const GOptionEntry entries[] = {
      "Reflectance of the tile, as its maker states it: one number, or three for red, green and "
      "blue",
      "R[;G;B]"},
-    {"tile", 't', 0, G_OPTION_ARG_STRING, &tile_option,
+    {"tile", 0, 0, G_OPTION_ARG_STRING, &tile_option,
      "The tile's size in mm, if it is not that of the session's sample", "WxH"},
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
@@ -48,7 +48,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
                calibration->rig.n_cameras, calibrate_output);
     for (int c = 0; c < calibration->rig.n_cameras && !cli_json; c++) {
         const struct transfer *t = &calibration->noise[c].transfer;
-        if (calibration->noise[c].known && t->linearity > 0.01)
+        if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)
             g_printerr("camera %s is not linear: an exposure's signal is up to %.1f %% off. Switch "
                        "off its gamma and whatever else changes its values\n",
                        calibration->rig.cameras[c].name, 100 * t->linearity);
@@ -107,6 +107,8 @@ static int cli_calibrate_radiometry_run(const struct call *call, GError **error)
 const struct command calibrate_radiometry = {
     .name = "calibrate radiometry",
     .arguments = "SESSION --reflectance R -o FILE",
+    .examples = "  mesorig calibrate radiometry tile.session -r 0.96 -c rig.calibration -o "
+                "rig.calibration\n",
     .help = "Find the response of the cameras and the intensity of the lamps, from a session of a "
             "white tile.",
     .options = entries,

@@ -7,6 +7,9 @@
 #define DEG(rad) ((rad) * (180 / G_PI))
 #define PLOT     320 /* px of the page */
 
+#define MOST_SHOWN    5   /* rejected pictures of a part */
+#define MOST_REJECTED 0.5 /* share left out */
+
 static char *output_option;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the page here", "FILE.html"},
@@ -16,24 +19,100 @@ static const GOptionEntry entries[] = {
 /* Beginning of the HTML page. Its numbers have decimal points, since the programs set no numeric
  * locale. */
 static const char head[] =
-    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration</title>"
-    "<style>body{font:15px/1.4 system-ui,sans-serif;max-width:64em;margin:2em auto;padding:0 1em;"
-    "color:#222}table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:"
-    "right;border-bottom:1px solid "
-    "#ddd}td{white-space:nowrap}td.text{white-space:normal;overflow-wrap:anywhere}"
-    "td:first-child,th:first-child,td.text{text-align:left}figure{"
-    "display:inline-block;margin:0 1em 1em 0}figcaption{font-size:13px;color:#555}svg{background:"
-    "#fafafa;border:1px solid #ccc}.none{color:#777}@media print{body{font-size:10px;margin:0}"
-    "td,th{padding:.2em .4em}}</style></head><body>\n";
+    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+    "<meta name=\"color-scheme\" content=\"light dark\"><title>Calibration</title>\n<style>\n"
+    ":root{--ink:#1d2126;--faint:#5c6570;--line:#d9dde2;--back:#fff;--good:#1a7f4b;"
+    "--doubt:#9a6200}\n"
+    "@media (prefers-color-scheme:dark){:root{--ink:#e6e8eb;--faint:#9aa3ad;--line:#3a4047;"
+    "--back:#17191c;--good:#56c48a;--doubt:#e3ab4d}}\n"
+    "body{font:15px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--back);"
+    "max-width:72em;margin:2em auto;padding:0 1em}\n"
+    ".wide{overflow-x:auto}table{border-collapse:collapse;margin:1em 0}\n"
+    "table{font-size:14px}td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid "
+    "var(--line)}\n"
+    "td{white-space:nowrap}td.text{white-space:normal;min-width:12em;overflow-wrap:anywhere}\n"
+    "td:first-child,th:first-child,.text{text-align:left;padding-left:0}\n"
+    "li,p{overflow-wrap:anywhere}.none,figcaption{color:var(--faint)}\n"
+    ".good{color:var(--good)}.doubt{color:var(--doubt)}.good,.doubt{font-weight:600}\n"
+    "figure{display:inline-block;margin:0 1em 1em 0;max-width:100%}figcaption{font-size:13px;"
+    "max-width:48em}\n"
+    "svg{background:#fafafa;border:1px solid var(--line);max-width:100%;height:auto}\n"
+    "@media print{body{font-size:10px;margin:0}td,th{padding:.2em .4em}}\n</style></head><body>\n";
 
 static char *escaped(const char *text) {
     return g_markup_escape_text(text, -1);
 }
 
-static void add_parts(GString *to, const struct calibration *calibration) {
+/* Appends what of a part should be looked at before it is relied on. */
+static void doubt_part(GPtrArray *to, const struct calibration *calibration,
+                       enum calibration_kind kind) {
+    const struct calibration_part *part = &calibration->parts[kind];
+    const char *name = calibration_part_name(kind);
+    const guint left_out = part->rejected->len;
+    /* Of lights single sights are left out, which have two residuals each; sweeps that are left
+     * out count as pictures, too. */
+    const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
+                        : kind == CALIBRATION_LASER ? part->pictures - (double)left_out
+                                                    : part->pictures;
+    if (!part->done) {
+        g_ptr_array_add(
+            to, g_strdup_printf("%s: not calibrated, the values of the rig file are used", name));
+        return;
+    }
+    if (left_out > MOST_REJECTED * (left_out + used))
+        g_ptr_array_add(to, g_strdup_printf("%s: more was left out (%u) than used, of %d pictures",
+                                            name, left_out, part->pictures));
+    if (part->degrees_of_freedom < 1)
+        g_ptr_array_add(to, g_strdup_printf("%s: nothing was measured twice, so that its errors "
+                                            "are not known",
+                                            name));
+}
+
+static void doubt_linearity(GPtrArray *to, const struct calibration *calibration) {
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const struct transfer *t = &calibration->noise[c].transfer;
+        if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)
+            g_ptr_array_add(to,
+                            g_strdup_printf("camera %s is %.1f %% off linear: switch off its "
+                                            "gamma",
+                                            calibration->rig.cameras[c].name, 100 * t->linearity));
+    }
+}
+
+static void add_verdict(GString *to, const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+    const gboolean has[CALIBRATION_PARTS] = {TRUE, rig->n_lamps > 0, rig->n_lasers > 0,
+                                             rig->n_lamps > 0};
+    g_autoptr(GPtrArray) doubts = g_ptr_array_new_with_free_func(g_free);
+    int done = 0, all = 0;
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        if (!has[i])
+            continue;
+        doubt_part(doubts, calibration, (enum calibration_kind)i);
+        done += calibration->parts[i].done;
+        all++;
+    }
+    doubt_linearity(doubts, calibration);
+    if (doubts->len == 0) {
+        g_string_append(to, "<p class=\"good\">Everything is calibrated, and nothing stands out."
+                            "</p>\n");
+        return;
+    }
     g_string_append_printf(
-        to, "<table><tr><th>part</th><th>date</th><th>method</th><th>pictures</th><th>rejected</th>"
-            "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
+        to, "<p class=\"doubt\">Calibrated: %d of %d. To be looked at:</p>\n<ul>\n", done, all);
+    for (guint i = 0; i < doubts->len; i++) {
+        g_autofree char *text = escaped(doubts->pdata[i]);
+        g_string_append_printf(to, "<li>%s</li>\n", text);
+    }
+    g_string_append(to, "</ul>\n");
+}
+
+static void add_parts(GString *to, const struct calibration *calibration) {
+    g_string_append_printf(to, "<div "
+                               "class=\"wide\"><table><tr><th>part</th><th>date</th><th>method</"
+                               "th><th>pictures</th><th>rejected</th>"
+                               "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
     for (int i = 0; i < CALIBRATION_PARTS; i++) {
         const struct calibration_part *part = &calibration->parts[i];
         const char *name = calibration_part_name((enum calibration_kind)i);
@@ -53,7 +132,7 @@ static void add_parts(GString *to, const struct calibration *calibration) {
             name, part->date, method, part->pictures, part->rejected->len, part->residual_rms, unit,
             part->degrees_of_freedom);
     }
-    g_string_append_printf(to, "</table>\n");
+    g_string_append_printf(to, "</table></div>\n");
 }
 
 static double sigma(const struct calibration_camera *camera, int parameter) {
@@ -62,11 +141,12 @@ static double sigma(const struct calibration_camera *camera, int parameter) {
 
 static void cli_calibrate_report_add_cameras(GString *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
-    g_string_append_printf(
-        to, "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>from the zenith, "
-            "azimuth (°)</th><th>focal length (px)</th><th>centre "
-            "(px)</th><th>lens</th><th>k1</th><th>corners</th>"
-            "<th>RMS (px)</th></tr>\n");
+    g_string_append_printf(to,
+                           "<h2>Cameras</h2>\n<div class=\"wide\"><table><tr><th>camera</th><th>x, "
+                           "y, z (mm)</th><th>from the zenith, "
+                           "azimuth (°)</th><th>focal length (px)</th><th>centre "
+                           "(px)</th><th>lens</th><th>k1</th><th>corners</th>"
+                           "<th>RMS (px)</th></tr>\n");
     for (int i = 0; i < rig->n_cameras; i++) {
         const struct rig_camera *c = &rig->cameras[i];
         const struct calibration_camera *e = &calibration->cameras[i];
@@ -85,7 +165,7 @@ static void cli_calibrate_report_add_cameras(GString *to, const struct calibrati
             rig_lens_name((enum rig_lens)c->lens), c->k1, sigma(e, CALIBRATION_K1), e->points,
             e->residual_rms_px);
     }
-    g_string_append_printf(to, "</table>\n");
+    g_string_append_printf(to, "</table></div>\n");
 }
 
 /* The rig from the side (x, z) and from above (x, y); everything with the arc at 0. */
@@ -134,7 +214,8 @@ static void add_plan(GString *to, const struct rig *rig, gboolean above) {
     struct plan plan = {.above = above};
     fit_plan(&plan, rig);
     const double x = -plan.left_mm * plan.scale, y = plan.top_mm * plan.scale;
-    g_string_append_printf(to, "<figure><svg width=\"%d\" height=\"%d\">\n", PLOT, PLOT);
+    g_string_append_printf(to, "<figure><svg width=\"%d\" height=\"%d\" viewBox=\"0 0 %d %d\">\n",
+                           PLOT, PLOT, PLOT, PLOT);
     if (above)
         g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n",
                                x, y, 150 * plan.scale);
@@ -180,8 +261,10 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
     if (n == 0)
         return;
     g_string_append_printf(
-        to, "<figure><svg width=\"%d\" height=\"%.0f\"><path stroke=\"#1764ab\" fill=\"none\" d=\"",
-        PLOT, c->height * scale);
+        to,
+        "<figure><svg width=\"%d\" height=\"%.0f\" viewBox=\"0 0 %d %.0f\"><path "
+        "stroke=\"#1764ab\" fill=\"none\" d=\"",
+        PLOT, c->height * scale, PLOT, c->height * scale);
     for (gsize i = 0; i < n; i++)
         g_string_append_printf(to, "M%.1f %.1fl%.1f %.1f", x[i] * scale, y[i] * scale,
                                dx[i] * arrow, dy[i] * arrow);
@@ -194,9 +277,9 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
 /* Deviations over a turn, or over time, about a line in the middle. */
 static void begin_diagram(GString *to, const char *title) {
     g_string_append_printf(to,
-                           "<h2>%s</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 "
-                           "80h%d\" stroke=\"#999\"/>\n",
-                           title, 2 * PLOT, 2 * PLOT);
+                           "<h2>%s</h2>\n<figure><svg width=\"%d\" height=\"160\" viewBox=\"0 0 "
+                           "%d 160\"><path d=\"M0 80h%d\" stroke=\"#999\"/>\n",
+                           title, 2 * PLOT, 2 * PLOT, 2 * PLOT);
 }
 
 /* across: 0 … 1; up: −1 … 1. */
@@ -255,26 +338,31 @@ static void add_drift(GString *to, const struct calibration *calibration) {
         last_s / 60, 100 * most, names->str);
 }
 
-static void add_rejected(GString *to, const struct calibration *calibration) {
+static void add_rejected(GString *to, const struct calibration *calibration, const char *path) {
     for (int i = 0; i < CALIBRATION_PARTS; i++) {
         const GPtrArray *rejected = calibration->parts[i].rejected;
         if (rejected->len == 0)
             continue;
-        g_string_append_printf(
-            to, "<h2>Rejected: %s</h2>\n<details><summary>%u of them</summary>\n<ul>\n",
-            calibration_part_name((enum calibration_kind)i), rejected->len);
-        for (guint k = 0; k < rejected->len; k++) {
+        g_string_append_printf(to, "<h2>Left out: %s</h2>\n<p>%u of them%s</p>\n<ul>\n",
+                               calibration_part_name((enum calibration_kind)i), rejected->len,
+                               rejected->len > MOST_SHOWN ? "; the first are" : "");
+        for (guint k = 0; k < MIN(rejected->len, MOST_SHOWN); k++) {
             g_autofree char *text = escaped(rejected->pdata[k]);
             g_string_append_printf(to, "<li>%s</li>\n", text);
         }
-        g_string_append_printf(to, "</ul></details>\n");
+        g_string_append(to, "</ul>\n");
+        if (rejected->len > MOST_SHOWN) {
+            g_autofree char *file = escaped(path);
+            g_string_append_printf(to, "<p>mesorig calibrate show %s lists all.</p>\n", file);
+        }
     }
 }
 
-static char *page(const struct calibration *calibration) {
+static char *page(const struct calibration *calibration, const char *path) {
     GString *to = g_string_new(head);
     g_autofree char *id = escaped(calibration->rig.id);
     g_string_append_printf(to, "<h1>Calibration of rig %s</h1>\n", id);
+    add_verdict(to, calibration);
     add_parts(to, calibration);
     cli_calibrate_report_add_cameras(to, calibration);
     calibrate_table_lamps(to, calibration);
@@ -293,7 +381,7 @@ static char *page(const struct calibration *calibration) {
         add_vectors(to, calibration, i);
     add_turntable(to, calibration);
     add_drift(to, calibration);
-    add_rejected(to, calibration);
+    add_rejected(to, calibration, path);
     g_string_append_printf(to, "</body></html>\n");
     return g_string_free(to, FALSE);
 }
@@ -302,7 +390,7 @@ static int cli_calibrate_report_run(const struct call *call, GError **error) {
     if (!output_option)
         return cli_usage(call->command, "no page to write is given: give -o FILE.html");
     g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
-    g_autofree char *text = calibration ? page(calibration) : NULL;
+    g_autofree char *text = calibration ? page(calibration, call->arguments[0]) : NULL;
     if (!text || !g_file_set_contents(output_option, text, -1, error))
         return CLI_FAILED;
     record_string(call->record, "file", output_option);
@@ -310,10 +398,12 @@ static int cli_calibrate_report_run(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-const struct command calibrate_report = {.name = "calibrate report",
-                                         .arguments = "FILE -o FILE.html",
-                                         .help = "Draw a calibration file as a page.",
-                                         .options = entries,
-                                         .min = 1,
-                                         .max = 1,
-                                         .run = cli_calibrate_report_run};
+const struct command calibrate_report = {
+    .name = "calibrate report",
+    .arguments = "FILE -o FILE.html",
+    .examples = "  mesorig calibrate report rig.calibration -o rig.html\n",
+    .help = "Draw a calibration file as a page.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_calibrate_report_run};

@@ -25,7 +25,8 @@ void calibrate_table_lamps(GString *to, const struct calibration *calibration) {
     if (!calibration->parts[CALIBRATION_LIGHTS].done)
         return;
     g_string_append_printf(
-        to, "<h2>Lamps and arc</h2>\n<table><tr><th>lamp</th><th>distance (mm)</th><th>angle from "
+        to, "<h2>Lamps and arc</h2>\n<div class=\"wide\"><table><tr><th>lamp</th><th>distance "
+            "(mm)</th><th>angle from "
             "the zenith, azimuth on the arc (°)</th></tr>\n");
     for (int i = 0; i < calibration->rig.n_lamps; i++) {
         const struct rig_lamp *lamp = &calibration->rig.lamps[i];
@@ -43,12 +44,13 @@ void calibrate_table_lamps(GString *to, const struct calibration *calibration) {
             DEG(phi));
     }
     if (calibration->rig.arc_radius_mm == 0) {
-        g_string_append(to, "</table>\n");
+        g_string_append(to, "</table></div>\n");
         return;
     }
     g_string_append_printf(
         to,
-        "</table>\n<p>The arc's zero is at %+.4f° ± %.4f°; its axis leans by %.4f° towards x and "
+        "</table></div>\n<p>The arc's zero is at %+.4f° ± %.4f°; its axis leans by %.4f° towards x "
+        "and "
         "%.4f° towards y and goes through (%+.3f, %+.3f) mm of the turntable.</p>\n",
         DEG(arc->zero_rad), DEG(e->zero_rad), DEG(arc->tilt_rad[1]), -DEG(arc->tilt_rad[0]),
         arc->centre_mm[0], arc->centre_mm[1]);
@@ -58,7 +60,8 @@ void calibrate_table_lasers(GString *to, const struct calibration *calibration) 
     if (!calibration->parts[CALIBRATION_LASER].done)
         return;
     g_string_append_printf(
-        to, "<h2>Laser sheets</h2>\n<table><tr><th>laser</th><th>x, z (mm)</th><th>across its axis "
+        to, "<h2>Laser sheets</h2>\n<div class=\"wide\"><table><tr><th>laser</th><th>x, z "
+            "(mm)</th><th>across its axis "
             "(mm)</th><th>zero of the sweep (°)</th><th>turns further by (%%)</th><th>RMS (mm)</th>"
             "</tr>\n");
     for (int i = 0; i < calibration->rig.n_lasers; i++) {
@@ -74,7 +77,7 @@ void calibrate_table_lasers(GString *to, const struct calibration *calibration) 
             laser->position_mm.x, laser->position_mm.z, e->position_mm[0], DEG(e->normal_rad),
             100 * laser->stretch, 100 * e->stretch, e->residual_rms_mm);
     }
-    g_string_append_printf(to, "</table>\n");
+    g_string_append_printf(to, "</table></div>\n");
 }
 
 static void add_camera_light(GString *to, const struct calibration *calibration, int i) {
@@ -101,13 +104,15 @@ void calibrate_table_light(GString *to, const struct calibration *calibration) {
         return;
     g_string_append_printf(
         to,
-        "<h2>Light</h2>\n<table><tr><th>camera</th><th>response</th><th>red, green, blue</th>"
+        "<h2>Light</h2>\n<div class=\"wide\"><table><tr><th>camera</th><th>response</th><th>red, "
+        "green, blue</th>"
         "<th>corner darker by (%%)</th><th>black (DN)</th><th>read noise (e⁻)</th><th>off linear "
         "(%%)</th></tr>\n");
     for (int i = 0; i < rig->n_cameras; i++)
         add_camera_light(to, calibration, i);
     g_string_append_printf(
-        to, "</table>\n<table><tr><th>lamp</th><th>intensity (W/sr)</th><th>exponent</th>"
+        to, "</table></div>\n<div class=\"wide\"><table><tr><th>lamp</th><th>intensity "
+            "(W/sr)</th><th>exponent</th>"
             "<th>red, green, blue</th></tr>\n");
     for (int i = 0; i < rig->n_lamps; i++) {
         const struct radiometry_lamp *r = &calibration->lamp_radiometry[i];
@@ -119,5 +124,5 @@ void calibrate_table_light(GString *to, const struct calibration *calibration) {
             rig->lamps[i].intensity, 100 * r->intensity_error, rig->lamps[i].exponent,
             r->exponent_error, r->colour[0], r->colour[1], r->colour[2]);
     }
-    g_string_append_printf(to, "</table>\n");
+    g_string_append_printf(to, "</table></div>\n");
 }

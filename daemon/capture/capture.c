@@ -76,7 +76,6 @@ static Capture *capture_open(struct devices *devices, const char *directory,
         capture->callbacks = *callbacks;
     capture->state = CAPTURE_PAUSED;
     capture->since_us = -1;
-    capture->left_committed = -1;
     g_queue_init(&capture->flights);
     if (!read_session(capture, error)) {
         capture_free(capture);
@@ -90,6 +89,10 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->sequencer = sequencer_new(devices, &capture->conf, &hooks);
     capture->predicted_s = load_value(session, "predicted_s");
     capture->lower_bound_s = load_value(session, "lower_bound_s");
+    capture->predicted_bytes = load_value(session, "predicted_bytes");
+    capture->expected_bytes = load_value(session, "expected_bytes");
+    if (capture->expected_bytes <= 0)
+        capture->expected_bytes = capture->predicted_bytes;
     capture->clock_base_s = load_value(session, "clock_s");
     capture->begun_us = g_get_monotonic_time();
     capture->real_base_s = load_value(session, "real_s");
@@ -126,7 +129,9 @@ static void capture_note(Session *session, const char *level, const char *source
 
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error) {
-    g_autoptr(Plan) plan = capture_validate(devices, conf, directory, error);
+    g_autoptr(Plan) plan = session_conf_check_chosen(conf, error)
+                               ? capture_validate(devices, conf, directory, error)
+                               : NULL;
     if (!plan)
         return FALSE;
     g_autoptr(GPtrArray) warnings = NULL;
@@ -141,6 +146,12 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
         capture_save_value(session, "predicted_bytes", (double)plan->bytes);
         capture_note(session, "info", "plan", plan->notes);
+        if (conf->chosen) {
+            g_autofree char *said =
+                g_strdup_printf("chosen by pictures on trial: %s", conf->chosen);
+            session_set_value(session, "chosen", conf->chosen, NULL);
+            session_add_event(session, 0, "info", "exposures", said, NULL);
+        }
         /* The session has the calibration as a whole; this says where it came from. */
         session_set_value(session, "calibration",
                           calibrated ? devices->calibration_path : "nominal", NULL);
@@ -230,7 +241,7 @@ static gboolean prepare_resumed(Capture *capture, GError **error) {
             capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
     }
     double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
-    double bytes = load_value(capture->session, "predicted_bytes") * part;
+    double bytes = capture->expected_bytes * part;
     if (part > 0 &&
         !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
         return FALSE;
@@ -289,6 +300,7 @@ void capture_free(Capture *capture) {
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);
+    g_free(capture->plan_left_s);
     g_free(capture->reason);
     g_free(capture->doing);
     g_free(capture);
@@ -342,20 +354,14 @@ void capture_abort(Capture *capture) {
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 
+/* Runs down from what was predicted when the last shot was exposed (capture_run_note_left()). */
 static double time_left_s(Capture *capture) {
-    if (capture->state == CAPTURE_DONE || !capture->remaining)
+    if (capture->state == CAPTURE_DONE || !capture->plan_left_s)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
-    if (capture->left_committed != capture->committed || capture->state == CAPTURE_HOMING) {
-        const struct session_shot *const *shots =
-            (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
-        capture->left_s = plan_remaining_s(
-            shots, (int)(capture->remaining->len - capture->committed), &capture->conf,
-            &capture->devices->timing, devices_axis_deg(capture->devices->turntable),
-            devices_axis_deg(capture->devices->arc));
-        capture->left_at_s = capture_now_s(capture);
-        capture->left_committed = capture->committed;
-    }
-    return MAX(capture->left_s - (capture_now_s(capture) - capture->left_at_s), 0);
+    if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED)
+        return capture->plan_left_s[capture->committed];
+    const double passed_s = capture_now_s(capture) - capture->left_at_s;
+    return MAX(capture->left_s - passed_s, capture->left_least_s);
 }
 
 static gboolean waits_for_somebody(const Capture *capture) {

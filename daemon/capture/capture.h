@@ -56,7 +56,8 @@ struct capture_callbacks {
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error);
 
-/* Makes the session directory, with the plan and the calibration in it. Uses only the geometry,
+/* Makes the session directory, with the plan and the calibration in it; of exposures that were auto
+ * the session's value "chosen" says which were chosen. Uses only the geometry,
  * timing and texts in devices: a process without open devices can do it (preparer.h). */
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error);

@@ -6,8 +6,10 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
     g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(Calibration) calibration = NULL;
 
-    if (path && g_file_test(path, G_FILE_TEST_EXISTS)) {
-        calibration = calibration_read(path, error);
+    const char *text = devices->calibration_text;
+    if (path && (text || g_file_test(path, G_FILE_TEST_EXISTS))) {
+        calibration =
+            text ? calibration_from_text(text, path, error) : calibration_read(path, error);
         if (!calibration || !calibration_check_rig(calibration, path, &devices->geometry, error))
             return NULL;
         for (int i = 0; i < CALIBRATION_PARTS; i++) {

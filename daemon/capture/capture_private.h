@@ -56,8 +56,15 @@ struct Capture {
     gint64 since_us;     /* −1 while it stands */
     double clock_saved_s;
     double predicted_s, lower_bound_s;
+    struct { /* of frames of each kind (enum session_shot_kind) and camera: their bytes on disk */
+        double sum;
+        int n;
+    } bytes[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
+    double predicted_bytes; /* by the plan */
+    double expected_bytes;  /* of the whole session, as last said */
+    double *plan_left_s; /* before each of remaining and after the last: plan_left_s(); or NULL */
     double left_s, left_at_s; /* predicted, and when */
-    gint64 left_committed;    /* committed then; −1: not yet */
+    double left_least_s;      /* not before the shot under way has been exposed */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct latest_picture latest[RIG_MAX_CAMERAS];
     guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */

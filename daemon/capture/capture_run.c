@@ -16,6 +16,8 @@
 #define LAMP_SIGNAL 0.0005
 /* Part of a picture that may be saturated in the shortest exposure without a warning. */
 #define SATURATED_PART 0.001
+/* Part by which the disk space of a session is thought otherwise before that is told. */
+#define BYTES_PART 0.05
 /* Mean of a dark frame above black, as a part of full scale, that is not dark any more. */
 #define DARK_PART 0.05
 
@@ -191,6 +193,60 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
+/* Frames of a kind and camera take what those seen did, on average. */
+static void note_bytes(Capture *capture, const struct session_shot *shot,
+                       const struct session_frame *frames, int n) {
+    const struct rig *rig = &capture->devices->geometry;
+    const int *bits = capture->devices->timing.bits;
+    double all = 0, left = 0, said = 0;
+    for (int i = 0; i < n; i++) {
+        const int c = frames[i].camera;
+        capture->bytes[shot->kind][c].sum += (double)frames[i].bytes;
+        capture->bytes[shot->kind][c].n++;
+    }
+    /* After 1, 2, 4, 8 … shots of this run. */
+    if ((capture->committed & (capture->committed - 1)) != 0)
+        return;
+    for (guint i = 0; i < capture->shots->len; i++) {
+        const struct session_shot *at = capture->shots->pdata[i];
+        for (int c = 0; c < rig->n_cameras && at->state != SHOT_SKIPPED; c++) {
+            if (!(at->cameras & 1u << c))
+                continue;
+            const double planned =
+                (double)plan_shot_bytes(&capture->conf, at, &rig->cameras[c], bits[c]);
+            const int seen = capture->bytes[at->kind][c].n;
+            /* What is kept beside the frame is as planned. */
+            const double is = seen > 0 && plan_bytes_vary(&rig->cameras[c]) &&
+                                      !capture->conf.keep_exposures &&
+                                      !capture->conf.keep_laser_frames
+                                  ? capture->bytes[at->kind][c].sum / seen
+                                  : planned;
+            all += is;
+            said += planned;
+            left += at->state == SHOT_PLANNED ? is : 0;
+        }
+    }
+    /* The database's own is as planned. */
+    all += MAX(capture->predicted_bytes - said, 0);
+    const guint64 free_bytes = capture_free_bytes(session_path(capture->session));
+    const gboolean differs = !(fabs(all / MAX(capture->expected_bytes, 1) - 1) <= BYTES_PART);
+    if (!differs)
+        return;
+    g_autofree char *size = g_format_size((guint64)all);
+    g_autofree char *before = g_format_size((guint64)capture->expected_bytes);
+    g_autofree char *more = g_format_size((guint64)left);
+    g_autofree char *room = g_format_size(free_bytes);
+    const gboolean full = left > (double)free_bytes;
+    g_autofree char *text =
+        g_strdup_printf("by the frames there are, the session will take about %s (it was thought "
+                        "%s), %s more%s%s%s",
+                        size, before, more, full ? "; the disk has only " : "", full ? room : "",
+                        full ? " free: make room, or the session will pause when it is full" : "");
+    capture->expected_bytes = all;
+    capture_save_value(capture->session, "expected_bytes", all);
+    capture_add_event(capture, full ? "warning" : "info", "disk", text);
+}
+
 /* FALSE after a fault: nothing is in flight any more. */
 static gboolean commit(Capture *capture, struct flight *flight) {
     struct session_frame frames[RIG_MAX_CAMERAS];
@@ -216,6 +272,7 @@ static gboolean commit(Capture *capture, struct flight *flight) {
     ((struct session_shot *)flight->shot)->state = SHOT_DONE;
     capture->n_done++;
     capture->committed++;
+    note_bytes(capture, flight->shot, frames, n);
     if (capture_now_s(capture) > capture->clock_saved_s + SAVE_CLOCK_S)
         save_clock(capture);
     return TRUE;
@@ -323,9 +380,16 @@ static void on_room(gpointer data) {
     sequencer_poke(capture->sequencer);
 }
 
+/* The time left, from when the first n of the remaining shots had been exposed. */
+static void capture_run_note_left(Capture *capture, guint n, double at_s) {
+    capture->left_s = capture->plan_left_s[n];
+    capture->left_at_s = at_s;
+    capture->left_least_s = capture->plan_left_s[MIN(n + 1, capture->remaining->len)];
+}
+
 static void on_homed(gpointer data) {
     Capture *capture = data;
-    capture->left_committed = -1;
+    capture_run_note_left(capture, 0, capture_now_s(capture));
     if (capture->state == CAPTURE_HOMING)
         capture_set_state(capture, CAPTURE_RUNNING);
 }
@@ -348,6 +412,8 @@ static void capture_run_on_frame(const struct session_shot *shot, int camera, in
     double time_s = session_clock_s(capture, frame->exposure_end_us);
     intake_frame(capture->intake, shot, camera, sub, frame, retakes, time_s);
     capture->frames++;
+    if (sub + 1 == shot_n_frames(&capture->conf, shot))
+        capture_run_note_left(capture, capture->committed + capture->flights.length, time_s);
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
          shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
@@ -399,7 +465,6 @@ static void capture_run_begin(gpointer data) {
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();
     capture->committed = 0;
-    capture->left_committed = -1;
     capture->all_taken = FALSE;
     for (guint i = 0; i < capture->shots->len; i++) {
         struct session_shot *shot = capture->shots->pdata[i];
@@ -412,6 +477,15 @@ static void capture_run_begin(gpointer data) {
         return;
     }
     guint n = capture_mount_reach(capture);
+    const struct devices *devices = capture->devices;
+    g_free(capture->plan_left_s);
+    capture->plan_left_s = g_new(double, capture->remaining->len + 1);
+    plan_left_s((const struct session_shot *const *)capture->remaining->pdata,
+                (int)capture->remaining->len, &capture->conf, &devices->timing, 0, 0,
+                capture->plan_left_s); /* where homing leaves the axes */
+    capture_run_note_left(capture, 0, capture_now_s(capture));
+    capture->left_s += plan_homing_s(&devices->geometry, &devices->timing);
+    capture->left_least_s = capture->plan_left_s[0];
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     capture->leg = g_ptr_array_sized_new(n);
     for (guint i = 0; i < n; i++)

@@ -46,10 +46,12 @@ static int cli_board_run(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-const struct command cli_board = {.name = "board",
-                                  .arguments = "FILE.svg|FILE.pdf|FILE.png",
-                                  .help = "Draw a calibration board to print.",
-                                  .options = entries,
-                                  .min = 1,
-                                  .max = 1,
-                                  .run = cli_board_run};
+const struct command cli_board = {
+    .name = "board",
+    .arguments = "FILE.svg|FILE.pdf|FILE.png",
+    .examples = "  mesorig board board.pdf --board 8x8,square=9,marker=6.75,thickness=3\n",
+    .help = "Draw a calibration board to print.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_board_run};

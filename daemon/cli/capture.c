@@ -1,13 +1,16 @@
 #include "bus/bus.h"
+#include "capture/capture_calibration.h"
 #include "command/cli.h"
 #include "command/link.h"
 #include "command/monitor.h"
+#include "hands/auto_exposure.h"
 #include "hands/guard.h"
 #include "hands/rig_link.h"
 #include "process.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
+#include <math.h>
 #include <string.h>
 
 static char *output, *rig_option, *calibration;
@@ -38,14 +41,22 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-static GVariant *start_options(void) {
+/* session: NULL to resume. chosen: in place of "auto" in the session file; may be NULL. NULL: a
+ * file that they name cannot be read. */
+static GVariant *start_options(Link *link, const char *session, const char *chosen,
+                               GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
-    GVariantDict options;
+    g_auto(GVariantDict) options;
     g_variant_dict_init(&options, NULL);
     if (process)
         g_variant_dict_insert(&options, "process", "b", TRUE);
     if (path)
         g_variant_dict_insert(&options, "calibration", "s", path);
+    if (chosen)
+        g_variant_dict_insert(&options, "chosen", "s", chosen);
+    if ((session && !link_add_text(link, &options, "session_text", session, error)) ||
+        (session && path && !link_add_text(link, &options, "calibration_text", path, error)))
+        return NULL;
     return g_variant_dict_end(&options);
 }
 
@@ -81,20 +92,48 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     return done ? CLI_DONE : CLI_FAILED;
 }
 
-static gboolean is_calibrated(const char *rig_path) {
-    g_autoptr(Config) config = config_load(rig_path, NULL);
-    gsize n = 0;
-    const struct config_section *sections = config ? config_sections(config, &n) : NULL;
-    for (gsize i = 0; i < n; i++)
-        if (strcmp(sections[i].group, "rig") == 0)
-            return config_value(&sections[i], "calibration", NULL) != NULL;
-    return FALSE;
+/* That which the capture will take; NULL with an error if it is damaged or of another rig. */
+static struct calibration *calibration_to_take(const char *rig_path, const struct rig *rig,
+                                               GError **error) {
+    g_autoptr(Config) config = config_load(rig_path, error);
+    g_autoptr(GPtrArray) warnings = NULL;
+    if (!config)
+        return NULL;
+    const struct config_section *section = config_find(config, "rig", NULL);
+    const char *named = section ? config_value(section, "calibration", NULL) : NULL;
+    g_autofree char *path = calibration       ? g_canonicalize_filename(calibration, NULL)
+                            : named && *named ? config_resolve(config, named)
+                                              : NULL;
+    const struct devices devices = {
+        .geometry = *rig, .calibration_path = path, .calibration_days = INFINITY};
+    return capture_calibration(&devices, &warnings, error);
 }
 
 /* Before a long capture. FALSE: they predict that it would be spoilt, and --yes was not given; or a
- * device has failed. Start reports other errors of the session. */
-static gboolean take_test_shots(Link *link, const char *rig_path, const char *session,
-                                GError **error) {
+ * device has failed. */
+static gboolean take_test_shots(Link *link, const struct session_conf *conf, const struct rig *rig,
+                                const char *rig_path, GError **error) {
+    g_autoptr(Calibration) known = calibration_to_take(rig_path, rig, error);
+    int n = 0;
+    g_autoptr(GPtrArray) warnings = known ? guard_try(link, conf, rig, known, &n, error) : NULL;
+    if (!warnings) {
+        g_prefix_error(error, "test shots before the capture: ");
+        return FALSE;
+    }
+    for (guint i = 0; i < warnings->len; i++)
+        g_printerr("mesorig: warning: %s\n", (char *)warnings->pdata[i]);
+    if (warnings->len > 0 && !yes)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "%d test shots say that the capture would be spoilt (%u warning%s); --yes goes "
+                    "on all the same",
+                    n, warnings->len, warnings->len == 1 ? "" : "s");
+    return warnings->len == 0 || yes;
+}
+
+/* Chooses exposures that are "auto" (ret_chosen: for Start, or NULL), then takes test shots. Start
+ * reports other errors of the session. */
+static gboolean try_first(Link *link, const char *rig_path, const char *session, char **ret_chosen,
+                          GError **error) {
     g_auto(SessionConf) conf = {0};
     struct rig rig;
     while (g_main_context_iteration(
@@ -104,27 +143,28 @@ static gboolean take_test_shots(Link *link, const char *rig_path, const char *se
     const gboolean free_now = g_strcmp0(state, "idle") == 0 || g_strcmp0(state, "done") == 0 ||
                               g_strcmp0(state, "aborted") == 0;
     if (!free_now || !session_conf_load(&conf, session, NULL) ||
-        !devices_read_geometry(rig_path, &rig, NULL) || !guard_is_worth_it(&conf))
+        !devices_read_geometry(rig_path, &rig, NULL))
         return TRUE;
-    g_autoptr(GPtrArray) warnings = guard_try(link, &conf, &rig, error);
-    if (!warnings) {
-        g_prefix_error(error, "test shots before the capture: ");
-        return FALSE;
+    if (!session_conf_check_chosen(&conf, NULL)) {
+        gboolean ok = FALSE;
+        g_autofree char *text = NULL;
+        g_autoptr(GVariant) plan = NULL;
+        g_auto(GVariantDict) options;
+        g_variant_dict_init(&options, NULL);
+        /* What is wrong with the session comes before anything moves. */
+        if (!link_add_text(link, &options, "session_text", session, error) ||
+            !bus_rig1_call_validate_sync(link_rig(link), session, "", g_variant_dict_end(&options),
+                                         &ok, &text, &plan, NULL, error))
+            return FALSE;
+        if (!ok) {
+            g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
+            return FALSE;
+        }
+        *ret_chosen = auto_exposure_choose(link, &conf, rig_path, error);
+        if (!*ret_chosen || !session_conf_choose(&conf, *ret_chosen, error))
+            return FALSE;
     }
-    if (!calibration && !is_calibrated(rig_path))
-        g_printerr(
-            "mesorig: warning: %s is not calibrated: geometry and light are as its file says, "
-            "which is millimetres and tenths off; see mesorig calibrate, then [rig] "
-            "calibration, or -c FILE\n",
-            rig_path);
-    for (guint i = 0; i < warnings->len; i++)
-        g_printerr("mesorig: warning: %s\n", (char *)warnings->pdata[i]);
-    if (warnings->len > 0 && !yes)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
-                    "test shots say that the capture would be spoilt (%u warning%s); --yes goes on "
-                    "all the same",
-                    warnings->len, warnings->len == 1 ? "" : "s");
-    return warnings->len == 0 || yes;
+    return !guard_is_worth_it(&conf, &rig) || take_test_shots(link, &conf, &rig, rig_path, error);
 }
 
 /* session: NULL to resume. */
@@ -134,14 +174,17 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     g_autoptr(Link) link = rig_link_find(rig, &simulated, error);
     if (!link)
         return CLI_FAILED;
+    g_autofree char *chosen = NULL;
     if (!rig_link_open(link, rig, error) ||
-        (session && !take_test_shots(link, rig, session, error)))
+        (session && !try_first(link, rig, session, &chosen, error)))
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
-    const gboolean ok = session ? bus_rig1_call_start_sync(link_rig(link), session, directory,
-                                                           start_options(), NULL, error)
-                                : bus_rig1_call_resume_sync(link_rig(link), directory,
-                                                            start_options(), NULL, error);
+    GVariant *options = start_options(link, session, chosen, error);
+    const gboolean ok =
+        options &&
+        (session
+             ? bus_rig1_call_start_sync(link_rig(link), session, directory, options, NULL, error)
+             : bus_rig1_call_resume_sync(link_rig(link), directory, options, NULL, error));
     if (!ok)
         return CLI_FAILED;
     monitor_set_answer(monitor, yes && simulated ? ANSWER_AT_ONCE : ANSWER_ENTER);

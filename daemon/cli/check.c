@@ -170,7 +170,7 @@ static gboolean strict;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
      "Draw the energy of each view and light into this .svg or .png", "FILE"},
-    {"texel", 't', 0, G_OPTION_ARG_INT, &texel_option,
+    {"texel", 0, 0, G_OPTION_ARG_INT, &texel_option,
      "The texel that is drawn, counted row by row (the middle)", "N"},
     {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with 1 if anything is suspect", NULL},
     {NULL},

@@ -13,11 +13,16 @@ static const struct command *const commands[] = {
     &cli_check,    &cli_calibrate, &cli_board,  &cli_info,     &cli_drivers,  &cli_devices,
     &hands_snap,   &hands_live,    &hands_lamp, &hands_laser,  &hands_move,   &hands_home,
     &hands_test,   &cli_import,    &cli_export, &cli_resample, &cli_verify,   &cli_report,
+    NULL,
 };
+
+const struct command *const *cli_commands(void) {
+    return commands;
+}
 
 static void cli_print_help(void) {
     g_print("Usage: mesorig COMMAND …\n\nCommands:\n");
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+    for (gsize i = 0; commands[i]; i++)
         g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
     g_print("\n“mesorig COMMAND --help” tells more. Every command takes --json.\n"
             "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
@@ -33,11 +38,11 @@ int cli_main(int argc, char **argv) {
         g_print("mesorig %s\n", MESORIG_VERSION);
         return CLI_DONE;
     }
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+    for (gsize i = 0; commands[i]; i++)
         if (strcmp(commands[i]->name, argv[1]) == 0)
             return cli_run(commands[i], argc - 1, argv + 1);
     struct nearest nearest = nearest_new(argv[1]);
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+    for (gsize i = 0; commands[i]; i++)
         nearest_consider(&nearest, commands[i]->name);
     if (nearest.name)
         g_printerr("mesorig: no command “%s”: did you mean “%s”?\n", argv[1], nearest.name);

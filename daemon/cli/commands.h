@@ -8,5 +8,8 @@ extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_w
     cli_info, cli_drivers, cli_devices, cli_import, cli_export, cli_resample, cli_verify,
     cli_report;
 
+/* All commands; the table ends with NULL. */
+const struct command *const *cli_commands(void);
+
 /* All of mesorig: finds the command and runs it. An exit code. */
 int cli_main(int argc, char **argv);

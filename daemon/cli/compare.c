@@ -203,7 +203,7 @@ static char *plot_option, *curve_option;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
      "Draw errors of views and lights into this .svg or .png", "FILE"},
-    {"curve", 'c', 0, G_OPTION_ARG_FILENAME, &curve_option,
+    {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve_option,
      "Compress a session with every model and several sizes, and draw error against size", "FILE"},
     {NULL},
 };
@@ -231,10 +231,13 @@ static int cli_compare_run(const struct call *call, GError **error) {
     return ok ? CLI_DONE : CLI_FAILED;
 }
 
-const struct command cli_compare = {.name = "compare",
-                                    .arguments = "A B | DIR --curve FILE",
-                                    .help = "Compare two materials, or all models of one.",
-                                    .options = entries,
-                                    .min = 1,
-                                    .max = 2,
-                                    .run = cli_compare_run};
+const struct command cli_compare = {
+    .name = "compare",
+    .arguments = "A B | DIR --curve FILE",
+    .examples = "  mesorig compare weave.session weave.session/products/lpca.exr\n"
+                "  mesorig compare weave.session --curve curve.svg\n",
+    .help = "Compare two materials, or all models of one.",
+    .options = entries,
+    .min = 1,
+    .max = 2,
+    .run = cli_compare_run};

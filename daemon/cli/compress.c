@@ -177,6 +177,8 @@ static int cli_compress_run(const struct call *call, GError **error) {
 
 const struct command cli_compress = {.name = "compress",
                                      .arguments = "DIR",
+                                     .examples = "  mesorig compress weave.session --error 2%\n"
+                                                 "  mesorig compress weave.session -m ptm\n",
                                      .help = "Compress the BTF of a session, or its MDF.",
                                      .list_options = compress_entries,
                                      .min = 1,

@@ -97,8 +97,7 @@ static GOptionEntry compress_entry(struct given *given) {
     static const struct {
         const char *name;
         char letter;
-    } letters[] = {{"clusters", 'k'}, {"components", 'c'}, {"error", 'e'},
-                   {"size", 's'},     {"grid", 'g'},       {"quantise", 'q'}};
+    } letters[] = {{"clusters", 'k'}, {"grid", 'g'}, {"quantise", 'q'}};
     GOptionEntry entry = {.long_name = given->name,
                           .arg = G_OPTION_ARG_STRING,
                           .arg_data = &given->text,

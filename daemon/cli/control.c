@@ -144,8 +144,8 @@ static int run_safe(const struct call *call, GError **error) {
 
 #define CONTROL(name_, run_, help_)                                                                \
     {                                                                                              \
-        .name = (name_), .arguments = "[DIR]", .help = (help_), .daemon = TRUE, .max = 1,          \
-        .run = (run_)                                                                              \
+        .name = (name_), .arguments = "[DIR]", .examples = "  mesorig " name_ "\n",                \
+        .help = (help_), .daemon = TRUE, .max = 1, .run = (run_)                                   \
     }
 
 const struct command cli_status = CONTROL("status", run_status, "Show what the rig does.");

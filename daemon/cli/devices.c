@@ -132,6 +132,8 @@ static int run_devices(const struct call *call, GError **error) {
 const struct command cli_devices = {
     .name = "devices",
     .arguments = "",
+    .examples = "  mesorig devices\n"
+                "  mesorig devices --json | jq .\n",
     .help = "List the devices on the buses, and the rig file sections that would use them.",
     .options = entries,
     .run = run_devices};

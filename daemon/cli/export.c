@@ -16,9 +16,9 @@ static gboolean layered, maximum;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE"},
-    {"format", 'f', 0, G_OPTION_ARG_STRING, &format, "btf: how the values are stored (bdi)",
+    {"format", 0, 0, G_OPTION_ARG_STRING, &format, "btf: how the values are stored (bdi)",
      "bdi|fmf|dfmf"},
-    {"components", 'c', 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: number of components (24)",
+    {"components", 0, 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: number of components (24)",
      "N"},
     {"views", 0, 0, G_OPTION_ARG_INT, &least_views,
      "points: least number of views that saw each (2)", "N"},
@@ -185,7 +185,10 @@ static int cli_export_run(const struct call *call, GError **error) {
                      "there is no KIND “%s”; choose from: btf, points, height, normals", kind);
 }
 
+static const char *const kind_words[] = {"btf", "points", "height", "normals", NULL};
+
 const struct command cli_export = {
+    .words = kind_words,
     .name = "export",
     .arguments = "KIND DIR -o FILE",
     .examples = "  mesorig export btf weave.session -o weave.btf\n"

@@ -17,13 +17,13 @@ static int texels = 64;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
-    {"texel", 't', 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
-    {"region", 'r', 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
+    {"texel", 0, 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
+    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
      "poses: of the rig, or its nominal values", "FILE"},
     {"sample", 's', 0, G_OPTION_ARG_STRING, &sample, "poses: the sample's size in mm",
      "WIDTHxHEIGHT"},
-    {"texels", 'n', 0, G_OPTION_ARG_INT, &texels, "poses: texels across (64)", "N"},
+    {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "poses: texels across (64)", "N"},
     {"reference", 0, 0, G_OPTION_ARG_DOUBLE, &reference_mm,
      "poses: how high the reference plane lies (0)", "MM"},
     {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "poses: how deep the structure is (0)", "MM"},
@@ -222,9 +222,14 @@ static int cli_import_run(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
+static const char *const kind_words[] = {"btf", "pictures", "rti", "relight", "poses", NULL};
+
 const struct command cli_import = {
+    .words = kind_words,
     .name = "import",
     .arguments = "KIND SOURCE -o DIR",
+    .examples = "  mesorig import btf wool.btf -o wool.session\n"
+                "  mesorig import poses poses.csv -c nominal.conf -s 36x36 -o print.session\n",
     .help = "Make a session of data that others have measured. KIND: btf (a file "
             "of Bonn's), pictures (a folder, "
             "names with tl… pl… tv… pv…), rti (a list of lights), "

@@ -167,12 +167,14 @@ static void tell_session(Record *to, Session *session, const char *state,
     g_autofree char *reason =
         strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
     g_autofree char *imported = session_value(session, "imported");
+    g_autofree char *chosen = session_value(session, "chosen");
     record_string(to, "kind", "session");
     record_string(to, "name", session_name(session));
     record_string(to, "session", directory);
     record_string(to, "state", state);
     record_string(to, "reason", reason);
     record_string(to, "imported", imported);
+    record_string(to, "chosen", chosen);
     record_int(to, "width", grid->width);
     record_int(to, "height", grid->height);
     record_double(to, "width_mm", grid->width_mm);
@@ -198,6 +200,8 @@ static void tell_session(Record *to, Session *session, const char *state,
                grid->width, grid->height);
     record_say(to, "directions %d views, %d lights, %d laser positions\n", counts->views,
                counts->lights, counts->lasers);
+    if (chosen)
+        record_say(to, "chosen     %s\n", chosen);
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
     record_say(to, "frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
     tell_products(to, directory);
@@ -325,6 +329,8 @@ static int cli_info_run(const struct call *call, GError **error) {
 
 const struct command cli_info = {.name = "info",
                                  .arguments = "FILE|DIR",
+                                 .examples = "  mesorig info weave.session\n"
+                                             "  mesorig info weave.session --history course.svg\n",
                                  .help = "Show the contents of a session or an EXR.",
                                  .options = entries,
                                  .min = 1,

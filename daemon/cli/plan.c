@@ -21,22 +21,36 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     gboolean ok = FALSE;
     g_autofree char *text = NULL;
     g_autoptr(GVariant) plan = NULL;
-    if (!bus_rig1_call_validate_sync(link_rig(link), session, directory, &ok, &text, &plan, NULL,
-                                     error))
+    g_auto(GVariantDict) options;
+    g_variant_dict_init(&options, NULL);
+    if (!link_add_text(link, &options, "session_text", session, error) ||
+        !bus_rig1_call_validate_sync(link_rig(link), session, directory,
+                                     g_variant_dict_end(&options), &ok, &text, &plan, NULL, error))
         return NULL;
     if (!ok)
         g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
     return ok ? g_steal_pointer(&plan) : NULL;
 }
 
+/* Of both files: who has made mistakes in both is told all of them. NULL: that one is right. */
+static void plan_join_errors(GError *of_rig, GError *of_session, GError **error) {
+    if (of_rig && of_session) {
+        g_prefix_error(&of_session, "%s\n", of_rig->message);
+        g_clear_error(&of_rig);
+    }
+    g_propagate_error(error, of_rig ? of_rig : of_session);
+}
+
 static GVariant *plan_here(const char *rig, const char *session, const char *directory,
                            GError **error) {
     struct session_conf conf = {0};
-    if (!session_conf_load(&conf, session, error))
-        return NULL;
-    struct devices *devices = devices_open(rig, error);
+    GError *of_rig = NULL, *of_session = NULL;
+    const gboolean read = session_conf_load(&conf, session, &of_session);
+    struct devices *devices = devices_open(rig, &of_rig);
     struct plan *plan = NULL;
-    if (devices)
+    if (!read || !devices)
+        plan_join_errors(of_rig, of_session, error);
+    else
         plan = *directory ? capture_validate(devices, &conf, directory, error)
                           : plan_build(&conf, &devices->geometry, &devices->timing, error);
     GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
@@ -51,12 +65,15 @@ static GVariant *plan_offline(const char *rig_path, const char *session, GError 
     struct session_conf conf = {0};
     struct rig rig;
     struct rig_timing timing;
-    if (!session_conf_load(&conf, session, error))
-        return NULL;
+    GError *of_rig = NULL, *of_session = NULL;
     g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
-    struct plan *plan = devices_read_timing(rig_path, &rig, &timing, assumed, error)
-                            ? plan_build(&conf, &rig, &timing, error)
-                            : NULL;
+    const gboolean read = session_conf_load(&conf, session, &of_session);
+    const gboolean timed = devices_read_timing(rig_path, &rig, &timing, assumed, &of_rig);
+    struct plan *plan = NULL;
+    if (!read || !timed)
+        plan_join_errors(of_rig, of_session, error);
+    else
+        plan = plan_build(&conf, &rig, &timing, error);
     for (guint i = 0; plan && i < assumed->len; i++)
         g_ptr_array_add(plan->notes, g_strdup(assumed->pdata[i]));
     GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
@@ -116,6 +133,8 @@ const struct command cli_plan = {.name = "plan",
                                  .run = run_plan};
 const struct command cli_drivers = {.name = "drivers",
                                     .arguments = "[NAME]",
+                                    .examples = "  mesorig drivers\n"
+                                                "  mesorig drivers modbus-axis\n",
                                     .help = "List the drivers and their options in a rig file.",
                                     .max = 1,
                                     .run = run_drivers};

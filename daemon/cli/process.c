@@ -1,5 +1,6 @@
 #include "process.h"
 #include "base/data_error.h"
+#include "pipeline/causes.h"
 #include "pipeline/pipeline.h"
 
 #include "calibration/calibration.h"
@@ -71,6 +72,7 @@ struct process {
     const char *calibration; /* text; NULL: the session's own */
     gboolean follow;
     struct pipeline_result result;
+    GPtrArray *causes; /* char *: why little was measured */
 };
 
 static gboolean run_pipeline(const struct work *work, gpointer data, GError **error) {
@@ -90,16 +92,22 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
         .calibration = process->calibration,
         .work = *work,
     };
-    return pipeline_run(process->directory, &options, &process->result, error);
+    return pipeline_run(process->directory, &options, &process->result, error) &&
+           pipeline_causes(process->directory, process->calibration, &process->result,
+                           process->causes, error);
 }
 
 int process_run(const char *directory, const char *calibration, gboolean follow, Record *to,
                 GError **error) {
-    struct process process = {directory, calibration, follow};
+    g_autoptr(GPtrArray) causes = g_ptr_array_new_with_free_func(g_free);
+    struct process process = {directory, calibration, follow, .causes = causes};
     double seconds = 0;
     if (!cli_work_run(run_pipeline, &process, &seconds, error))
         return CLI_FAILED;
     tell_result(to, &process.result, seconds);
+    record_strings(to, "causes", causes);
+    for (guint i = 0; i < causes->len; i++)
+        record_say(to, "%s\n", (char *)causes->pdata[i]);
     return CLI_DONE;
 }
 

@@ -151,6 +151,7 @@ static int cli_report_run(const struct call *call, GError **error) {
 const struct command cli_report = {
     .name = "report",
     .arguments = "DIR -o FILE.html",
+    .examples = "  mesorig report weave.session -o weave.html\n",
     .help = "Write a session's report: a page to read, metadata for an archive.",
     .options = entries,
     .min = 1,

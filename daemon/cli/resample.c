@@ -15,7 +15,7 @@ static const GOptionEntry entries[] = {
      "own: the planned directions (default); 81: those of the papers; or a file with a table of "
      "directions",
      "own|81|FILE"},
-    {"threads", 't', 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
     {NULL},
 };
 
@@ -162,6 +162,9 @@ static int cli_resample_run(const struct call *call, GError **error) {
 
 const struct command cli_resample = {.name = "resample",
                                      .arguments = "DIR -o DIR",
+                                     .examples =
+                                         "  mesorig resample weave.session -o same.session\n"
+                                         "  mesorig resample weave.session -o same.session -d 81\n",
                                      .help = "Make a session whose BTF has the same directions for "
                                              "all texels, and report its accuracy.",
                                      .options = entries,

@@ -155,6 +155,7 @@ static int cli_verify_run(const struct call *call, GError **error) {
 const struct command cli_verify = {
     .name = "verify",
     .arguments = "DIR",
+    .examples = "  mesorig verify weave.session\n",
     .help = "Compare every file of a session with its checksum; say what repairs it.",
     .min = 1,
     .max = 1,

@@ -34,38 +34,36 @@ int cli_usage(const struct command *command, const char *format, ...) {
     return CLI_USAGE;
 }
 
+void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]) {
+    const GOptionEntry *own = command->list_options ? command->list_options() : command->options;
+    int n = 0;
+    if (own)
+        ret[n++] = own;
+    if (command->daemon)
+        ret[n++] = link_entries;
+    ret[n++] = json_entries;
+    ret[n] = NULL;
+}
+
 /* Parses the command's own options, those of the daemon if it talks to one, and --json. What stays
  * in argv are arguments. FALSE: bad usage, which has been reported. */
 static gboolean cli_parse(const struct command *command, int *argc, char ***argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
     g_autoptr(GError) error = NULL;
     g_autofree char *program = g_strconcat("mesorig ", command->name, NULL);
-    const GOptionEntry *entries =
-        command->list_options ? command->list_options() : command->options;
+    const GOptionEntry *tables[CLI_TABLES];
+    cli_tables(command, tables);
     g_set_prgname(program);
     g_option_context_set_summary(context, command->help);
-    if (entries)
-        g_option_context_add_main_entries(context, entries, NULL);
-    if (command->daemon)
-        g_option_context_add_main_entries(context, link_entries, NULL);
-    g_option_context_add_main_entries(context, json_entries, NULL);
+    for (const GOptionEntry *const *table = tables; *table; table++)
+        g_option_context_add_main_entries(context, *table, NULL);
     if (command->examples) {
         g_autofree char *text = g_strconcat("Examples:\n", command->examples, NULL);
         g_option_context_set_description(context, text);
     }
     if (!g_option_context_parse(context, argc, argv, &error)) {
-        const GOptionEntry *const tables[] = {entries, command->daemon ? link_entries : NULL,
-                                              json_entries};
-        const char *wrong = strstr(error->message, "--");
-        struct nearest nearest = nearest_new(wrong ? wrong + 2 : "");
-        for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
-            for (const GOptionEntry *entry = tables[i]; entry && entry->long_name; entry++)
-                nearest_consider(&nearest, entry->long_name);
-        const gboolean meant =
-            wrong && nearest.name &&
-            g_error_matches(error, G_OPTION_ERROR, G_OPTION_ERROR_UNKNOWN_OPTION);
-        cli_usage(command, "%s%s%s%s", error->message, meant ? "; did you mean --" : "",
-                  meant ? nearest.name : "", meant ? "?" : "");
+        nearest_add_option(error, tables);
+        cli_usage(command, "%s", error->message);
         return FALSE;
     }
     if (*argc > 1 && strcmp((*argv)[1], "--") == 0) {

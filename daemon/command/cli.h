@@ -16,7 +16,8 @@ struct call {
 /* A row of the table of commands; each command has a file of its own. */
 struct command {
     const char *name, *arguments, *help;
-    const char *examples;        /* for people, a line each with two blanks before it; or NULL */
+    const char *examples;        /* for people, a line each with two blanks before it */
+    const char *const *words;    /* what its first argument may be, ending with NULL; or NULL */
     const GOptionEntry *options; /* its own, or NULL */
     const GOptionEntry *(*list_options)(
         void);       /* in place of options: made when they are asked for */
@@ -29,7 +30,15 @@ struct command {
 
     /* In place of run: parses its own arguments. argv[0] is the name of the command. */
     int (*run_arguments)(const struct command *command, int argc, char **argv);
+    const struct command *const
+        *children; /* its commands, named "PARENT CHILD", ending with NULL */
 };
+
+/* The tables of a command's options: its own, those of the daemon's address, --json; ends with
+ * NULL.
+ */
+#define CLI_TABLES 4
+void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]);
 
 /* Parses the options, runs the command, and prints its record or its error. An exit code. */
 int cli_run(const struct command *command, int argc, char **argv);

@@ -1,5 +1,6 @@
 #include "link.h"
 
+#include "base/input_file.h"
 #include "bus/bus.h"
 #include "capture/follower.h"
 #include "cli.h"
@@ -17,7 +18,8 @@
 #define LONGEST_FOLDER  80   /* a socket's path is 107 bytes at most */
 #define STALE_AFTER_S   60
 #define ASK_WAIT_MS     5000
-#define CALL_TIMEOUT_MS 600000 /* opening a rig may take its time */
+#define MOST_TEXT       (1 << 20) /* bytes, as of every configuration file */
+#define CALL_TIMEOUT_MS 600000    /* opening a rig may take its time */
 
 struct Link {
     GDBusConnection *connection;
@@ -297,6 +299,16 @@ gboolean link_is_lost(const Link *link) {
         return FALSE;
     g_autofree char *owner = g_dbus_proxy_get_name_owner(G_DBUS_PROXY(link->rig));
     return owner == NULL;
+}
+
+gboolean link_add_text(Link *link, GVariantDict *options, const char *key, const char *path,
+                       GError **error) {
+    if (!g_dbus_proxy_get_name(G_DBUS_PROXY(link->rig)))
+        return TRUE;
+    g_autofree char *text = input_file_read_text(path, MOST_TEXT, error);
+    if (text)
+        g_variant_dict_insert(options, key, "s", text);
+    return text != NULL;
 }
 
 char *link_log(const Link *link) {

@@ -27,5 +27,10 @@ gboolean link_is_private(const Link *link);
 /* The daemon has gone: its connection was closed, or its name on the bus has no owner. */
 gboolean link_is_lost(const Link *link);
 
+/* A daemon on a bus may be another user, who reads no file for us: adds the text of the file. Of a
+ * private daemon, which reads the file itself, nothing is added. */
+gboolean link_add_text(Link *link, GVariantDict *options, const char *key, const char *path,
+                       GError **error);
+
 /* Returns the stderr output of a private daemon, which explains why it has failed; g_free(). */
 char *link_log(const Link *link);

@@ -1,16 +1,22 @@
 /* Test shots before a long capture, which show mistakes that would spoil all of it. */
 #pragma once
 
+#include "calibration/calibration.h"
 #include "command/link.h"
 #include "plan/plan.h"
 
 /* Whether a session takes so many pictures that a few test shots hardly prolong it. */
-gboolean guard_is_worth_it(const struct session_conf *conf);
+gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *rig);
 
-/* Homes turntable and arc, turns the arc to a planned light away from the cameras, and takes a dark
- * frame and one picture under each lamp with each camera, at the session's shortest and longest
- * exposures. Returns sentences (char *), each with what was measured and which key or device to
- * change: a camera that saturates or stays dark, one that sees no lamp, a lamp that no camera sees.
- * NULL: a device failed. */
+/* Homes turntable and arc, turns the arc to a planned light away from the cameras, and takes test
+ * shots, each with every camera that the session plans with: one in the dark, and one under each
+ * planned lamp, at the session's shortest and longest exposures. If the first five say that
+ * something is wrong, they are all. Lamps beyond the fourth come after them, one a shot: how bright
+ * several lamps together are does not tell that one of them is dead.
+ *
+ * Returns sentences (char *), each with what was measured and which key or device to change: a rig
+ * that is not calibrated (calibration says which parts are); a camera that saturates or stays dark,
+ * or sees no lamp; a lamp that no camera sees; fiducials that are not where the calibration has
+ * them. ret_shots: how many test shots were taken. NULL: a device failed. */
 GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct rig *rig,
-                     GError **error);
+                     const struct calibration *calibration, int *ret_shots, GError **error);

@@ -10,7 +10,7 @@
 static double seconds;
 
 static const GOptionEntry light_entries[] = {
-    {"for", 't', 0, G_OPTION_ARG_DOUBLE, &seconds,
+    {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
      "Seconds after which it goes off again (at Ctrl-C)", "S"},
     HAND_RIG_ENTRY,
     {NULL},

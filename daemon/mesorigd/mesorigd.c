@@ -1,4 +1,5 @@
 /* mesorigd: opens the devices of a rig and runs sessions, controlled over D-Bus. */
+#include "base/nearest.h"
 #include "bus/bus.h"
 #include "bus/preparer.h"
 #include "rig/guardian.h"
@@ -182,8 +183,10 @@ int main(int argc, char **argv) {
     g_option_context_set_summary(context, "Runs a material-capture rig, as told over D-Bus "
                                           "(org.mesorig.Rig1).");
     g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error))
+    if (!g_option_context_parse(context, &argc, &argv, &error)) {
+        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         return usage(error->message);
+    }
     if (argc > 1)
         return usage("there are no arguments beside the options");
     if (version) {

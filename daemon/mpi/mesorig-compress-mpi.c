@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "base/file_lock.h"
 #include "base/json.h"
+#include "base/nearest.h"
 #include "lpca/lpca.h"
 #include "session/session.h"
 #include "team.h"
@@ -18,14 +19,14 @@ static char *quantise_option, *colours_option, *output;
 static gboolean json, help, version;
 static const GOptionEntry entries[] = {
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters of texels: 1 … 1024 (32)", "K"},
-    {"components", 'c', 0, G_OPTION_ARG_INT, &components, "Eigen-BRDFs of a cluster: 1 … 64 (8)",
+    {"components", 0, 0, G_OPTION_ARG_INT, &components, "Eigen-BRDFs of a cluster: 1 … 64 (8)",
      "C"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option, "Numbers in the file (half)",
      "float|half|8bit|8bit-weights"},
     {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
      "What is compressed: colours as they are, or the logarithm of luminance and chroma",
      "rgb|log"},
-    {"threads", 't', 0, G_OPTION_ARG_INT, &threads, "Of each process; 0: one a processor (0)", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Of each process; 0: one a processor (0)", "N"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Write this file", "FILE"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {"help", 'h', 0, G_OPTION_ARG_NONE, &help, "Show help options", NULL},
@@ -139,9 +140,10 @@ static int mpi_compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_q
     g_option_context_add_main_entries(context, entries, NULL);
     const char *what = NULL;
     g_option_context_set_help_enabled(context, FALSE);
-    if (!g_option_context_parse(context, argc, argv, &error))
+    if (!g_option_context_parse(context, argc, argv, &error)) {
+        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         what = error->message;
-    else if (help || version)
+    } else if (help || version)
         ;
     else if (*argc != 2 || !output)
         what = "one session and -o FILE are needed";

@@ -9,23 +9,30 @@
 
 G_DEFINE_QUARK(plan_error, plan_error)
 
-/* The sweep angles at which the sheet passes the edges of the sample's box. */
-static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot, GError **error) {
-    const struct session_grid *grid = &b->conf->grid;
-    const struct rig_laser *laser = &b->rig->lasers[shot->device];
-    const struct axis_motion *limits = &b->timing->sweep[shot->device];
-    double from = G_MAXDOUBLE, to = -G_MAXDOUBLE;
-
+void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,
+                    double turntable_deg, double arc_deg, double *ret_from_deg,
+                    double *ret_to_deg) {
+    const struct session_grid *grid = &conf->grid;
+    *ret_from_deg = G_MAXDOUBLE;
+    *ret_to_deg = -G_MAXDOUBLE;
     for (int corner = 0; corner < 8; corner++) {
-        double x = grid->width_mm / 2 + b->conf->sweep_margin_mm;
-        double y = grid->height_mm / 2 + b->conf->sweep_margin_mm;
+        double x = grid->width_mm / 2 + conf->sweep_margin_mm;
+        double y = grid->height_mm / 2 + conf->sweep_margin_mm;
         double z = grid->reference_mm - (corner & 4 ? grid->depth_mm : 0);
         struct vec3 p =
-            rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), RAD(shot->turntable_deg));
-        double s = DEG(rig_laser_sweep_rad(&b->rig->arc, laser, RAD(shot->arc_deg), p));
-        from = MIN(from, s);
-        to = MAX(to, s);
+            rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), RAD(turntable_deg));
+        double s = DEG(rig_laser_sweep_rad(&rig->arc, &rig->lasers[laser], RAD(arc_deg), p));
+        *ret_from_deg = MIN(*ret_from_deg, s);
+        *ret_to_deg = MAX(*ret_to_deg, s);
     }
+}
+
+static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot, GError **error) {
+    const struct rig_laser *laser = &b->rig->lasers[shot->device];
+    const struct axis_motion *limits = &b->timing->sweep[shot->device];
+    double from, to;
+
+    plan_sweep_deg(b->conf, b->rig, shot->device, shot->turntable_deg, shot->arc_deg, &from, &to);
     shot->sweep_from_deg = from;
     shot->sweep_to_deg = to;
     shot->sweep_steps = b->conf->sweep_steps;
@@ -279,12 +286,13 @@ void plan_set_error(GError **error, enum plan_error code, const struct session_c
 }
 
 static gboolean plan_check_exposure(const struct plan_build *b, int camera, double exposure_us,
-                                    const char *key, GError **error) {
+                                    enum auto_key key, GError **error) {
+    const char *name = b->conf->is_auto[key] ? "auto_longest_us" : auto_key_names[key];
     gint64 min = b->timing->min_exposure_us[camera], max = b->timing->max_exposure_us[camera];
 
     if (llround(exposure_us) >= min && llround(exposure_us) <= max)
         return TRUE;
-    plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", key,
+    plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", name,
                    "%g us is outside what camera %s can do, %" G_GINT64_FORMAT
                    " to %" G_GINT64_FORMAT " us",
                    exposure_us, b->rig->cameras[camera].name, min, max);
@@ -296,12 +304,14 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
 
     for (guint v = 0; v < b->views->len; v++) {
         int camera = g_array_index(b->views, struct session_direction, v).device;
-        for (int i = 0; i < conf->n_exposures; i++)
-            if (!plan_check_exposure(b, camera, conf->exposures_us[i], "exposures_us", error))
+        /* Of what is not chosen yet the longest alone is known. */
+        for (int i = conf->is_auto[AUTO_EXPOSURES] ? conf->n_exposures - 1 : 0;
+             i < conf->n_exposures; i++)
+            if (!plan_check_exposure(b, camera, conf->exposures_us[i], AUTO_EXPOSURES, error))
                 return FALSE;
-        if (!plan_check_exposure(b, camera, conf->laser_exposure_us, "laser_exposure_us", error) ||
-            (conf->laser_short_us > 0 &&
-             !plan_check_exposure(b, camera, conf->laser_short_us, "laser_short_us", error)))
+        if (!plan_check_exposure(b, camera, conf->laser_exposure_us, AUTO_LASER, error) ||
+            (conf->laser_short_us > 0 && !conf->is_auto[AUTO_SHORT] &&
+             !plan_check_exposure(b, camera, conf->laser_short_us, AUTO_SHORT, error)))
             return FALSE;
     }
     return TRUE;
@@ -324,10 +334,15 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
 
     g_array_append_vals(nested, b->shots->data, b->shots->len);
     plan_order(nested, poses, n_poses, b->timing, ORDER_VIEWS);
-    plan->nested_s = plan_total_s(nested, b->conf, b->timing);
-    plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
+    const double homing_s = plan_homing_s(b->rig, b->timing);
+    double first_s;
+    plan->nested_s = plan_total_s(nested, b->conf, b->timing, &first_s);
+    plan->lower_bound_s =
+        homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
     plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing, b->conf->order);
-    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
+    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing, &first_s) + homing_s + first_s;
+    /* Orders are chosen by what follows their first pose: this begins with the same move. */
+    plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }
@@ -349,6 +364,28 @@ static int count_mounts(const struct plan_build *b) {
     return n;
 }
 
+/* What stands for exposures that are not chosen yet. */
+static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
+    g_autoptr(GString) bounds = g_string_new(NULL);
+
+    if (conf->is_auto[AUTO_EXPOSURES]) {
+        g_string_append_printf(bounds, "%s ", auto_key_names[AUTO_EXPOSURES]);
+        for (int i = 0; i < conf->n_exposures; i++)
+            g_string_append_printf(bounds, "%s%g", i ? "; " : "", conf->exposures_us[i]);
+    }
+    const double lasers_us[] = {
+        [AUTO_LASER] = conf->laser_exposure_us, [AUTO_SHORT] = conf->laser_short_us};
+    for (int key = AUTO_LASER; key < AUTO_KEYS; key++)
+        if (conf->is_auto[key])
+            g_string_append_printf(bounds, "%s%s %g", bounds->len ? ", " : "", auto_key_names[key],
+                                   lasers_us[key]);
+    if (bounds->len)
+        g_ptr_array_add(notes, g_strdup_printf("time and space are upper bounds: \"auto\" is taken "
+                                               "as %s (µs); [capture] auto_longest_us, %g, is the "
+                                               "longest that it may choose",
+                                               bounds->str, conf->auto_longest_us));
+}
+
 static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
@@ -361,6 +398,16 @@ static struct plan *plan_finish(struct plan_build *b) {
         g_ptr_array_add(plan->notes, g_strdup_printf("%d %s%s: %s", note->n, note->unit,
                                                      note->n == 1 ? "" : "s", note->text));
     }
+    plan_note_auto(b->conf, plan->notes);
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        if (b->shots->len > 0 && plan_bytes_vary(&b->rig->cameras[c]) &&
+            g_array_index(b->shots, struct session_shot, 0).cameras & 1u << c) {
+            g_ptr_array_add(plan->notes,
+                            g_strdup("frames of more than 256² pixels are compressed, and how far "
+                                     "depends on what they show: disk space may be a third more; "
+                                     "the capture tells better after its first shots"));
+            break;
+        }
     if (b->views->len == 1)
         g_ptr_array_add(plan->notes,
                         g_strdup("one view: what is seen from there under each light (an "

@@ -22,7 +22,8 @@
  *
  * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its mount
  * positions, its own first; this needs the fewest mountings. Predictions leave out the operator's
- * time and the homing of the axes afterwards.
+ * time and the homing of the axes afterwards; that at the beginning takes what the axes' homing_s
+ * say.
  */
 #pragma once
 
@@ -46,6 +47,16 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 #define PLAN_MAX_SHOTS      100000
 #define PLAN_MAX_ARC_ANGLES 8192
 
+/* Keys of [capture] that may be "auto": whoever begins the session takes pictures on trial,
+ * chooses, and writes the values into the session's text (session_conf_choose()). Until then the
+ * struct holds upper bounds, which a plan is made of. */
+enum auto_key { AUTO_EXPOSURES, AUTO_LASER, AUTO_SHORT, AUTO_KEYS };
+extern const char *const auto_key_names[AUTO_KEYS]; /* "exposures_us", … */
+
+#define AUTO_MOST_EXPOSURES 3 /* of a bracket */
+#define AUTO_FACTOR         4 /* from one exposure to the next, at least */
+#define AUTO_MOST_FACTOR    8 /* at most */
+
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 
 /* ORDER_VIEWS: one turntable angle after the other, so that views are there long before the end. */
@@ -63,7 +74,10 @@ struct session_conf {
                                                   keep_exposures some may be equal */
     int n_exposures;
     double laser_exposure_us;
-    double laser_short_us; /* of a second frame at each step of a sweep; 0: none */
+    double laser_short_us;       /* of a second frame at each step of a sweep; 0: none */
+    gboolean is_auto[AUTO_KEYS]; /* not chosen yet */
+    double auto_longest_us;      /* what "auto" may choose at most */
+    char *chosen; /* in its place, "exposures_us = 500; 2000, …"; NULL: nothing was auto */
     int sweep_steps;
     double sweep_margin_mm; /* the sheet sweeps the sample and this much on both sides */
     double gain_db;
@@ -81,7 +95,15 @@ struct session_conf {
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
+/* Puts values in the place of "auto", in conf and in its text. chosen: lines "KEY = VALUE"; those
+ * of keys that are not auto are ignored. FALSE: a value is wrong, or something is still auto. */
+gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error);
+/* FALSE: something is still auto. */
+gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error);
 void session_conf_clear(struct session_conf *conf);
+
+/* The keys of a section of a session file; NULL: there is no such section. */
+const struct option *session_conf_options(const char *class_name);
 typedef struct session_conf SessionConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(SessionConf, session_conf_clear)
 
@@ -108,6 +130,12 @@ enum plan_error {
     PLAN_ERROR_SIZE,    /* more poses or shots than a plan may have */
 };
 
+/* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
+ * may be NULL; a plan whose session was not read from a file has no place. */
+void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
+                    const char *section, const char *key, const char *format, ...)
+    G_GNUC_PRINTF(6, 7);
+
 /* rig is the nominal geometry: azimuths that differ by a calibration's hundredths of a degree would
  * not share poses. Step k of a sweep is meant to be at from + (to − from)·k/(steps − 1). */
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
@@ -116,8 +144,26 @@ void plan_free(struct plan *plan); /* NULL is ignored */
 typedef struct plan Plan;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)
 
+/* Disk space that one camera's part of a shot takes, kept frames and row included. Where it varies,
+ * since pictures so large are compressed and it depends on what they show, it may be a third off.
+ */
+guint64 plan_shot_bytes(const struct session_conf *conf, const struct session_shot *shot,
+                        const struct rig_camera *camera, int bits);
+gboolean plan_bytes_vary(const struct rig_camera *camera);
+
+/* How long the axes take to home, all at once. */
+double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
+
+/* The sweep angles at which a laser's sheet passes the edges of the sample's box and its margin. */
+void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,
+                    double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
+
 /* Predicted time of those of the shots that are still planned, in this order and from a given pose;
- * for the time left. */
+ * for the time left. ret_left_s (n + 1): what is left before each of them, when the last exposure
+ * of the one before has ended, and after the last one. plan_remaining_s: the first of these. */
+void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
+                 const struct rig_timing *timing, double turntable_deg, double arc_deg,
+                 double *ret_left_s);
 double plan_remaining_s(const struct session_shot *const *shots, int n,
                         const struct session_conf *conf, const struct rig_timing *timing,
                         double turntable_deg, double arc_deg);

@@ -39,15 +39,14 @@ static guint64 file_bytes(const struct rig_camera *camera, const struct kind *ki
     const int line_bytes = kind->parts > 1 ? PART_LINE_BYTES : LINE_BYTES;
     const guint64 lines = (guint64)camera->height * (guint64)line_bytes;
     const guint64 heads = (guint64)kind->parts * ((guint64)kind->head_bytes + lines);
-    const guint64 bytes = pixels > SMALL_PIXELS && kind->left < 1
+    const guint64 bytes = plan_bytes_vary(camera) && kind->left < 1
                               ? (guint64)((double)values * kind->left)
                               : values + heads;
     return (bytes + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
 }
 
-/* What one camera's part of a shot takes. */
-static guint64 plan_shot_bytes(const struct session_conf *conf, const struct session_shot *shot,
-                               const struct rig_camera *camera, int bits) {
+guint64 plan_shot_bytes(const struct session_conf *conf, const struct session_shot *shot,
+                        const struct rig_camera *camera, int bits) {
     gint64 exposures[SHOT_MAX_DARKS];
     const gboolean sweep = shot->kind == SHOT_SWEEP;
     const struct kind kinds[] = {
@@ -59,6 +58,10 @@ static guint64 plan_shot_bytes(const struct session_conf *conf, const struct ses
     const gboolean keeps = sweep ? conf->keep_laser_frames : conf->keep_exposures;
     const guint64 n_raw = keeps ? (guint64)shot_n_frames(conf, shot) : 0;
     return FRAME_BYTES + file_bytes(camera, &kinds[shot->kind]) + n_raw * file_bytes(camera, &raw);
+}
+
+gboolean plan_bytes_vary(const struct rig_camera *camera) {
+    return (guint64)camera->width * (guint64)camera->height > SMALL_PIXELS;
 }
 
 guint64 plan_bytes(const struct plan_build *b) {

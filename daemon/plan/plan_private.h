@@ -77,12 +77,6 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
-/* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
- * may be NULL; a plan whose session was not read from a file has no place. */
-void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
-                    const char *section, const char *key, const char *format, ...)
-    G_GNUC_PRINTF(6, 7);
-
 /* Disk space of the session's frames and database, in blocks of 4 KiB; without products. */
 guint64 plan_bytes(const struct plan_build *b);
 
@@ -159,8 +153,10 @@ double plan_lead_s(const struct session_shot *previous, const struct session_sho
 /* Read-out of the slowest camera of a shot. */
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 
-double plan_total_s(GArray *shots, const struct session_conf *conf,
-                    const struct rig_timing *timing);
+/* From the pose of the first shot on. ret_first_s: what the move from where homing leaves the axes,
+ * at 0, into that pose adds. */
+double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig_timing *timing,
+                    double *ret_first_s);
 
 /* shots[i].pose is an index into poses; see plan.h and plan_time.c for the argument. */
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,

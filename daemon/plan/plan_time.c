@@ -71,28 +71,48 @@ double plan_lead_s(const struct session_shot *previous, const struct session_sho
     return MAX(light_s(previous, shot, timing), readout_s);
 }
 
-double plan_remaining_s(const struct session_shot *const *shots, int n,
-                        const struct session_conf *conf, const struct rig_timing *timing,
-                        double turntable_deg, double arc_deg) {
+void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
+                 const struct rig_timing *timing, double turntable_deg, double arc_deg,
+                 double *ret_left_s) {
     const struct session_shot *previous = NULL;
-    double total_s = 0;
 
     for (int i = 0; i < n; i++) {
+        ret_left_s[i] = 0;
         if (shots[i]->state != SHOT_PLANNED)
             continue;
         double turn = axis_move_time_s(&timing->turntable, turntable_deg, shots[i]->turntable_deg);
         double arc = axis_move_time_s(&timing->arc, arc_deg, shots[i]->arc_deg);
         double lead = plan_lead_s(previous, shots[i], timing);
-        total_s += MAX(lead, MAX(turn, arc)) + plan_shot_s(shots[i], conf, timing);
+        ret_left_s[i] = MAX(lead, MAX(turn, arc)) + plan_shot_s(shots[i], conf, timing);
         previous = shots[i];
         turntable_deg = previous->turntable_deg;
         arc_deg = previous->arc_deg;
     }
-    return total_s + (previous ? plan_readout_s(previous, timing) : 0);
+    ret_left_s[n] = previous ? plan_readout_s(previous, timing) : 0;
+    for (int i = n - 1; i >= 0; i--)
+        ret_left_s[i] += ret_left_s[i + 1];
 }
 
-double plan_total_s(GArray *shots, const struct session_conf *conf,
-                    const struct rig_timing *timing) {
+double plan_remaining_s(const struct session_shot *const *shots, int n,
+                        const struct session_conf *conf, const struct rig_timing *timing,
+                        double turntable_deg, double arc_deg) {
+    g_autofree double *left_s = g_new(double, n + 1);
+
+    plan_left_s(shots, n, conf, timing, turntable_deg, arc_deg, left_s);
+    return left_s[0];
+}
+
+double plan_homing_s(const struct rig *rig, const struct rig_timing *timing) {
+    double longest_s = MAX(timing->turntable.homing_s, timing->arc.homing_s);
+
+    for (int i = 0; i < rig->n_lasers; i++)
+        longest_s = MAX(longest_s, timing->sweep[i].homing_s);
+    return longest_s;
+}
+
+/* ret_first_s: of the first move, from where homing leaves the axes. */
+double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig_timing *timing,
+                    double *ret_first_s) {
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, shots->len);
     const struct session_shot *first = NULL;
 
@@ -101,9 +121,11 @@ double plan_total_s(GArray *shots, const struct session_conf *conf,
         if (!first && list[i]->state == SHOT_PLANNED)
             first = list[i];
     }
-    return first ? plan_remaining_s(list, (int)shots->len, conf, timing, first->turntable_deg,
-                                    first->arc_deg)
-                 : 0;
+    const double total_s = first ? plan_remaining_s(list, (int)shots->len, conf, timing,
+                                                    first->turntable_deg, first->arc_deg)
+                                 : 0;
+    *ret_first_s = plan_remaining_s(list, (int)shots->len, conf, timing, 0, 0) - total_s;
+    return total_s;
 }
 
 /*

@@ -1,5 +1,7 @@
 #include "plan.h"
 
+#include "base/nearest.h"
+
 #include <string.h>
 
 #define MAX_DIRECTIONS 1024
@@ -71,9 +73,19 @@ static const struct option sample_options[] = {
 static const char *const blocked_choices[] = {"shift", "skip", "refuse", NULL};
 static const char *const order_choices[] = {"quickest", "views", NULL};
 
+const char *const auto_key_names[AUTO_KEYS] = {
+    [AUTO_EXPOSURES] = "exposures_us",
+    [AUTO_LASER] = "laser_exposure_us",
+    [AUTO_SHORT] = "laser_short_us",
+};
+
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
-     .help = "Exposures of one bracket under a lamp, ascending, at most twelve"},
+     .help =
+         "Exposures of one bracket under a lamp, ascending, at most twelve; auto (here and for "
+         "laser_exposure_us and laser_short_us): chosen by pictures on trial before the capture"},
+    {"auto_longest_us", OPTION_DOUBLE, "us", 100, 60e6, "100000", .offset = CONF(auto_longest_us),
+     .help = "The longest exposure that auto may choose"},
     {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = CONF(gain_db),
      .help = "Gain of all cameras"},
     {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = CONF(laser_exposure_us),
@@ -130,6 +142,20 @@ static const struct option ring_options[] = {
     {NULL},
 };
 
+const struct option *session_conf_options(const char *class_name) {
+    static const struct {
+        const char *class_name;
+        const struct option *options;
+    } tables[] = {{"session", session_options}, {"sample", sample_options},
+                  {"views", ring_options},      {"lights", ring_options},
+                  {"lasers", ring_options},     {"capture", capture_options}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+        if (g_str_equal(class_name, tables[i].class_name))
+            return tables[i].options;
+    return NULL;
+}
+
 static gboolean number_between(const char *text, double min, double max, double *ret) {
     char *end = NULL;
 
@@ -172,22 +198,22 @@ static gboolean rings_meet(const struct ring *a, const struct ring *b) {
 }
 
 static gboolean fill_rings(const struct config_section *section, char **items, double offset_deg,
-                           struct ring *rings, int *ret_n, GError **error) {
+                           struct ring *rings, int *ret_n, Mistakes *mistakes) {
     guint n = g_strv_length(items);
     int directions = 0;
 
     if (n < 1 || n > PLAN_MAX_RINGS) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "rings", "%u rings; give 1 to %d", n,
-                         PLAN_MAX_RINGS);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings", "%u rings; give 1 to %d", n,
+                       PLAN_MAX_RINGS);
         return FALSE;
     }
     for (guint i = 0; i < n; i++) {
         if (!parse_ring(items[i], &rings[i])) {
-            config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
-                             "\"%s\" is not theta:count or theta:count:offset with theta from 0 to "
-                             "89 degrees, count from 1 to 720 (1 at theta 0), offset from -360 to "
-                             "360",
-                             items[i]);
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings",
+                           "\"%s\" is not theta:count or theta:count:offset with theta from 0 to "
+                           "89 degrees, count from 1 to 720 (1 at theta 0), offset from -360 to "
+                           "360",
+                           items[i]);
             return FALSE;
         }
         rings[i].offset_deg += offset_deg;
@@ -196,22 +222,23 @@ static gboolean fill_rings(const struct config_section *section, char **items, d
     for (guint i = 0; i < n; i++)
         for (guint j = 0; j < i; j++)
             if (rings_meet(&rings[i], &rings[j])) {
-                config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
-                                 "rings %u and %u share a direction at theta %g; leave one out or "
-                                 "give it another offset",
-                                 j + 1, i + 1, rings[i].theta_deg);
+                config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings",
+                               "rings %u and %u share a direction at theta %g; leave one out or "
+                               "give it another offset",
+                               j + 1, i + 1, rings[i].theta_deg);
                 return FALSE;
             }
     if (directions > MAX_DIRECTIONS) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
-                         "%d directions in all; at most %d", directions, MAX_DIRECTIONS);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings",
+                       "%d directions in all; at most %d", directions, MAX_DIRECTIONS);
         return FALSE;
     }
     *ret_n = (int)n;
     return TRUE;
 }
 
-static char **preset_rings(const struct config_section *section, const char *name, GError **error) {
+static char **preset_rings(const struct config_section *section, const char *name,
+                           Mistakes *mistakes) {
     g_autoptr(GString) names = g_string_new(NULL);
 
     for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
@@ -223,76 +250,75 @@ static char **preset_rings(const struct config_section *section, const char *nam
         }
         g_string_append_printf(names, "%s%s", names->len ? ", " : "", presets[i].name);
     }
-    config_set_error(error, CONFIG_ERROR_UNKNOWN, section, "preset",
-                     "there is no \"%s\"; choose from: %s, or write rings = theta:count; ...", name,
-                     names->str);
+    config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, "preset",
+                   "there is no \"%s\"; choose from: %s, or write rings = theta:count; ...", name,
+                   names->str);
     return NULL;
 }
 
 static gboolean read_rings(const struct config_section *section, struct ring *rings, int *ret_n,
-                           char ***ret_devices, GError **error) {
+                           char ***ret_devices, Mistakes *mistakes) {
     struct ring_fields fields = {0};
 
     *ret_n = 0;
     *ret_devices = NULL;
     if (!section)
         return TRUE;
-    if (!options_parse(ring_options, section, NULL, &fields, error))
+    if (!options_read(&(struct option_target){ring_options, &fields}, 1, section, NULL, mistakes))
         return FALSE;
     gboolean ok = FALSE, has_preset = *fields.preset != '\0', has_rings = *fields.rings != NULL;
     const gboolean has_devices = *fields.devices != NULL;
     g_auto(GStrv) preset = NULL;
     if (has_preset + has_rings + has_devices != 1)
-        config_set_error(error, CONFIG_ERROR_MISSING, section, NULL,
-                         "give either preset, rings or devices%s",
-                         has_preset || has_rings ? ", not both" : "");
+        config_mistake(mistakes, CONFIG_ERROR_MISSING, section, NULL,
+                       "give either preset, rings or devices%s",
+                       has_preset || has_rings ? ", not both" : "");
     else if (has_devices && fields.offset_deg != 0)
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "offset_deg",
-                         "turns rings only: the devices' positions are fixed; leave it out");
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_deg",
+                       "turns rings only: the devices' positions are fixed; leave it out");
     else if (has_devices) {
         *ret_devices = g_steal_pointer(&fields.devices);
         ok = TRUE;
-    } else if (!has_preset || (preset = preset_rings(section, fields.preset, error)))
+    } else if (!has_preset || (preset = preset_rings(section, fields.preset, mistakes)))
         ok = fill_rings(section, preset ? preset : fields.rings, fields.offset_deg, rings, ret_n,
-                        error);
+                        mistakes);
     options_clear(ring_options, &fields);
     return ok;
 }
 
-static const struct config_section *session_conf_need(const Config *config, const char *class_name,
-                                                      GError **error) {
-    const struct config_section *section = config_find(config, class_name, NULL);
-
-    if (!section)
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: there is no section [%s]",
-                    config_path(config), class_name);
-    return section;
-}
-
-static gboolean check_sections(const Config *config, GError **error) {
+/* FALSE: a heading is wrong, so that a section that seems to be missing may be that one. */
+static gboolean check_sections(const Config *config, Mistakes *mistakes) {
     static const char *const known[] = {"session", "sample",  "views", "lights",
                                         "lasers",  "capture", NULL};
     gsize n;
     const struct config_section *sections = config_sections(config, &n);
+    gboolean good = config_has_all_sections(config);
 
-    for (gsize i = 0; i < n; i++)
-        if (!g_strv_contains(known, sections[i].class_name) || sections[i].name) {
-            config_set_error(error, CONFIG_ERROR_UNKNOWN, &sections[i], NULL,
-                             "there is no such section; a session file has [session] [sample] "
-                             "[views] [lights] [lasers] [capture]");
-            return FALSE;
-        }
-    return TRUE;
+    for (gsize i = 0; i < n; i++) {
+        const struct config_section *section = &sections[i];
+        struct nearest nearest = nearest_new(section->class_name);
+        if (section->broken || (g_strv_contains(known, section->class_name) && !section->name))
+            continue;
+        for (const char *const *name = known; *name; name++)
+            nearest_consider(&nearest, *name);
+        good = nearest.name
+                   ? config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                                    "there is no such section; did you mean [%s]?", nearest.name)
+                   : config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                                    "there is no such section; a session file has [session] "
+                                    "[sample] [views] [lights] [lasers] [capture]");
+    }
+    return good;
 }
 
 static gboolean session_conf_take_name(const struct config_section *section, struct fields *f,
-                                       GError **error) {
+                                       Mistakes *mistakes) {
     const char *name = f->name;
 
     if (!*name || *name == '.' || strlen(name) > 100 || strchr(name, '/') ||
         !g_utf8_validate(name, -1, NULL)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "name",
-                         "must be 1 to 100 characters that can be part of a file's name");
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "name",
+                       "must be 1 to 100 characters that can be part of a file's name");
         return FALSE;
     }
     f->conf.name = g_steal_pointer(&f->name);
@@ -300,147 +326,247 @@ static gboolean session_conf_take_name(const struct config_section *section, str
 }
 
 static gboolean take_sample(const struct config_section *section, struct fields *f,
-                            GError **error) {
+                            Mistakes *mistakes) {
     struct session_grid *grid = &f->conf.grid;
     const struct option_doubles *hole = &f->flat_hole_mm;
-    gboolean both = f->texels > 0, each = f->texels_x > 0 && f->texels_y > 0;
+    gboolean both = f->texels > 0, each = f->texels_x > 0 && f->texels_y > 0, good = TRUE;
 
-    if (both == each || (both && (f->texels_x || f->texels_y))) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "texels",
-                         "give either texels, or both texels_x and texels_y, 1 or more");
-        return FALSE;
-    }
-    if (grid->depth_mm > grid->reference_mm) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "depth_mm",
-                         "%g mm reaches below the turntable's top: reference_mm is %g",
-                         grid->depth_mm, grid->reference_mm);
-        return FALSE;
-    }
+    if (both == each || (both && (f->texels_x || f->texels_y)))
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "texels",
+                              "give either texels, or both texels_x and texels_y, 1 or more");
+    if (grid->depth_mm > grid->reference_mm)
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "depth_mm",
+                              "%g mm reaches below the turntable's top: reference_mm is %g",
+                              grid->depth_mm, grid->reference_mm);
     grid->width = both ? f->texels : f->texels_x;
     grid->height = both ? f->texels : f->texels_y;
     if (f->flat_radius_mm == 0)
-        return TRUE;
-    if (hole->n != 2 || hole->values[0] < grid->width_mm || hole->values[1] < grid->height_mm) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_hole_mm",
-                         "must be two numbers, width; height, of a box that holds the sample, at "
-                         "least %g;%g",
-                         grid->width_mm, grid->height_mm);
-        return FALSE;
-    }
+        return good;
+    if (hole->n != 2 || hole->values[0] < grid->width_mm || hole->values[1] < grid->height_mm)
+        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "flat_hole_mm",
+                              "must be two numbers, width; height, of a box that holds the sample, "
+                              "at least %g;%g",
+                              grid->width_mm, grid->height_mm);
     if (f->flat_radius_mm <= MIN(hole->values[0], hole->values[1]) / 2 ||
-        f->flat_mm > grid->reference_mm) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
-                         "nothing of the flat face is left: it must reach beyond the box of "
-                         "flat_hole_mm, and flat_mm may not be above reference_mm");
-        return FALSE;
-    }
+        f->flat_mm > grid->reference_mm)
+        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
+                              "nothing of the flat face is left: it must reach beyond the box of "
+                              "flat_hole_mm, and flat_mm may not be above reference_mm");
     f->conf.reference = (struct laser_reference){.plane_mm = f->flat_mm,
                                                  .plane_error_mm = f->flat_error_mm,
                                                  .hole_mm = {hole->values[0], hole->values[1]},
                                                  .top_mm = grid->reference_mm,
                                                  .radius_mm = f->flat_radius_mm};
-    return TRUE;
+    return good;
+}
+
+/* What stands for "auto" until it is chosen: a plan with it takes the longest. */
+static void take_bounds(struct session_conf *conf) {
+    if (conf->is_auto[AUTO_EXPOSURES]) {
+        conf->n_exposures = AUTO_MOST_EXPOSURES;
+        double us = conf->auto_longest_us;
+        for (int i = AUTO_MOST_EXPOSURES - 1; i >= 0; i--, us /= AUTO_FACTOR)
+            conf->exposures_us[i] = us;
+    }
+    if (conf->is_auto[AUTO_LASER])
+        conf->laser_exposure_us = conf->auto_longest_us;
+    if (conf->is_auto[AUTO_SHORT])
+        conf->laser_short_us = MAX(conf->laser_exposure_us / AUTO_FACTOR, 1);
 }
 
 static gboolean take_capture(const struct config_section *section, struct fields *f,
-                             GError **error) {
+                             Mistakes *mistakes) {
     struct session_conf *conf = &f->conf;
     int n = f->exposures_us.n;
+    gboolean good = TRUE;
 
-    if (n < 1 || n > PLAN_MAX_BRACKET) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
-                         "%d exposures; give 1 to %d, separated by ';'", n, PLAN_MAX_BRACKET);
-        return FALSE;
-    }
-    for (int i = 0; i < n; i++) {
+    take_bounds(conf);
+    if (conf->is_auto[AUTO_EXPOSURES])
+        n = 0;
+    else if (n < 1 || n > PLAN_MAX_BRACKET)
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
+                              "%d exposures; give 1 to %d, separated by ';'", n, PLAN_MAX_BRACKET);
+    for (int i = 0; good && i < n; i++) {
         conf->exposures_us[i] = f->exposures_us.values[i];
         double before = i > 0 ? conf->exposures_us[i - 1] : 0;
         if (conf->exposures_us[i] < before ||
-            (conf->exposures_us[i] == before && !conf->keep_exposures)) {
-            config_set_error(
-                error, CONFIG_ERROR_VALUE, section, "exposures_us",
+            (conf->exposures_us[i] == before && !conf->keep_exposures))
+            good = config_mistake(
+                mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
                 "%g must be longer than the %g before it: list the shortest exposure first",
                 conf->exposures_us[i], before);
-            return FALSE;
-        }
     }
-    conf->n_exposures = n;
-    if (conf->laser_short_us == 0 ||
+    if (!conf->is_auto[AUTO_EXPOSURES])
+        conf->n_exposures = good ? n : 0;
+    if (conf->laser_short_us == 0 || conf->is_auto[AUTO_SHORT] ||
+        (conf->is_auto[AUTO_LASER] && conf->laser_short_us >= 1) ||
         (conf->laser_short_us >= 1 &&
          llround(conf->laser_short_us) < llround(conf->laser_exposure_us)))
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, section, "laser_short_us",
-                     "must be 0, or from 1 to less than laser_exposure_us, which is %g",
-                     conf->laser_exposure_us);
-    return FALSE;
+        return good;
+    return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "laser_short_us",
+                          "must be 0, or from 1 to less than laser_exposure_us, which is %g",
+                          conf->laser_exposure_us);
 }
 
-static gboolean session_conf_read_directions(struct session_conf *conf, const Config *config,
-                                             GError **error) {
-    const struct config_section *views = session_conf_need(config, "views", error);
+static void session_conf_read_directions(struct session_conf *conf, const Config *config,
+                                         gboolean all_sections, Mistakes *mistakes) {
+    const struct config_section *views = config_find(config, "views", NULL);
+    const struct config_section *lights = config_find(config, "lights", NULL);
+    const struct config_section *lasers = config_find(config, "lasers", NULL);
 
-    if (!views || !read_rings(views, conf->views, &conf->n_views, &conf->views_of, error) ||
-        !read_rings(config_find(config, "lights", NULL), conf->lights, &conf->n_lights,
-                    &conf->lights_of, error) ||
-        !read_rings(config_find(config, "lasers", NULL), conf->lasers, &conf->n_lasers,
-                    &conf->lasers_of, error))
-        return FALSE;
-    if (conf->n_lights + conf->n_lasers > 0 || conf->lights_of || conf->lasers_of)
-        return TRUE;
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-                "%s: there is neither [lights] nor [lasers]: nothing to take", config_path(config));
-    return FALSE;
+    if (!views && all_sections)
+        config_lacks(mistakes, config, "there is no section [views]");
+    read_rings(views, conf->views, &conf->n_views, &conf->views_of, mistakes);
+    read_rings(lights, conf->lights, &conf->n_lights, &conf->lights_of, mistakes);
+    read_rings(lasers, conf->lasers, &conf->n_lasers, &conf->lasers_of, mistakes);
+    if (!lights && !lasers && all_sections)
+        config_lacks(mistakes, config, "there is neither [lights] nor [lasers]: nothing to take");
 }
 
-static gboolean read_section(const Config *config, const char *class_name,
-                             const struct option *options, struct fields *f,
-                             gboolean (*take)(const struct config_section *section,
-                                              struct fields *f, GError **error),
-                             GError **error) {
-    const struct config_section *section = session_conf_need(config, class_name, error);
+/* also: keys that options does not have, or NULL. */
+static void read_section(const Config *config, const char *class_name, const struct option *options,
+                         const char *const *also, struct fields *f,
+                         gboolean (*take)(const struct config_section *section, struct fields *f,
+                                          Mistakes *mistakes),
+                         gboolean all_sections, Mistakes *mistakes) {
+    const struct config_section *section = config_find(config, class_name, NULL);
 
-    if (!section || !options_parse(options, section, NULL, f, error))
-        return FALSE;
-    gboolean ok = take(section, f, error);
-    options_clear(options, f);
-    return ok;
+    if (!section && all_sections)
+        config_lacks(mistakes, config, "there is no section [%s]", class_name);
+    if (section && options_read(&(struct option_target){options, f}, 1, section, also, mistakes)) {
+        take(section, f, mistakes);
+        options_clear(options, f);
+    }
 }
 
-/* Takes ownership of config; NULL: the error is set already. */
-static gboolean read_config(struct session_conf *conf, Config *config, GError **error) {
+/* The section but for keys that are "auto", of which it only notes that they are. */
+static void read_capture(const Config *config, struct fields *f, gboolean all_sections,
+                         Mistakes *mistakes) {
+    const struct config_section *section = config_find(config, "capture", NULL);
+    struct option options[G_N_ELEMENTS(capture_options)];
+    const char *automatic[AUTO_KEYS + 1] = {0};
+    int n = 0, n_auto = 0;
+
+    for (const struct option *option = capture_options; section && option->name; option++) {
+        int key = 0;
+        while (key < AUTO_KEYS && !g_str_equal(option->name, auto_key_names[key]))
+            key++;
+        if (key < AUTO_KEYS && g_strcmp0(config_value(section, option->name, NULL), "auto") == 0) {
+            f->conf.is_auto[key] = TRUE;
+            automatic[n_auto++] = option->name;
+        } else {
+            options[n++] = *option;
+        }
+    }
+    options[n] = (struct option){NULL};
+    read_section(config, "capture", options, automatic, f, take_capture, all_sections, mistakes);
+}
+
+/* Takes ownership of config; NULL: mistakes say why. */
+static gboolean read_config(struct session_conf *conf, Config *config, Mistakes *mistakes,
+                            GError **error) {
     struct fields f = {0};
 
-    *conf = f.conf;
-    if (!config)
-        return FALSE;
-    f.conf.text = g_strdup(config_text(config));
-    f.conf.path = g_strdup(config_path(config));
-    gboolean ok =
-        check_sections(config, error) &&
-        read_section(config, "session", session_options, &f, session_conf_take_name, error) &&
-        read_section(config, "sample", sample_options, &f, take_sample, error) &&
-        session_conf_read_directions(&f.conf, config, error) &&
-        read_section(config, "capture", capture_options, &f, take_capture, error);
-    config_free(config);
-    if (!ok)
+    if (config) {
+        const gboolean all = check_sections(config, mistakes);
+        f.conf.text = g_strdup(config_text(config));
+        f.conf.path = g_strdup(config_path(config));
+        read_section(config, "session", session_options, NULL, &f, session_conf_take_name, all,
+                     mistakes);
+        read_section(config, "sample", sample_options, NULL, &f, take_sample, all, mistakes);
+        session_conf_read_directions(&f.conf, config, all, mistakes);
+        read_capture(config, &f, all, mistakes);
+        config_free(config);
+    }
+    const gboolean good = mistakes_report(mistakes, error);
+    if (!good)
         session_conf_clear(&f.conf);
     *conf = f.conf;
-    return ok;
+    return good;
 }
 
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error) {
-    return read_config(conf, config_load(path, error), error);
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+
+    return read_config(conf, config_load_checked(path, mistakes), mistakes, error);
 }
 
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error) {
-    return read_config(conf, config_parse(text, path, error), error);
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+
+    return read_config(conf, config_parse_checked(text, path, mistakes), mistakes, error);
+}
+
+/* The value of a key in lines "KEY = VALUE"; g_free(). NULL: there is none. */
+static char *chosen_value(const char *lines, const char *key) {
+    g_auto(GStrv) all = g_strsplit(lines, "\n", -1);
+
+    for (char **line = all; *line; line++) {
+        char *value = strchr(*line, '=');
+        if (!value)
+            continue;
+        *value++ = '\0';
+        if (g_str_equal(g_strstrip(*line), key))
+            return g_strdup(g_strstrip(value));
+    }
+    return NULL;
+}
+
+gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error) {
+    for (int key = 0; key < AUTO_KEYS; key++)
+        if (conf->is_auto[key]) {
+            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                        "%s: [capture] %s is auto: `mesorig capture` chooses it by pictures on "
+                        "trial; another program gives what it has chosen in Start's option chosen",
+                        conf->path, auto_key_names[key]);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error) {
+    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_autoptr(GString) said = g_string_new(NULL);
+    char *values[AUTO_KEYS] = {0};
+    gboolean capture = FALSE;
+
+    for (int key = 0; key < AUTO_KEYS; key++)
+        if (conf->is_auto[key] && (values[key] = chosen_value(chosen, auto_key_names[key])))
+            g_string_append_printf(said, "%s%s = %s", said->len ? ", " : "", auto_key_names[key],
+                                   values[key]);
+    for (char **line = lines; *line; line++) {
+        g_autofree char *name = g_strndup(*line, strcspn(*line, "="));
+        const char *value = NULL;
+        g_strstrip(name);
+        capture = *name == '[' ? g_str_has_prefix(name, "[capture]") : capture;
+        for (int key = 0; key < AUTO_KEYS && capture; key++)
+            value = g_str_equal(name, auto_key_names[key]) ? values[key] : value;
+        if (value)
+            g_string_append_printf(text, "%s = %s", name, value);
+        else
+            g_string_append(text, *line);
+        if (line[1])
+            g_string_append_c(text, '\n');
+    }
+    for (int key = 0; key < AUTO_KEYS; key++)
+        g_free(values[key]);
+    struct session_conf whole;
+    if (!session_conf_parse(&whole, text->str, conf->path, error))
+        return FALSE;
+    session_conf_clear(conf);
+    *conf = whole;
+    if (said->len)
+        conf->chosen = g_strdup(said->str);
+    return session_conf_check_chosen(conf, error);
 }
 
 void session_conf_clear(struct session_conf *conf) {
     g_free(conf->name);
     g_free(conf->text);
     g_free(conf->path);
+    g_free(conf->chosen);
     g_strfreev(conf->views_of);
     g_strfreev(conf->lights_of);
     g_strfreev(conf->lasers_of);

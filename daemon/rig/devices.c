@@ -214,7 +214,7 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
 struct devices *devices_open(const char *rig_path, GError **error) {
     struct layout layout;
 
-    if (!layout_take(&layout, config_load(rig_path, error), error))
+    if (!layout_load(&layout, rig_path, error))
         return NULL;
     struct devices *devices = g_new0(struct devices, 1);
     devices->clock = layout.virtual_clock ? clock_new_virtual() : clock_new_real();
@@ -231,23 +231,25 @@ struct devices *devices_open(const char *rig_path, GError **error) {
     return devices;
 }
 
-static gboolean devices_take_geometry(Config *config, struct rig *ret, GError **error) {
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
     struct layout layout;
 
-    if (!layout_take(&layout, config, error))
+    if (!layout_load(&layout, rig_path, error))
         return FALSE;
     *ret = layout.geometry;
     layout_clear(&layout);
     return TRUE;
 }
 
-gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
-    return devices_take_geometry(config_load(rig_path, error), ret, error);
-}
-
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error) {
-    return devices_take_geometry(config_parse(text, path, error), ret, error);
+    struct layout layout;
+
+    if (!layout_parse(&layout, text, path, error))
+        return FALSE;
+    *ret = layout.geometry;
+    layout_clear(&layout);
+    return TRUE;
 }
 
 static gboolean is_first_sweep(const struct devices *devices, int laser) {

@@ -64,7 +64,8 @@ struct devices {
     Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
     char *text;       /* the rig file as it was read */
     char *path;       /* of the rig file, absolute */
-    char *calibration_path; /* the one that the rig file names, absolute; NULL: none */
+    char *calibration_path;       /* the one that the rig file names, absolute; NULL: none */
+    const char *calibration_text; /* its contents; NULL: to be read. Not owned. */
     double calibration_days;
 };
 
@@ -113,3 +114,10 @@ gboolean devices_secure(struct devices *devices, GError **error);
 
 /* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);
+
+/* The i-th of all drivers, by class; NULL: there are no more. */
+const struct driver_info *devices_driver(gsize i);
+
+/* The keys of [rig], [lamp NAME] and [mark NAME], and those that sections of cameras and lasers
+ * have beside their drivers'; NULL: the class has none. */
+const struct option *devices_section_options(const char *class_name);

@@ -87,6 +87,14 @@ static void devices_drivers_describe(const char *class_name, const char *name, c
     g_string_append_c(to, '}');
 }
 
+const struct driver_info *devices_driver(gsize i) {
+    for (gsize k = 0; k < G_N_ELEMENTS(classes); k++)
+        for (gconstpointer const *driver = classes[k].drivers; *driver; driver++)
+            if (i-- == 0)
+                return *driver;
+    return NULL;
+}
+
 char *devices_describe_drivers(const char *name, gboolean json) {
     /* The keys of sections of the rig file beside, or without, a driver. */
     static const char *const sections[][2] = {
@@ -109,7 +117,7 @@ char *devices_describe_drivers(const char *name, gboolean json) {
     for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)
         if (!name || g_str_equal(name, sections[i][0]))
             devices_drivers_describe("section", sections[i][0], sections[i][1],
-                                     layout_options(sections[i][0]), json, text);
+                                     devices_section_options(sections[i][0]), json, text);
     if (text->len == empty) {
         g_string_free(text, TRUE);
         return NULL;

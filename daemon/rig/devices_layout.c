@@ -1,5 +1,7 @@
 #include "devices_private.h"
 
+#include "base/nearest.h"
+
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
@@ -133,7 +135,7 @@ static const struct option mark_place_options[] = {
     {NULL},
 };
 
-const struct option *layout_options(const char *class_name) {
+const struct option *devices_section_options(const char *class_name) {
     static const struct {
         const char *class_name;
         const struct option *options;
@@ -161,43 +163,52 @@ static const char **devices_layout_names_of(const struct option *options, const 
 }
 
 const char **layout_keys(const char *class_name) {
-    return devices_layout_names_of(layout_options(class_name), NULL);
+    return devices_layout_names_of(devices_section_options(class_name), NULL);
 }
 
-/* Checks the driver's options without opening it, and reads the rig's own from the same section. */
+/* Checks the driver's options without opening it, and reads the rig's own from the same section.
+ * Without a driver, those are checked alone. */
 static gboolean devices_layout_read_device(const struct config_section *section,
-                                           struct place_fields *place, GError **error) {
-    const struct driver_info *info = drivers_find(section, error);
-    const struct option *options = layout_options(section->class_name);
+                                           struct place_fields *place, Mistakes *mistakes) {
+    static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
+    GError *error = NULL;
+    const struct driver_info *info = drivers_find(section, &error);
+    const struct option *options = devices_section_options(section->class_name);
+    const struct option_target ours = {options, place};
 
-    if (!info)
+    if (!info) {
+        mistakes_add(mistakes, error);
+        if (options && options_read(&ours, 1, section, any, mistakes))
+            options_clear(options, place);
         return FALSE;
-    g_autofree const char **theirs = devices_layout_names_of(info->options, "driver");
-    g_autofree const char **ours = devices_layout_names_of(options, "driver");
+    }
     g_autofree gpointer priv = g_malloc0(MAX(info->priv_size, 1));
-    if (!options_parse(info->options, section, ours, priv, error))
+    const struct option_target both[] = {{info->options, priv}, ours};
+    if (!options_read(both, options ? 2 : 1, section, only_driver, mistakes))
         return FALSE;
     options_clear(info->options, priv);
-    return !options || options_parse(options, section, theirs, place, error);
+    return TRUE;
 }
 
-static gboolean devices_layout_read_rig(struct layout *layout, GError **error) {
+static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistakes) {
     const struct config_section *section = config_find(layout->config, "rig", NULL);
     struct rig_fields fields = {0};
 
-    if (!section || section->name) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: there is no section [rig]",
-                    config_path(layout->config));
-        return FALSE;
-    }
-    if (!options_parse(rig_options, section, NULL, &fields, error))
+    if (!section || section->name)
+        return layout->has_all_sections
+                   ? config_lacks(mistakes, layout->config, "there is no section [rig]")
+                   : FALSE;
+    if (!options_read(&(struct option_target){rig_options, &fields}, 1, section, NULL, mistakes))
         return FALSE;
     gboolean ok = *fields.id && strlen(fields.id) < sizeof layout->geometry.id;
     if (ok)
         g_strlcpy(layout->geometry.id, fields.id, sizeof layout->geometry.id);
     else
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "id", "must be 1 to %d bytes long",
-                         (int)sizeof layout->geometry.id - 1);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "id", "must be 1 to %d bytes long",
+                       (int)sizeof layout->geometry.id - 1);
+    if (layout->arc && fields.arc_radius_mm == 0)
+        ok = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "arc_radius_mm",
+                            "must be given: there is an [axis arc]");
     layout->geometry.arc_radius_mm = fields.arc_radius_mm;
     layout->geometry.arc_width_mm = fields.arc_width_mm;
     layout->virtual_clock = fields.clock == 1;
@@ -210,25 +221,24 @@ static gboolean devices_layout_read_rig(struct layout *layout, GError **error) {
     return ok;
 }
 
-static gboolean count_up(int *n, int most, const struct config_section *section, GError **error) {
+static gboolean count_up(int *n, int most, const struct config_section *section,
+                         Mistakes *mistakes) {
     if (*n < most) {
         (*n)++;
         return TRUE;
     }
-    config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
-                     "one too many: there may be %d of this class", most);
-    return FALSE;
+    return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                          "one too many: there may be %d of this class", most);
 }
 
 static gboolean devices_layout_take_name(const struct config_section *section, char to[RIG_NAME],
-                                         GError **error) {
-    if (strlen(section->name) < RIG_NAME && g_utf8_validate(section->name, -1, NULL)) {
+                                         Mistakes *mistakes) {
+    if (strlen(section->name) < RIG_NAME) {
         g_strlcpy(to, section->name, RIG_NAME);
         return TRUE;
     }
-    config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
-                     "the name must be UTF-8 of at most %d bytes", RIG_NAME - 1);
-    return FALSE;
+    return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                          "the name must be UTF-8 of at most %d bytes", RIG_NAME - 1);
 }
 
 static struct vec3 devices_layout_position(const struct place_fields *place) {
@@ -241,26 +251,28 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
 static gboolean devices_layout_take_carrier(const struct layout *layout,
                                             const struct config_section *section,
                                             const struct place_fields *place, int *ret_fixed,
-                                            GError **error) {
+                                            Mistakes *mistakes) {
     const gboolean given = config_value(section, "phi_deg", NULL) != NULL;
 
     *ret_fixed = given || !layout->arc;
     if (given || layout->arc || place->theta_deg == 0)
         return TRUE;
-    config_set_error(error, CONFIG_ERROR_MISSING, section, "phi_deg",
-                     "must be given: there is no [axis arc] that would carry it");
-    return FALSE;
+    return layout->has_all_sections
+               ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "phi_deg",
+                                "must be given: there is no [axis arc] that would carry it")
+               : FALSE;
 }
 
 static gboolean read_camera(struct layout *layout, const struct config_section *section,
-                            GError **error) {
+                            Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
     struct place_fields p = {0};
     int i = rig->n_cameras;
 
-    if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, error) ||
-        !devices_layout_take_name(section, rig->cameras[i].name, error) ||
-        !devices_layout_read_device(section, &p, error))
+    if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, mistakes))
+        return FALSE;
+    const gboolean named = devices_layout_take_name(section, rig->cameras[i].name, mistakes);
+    if (!devices_layout_read_device(section, &p, mistakes) || !named)
         return FALSE;
     struct rig_camera *camera = &rig->cameras[i];
     camera->width = p.width;
@@ -294,64 +306,68 @@ static int find_section(const struct config_section *const *sections, int n, con
 }
 
 static gboolean wire_lamp(struct layout *layout, int i, const struct place_fields *p,
-                          GError **error) {
+                          Mistakes *mistakes) {
     const struct config_section *section = layout->lamps[i];
     int bank = find_section(layout->banks, layout->n_banks, p->bank);
 
-    if (bank < 0) {
-        config_set_error(error, CONFIG_ERROR_MISSING, section, "bank",
-                         "there is no section [lamps %s]; name one that there is", p->bank);
-        return FALSE;
-    }
+    if (bank < 0)
+        return layout->has_all_sections
+                   ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "bank",
+                                    "there is no section [lamps %s]; name one that there is",
+                                    p->bank)
+                   : FALSE;
     for (int k = 0; k < i; k++)
-        if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == p->index) {
-            config_set_error(error, CONFIG_ERROR_VALUE, section, "index",
-                             "lamp %d of %s is [lamp %s] already, in line %d", p->index, p->bank,
-                             layout->lamps[k]->name, layout->lamps[k]->line);
-            return FALSE;
-        }
+        if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == p->index)
+            return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "index",
+                                  "lamp %d of %s is [lamp %s] already, in line %d", p->index,
+                                  p->bank, layout->lamps[k]->name, layout->lamps[k]->line);
     layout->lamp_bank[i] = bank;
     layout->lamp_index[i] = p->index;
     return TRUE;
 }
 
 static gboolean read_lamp(struct layout *layout, const struct config_section *section,
-                          GError **error) {
+                          Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
     struct place_fields p = {0};
     int i = rig->n_lamps;
 
-    if (!count_up(&rig->n_lamps, RIG_MAX_LAMPS, section, error) ||
-        !devices_layout_take_name(section, rig->lamps[i].name, error) ||
-        !options_parse(lamp_options, section, NULL, &p, error))
+    if (!count_up(&rig->n_lamps, RIG_MAX_LAMPS, section, mistakes))
         return FALSE;
     layout->lamps[i] = section;
-    gboolean ok = devices_layout_take_carrier(layout, section, &p, &rig->lamps[i].fixed, error) &&
-                  wire_lamp(layout, i, &p, error);
+    layout->lamp_bank[i] = -1;
+    const gboolean named = devices_layout_take_name(section, rig->lamps[i].name, mistakes);
+    if (!options_read(&(struct option_target){lamp_options, &p}, 1, section, NULL, mistakes))
+        return FALSE;
+    const gboolean carried =
+        devices_layout_take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes);
+    const gboolean wired = wire_lamp(layout, i, &p, mistakes);
     rig->lamps[i].position_mm = devices_layout_position(&p);
     rig->lamps[i].aim = vec3_scale(vec3_unit(rig->lamps[i].position_mm), -1);
     rig->lamps[i].exponent = p.exponent;
     rig->lamps[i].intensity = p.intensity;
     options_clear(lamp_options, &p);
-    return ok;
+    return named && carried && wired;
 }
 
-static gboolean wire_laser(struct layout *layout, int i, const char *sweep, GError **error) {
+static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mistakes *mistakes) {
     const struct config_section *axis = config_find(layout->config, "axis", sweep);
 
     if (axis && axis != layout->turntable && axis != layout->arc) {
         layout->sweeps[i] = axis;
         return TRUE;
     }
-    config_set_error(error, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
-                     axis ? "the axis \"%s\" does not sweep a laser; give it an axis of its own"
-                          : "there is no section [axis %s]; name the axis that sweeps the line",
-                     sweep);
-    return FALSE;
+    if (!axis && !layout->has_all_sections)
+        return FALSE;
+    return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
+                          axis
+                              ? "the axis \"%s\" does not sweep a laser; give it an axis of its own"
+                              : "there is no section [axis %s]; name the axis that sweeps the line",
+                          sweep);
 }
 
 /* A further place of a laser that stands above it in the file. */
-static gboolean wire_mount(struct layout *layout, int i, const char *name, GError **error) {
+static gboolean wire_mount(struct layout *layout, int i, const char *name, Mistakes *mistakes) {
     int unit = find_section(layout->lasers, i, name);
 
     if (unit >= 0 && layout->unit[unit] == unit) {
@@ -359,32 +375,39 @@ static gboolean wire_mount(struct layout *layout, int i, const char *name, GErro
         layout->sweeps[i] = layout->sweeps[unit];
         return TRUE;
     }
-    config_set_error(error, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
-                     unit >= 0 ? "\"%s\" is itself a mount; name the laser that it is a mount of"
-                               : "there is no section [laser %s] above this one; name the laser "
-                                 "that is mounted here, and write it first",
-                     name);
-    return FALSE;
+    if (unit < 0 && !layout->has_all_sections)
+        return FALSE;
+    return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
+                          unit >= 0
+                              ? "\"%s\" is itself a mount; name the laser that it is a mount of"
+                              : "there is no section [laser %s] above this one; name the laser "
+                                "that is mounted here, and write it first",
+                          name);
 }
 
 static gboolean read_laser(struct layout *layout, const struct config_section *section,
-                           GError **error) {
+                           Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
     struct place_fields p = {0};
     int i = rig->n_lasers;
 
-    if (!count_up(&rig->n_lasers, RIG_MAX_LASERS, section, error) ||
-        !devices_layout_take_name(section, rig->lasers[i].name, error))
+    if (!count_up(&rig->n_lasers, RIG_MAX_LASERS, section, mistakes))
         return FALSE;
     layout->lasers[i] = section;
     layout->unit[i] = i;
-    gboolean ok = config_value(section, "mount_of", NULL)
-                      ? options_parse(mount_options, section, NULL, &p, error) &&
-                            wire_mount(layout, i, p.mount_of, error)
-                      : devices_layout_read_device(section, &p, error) &&
-                            wire_laser(layout, i, p.sweep, error);
     struct rig_laser *laser = &rig->lasers[i];
-    if (ok && (ok = devices_layout_take_carrier(layout, section, &p, &laser->fixed, error))) {
+    const gboolean named = devices_layout_take_name(section, laser->name, mistakes);
+    const gboolean mounted = config_value(section, "mount_of", NULL) != NULL;
+    if (!(mounted
+              ? options_read(&(struct option_target){mount_options, &p}, 1, section, NULL, mistakes)
+              : devices_layout_read_device(section, &p, mistakes)))
+        return FALSE;
+    const gboolean wired = mounted ? wire_mount(layout, i, p.mount_of, mistakes)
+                                   : wire_laser(layout, i, p.sweep, mistakes);
+    const gboolean carried =
+        devices_layout_take_carrier(layout, section, &p, &laser->fixed, mistakes);
+    const gboolean ok = named && wired && carried;
+    if (ok) {
         laser->position_mm = devices_layout_position(&p);
         laser->axis = rig_turn(vec3(0, 1, 0), RAD(p.phi_deg));
         laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
@@ -394,82 +417,93 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
 }
 
 static gboolean read_mark(struct layout *layout, const struct config_section *section,
-                          GError **error) {
+                          Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
     struct mark_fields p = {0};
     int i = rig->n_fiducials;
 
-    if (!count_up(&rig->n_fiducials, RIG_MAX_FIDUCIALS, section, error) ||
-        !devices_layout_take_name(section, rig->fiducials[i].name, error) ||
-        !options_parse(mark_place_options, section, NULL, &p, error))
+    if (!count_up(&rig->n_fiducials, RIG_MAX_FIDUCIALS, section, mistakes))
+        return FALSE;
+    const gboolean named = devices_layout_take_name(section, rig->fiducials[i].name, mistakes);
+    if (!options_read(&(struct option_target){mark_place_options, &p}, 1, section, NULL, mistakes))
         return FALSE;
     gboolean ok = p.reflectance.n == 1 || p.reflectance.n == 3;
     if (!ok)
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "reflectance",
-                         "%d numbers are given; give one, or three separated by ';'",
-                         p.reflectance.n);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "reflectance",
+                       "%d numbers are given; give one, or three separated by ';'",
+                       p.reflectance.n);
     rig->fiducials[i].centre_mm = vec3(p.x_mm, p.y_mm, p.z_mm);
     rig->fiducials[i].radius_mm = p.radius_mm;
     for (int k = 0; ok && k < 3; k++)
         rig->fiducials[i].reflectance[k] = p.reflectance.values[p.reflectance.n == 3 ? k : 0];
     options_clear(mark_place_options, &p);
-    return ok;
+    return ok && named;
 }
 
 static gboolean take_section(struct layout *layout, const struct config_section *section,
-                             GError **error) {
+                             Mistakes *mistakes) {
     if (g_str_equal(section->class_name, "axis")) {
         if (g_str_equal(section->name, "turntable"))
             layout->turntable = section;
         if (g_str_equal(section->name, "arc"))
             layout->arc = section;
-        return devices_layout_read_device(section, NULL, error);
+        return devices_layout_read_device(section, NULL, mistakes);
     }
     if (g_str_equal(section->class_name, "lamps")) {
         layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;
-        return count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, error) &&
-               devices_layout_read_device(section, NULL, error);
+        return count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, mistakes) &&
+               devices_layout_read_device(section, NULL, mistakes);
     }
     if (g_str_equal(section->class_name, "interlock")) {
         layout->interlocks[MIN(layout->n_interlocks, DEVICES_MAX_INTERLOCKS - 1)] = section;
-        return count_up(&layout->n_interlocks, DEVICES_MAX_INTERLOCKS, section, error) &&
-               devices_layout_read_device(section, NULL, error);
+        return count_up(&layout->n_interlocks, DEVICES_MAX_INTERLOCKS, section, mistakes) &&
+               devices_layout_read_device(section, NULL, mistakes);
     }
     return TRUE;
 }
 
 static gboolean devices_layout_take_place(struct layout *layout,
-                                          const struct config_section *section, GError **error) {
+                                          const struct config_section *section,
+                                          Mistakes *mistakes) {
     if (g_str_equal(section->class_name, "camera"))
-        return read_camera(layout, section, error);
+        return read_camera(layout, section, mistakes);
     if (g_str_equal(section->class_name, "lamp"))
-        return read_lamp(layout, section, error);
+        return read_lamp(layout, section, mistakes);
     if (g_str_equal(section->class_name, "laser"))
-        return read_laser(layout, section, error);
+        return read_laser(layout, section, mistakes);
     if (g_str_equal(section->class_name, "mark"))
-        return read_mark(layout, section, error);
+        return read_mark(layout, section, mistakes);
     return TRUE;
 }
 
-static gboolean check_class(const struct config_section *section, GError **error) {
+/* Sections that no rig file has; what they were to be may then seem to be missing. */
+static gboolean check_class(struct layout *layout, const struct config_section *section,
+                            Mistakes *mistakes) {
     static const char *const named[] = {"axis",  "lamps",     "lamp", "camera",
                                         "laser", "interlock", "mark", NULL};
-    gboolean is_rig = g_str_equal(section->class_name, "rig");
+    const gboolean is_rig = g_str_equal(section->class_name, "rig");
 
-    if (!is_rig && !g_strv_contains(named, section->class_name)) {
-        config_set_error(
-            error, CONFIG_ERROR_UNKNOWN, section, NULL,
-            "there is no such section; a rig file has [rig], [axis NAME], [lamps "
-            "NAME], [lamp NAME], [camera NAME], [laser NAME], [interlock NAME] and [mark "
-            "NAME]");
-        return FALSE;
-    }
-    if (is_rig == (section->name == NULL))
+    if (is_rig == (section->name == NULL) &&
+        (is_rig || g_strv_contains(named, section->class_name)))
         return TRUE;
-    config_set_error(error, CONFIG_ERROR_SYNTAX, section, NULL,
-                     is_rig ? "has no name: write [rig]%s" : "needs a name: write [%s NAME]",
-                     is_rig ? "" : section->class_name);
-    return FALSE;
+    layout->has_all_sections = FALSE;
+    if (is_rig || g_strv_contains(named, section->class_name))
+        return config_mistake(mistakes, CONFIG_ERROR_SYNTAX, section, NULL,
+                              is_rig ? "has no name: write [rig]%s"
+                                     : "needs a name: write [%s NAME]",
+                              is_rig ? "" : section->class_name);
+    struct nearest nearest = nearest_new(section->class_name);
+    nearest_consider(&nearest, "rig");
+    for (const char *const *name = named; *name; name++)
+        nearest_consider(&nearest, *name);
+    if (nearest.name)
+        return config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                              "there is no such section; did you mean [%s%s]?", nearest.name,
+                              g_str_equal(nearest.name, "rig") ? "" : " NAME");
+    return config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                          "there is no such section; a rig file has [rig], [axis NAME], [lamps "
+                          "NAME], [lamp NAME], [camera NAME], [laser NAME], [interlock NAME] and "
+                          "[mark NAME]");
 }
 
 /* Axes that nothing uses are misspelt ones. */
@@ -481,7 +515,8 @@ static gboolean devices_layout_uses(const struct layout *layout,
     return axis == layout->turntable || axis == layout->arc;
 }
 
-static gboolean check_whole(const struct layout *layout, GError **error) {
+/* lasers: all were understood, so that they say which axes they use. */
+static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *mistakes) {
     const struct rig *rig = &layout->geometry;
     const struct {
         gboolean there;
@@ -496,58 +531,64 @@ static gboolean check_whole(const struct layout *layout, GError **error) {
     for (gsize i = 0; i < n; i++) {
         const struct config_section *section = &sections[i];
         const char *driver = config_value(section, "driver", NULL);
-        if (g_str_equal(section->class_name, "axis") && !devices_layout_uses(layout, section)) {
-            config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                             "nothing uses this axis: it is neither turntable nor arc, and no "
-                             "laser names it as its sweep");
-            return FALSE;
-        }
+        if (section->broken)
+            continue;
+        if (lasers && layout->has_all_sections && g_str_equal(section->class_name, "axis") &&
+            !devices_layout_uses(layout, section))
+            config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                           "nothing uses this axis: it is neither turntable nor arc, and no laser "
+                           "names it as its sweep");
         /* Virtual time would run ahead of a real device. */
-        if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-")) {
-            config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
-                             "%s is a real device and cannot keep virtual time; write clock = real "
-                             "in [rig]",
-                             driver);
-            return FALSE;
-        }
+        if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
+            drivers_by_name(section))
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "driver",
+                           "%s is a real device and cannot keep virtual time; write clock = real "
+                           "in [rig]",
+                           driver);
     }
-    for (gsize i = 0; i < G_N_ELEMENTS(needed); i++)
-        if (!needed[i].there) {
-            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-                        "%s: there is no section %s; a rig needs cameras, and lamps or lasers",
-                        config_path(layout->config), needed[i].what);
-            return FALSE;
-        }
-    if (layout->arc && rig->arc_radius_mm == 0) {
-        config_set_error(error, CONFIG_ERROR_MISSING, config_find(layout->config, "rig", NULL),
-                         "arc_radius_mm", "must be given: there is an [axis arc]");
-        return FALSE;
-    }
-    return TRUE;
+    for (gsize i = 0; layout->has_all_sections && i < G_N_ELEMENTS(needed); i++)
+        if (!needed[i].there)
+            config_lacks(mistakes, layout->config,
+                         "there is no section %s; a rig needs cameras, and lamps or lasers",
+                         needed[i].what);
 }
 
-typedef gboolean (*SectionFunc)(struct layout *layout, const struct config_section *section,
-                                GError **error);
-
-static gboolean each_section(struct layout *layout, SectionFunc func, GError **error) {
+/* Axes, banks and interlocks first: lamps and lasers name them. */
+static gboolean layout_take(struct layout *layout, Config *config, Mistakes *mistakes,
+                            GError **error) {
     gsize n;
-    const struct config_section *sections = config_sections(layout->config, &n);
+    gboolean lasers = TRUE;
 
-    for (gsize i = 0; i < n; i++)
-        if (!check_class(&sections[i], error) || !func(layout, &sections[i], error))
-            return FALSE;
-    return TRUE;
-}
-
-gboolean layout_take(struct layout *layout, Config *config, GError **error) {
     memset(layout, 0, sizeof *layout);
-    layout->config = config;
-    if (layout->config && each_section(layout, take_section, error) &&
-        devices_layout_read_rig(layout, error) &&
-        each_section(layout, devices_layout_take_place, error) && check_whole(layout, error))
+    if ((layout->config = config)) {
+        const struct config_section *sections = config_sections(config, &n);
+        g_autofree gboolean *known = g_new0(gboolean, n + 1);
+        layout->has_all_sections = config_has_all_sections(config);
+        for (gsize i = 0; i < n; i++)
+            known[i] = !sections[i].broken && check_class(layout, &sections[i], mistakes);
+        for (gsize i = 0; i < n; i++)
+            if (known[i])
+                take_section(layout, &sections[i], mistakes);
+        devices_layout_read_rig(layout, mistakes);
+        for (gsize i = 0; i < n; i++)
+            if (known[i] && !devices_layout_take_place(layout, &sections[i], mistakes))
+                lasers &= !g_str_equal(sections[i].class_name, "laser");
+        check_whole(layout, lasers, mistakes);
+    }
+    if (mistakes_report(mistakes, error))
         return TRUE;
     layout_clear(layout);
     return FALSE;
+}
+
+gboolean layout_load(struct layout *layout, const char *path, GError **error) {
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    return layout_take(layout, config_load_checked(path, mistakes), mistakes, error);
+}
+
+gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error) {
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    return layout_take(layout, config_parse_checked(text, path, mistakes), mistakes, error);
 }
 
 void layout_clear(struct layout *layout) {

@@ -6,6 +6,7 @@
 struct layout {
     Config *config;
     struct rig geometry;
+    gboolean has_all_sections; /* FALSE: a heading is wrong, so that what seems missing may be it */
     gboolean virtual_clock;
     char *calibration_path; /* absolute; NULL: none is named */
     double calibration_days;
@@ -20,17 +21,15 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* Checks everything that can be checked without a device; also drivers' own options. Takes
- * ownership of config; NULL: the error is set already. */
-gboolean layout_take(struct layout *layout, Config *config, GError **error);
+/* Checks everything that can be checked without a device, drivers' own options, too. The error
+ * tells all mistakes of the file. */
+gboolean layout_load(struct layout *layout, const char *path, GError **error);
+gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
 void layout_clear(struct layout *layout);
 
 /* The keys that the rig reads in a section of a class beside the driver's, NULL-terminated; free
  * the list alone with g_free(). */
 const char **layout_keys(const char *class_name);
-
-/* The table behind those keys, and that of [rig], [lamp] and [mark]; NULL if a class has none. */
-const struct option *layout_options(const char *class_name);
 
 /* The driver that the driver key of a section names: a struct of the section's class, which begins
  * with a struct driver_info. The error lists the existing drivers of that class. */

@@ -1,5 +1,6 @@
 /* mesorig-web: a rig in the browser. A process of its own, which needs no privileges but to call
  * the daemon. */
+#include "base/nearest.h"
 #include "web_server.h"
 
 #include <glib-unix.h>
@@ -16,8 +17,7 @@ static int port = WEB_PORT;
 static gboolean version;
 
 static const GOptionEntry entries[] = {
-    {"port", 'p', 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any that is free (8470)",
-     "N"},
+    {"port", 0, 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any that is free (8470)", "N"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
      "Listen on this IP address, for other machines (this machine only)", "IP"},
     {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &hosts,
@@ -89,6 +89,8 @@ int main(int argc, char **argv) {
     g_option_context_add_main_entries(context, entries, NULL);
     if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 || port < 0 ||
         port > 65535 || (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
+        if (error)
+            nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         g_printerr("mesorig-web: %s\n", error ? error->message
                                         : argc > 1
                                             ? "it takes options alone"

@@ -53,6 +53,8 @@ static const char *const kind_choices[] = {"holding", "input", NULL};
 static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
+    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
+     "How long homing takes, for predictions; 0: they leave it out"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Where the axis is when the drive counts 0, as it does after homing"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),

@@ -104,6 +104,8 @@ static const struct option options[] = {
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "20", "40"),
+    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
+     "How long homing takes, for predictions; 0: they leave it out"},
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
      "Towards which limit switch it homes; here: no switch, where it stands becomes home_deg"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),

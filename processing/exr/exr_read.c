@@ -30,6 +30,9 @@ struct source {
     char message[256]; /* last error message of the library */
     gint64 reached;    /* farthest offset read */
     gboolean cancelled;
+    /* The library's, megabytes for PIZ, kept from part to part: a file has up to thousands. */
+    void *scratch[2];
+    size_t scratch_bytes[2];
 };
 
 void exr_watch(ExrWatch watch, gpointer data) {
@@ -103,6 +106,8 @@ static void source_close(struct source *source) {
         exr_finish(&source->context);
     if (source->fd >= 0)
         close(source->fd);
+    free(source->scratch[0]);
+    free(source->scratch[1]);
 }
 
 /* The library keeps a pointer to source, which must not move until it is closed.
@@ -322,6 +327,21 @@ static gboolean chunk_is_sound(const struct source *source, const struct exr_par
            chunk->packed_size <= (guint64)source->size - chunk->data_offset;
 }
 
+static void lend_scratch(const struct source *source, exr_decode_pipeline_t *decode) {
+    decode->scratch_buffer_1 = source->scratch[0];
+    decode->scratch_buffer_2 = source->scratch[1];
+    decode->scratch_alloc_size_1 = source->scratch_bytes[0];
+    decode->scratch_alloc_size_2 = source->scratch_bytes[1];
+}
+
+static void take_scratch_back(struct source *source, exr_decode_pipeline_t *decode) {
+    source->scratch[0] = g_steal_pointer(&decode->scratch_buffer_1);
+    source->scratch[1] = g_steal_pointer(&decode->scratch_buffer_2);
+    source->scratch_bytes[0] = decode->scratch_alloc_size_1;
+    source->scratch_bytes[1] = decode->scratch_alloc_size_2;
+    decode->scratch_alloc_size_1 = decode->scratch_alloc_size_2 = 0;
+}
+
 static exr_result_t read_chunk(struct source *source, int index, struct exr_part *part,
                                exr_decode_pipeline_t *decode, int y, int lines, gboolean first) {
     exr_chunk_info_t chunk;
@@ -330,6 +350,8 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     if (rc == EXR_ERR_SUCCESS)
         rc = first ? exr_decoding_initialize(source->context, index, &chunk, decode)
                    : exr_decoding_update(source->context, index, &chunk, decode);
+    if (rc == EXR_ERR_SUCCESS && first)
+        lend_scratch(source, decode);
     if (rc == EXR_ERR_SUCCESS && !chunk_is_sound(source, part, decode, y, lines))
         rc = EXR_ERR_BAD_CHUNK_LEADER;
     decode->alloc_fn = allocate_padded;
@@ -371,6 +393,8 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
     for (int row = 0; rc == EXR_ERR_SUCCESS && row < part->height; row += step)
         rc = read_chunk(source, index, part, &decode, window->min.y + row,
                         MIN(step, part->height - row), row == 0);
+    if (decode.context)
+        take_scratch_back(source, &decode);
     exr_decoding_destroy(source->context, &decode);
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }

@@ -70,6 +70,9 @@ struct content {
     ExrFill fill; /* NULL: all planes are there */
     gpointer data;
     GError *failed; /* of fill */
+    /* The library's, megabytes for PIZ, kept from part to part: a file has up to thousands. */
+    void *scratch[2];
+    size_t scratch_bytes[2];
 };
 
 static gboolean exr_write_refuse(GError **error, const char *path, const struct exr_part *part,
@@ -250,7 +253,23 @@ static exr_result_t exr_write_pack(exr_encode_pipeline_t *encode) {
     return EXR_ERR_SUCCESS;
 }
 
-static exr_result_t write_part(exr_context_t context, int index, struct exr_part *part) {
+static void lend_scratch(const struct content *content, exr_encode_pipeline_t *encode) {
+    encode->scratch_buffer_1 = content->scratch[0];
+    encode->scratch_buffer_2 = content->scratch[1];
+    encode->scratch_alloc_size_1 = content->scratch_bytes[0];
+    encode->scratch_alloc_size_2 = content->scratch_bytes[1];
+}
+
+static void take_scratch_back(struct content *content, exr_encode_pipeline_t *encode) {
+    content->scratch[0] = g_steal_pointer(&encode->scratch_buffer_1);
+    content->scratch[1] = g_steal_pointer(&encode->scratch_buffer_2);
+    content->scratch_bytes[0] = encode->scratch_alloc_size_1;
+    content->scratch_bytes[1] = encode->scratch_alloc_size_2;
+    encode->scratch_alloc_size_1 = encode->scratch_alloc_size_2 = 0;
+}
+
+static exr_result_t write_part(exr_context_t context, int index, struct exr_part *part,
+                               struct content *content) {
     exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
     struct encoding encoding = {.part = part};
     exr_chunk_info_t chunk;
@@ -264,6 +283,8 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
                         : exr_encoding_update(context, index, &chunk, &encode);
         if (rc != EXR_ERR_SUCCESS)
             break;
+        if (y == 0)
+            lend_scratch(content, &encode);
         /* The library requires the layout of each channel, although exr_write_pack() does not. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *channel = &encode.channels[c];
@@ -285,6 +306,8 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
         if (rc == EXR_ERR_SUCCESS)
             rc = exr_encoding_run(context, index, &encode);
     }
+    if (encode.context)
+        take_scratch_back(content, &encode);
     exr_encoding_destroy(context, &encode);
     return rc;
 }
@@ -294,14 +317,14 @@ static exr_result_t write_filled(exr_context_t context, int index, struct conten
     exr_result_t rc = EXR_ERR_SUCCESS;
 
     if (part->planes[0])
-        return write_part(context, index, part);
+        return write_part(context, index, part, content);
     for (int c = 0; c < part->n_channels && rc == EXR_ERR_SUCCESS; c++) {
         part->planes[c] = g_try_malloc0_n((gsize)part->width * (gsize)part->height, sizeof(float));
         rc = part->planes[c] ? EXR_ERR_SUCCESS : EXR_ERR_OUT_OF_MEMORY;
     }
     if (rc == EXR_ERR_SUCCESS)
         rc = content->fill && content->fill(part, content->data, &content->failed)
-                 ? write_part(context, index, part)
+                 ? write_part(context, index, part, content)
                  : EXR_ERR_UNKNOWN;
     exr_part_drop_planes(part);
     return rc;
@@ -325,6 +348,8 @@ static exr_result_t write_file(const char *path, struct sink *sink, struct conte
     finished = exr_finish(&context);
     if (rc == EXR_ERR_SUCCESS)
         rc = finished;
+    free(content->scratch[0]);
+    free(content->scratch[1]);
     exr_write_flush(sink);
     return rc;
 }

@@ -10,11 +10,12 @@
 #include "exr/exr.h"
 #include "frames/sweep.h"
 
-#define SATURATION   0.98 /* of white */
-#define UNEVEN       0.05 /* tolerance of an angle, in steps */
-#define MOST_MISSING 0.1  /* largest share of a sweep's pictures */
-#define BESIDE       2.0  /* steps around a missing picture in which peaks are invalid, and */
-#define PULSE        4.0  /* the same in standard deviations of the pulse; the larger one counts */
+#define SATURATION   0.98    /* of white */
+#define MOST_DN_MS   65504.0 /* the largest half */
+#define UNEVEN       0.05    /* tolerance of an angle, in steps */
+#define MOST_MISSING 0.1     /* largest share of a sweep's pictures */
+#define BESIDE       2.0     /* steps around a missing picture in which peaks are invalid, and */
+#define PULSE        4.0 /* the same in standard deviations of the pulse; the larger one counts */
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
@@ -126,12 +127,14 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
     g_autoptr(ExrPart) part =
         new_part(set, row, "radiance", channels, EXR_HALF, picture->grey ? set->wish->cfa : "rgb");
     const gsize n = (gsize)part->width * (gsize)part->height;
+    float most = 0;
     gsize bad = 0;
     for (gsize i = 0; i < n; i++) {
         gboolean good = TRUE;
         for (gsize c = 0; c < n_colours; c++) {
             const float value = picture->rgb[3 * i + (picture->grey ? c : 2 - c)];
             good &= isfinite(value);
+            most = isfinite(value) ? MAX(most, value) : most;
             part->planes[c][i] =
                 isfinite(value) ? value * IMPORT_WHITE_DN / (float)row->exposure_ms : NAN;
         }
@@ -139,6 +142,12 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
         if (n_saturated > 0)
             part->planes[n_colours][i] = saturated[i];
     }
+    if ((double)most * IMPORT_WHITE_DN / row->exposure_ms > MOST_DN_MS)
+        return data_error_fail(set->table, row->line, error,
+                               "exposure_ms: in %g ms %s would show up to %.2g DN/ms, and a frame "
+                               "holds %g; is it in seconds? Give milliseconds",
+                               row->exposure_ms, row->name,
+                               (double)most * IMPORT_WHITE_DN / row->exposure_ms, MOST_DN_MS);
     exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
     exr_set_double(part, "mesorig.dark_dn", 0);
     exr_set_int(part, "mesorig.saturated", n_saturated);

@@ -8,6 +8,8 @@
 
 #include "calibration/calibration.h"
 
+#define NOMINAL_RESPONSE 1000 /* of a camera whose section says nothing */
+
 /* Reads such a file, or a calibration file. NULL: CONFIG_ERROR with file, line and key, or the
  * error of calibration_read(). */
 struct calibration *nominal_read(const char *path, GError **error);

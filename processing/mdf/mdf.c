@@ -6,10 +6,11 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/robust.h"
 #include "frames/rectify.h"
-#include "mdf_merge.h"
+#include "mdf_errors.h"
 
 #define LEAST_ANGLE                                                                                \
     0.03 /* least sine of the angle between ray and sheet: below it depth is noise */
@@ -20,17 +21,21 @@
 #define FRAME_SHARE 0.1
 /* In units of these tolerances, points may lie this far above the reference plane, and below the
  * deepest structure. */
-#define ABOVE       5
-#define BELOW       10
-#define SEEN_SHARE  0.75f /* share of the pixels around a texel that must see the line */
-#define LIVE_SHARE  0.25  /* of the peaks in the best phase of the colour filter */
-#define FAINT       0.5   /* of the brightest line at a texel: such a line has half weight */
-#define CONFIRM     2     /* neighbouring texels that must have the same distance */
-#define CLOSE       0.2f  /* factor of the agreement tolerance for smooth continuation */
-#define MANY_SWEEPS 4     /* from this number of sweeps on, one is not believed against others */
-/* Mean square of a texel's roughness over that of linear interpolation between points a texel
- * apart, κ / 2 · x (h − x) with x anywhere: 20.5 on a dome, 22.5 on a fold of curvature κ. */
-#define BETWEEN 21
+#define ABOVE          5
+#define BELOW          10
+#define SEEN_SHARE     0.75f /* share of the pixels around a texel that must see the line */
+#define LIVE_SHARE     0.25  /* of the peaks in the best phase of the colour filter */
+#define FAINT          0.5   /* of the brightest line at a texel: such a line has half weight */
+#define CONFIRM        2     /* neighbouring texels that must have the same distance */
+#define CLOSE          0.2f  /* factor of the agreement tolerance for smooth continuation */
+#define LEAST_TEXEL_PX 0.1   /* for errors' sake */
+#define MANY_SWEEPS    4     /* from this number of sweeps on, one is not believed against others */
+
+/* What a sweep saw of a texel. */
+struct seen {
+    float mm, dn; /* mm < 0: nothing */
+    float bend_mm[MDF_BENDS];
+};
 
 struct MdfView {
     struct rig_camera camera;
@@ -43,9 +48,11 @@ struct MdfView {
     float *x_px, *y_px; /* n_texels: projected centres; x < 0: outside of the picture */
     float *pixel_mm[2]; /* n_pixels, for one sweep: distance below the reference plane by the
                            brightest and by the second pulse; −1: none */
-    struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* n_texels × 2 candidates; mm < 0: none */
-    double weight[MDF_MAX_SWEEPS];
+    struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
+    double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     double texel_mm;
+    double texel_px[2]; /* from a texel to the next one, along rows and columns */
+    int spacing_px;     /* of pixels that see the laser */
 };
 
 MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
@@ -81,6 +88,18 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
         view->x_px[i] = inside ? (float)x : -1;
         view->y_px[i] = inside ? (float)y : -1;
     }
+    view->spacing_px = 1;
+    for (int axis = 0; axis < 2; axis++) {
+        const double column = 0.5 * (grid->width - !axis), row = 0.5 * (grid->height - axis);
+        double x[2] = {0}, y[2] = {0};
+        gboolean shown = TRUE;
+        for (int k = 0; k < 2; k++) {
+            const struct vec3 p = rectify_point_mm(grid, column + k * !axis, row + k * axis);
+            shown &= rig_project(camera, rig_turn(p, turntable_rad), &x[k], &y[k]);
+        }
+        /* Texels far smaller than pixels are not worth more. */
+        view->texel_px[axis] = shown ? MAX(hypot(x[1] - x[0], y[1] - y[0]), LEAST_TEXEL_PX) : 1;
+    }
     return view;
 }
 
@@ -113,12 +132,11 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
-/* max(TEXEL_SHARE · texel, FRAME_SHARE · depth of a frame). From one frame to the next the sheet
- * turns by step_rad: at a range R from the source it moves by step · R, and by step · R / |n·r|
- * along a ray r; here along the one through the middle of the texels. ret_height_mm: with step · R
- * alone, since sweeps of low height resolution must not put points far outside the sample. */
-static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sweep,
-                               double *ret_height_mm) {
+/* Depth of a frame. From one to the next the sheet turns by step_rad: at a range R from the source
+ * it moves by step · R, which is returned, and by step · R / |n·r| along a ray r (ret_along_mm);
+ * here along the one through the middle of the texels. */
+static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
+                           double *ret_along_mm) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
     const struct vec3 ray = vec3_unit(vec3_sub(middle, view->centre_mm));
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
@@ -126,11 +144,10 @@ static double mdf_tolerance_mm(const MdfView *view, const struct laser_sweep *sw
     const struct rig_plane sheet =
         rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
     const double sine = MAX(fabs(vec3_dot(sheet.normal, ray)), LEAST_ANGLE);
-    const double texel_mm = TEXEL_SHARE * view->texel_mm;
     const double frame_mm =
-        FRAME_SHARE * fabs(sweep->step_rad) * vec3_length(vec3_sub(middle, source));
-    *ret_height_mm = MAX(texel_mm, frame_mm);
-    return MAX(texel_mm, frame_mm / sine);
+        MAX(fabs(sweep->step_rad) * vec3_length(vec3_sub(middle, source)), 1e-9);
+    *ret_along_mm = frame_mm / sine;
+    return frame_mm;
 }
 
 /* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
@@ -185,6 +202,7 @@ static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep,
 /* A pixel near a texel: the distances and heights of its brightest and second pulse; mm < 0:
  * none. */
 struct near {
+    int x, y;
     float mm[2], dn[2];
     float share; /* bilinear weight */
     gboolean taken[2];
@@ -218,6 +236,8 @@ static void find_near(const MdfView *view, const struct phases *phases,
             near->dn[0] = brightness(sweep->intensity, pixel);
             near->dn[1] = brightness(sweep->second_intensity, pixel);
             near->share = share;
+            near->x = u;
+            near->y = v;
             ret->all += share;
             ret->seen += near->mm[0] >= 0 ? share : 0;
         }
@@ -276,12 +296,45 @@ static struct side take_side(const MdfView *view, struct nears *all) {
     return best;
 }
 
+/* The distance of a pixel's pulse that is the closest to mm; NAN: it has none. */
+static float closest_to(const MdfView *view, const struct laser_sweep *sweep, int x, int y,
+                        float mm) {
+    if (x < 0 || y < 0 || x >= view->camera.width || y >= view->camera.height)
+        return NAN;
+    const gsize pixel = (gsize)y * (gsize)view->camera.width + (gsize)x;
+    const float first = view->pixel_mm[0][pixel];
+    const float second = sweep->second_peak ? view->pixel_mm[1][pixel] : -1;
+    const gboolean behind = second >= 0 && (first < 0 || fabsf(second - mm) < fabsf(first - mm));
+    const float found = behind ? second : first;
+    return found >= 0 ? found : NAN;
+}
+
+/* Bends of the surface at mm around the pixel with the largest weight, over one and two spacings of
+ * the pixels that see the laser. */
+static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int spacing_px,
+                       const struct nears *nears, float mm, float ret_mm[MDF_BENDS]) {
+    const struct near *middle = &nears->near[0];
+    for (int i = 1; i < nears->n; i++)
+        if (nears->near[i].share > middle->share)
+            middle = &nears->near[i];
+    const float here = closest_to(view, sweep, middle->x, middle->y, mm);
+    for (int k = 0; k < MDF_BENDS; k++) {
+        const int by = spacing_px * (k / 2 + 1), dx = k % 2 ? 0 : by, dy = k % 2 ? by : 0;
+        const float before = closest_to(view, sweep, middle->x - dx, middle->y - dy, mm);
+        const float after = closest_to(view, sweep, middle->x + dx, middle->y + dy, mm);
+        ret_mm[k] = 0.5f * (before + after) - here;
+    }
+}
+
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    double height_mm;
-    const double tolerance_mm = mdf_tolerance_mm(view, sweep, &height_mm);
-    struct phases phases = find_phases(view, sweep, height_mm);
-    struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
+    double along_mm;
+    const double frame_mm = mdf_frame_mm(view, sweep, &along_mm);
+    const double texel_mm = TEXEL_SHARE * view->texel_mm;
+    /* Not by the depth along the ray, since sweeps of low height resolution must not put points far
+     * outside the sample. */
+    struct phases phases = find_phases(view, sweep, MAX(texel_mm, FRAME_SHARE * frame_mm));
+    struct seen *texels = g_new(struct seen, 2 * view->n_texels);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
         struct nears near = {.n = 0};
@@ -297,11 +350,17 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
                 side[k] = take_side(view, &near);
         if (!(side[1].share >= SEEN_SHARE * near.all))
             side[1] = (struct side){.mm = -1};
-        for (int k = 0; k < 2; k++)
-            texels[2 * i + k] = (struct mdf_candidate){
-                .mm = side[k].mm, .dn = side[k].dn, .tolerance_mm = (float)tolerance_mm};
+        for (int k = 0; k < 2; k++) {
+            texels[2 * i + k] = (struct seen){.mm = side[k].mm, .dn = side[k].dn};
+            if (side[k].mm >= 0)
+                find_bends(view, sweep, phases.radius, &near, side[k].mm,
+                           texels[2 * i + k].bend_mm);
+        }
         seen += texels[2 * i].mm >= 0;
     }
+    view->spacing_px = MAX(view->spacing_px, phases.radius);
+    view->tolerance_mm[view->n_sweeps] = MAX(texel_mm, FRAME_SHARE * along_mm);
+    view->frame_mm[view->n_sweeps] = along_mm;
     view->weight[view->n_sweeps] =
         mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
     view->seen[view->n_sweeps++] = texels;
@@ -316,11 +375,16 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     int n = 0;
     for (int s = 0; s < view->n_sweeps; s++)
         for (int rank = 0; rank < 2; rank++) {
-            ret[n] = view->seen[s][2 * texel + rank];
-            if (ret[n].mm < 0 || !(view->weight[s] > 0))
+            const struct seen *seen = &view->seen[s][2 * texel + rank];
+            if (seen->mm < 0 || !(view->weight[s] > 0))
                 continue;
-            most = MAX(most, ret[n].dn);
-            ret[n++].sweep = s;
+            most = MAX(most, seen->dn);
+            ret[n] = (struct mdf_candidate){.mm = seen->mm,
+                                            .dn = seen->dn,
+                                            .tolerance_mm = (float)view->tolerance_mm[s],
+                                            .frame_mm = (float)view->frame_mm[s],
+                                            .sweep = s};
+            memcpy(ret[n++].bend_mm, seen->bend_mm, sizeof seen->bend_mm);
         }
     for (int i = 0; i < n; i++) {
         double bright = most > 0 ? ret[i].dn / most : 1;
@@ -354,15 +418,12 @@ static double mdf_roughness_mm2(const MdfView *view, const float *distance, int 
     return n > 0 ? squares / n : -1;
 }
 
-/* Adds to the standard errors σ the errors that the scatter of sweeps does not show. With r² a
- * texel's roughness:
- *   - All sweeps read a curved surface between the same pixels, and share that error:
- *     σ² + (r² − 1.5 σ²) / BETWEEN.
- *   - Nothing repeats what one sweep alone saw, but the surface around shows how far values stray
- *     there: (r² + median r² of the view) / 1.5 (the median, as r² may be small by chance). Without
- *     neighbours it is the largest step from texel to texel that one surface takes. */
-static void mdf_complete_errors(const MdfView *view, const float *distance, const float *sweeps,
-                                float *error_mm) {
+/* Standard errors of what one sweep alone saw: nothing repeats it, but the surface around shows how
+ * far values stray there: (r² + median r² of the view) / 1.5, with r² a texel's roughness (the
+ * median, as r² may be small by chance). Without neighbours it is the largest step from texel to
+ * texel that one surface takes. */
+static void mdf_find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
+                                 float *error_mm) {
     g_autofree double *rough = g_new(double, view->n_texels);
     g_autofree double *known = g_new(double, view->n_texels);
     int n = 0;
@@ -372,15 +433,10 @@ static void mdf_complete_errors(const MdfView *view, const float *distance, cons
             known[n++] = rough[i];
     }
     const double typical = n > 0 ? robust_median(known, n) : 0;
-    for (int i = 0; i < view->n_texels; i++) {
+    for (int i = 0; i < view->n_texels; i++)
         if (sweeps[i] == 1)
             error_mm[i] =
                 rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
-        if (sweeps[i] < 2)
-            continue;
-        const double square = pow((double)error_mm[i], 2);
-        error_mm[i] = (float)sqrt(square + MAX(rough[i] - 1.5 * square, 0) / BETWEEN);
-    }
 }
 
 /* Keeps the candidates that continue the surface of at least CONFIRM neighbouring texels. Returns
@@ -408,12 +464,14 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     const int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
     g_autofree float *sure = g_new(float, view->n_texels);
+    g_autofree struct mdf_spread *spreads = g_new0(struct mdf_spread, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
         int n = mdf_collect(view, i, candidates);
         struct mdf_merged merged = mdf_merge(candidates, n, least);
         sure[i] = ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
-        ret_error[i] = merged.error_mm;
+        ret_error[i] = -1;
+        spreads[i] = merged.spread;
     }
     /* Where too few laser positions agree, those candidates count that continue the surface around.
      * If there are none, a single sweep's brightest is believed, as nothing contradicts it; several
@@ -430,9 +488,14 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         struct mdf_merged merged = mdf_merge(candidates, n, 1);
         ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
-        ret_error[i] = merged.error_mm;
+        spreads[i] = merged.spread;
     }
-    mdf_complete_errors(view, ret_distance, ret_n, ret_error);
+    const struct mdf_errors_grid grid = {
+        view->grid.width,
+        view->grid.height,
+        {view->spacing_px / view->texel_px[0], view->spacing_px / view->texel_px[1]}};
+    mdf_errors_find(&grid, spreads, ret_error);
+    mdf_find_lone_errors(view, ret_distance, ret_n, ret_error);
 }
 
 /* Merges the candidates that do not agree with the accepted distance. */

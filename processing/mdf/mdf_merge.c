@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "mdf_errors.h"
+
 #define MOST 256 /* candidates */
 
 /* Support of a distance: Σ over sweeps of max over its candidates of weight · exp(−½ ((mm_i − mm)
@@ -42,28 +44,23 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
     return samples[n - 1].mm;
 }
 
-/* Weighted mean m = Σ w x / Σ w with the standard error √(Σ w² (x − m)² / (1 − w / Σ w)) / Σ w.
- * This holds whether or not the weights are the inverse variances: sweeps at flat angles to the
- * line of sight scatter more than their weights say. (1 − w / Σ w compensates for the influence of
- * x itself on m.) */
 static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, int n) {
-    double weights = 0, sum = 0, scatter = 0;
+    struct mdf_merged merged = {.mm = -1};
+    double weights = 0, sum = 0;
     for (int i = 0; i < n; i++) {
         weights += samples[i].weight;
         sum += samples[i].weight * samples[i].mm;
     }
     if (!(weights > 0))
-        return (struct mdf_merged){-1, 0, -1};
-    const double mean = sum / weights;
-    for (int i = 0; i < n; i++) {
-        const double share = samples[i].weight / weights;
-        scatter += pow(share * (samples[i].mm - mean), 2) / MAX(1 - share, 1e-6);
-    }
-    return (struct mdf_merged){(float)mean, n, n > 1 ? (float)sqrt(scatter) : -1};
+        return merged;
+    merged.mm = (float)(sum / weights);
+    merged.n = n;
+    mdf_spread_of(samples, n, sum / weights, &merged.spread);
+    return merged;
 }
 
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
-    struct mdf_merged nothing = {-1, 0, -1};
+    const struct mdf_merged nothing = {.mm = -1};
     struct mdf_candidate deviation[MOST];
     double most = -1, mode = 0; /* the candidate with the largest support */
     int one_each = 0, kept = 0;

@@ -4,17 +4,31 @@
  */
 #pragma once
 
+#define MDF_BENDS 4
+
 struct mdf_candidate {
-    float mm, dn;       /* distance; height of the pulse in DN */
-    float tolerance_mm; /* > 0: others this close always agree with it */
-    int sweep;          /* at most one of a sweep's candidates is right */
+    float mm, dn;             /* distance; height of the pulse in DN */
+    float bend_mm[MDF_BENDS]; /* of the surface at the pixel next to the texel (mdf_errors.h): over
+                                 one pixel along x and y, and over two; NAN: unknown */
+    float tolerance_mm;       /* > 0: others this close always agree with it */
+    float frame_mm;           /* > 0: depth of a frame of the sweep, along the ray */
+    int sweep;                /* at most one of a sweep's candidates is right */
     double weight;
 };
 
+/* What merged sweeps say of the error of their mean (mdf_errors.h). */
+struct mdf_spread {
+    int n;                     /* sweeps */
+    double frames2, freedom;   /* u, and its degrees of freedom; 0: fewer than two sweeps */
+    double unit_mm2;           /* V */
+    double bend_mm[MDF_BENDS]; /* their mean bends; NAN: unknown */
+    double noise_mm2[MDF_BENDS];
+};
+
 struct mdf_merged {
-    float mm;       /* −1: unknown */
-    int n;          /* number of sweeps averaged */
-    float error_mm; /* standard error by their scatter; −1: fewer than two sweeps */
+    float mm; /* −1: unknown */
+    int n;    /* number of sweeps averaged */
+    struct mdf_spread spread;
 };
 
 /* candidates: those of a sweep are consecutive; they are reordered. least: with fewer agreeing

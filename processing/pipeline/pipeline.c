@@ -8,6 +8,7 @@
 #include <math.h>
 #include <string.h>
 #include <sys/resource.h>
+#include <time.h>
 
 #include "base/data_error.h"
 #include "base/file_lock.h"
@@ -15,12 +16,18 @@
 #include "catalogue.h"
 #include "eigenmaps/eigenmaps.h"
 #include "mdf_product.h"
+#include "time_left.h"
 
 #define POLL_US (G_USEC_PER_SEC / 2)
 #define MDF_WRITE_US                                                                               \
     (30 * G_USEC_PER_SEC) /* least interval between writes while a capture is followed */
 
-enum stage { STAGE_BTF, STAGE_MDF, N_STAGES };
+/* CPU time of eigen-maps for a texel, view and light, and of settling and writing an MDF for a
+ * texel and view: for the time left, until they begin. */
+#define EIGENMAPS_S 2.5e-7
+#define MDF_S       2e-6
+
+enum stage { STAGE_BTF = TIME_LEFT_BTF, STAGE_MDF = TIME_LEFT_MDF, N_STAGES = TIME_LEFT_STAGES };
 static const char *const stage_names[] = {"btf", "mdf"};
 
 /* A task of the thread pool: one view of one stage. */
@@ -32,6 +39,7 @@ struct task {
     struct btf_view *btf;
     struct mdf_job *mdf;
     struct mdf_result *result;
+    double spent_s, cpu_s;
     GError *error;
 };
 
@@ -52,7 +60,8 @@ struct run {
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
     gboolean eigenmaps_made;
-    double spent_s[N_STAGES];
+    double task_s[N_STAGES];   /* in all, of those made now */
+    double all_s, all_cpu_s;   /* of both stages: other programs take their part of the time */
     GCancellable *cancellable; /* cancelled by the user or on the first error */
     GAsyncQueue *finished;     /* of struct task */
 };
@@ -70,9 +79,17 @@ static void task_free(struct task *task) {
     g_free(task);
 }
 
+static double thread_cpu_s(void) {
+    struct timespec now = {0};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
+}
+
 static void pipeline_work(gpointer data, gpointer unused) {
     struct task *task = data;
     struct run *run = task->run;
+    const gint64 begun_us = g_get_monotonic_time();
+    const double cpu_s = thread_cpu_s();
     if (g_cancellable_set_error_if_cancelled(run->cancellable, &task->error)) {
         /* returned unchanged */
     } else if (task->stage == STAGE_BTF)
@@ -80,6 +97,8 @@ static void pipeline_work(gpointer data, gpointer unused) {
     else
         task->result =
             mdf_make_view(task->mdf, &run->catalogue->grid, run->cancellable, &task->error);
+    task->spent_s = (double)(g_get_monotonic_time() - begun_us) / 1e6;
+    task->cpu_s = thread_cpu_s() - cpu_s;
     g_async_queue_push(run->finished, task);
 }
 
@@ -104,6 +123,9 @@ static gboolean pipeline_accept(struct run *run, struct task *task, GError **err
     }
     run->made[task->stage][task->view] = TRUE;
     run->made_now[task->stage]++;
+    run->task_s[task->stage] += task->spent_s;
+    run->all_s += task->spent_s;
+    run->all_cpu_s += task->cpu_s;
     if (task->stage == STAGE_MDF) {
         mdf_result_free(run->mdf[task->view]);
         run->mdf[task->view] = g_steal_pointer(&task->result);
@@ -149,18 +171,19 @@ static struct task *pipeline_next_task(struct run *run, enum stage stage, int vi
     return NULL;
 }
 
-/* Keeps the error of the first view, if there are several; tasks cancelled because of it do not
- * count. */
+/* Keeps the error of the first stage and view, if there are several; tasks cancelled because of it
+ * do not count. */
 static void pipeline_note_error(struct run *run, const struct task *task, GError *found, int *worst,
                                 GError **first) {
     gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
-    if (*first && (cancelled || task->view > *worst)) {
+    const int order = task->stage * run->n_views + task->view;
+    if (*first && (cancelled || order > *worst)) {
         g_error_free(found);
         return;
     }
     g_clear_error(first);
     *first = found;
-    *worst = cancelled ? G_MAXINT : task->view;
+    *worst = cancelled ? G_MAXINT : order;
     g_cancellable_cancel(run->cancellable);
 }
 
@@ -177,35 +200,72 @@ static int count_possible(const struct run *run, enum stage stage, gboolean ende
     return n;
 }
 
-/* Runs one stage for all views that are ready. ended: no more will be. */
-static gboolean run_stage(struct run *run, enum stage stage, gboolean ended, GError **error) {
-    const int n_threads = run->options->work.n_threads > 0 ? run->options->work.n_threads
-                                                           : (int)g_get_num_processors();
-    GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, n_threads, FALSE, error);
+static int pipeline_threads(const struct run *run) {
+    return run->options->work.n_threads > 0 ? run->options->work.n_threads
+                                            : (int)g_get_num_processors();
+}
+
+/* What comes after the views, in one thread. */
+static double pipeline_after_s(const struct run *run, int n_btf, int n_mdf) {
+    const struct session_grid *grid = &run->catalogue->grid;
+    const double texels = (double)grid->width * grid->height;
+    const double eigenmaps_s =
+        run->options->n_eigenmaps > 0 ? EIGENMAPS_S * n_btf * run->catalogue->lights->len : 0;
+    /* Other programs slow the views down; what they leave is one thread's alone then. */
+    const double slowed =
+        run->all_cpu_s > 0 ? MAX(run->all_s / run->all_cpu_s / pipeline_threads(run), 1) : 1;
+    return texels * (eigenmaps_s + MDF_S * n_mdf) * slowed;
+}
+
+static double pipeline_left_s(const struct run *run, const int *possible) {
+    struct time_left now = {.n_threads = pipeline_threads(run),
+                            .after_s =
+                                pipeline_after_s(run, possible[STAGE_BTF], possible[STAGE_MDF])};
+    for (int stage = 0; stage < N_STAGES; stage++) {
+        now.left[stage] = possible[stage] - count_made(run, stage);
+        now.made[stage] = run->made_now[stage];
+        now.task_s[stage] = run->task_s[stage];
+    }
+    return time_left_s(&now);
+}
+
+/* Makes all views that are ready, BTF and MDF by turns: the time left is known from the first ones
+ * on. ended: no more will be. */
+static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **error) {
+    GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, pipeline_threads(run), FALSE, error);
     if (!pool)
         return FALSE;
-    const int possible = count_possible(run, stage, ended);
+    int possible[N_STAGES], told[N_STAGES];
+    for (int stage = 0; stage < N_STAGES; stage++) {
+        possible[stage] = count_possible(run, stage, ended);
+        told[stage] = -1;
+    }
     int under_way = 0, worst = G_MAXINT;
     GError *first = NULL;
-    for (int view = 0; view < run->n_views; view++) {
-        struct task *task = pipeline_next_task(run, stage, view);
-        if (task && g_thread_pool_push(pool, task, NULL))
-            under_way++;
-    }
-    gint64 start_us = g_get_monotonic_time();
+    for (int k = 0; k < run->n_views; k++)
+        for (int stage = 0; stage < N_STAGES; stage++) {
+            struct task *task = pipeline_next_task(run, stage, time_left_view(k, run->n_views));
+            if (task && g_thread_pool_push(pool, task, NULL))
+                under_way++;
+        }
     for (; under_way > 0; under_way--) {
         struct task *task = g_async_queue_pop(run->finished);
         GError *found = NULL;
         if (!pipeline_accept(run, task, &found))
             pipeline_note_error(run, task, found, &worst, &first);
         task_free(task);
-        const int done = count_made(run, stage), made = run->made_now[stage];
-        const double spent_s =
-            run->spent_s[stage] + (double)(g_get_monotonic_time() - start_us) / 1e6;
-        pipeline_report(run, stage_names[stage], done, possible,
-                        made > 0 ? spent_s / made * (possible - done) : -1);
+        const double left_s = pipeline_left_s(run, possible);
+        /* One stage after the other, for people. */
+        for (int stage = 0; stage < N_STAGES; stage++) {
+            const int done = count_made(run, stage);
+            const gboolean whole = done == possible[stage];
+            if (possible[stage] > 0 && (!whole || told[stage] != done))
+                pipeline_report(run, stage_names[stage], done, possible[stage], left_s);
+            told[stage] = done;
+            if (!whole)
+                break;
+        }
     }
-    run->spent_s[stage] += (double)(g_get_monotonic_time() - start_us) / 1e6;
     g_thread_pool_free(pool, FALSE, TRUE);
     if (first)
         g_propagate_error(error, first);
@@ -238,7 +298,7 @@ static gboolean pipeline_make_views(struct run *run, GError **error) {
         gboolean ended = !run->options->follow || g_strcmp0(state, "done") == 0 ||
                          g_strcmp0(state, "aborted") == 0;
         if (!catalogue_refresh(run->catalogue, run->session, error) ||
-            !run_stage(run, STAGE_BTF, ended, error) || !run_stage(run, STAGE_MDF, ended, error))
+            !pipeline_run_stages(run, ended, error))
             return FALSE;
         ended |= count_waiting(run) == 0;
         /* Views of an earlier run whose frames no longer exist are dropped. */
@@ -269,6 +329,7 @@ struct columns {
     int *lights; /* indices */
     int n_lights;
     int asked;
+    gint64 begun_us;
 };
 
 static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, GError **error) {
@@ -281,7 +342,9 @@ static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, 
     g_autofree char *relative = btf_relative(direction->index);
     g_autofree char *path = session_file(run->session, relative);
     columns->asked++;
-    pipeline_report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views, -1);
+    const double spent_s = (double)(g_get_monotonic_time() - columns->begun_us) / 1e6;
+    pipeline_report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views,
+                    MAX(pipeline_after_s(run, columns->n_views, 0) - spent_s, 0));
     return btf_read_view(path, columns->lights, columns->n_lights, &run->catalogue->grid,
                          ret_column, error);
 }
@@ -373,7 +436,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         return TRUE;
     malloc_trim(0); /* memory freed by the threads stays in their arenas otherwise */
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
-    struct columns columns = {run, views, 0, lights, n_lights, 0};
+    struct columns columns = {run, views, 0, lights, n_lights, 0, g_get_monotonic_time()};
     for (int view = 0; view < run->n_views; view++)
         if (run->made[STAGE_BTF][view])
             views[columns.n_views++] = view;

@@ -64,9 +64,10 @@ struct pipeline_result {
 /* Runs in the calling thread and a pool of its own. Products that are up to date are not made
  * again: every part names in mesorig.inputs (string) the inputs it was computed from, and its file
  * must match the session's checksum. One process at a time makes a session's products
- * (G_IO_ERROR_BUSY). The products' bytes depend on the frames alone, not on threads or order. With
- * follow it ends when the session's value "state" is "done" or "aborted" or everything is there.
- * Sets the session's values "eigenmaps_error", "mdf_coverage", "processing_s" and
- * "processing_peak_memory_mib". */
+ * (G_IO_ERROR_BUSY). The products' bytes depend on the frames alone, not on threads or order.
+ * Progress: stage "btf" until its views are made, then "mdf", "eigenmaps"; views of both are made
+ * by turns, and the time left is that of all stages. With follow it ends when the session's value
+ * "state" is "done" or "aborted" or everything is there. Sets the session's values
+ * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

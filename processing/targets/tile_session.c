@@ -12,6 +12,9 @@
 #define MOST_WHITE                                                                                 \
     1.1 /* of a fiducial; at most 1 is possible, but level and colour have errors                  \
          */
+#define ASIDE_RAD   (8 * G_PI / 180) /* an aim so far off the nominal one is doubted */
+#define ASIDE_LESS  4.0              /* times nearer to it tells that lamps are exchanged */
+#define MOST_PAIRED 16               /* of more lamps, neighbours alone */
 
 /* A frame under a lamp. */
 struct lit_frame {
@@ -128,47 +131,150 @@ static gboolean tile_session_measure_tile(struct run *run, GError **error) {
     return check_stopped(run, error);
 }
 
-/* If the tile's pictures fit with one mistake in the angles undone, the error becomes that. */
+/* The light of a lamp on the tile at a point, relative. */
+static double light_at(const struct rig *rig, int lamp, double arc_rad, struct vec3 p) {
+    const struct rig_lamp *l = &rig->lamps[lamp];
+    const struct vec3 path = vec3_sub(rig_lamp_position_mm(&rig->arc, l, arc_rad), p);
+    return MAX(path.z / vec3_length(path), 1e-3) * rig_lamp_irradiance(&rig->arc, l, arc_rad, p);
+}
+
+/* A fit, and how far its lamps point beside where the rig file says that they do: RMS over the
+ * shots, and the largest. */
+struct light_fit {
+    double residual, aside_rad, most_aside_rad;
+};
+
+static void light_fit_set(const struct run *run, const struct rig *found, double residual,
+                          struct light_fit *ret) {
+    const struct rig *rig = &run->calibration->rig;
+    double sum = 0;
+    *ret = (struct light_fit){.residual = residual};
+    for (guint s = 0; s < run->tile_shots->len; s++) {
+        const int lamp = g_array_index(run->tile_shots, struct tile_shot, s).lamp;
+        const double off = vec3_length(vec3_sub(found->lamps[lamp].aim, rig->lamps[lamp].aim));
+        sum += off * off;
+        ret->most_aside_rad = MAX(ret->most_aside_rad, off);
+    }
+    ret->aside_rad = sqrt(sum / MAX(run->tile_shots->len, 1));
+}
+
+/* The fit if lamp i were truly lamps[i], and the arc at arc times the angles that were noted. A
+ * cell is small: what is expected of it changes as the light at its middle does. FALSE: nothing
+ * fits. */
+static gboolean try_light(const struct run *run, const int *lamps, double arc,
+                          struct light_fit *ret) {
+    const guint n_shots = run->tile_shots->len, n_cells = run->cells->len;
+    struct rig rig = run->calibration->rig;
+    g_autofree struct tile_shot *shots =
+        g_memdup2(run->tile_shots->data, n_shots * sizeof(struct tile_shot));
+    g_autofree struct tile_cell *cells =
+        g_memdup2(run->cells->data, n_cells * sizeof(struct tile_cell));
+    struct tile_fit fit = {.output = NULL};
+    for (guint i = 0; i < n_cells; i++) {
+        const struct tile_shot *shot = &shots[cells[i].shot];
+        cells[i].expected *=
+            light_at(&rig, lamps[shot->lamp], arc * shot->arc_rad, cells[i].point_mm) /
+            light_at(&rig, shot->lamp, shot->arc_rad, cells[i].point_mm);
+    }
+    for (guint s = 0; s < n_shots; s++) {
+        shots[s].lamp = lamps[shots[s].lamp];
+        shots[s].arc_rad *= arc;
+    }
+    if (!tile_fit(&rig, shots, (int)n_shots, cells, (int)n_cells, &fit, NULL))
+        return FALSE;
+    light_fit_set(run, &rig, fit.residual, ret);
+    tile_fit_clear(&fit);
+    return TRUE;
+}
+
+/* Whether lamps are noted as others: their light then falls on the tile from another side, which a
+ * fit takes for lamps that point aside. is: the fit of what is noted; NULL: there is none. FALSE:
+ * exchanged lamps are the error. */
+static gboolean check_lamps(struct run *run, const struct light_fit *is, GError **error) {
+    const struct rig *rig = &run->calibration->rig;
+    const int n = rig->n_lamps;
+    struct light_fit best = {.aside_rad = ASIDE_RAD}, other;
+    int a = -1, b = -1, lamps[RIG_MAX_LAMPS];
+    gboolean used[RIG_MAX_LAMPS] = {FALSE};
+    if (is && is->most_aside_rad < ASIDE_RAD)
+        return TRUE;
+    if (is)
+        best.aside_rad = MIN(best.aside_rad, is->aside_rad / ASIDE_LESS);
+    for (guint s = 0; s < run->tile_shots->len; s++)
+        used[g_array_index(run->tile_shots, struct tile_shot, s).lamp] = TRUE;
+    for (int i = 0; i < n; i++)
+        for (int k = i + 1; k < (n > MOST_PAIRED ? MIN(i + 2, n) : n); k++) {
+            for (int l = 0; l < n; l++)
+                lamps[l] = l == i ? k : l == k ? i : l;
+            if (!(used[i] || used[k]) || !try_light(run, lamps, 1, &other) ||
+                other.aside_rad >= best.aside_rad)
+                continue;
+            best = other;
+            a = i;
+            b = k;
+        }
+    if (a < 0)
+        return TRUE;
+    g_autofree char *fit =
+        is ? g_strdup_printf("lamps would point up to %.0f° beside their aim, and %.1f° otherwise",
+                             is->most_aside_rad * 180 / G_PI, best.most_aside_rad * 180 / G_PI)
+           : g_strdup_printf("the pictures show no tile, and otherwise one to %.2g %%",
+                             100 * best.residual);
+    g_clear_error(error);
+    g_set_error(
+        error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+        "%s: lamps %s and %s are exchanged (as they are noted %s); exchange the indexes of "
+        "[lamp %s] and [lamp %s] in the rig file, or their wiring, or for imported pictures their "
+        "names in the table, and capture or import again",
+        session_path(run->session), rig->lamps[a].name, rig->lamps[b].name, fit, rig->lamps[a].name,
+        rig->lamps[b].name);
+    return FALSE;
+}
+
+/* If the tile's pictures fit with one mistake in lamps or angles undone, the error becomes that. */
 static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
         const char *what, *fix;
     } all[] = {
-        {-1, 1, "the turntable turns against", "the sign of steps_per_deg of [axis turntable]"},
-        {1, -1, "the arc turns against", "the sign of steps_per_deg of [axis arc]"},
-        {-1, -1, "turntable and arc turn against",
+        {1, -1, "the arc turns against the angles that were noted",
+         "the sign of steps_per_deg of [axis arc]"},
+        {1, 180 / G_PI, "the arc's angles were noted in radians", "steps_per_deg of [axis arc]"},
+        {-1, 1, "the turntable turns against the angles that were noted",
+         "the sign of steps_per_deg of [axis turntable]"},
+        {-1, -1, "turntable and arc turn against the angles that were noted",
          "the signs of steps_per_deg of [axis turntable] and [axis arc]"},
-        {180 / G_PI, 1, "the turntable's are radians for", "steps_per_deg of [axis turntable]"},
-        {1, 180 / G_PI, "the arc's are radians for", "steps_per_deg of [axis arc]"},
-        {180 / G_PI, 180 / G_PI, "turntable's and arc's are radians for",
+        {180 / G_PI, 1, "the turntable's angles were noted in radians",
+         "steps_per_deg of [axis turntable]"},
+        {180 / G_PI, 180 / G_PI, "the angles of turntable and arc were noted in radians",
          "steps_per_deg of [axis turntable] and [axis arc]"}};
     struct tile_shot *shots = (struct tile_shot *)(void *)run->tile_shots->data;
     const gsize n = run->tile_shots->len;
     g_autofree struct tile_shot *noted = g_memdup2(shots, n * sizeof *shots);
+    double measured = 1; /* with this factor of the turntable's angles */
+    struct light_fit fit;
+    int lamps[RIG_MAX_LAMPS];
+    for (int l = 0; l < RIG_MAX_LAMPS; l++)
+        lamps[l] = l;
+    if (!check_lamps(run, NULL, error))
+        return;
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
-        struct rig rig = run->calibration->rig;
-        struct tile_fit fit = {.output = NULL};
-        for (gsize s = 0; s < n; s++) {
-            shots[s].turntable_rad = noted[s].turntable_rad * all[i].turntable;
-            shots[s].arc_rad = noted[s].arc_rad * all[i].arc;
+        if (all[i].turntable != measured) { /* other pixels show the tile */
+            measured = all[i].turntable;
+            for (gsize s = 0; s < n; s++)
+                shots[s].turntable_rad = noted[s].turntable_rad * measured;
+            g_array_set_size(run->cells, 0);
+            if (!tile_session_measure_tile(run, NULL))
+                return;
         }
-        g_array_set_size(run->cells, 0);
-        const gboolean fits =
-            tile_session_measure_tile(run, NULL) &&
-            tile_fit(&rig, shots, (int)n, (const struct tile_cell *)(void *)run->cells->data,
-                     (int)run->cells->len, &fit, NULL);
-        const double residual = fit.residual;
-        tile_fit_clear(&fit);
-        if (run->stopped)
-            return;
-        if (!fits)
+        if (!try_light(run, lamps, all[i].arc, &fit))
             continue;
         g_clear_error(error);
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s the angles that were noted: only then do the pictures fit a tile, to "
-                    "%.2g %%; correct %s in the rig file, or for imported pictures the angles in "
-                    "the table, and capture or import again",
-                    session_path(run->session), all[i].what, 100 * residual, all[i].fix);
+                    "%s: %s: only then do the pictures fit a tile, to %.2g %%; correct %s in the "
+                    "rig file, or for imported pictures the angles in the table, and capture or "
+                    "import again",
+                    session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
         return;
     }
 }
@@ -181,8 +287,10 @@ static gboolean fit_tile(struct run *run, GError **error) {
         return FALSE;
     }
     struct calibration *to = run->calibration;
+    struct rig found = to->rig;
+    struct light_fit light;
     g_autoptr(GError) cause = NULL;
-    if (!tile_fit(&to->rig, (const struct tile_shot *)(void *)run->tile_shots->data,
+    if (!tile_fit(&found, (const struct tile_shot *)(void *)run->tile_shots->data,
                   (int)run->tile_shots->len, (const struct tile_cell *)(void *)run->cells->data,
                   (int)run->cells->len, &run->fit, &cause)) {
         if (g_error_matches(cause, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT) ||
@@ -191,6 +299,10 @@ static gboolean fit_tile(struct run *run, GError **error) {
         g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
     }
+    light_fit_set(run, &found, run->fit.residual, &light);
+    if (!check_lamps(run, &light, error))
+        return FALSE;
+    to->rig = found;
     memcpy(to->camera_radiometry, run->fit.cameras, sizeof to->camera_radiometry);
     memcpy(to->lamp_radiometry, run->fit.lamps, sizeof to->lamp_radiometry);
     run->ret->cells = (int)run->cells->len;

@@ -1,5 +1,6 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
 #include "base/json.h"
+#include "base/nearest.h"
 #include "gl/gpu.h"
 #include "live.h"
 #include "scene/environment.h"
@@ -294,6 +295,8 @@ int main(int argc, char **argv) {
         "mesorig compress made; without one, woven fabric is shown.\n");
     int status = 0;
     gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);
+    if (!parsed)
+        nearest_add_option(error, (const GOptionEntry *const[]){table, NULL});
     if (parsed && o.version) {
         g_print("mesorig-view %s\n", MESORIG_VERSION);
     } else if (!parsed || !viewer_options_check(&o, &error)) {

@@ -13,7 +13,7 @@ enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_SWEEP };
 struct sim_axis {
     char *world_path, *part_name;
     struct axis_motion motion;
-    double home_deg, homing_s, latency_ms, ringing_deg, position_error_deg;
+    double home_deg, latency_ms, ringing_deg, position_error_deg;
     double fault_slip_deg;
     int error_seed, fault_slip_at, fault_stall_at, fault_stall_kind;
 
@@ -45,7 +45,8 @@ static const struct option options[] = {
      "How far off the load is while it swings"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position of the reference switch"},
-    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, FIELD(homing_s), "How long homing takes"},
+    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, FIELD(motion.homing_s),
+     "How long homing takes"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(latency_ms),
      "How much later than the truth its reports come"},
     {"position_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(position_error_deg),
@@ -230,7 +231,7 @@ static void sim_axis_start(Axis *axis, enum phase phase, double to_deg, double s
 static gboolean sim_axis_home(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     sim->stalls = FALSE;
-    sim_axis_start(axis, HOMING, sim->home_deg, sim->homing_s);
+    sim_axis_start(axis, HOMING, sim->home_deg, sim->motion.homing_s);
     return TRUE;
 }
 

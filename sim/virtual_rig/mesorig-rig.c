@@ -1,4 +1,5 @@
 /* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
+#include "base/nearest.h"
 #include "rig.h"
 #include "virtual/testbed.h"
 
@@ -94,6 +95,7 @@ int main(int argc, char **argv) {
         "and V4L2 cameras; with --u3v: USB3 Vision cameras.");
     g_option_context_add_main_entries(options, entries, NULL);
     if (!g_option_context_parse(options, &argc, &argv, &error)) {
+        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         g_printerr("mesorig-rig: %s\n", error->message);
         return 2;
     }

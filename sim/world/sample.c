@@ -194,63 +194,49 @@ void sample_add_relief(struct mesh *mesh, const struct sample_options *options, 
 }
 
 static gboolean check_rgb(const struct config_section *section, const char *key,
-                          const struct option_doubles *list, GError **error) {
-    if (list->n == 0 || list->n == 1 || list->n == 3)
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, section, key,
-                     "%d numbers given: one, or red;green;blue", list->n);
-    return FALSE;
+                          const struct option_doubles *list, Mistakes *mistakes) {
+    return list->n == 0 || list->n == 1 || list->n == 3 ||
+           config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                          "%d numbers given: one, or red;green;blue", list->n);
 }
 
 static gboolean sample_check_options(const struct config_section *section,
-                                     const struct sample_options *options, GError **error) {
-    if (!check_rgb(section, "albedo", &options->albedo, error) ||
-        !check_rgb(section, "albedo2", &options->albedo2, error))
-        return FALSE;
-    if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "period_mm",
-                         "%g mm is too short for a sample of this size, which may have 200 "
-                         "periods: give at least %g mm",
-                         options->period_mm, MAX(options->width_mm, options->height_mm) / 200);
-        return FALSE;
-    }
+                                     const struct sample_options *options, Mistakes *mistakes) {
+    gboolean good = check_rgb(section, "albedo", &options->albedo, mistakes);
+    good &= check_rgb(section, "albedo2", &options->albedo2, mistakes);
+    if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm)
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "period_mm",
+                              "%g mm is too short for a sample of this size, which may have 200 "
+                              "periods: give at least %g mm",
+                              options->period_mm, MAX(options->width_mm, options->height_mm) / 200);
     gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
-    if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "places_mm",
-                         "has %d number(s): write x;y;height of each post, x;y;radius of each ball",
-                         options->places_mm.n);
-        return FALSE;
-    }
+    if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
+        good = placed = config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
+            "has %d number(s): write x;y;height of each post, x;y;radius of each ball",
+            options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
-        if (options->places_mm.values[i] <= 0) {
-            config_set_error(error, CONFIG_ERROR_VALUE, section, "places_mm",
-                             "number %d, a height or a radius, is %g: it must be positive", i + 1,
-                             options->places_mm.values[i]);
-            return FALSE;
-        }
-    if (options->offset_mm.n != 0 && options->offset_mm.n != 2) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "offset_mm", "%d number(s) given: x;y",
-                         options->offset_mm.n);
-        return FALSE;
-    }
-    if (options->kind == SAMPLE_PLATE && !*options->albedo_path) {
-        config_set_error(error, CONFIG_ERROR_MISSING, section, "albedo_path",
-                         "must be given for a plate: the PNG it is printed with");
-        return FALSE;
-    }
-    gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
-    if (loaded && !*options->path) {
-        config_set_error(error, CONFIG_ERROR_MISSING, section, "path",
-                         "must be given for a sample that is loaded");
-        return FALSE;
-    }
-    return TRUE;
+        if (options->places_mm.values[i] <= 0)
+            good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
+                                  "number %d, a height or a radius, is %g: it must be positive",
+                                  i + 1, options->places_mm.values[i]);
+    if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
+                              "%d number(s) given: x;y", options->offset_mm.n);
+    if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
+        good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
+                              "must be given for a plate: the PNG it is printed with");
+    const gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
+    if (loaded && !*options->path)
+        good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "path",
+                              "must be given for a sample that is loaded");
+    return good;
 }
 
 /* A mesh outside its bounds would cause wrong data later on, not an error. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
-                           GError **error) {
+                           Mistakes *mistakes) {
     double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
     for (guint i = 0; i < mesh->vertices->len; i++) {
         const float *p = g_array_index(mesh->vertices, struct vertex, i).p;
@@ -259,13 +245,12 @@ static gboolean check_mesh(const struct config_section *section,
     }
     if (mesh->triangles->len && low >= -1e-6 && high <= options->top_mm + 1e-6)
         return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, section, "kind",
-                     mesh->triangles->len
-                         ? "the sample is between %g and %g mm high, and must be between 0 and "
-                           "top_mm = %g; change base_mm, relief_mm or top_mm"
-                         : "the sample has no surface",
-                     low, high, options->top_mm);
-    return FALSE;
+    return config_mistake(
+        mistakes, CONFIG_ERROR_VALUE, section, "kind",
+        mesh->triangles->len ? "the sample is between %g and %g mm high, and must be between 0 and "
+                               "top_mm = %g; change base_mm, relief_mm or top_mm"
+                             : "the sample has no surface",
+        low, high, options->top_mm);
 }
 
 static struct mesh *sample_make(const struct sample_options *options, GError **error) {
@@ -289,11 +274,13 @@ static struct mesh *sample_make(const struct sample_options *options, GError **e
 }
 
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
-                        GError **error) {
-    if (!sample_check_options(section, options, error))
+                        Mistakes *mistakes) {
+    GError *error = NULL;
+    if (!sample_check_options(section, options, mistakes))
         return NULL;
-    struct mesh *mesh = sample_make(options, error);
-    if (!mesh || check_mesh(section, options, mesh, error))
+    struct mesh *mesh = sample_make(options, &error);
+    mistakes_add(mistakes, error);
+    if (!mesh || check_mesh(section, options, mesh, mistakes))
         return mesh;
     sample_free(mesh);
     return NULL;

@@ -55,10 +55,10 @@ struct sample_options {
 
 extern const struct option sample_option_table[];
 
-/* Makes or loads the sample of a section. Errors name the section's file and line, or the file
- * that could not be loaded and where in it. */
+/* Makes or loads the sample of a section. Mistakes name the section's file and line, or the file
+ * that could not be loaded and where in it. NULL: there are some. */
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
-                        GError **error);
+                        Mistakes *mistakes);
 void sample_free(struct mesh *mesh); /* NULL is ignored */
 
 /* For the kinds. */

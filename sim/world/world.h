@@ -1,8 +1,7 @@
 /*
  * The simulated world: one physical truth that all simulated devices read and change, so that
  * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc or
- * standing by themselves, cameras; described by a world file (etc/demo/world.conf documents every
- * key).
+ * standing by themselves, cameras; described by a world file (world.conf(5) has every key).
  *
  * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
  * written again, so that an error made there does not cancel.
@@ -12,6 +11,7 @@
  */
 #pragma once
 
+#include "base/options.h"
 #include "drivers/frame.h"
 
 #include <gio/gio.h>
@@ -28,6 +28,9 @@ World *world_get(const char *path, GError **error);
 World *world_ref(World *world);
 void world_unref(World *world); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(World, world_unref)
+
+/* The keys of a section of a world file; NULL: there is no such section. */
+const struct option *world_section_options(const char *class_name);
 
 int world_find_camera(const World *world, const char *name); /* −1: none of that name */
 int world_find_lamp(const World *world, const char *name);

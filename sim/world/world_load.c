@@ -1,5 +1,6 @@
 #include "world_private.h"
 
+#include "base/nearest.h"
 #include "base/options.h"
 
 #include <string.h>
@@ -195,11 +196,11 @@ static struct v3 deviate3(struct sample_random *random) {
 }
 
 static gboolean check_count(const struct config_section *section, const char *key,
-                            const struct option_doubles *list, int n, GError **error) {
+                            const struct option_doubles *list, int n, Mistakes *mistakes) {
     if (list->n == n)
         return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, section, key,
-                     "%d number(s) given, %d are needed, separated by ';'", list->n, n);
+    config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                   "%d number(s) given, %d are needed, separated by ';'", list->n, n);
     return FALSE;
 }
 
@@ -208,18 +209,18 @@ static struct v3 world_load_vector(const struct option_doubles *list) {
 }
 
 static gboolean load_camera(World *world, const struct world_options *all,
-                            const struct config_section *section, GError **error) {
+                            const struct config_section *section, Mistakes *mistakes) {
     struct camera_options from = {0};
-    if (!options_parse(camera_table, section, NULL, &from, error))
+    if (!options_read(&(struct option_target){camera_table, &from}, 1, section, NULL, mistakes))
         return FALSE;
-    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
-                    check_count(section, "turn_deg", &from.turn_deg, 3, error) &&
-                    check_count(section, "centre_px", &from.centre_px, 2, error) &&
-                    check_count(section, "colour", &from.colour, 3, error);
+    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, mistakes) &
+                    check_count(section, "turn_deg", &from.turn_deg, 3, mistakes) &
+                    check_count(section, "centre_px", &from.centre_px, 2, mistakes) &
+                    check_count(section, "colour", &from.colour, 3, mistakes);
     if (good && from.optics.black_level >= (double)((1 << from.optics.bits) - 1)) {
-        config_set_error(error, CONFIG_ERROR_VALUE, section, "black_level",
-                         "%g is not below the last value of %d bits", from.optics.black_level,
-                         from.optics.bits);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "black_level",
+                       "%g is not below the last value of %d bits", from.optics.black_level,
+                       from.optics.bits);
         good = FALSE;
     }
     if (good) {
@@ -255,12 +256,12 @@ static struct v3 world_load_on_arc(double theta_deg, double phi_deg, struct v3 *
 }
 
 static gboolean load_lamp(World *world, const struct world_options *all,
-                          const struct config_section *section, GError **error) {
+                          const struct config_section *section, Mistakes *mistakes) {
     struct lamp_options from = {0};
-    if (!options_parse(lamp_table, section, NULL, &from, error))
+    if (!options_read(&(struct option_target){lamp_table, &from}, 1, section, NULL, mistakes))
         return FALSE;
-    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
-                    check_count(section, "aim_deg", &from.aim_deg, 2, error);
+    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, mistakes) &
+                    check_count(section, "aim_deg", &from.aim_deg, 2, mistakes);
     if (good) {
         struct sample_random random = device_random(all, 'l', world->n_lamps);
         struct optics_lamp *lamp = &world->lamps[world->n_lamps];
@@ -283,12 +284,12 @@ static gboolean load_lamp(World *world, const struct world_options *all,
 }
 
 static gboolean load_laser(World *world, const struct world_options *all,
-                           const struct config_section *section, GError **error) {
+                           const struct config_section *section, Mistakes *mistakes) {
     struct laser_options from = {0};
-    if (!options_parse(laser_table, section, NULL, &from, error))
+    if (!options_read(&(struct option_target){laser_table, &from}, 1, section, NULL, mistakes))
         return FALSE;
-    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
-                    check_count(section, "colour", &from.colour, 3, error);
+    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, mistakes) &
+                    check_count(section, "colour", &from.colour, 3, mistakes);
     if (good) {
         struct sample_random random = device_random(all, 's', world->n_lasers);
         struct optics_laser *laser = &world->lasers[world->n_lasers];
@@ -330,47 +331,49 @@ static const struct option mark_table[] = {
 };
 #undef AT
 
-static gboolean load_sample(World *world, const struct world_options *all, const Config *config,
-                            GError **error) {
-    const struct config_section *section = config_find(config, "sample", NULL);
-    if (!section) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-                    "%s: no section [sample]: say what lies on the turntable (kind = flat, …)",
-                    config_path(config));
-        return FALSE;
-    }
-    struct sample_options options = {0};
-    if (!options_parse(sample_option_table, section, NULL, &options, error))
-        return FALSE;
-    world->mesh = sample_new(section, &options, error);
-    options_clear(sample_option_table, &options);
-    if (!world->mesh)
-        return FALSE;
-    gsize n = 0;
-    const struct config_section *sections = config_sections(config, &n);
-    for (gsize i = 0; i < n; i++) {
-        struct mark_options mark = {0};
-        float albedo[3];
-        if (!g_str_equal(sections[i].class_name, "mark"))
-            continue;
-        if (!options_parse(mark_table, &sections[i], NULL, &mark, error))
-            return FALSE;
-        sample_set_rgb(albedo, &mark.albedo, 0.95f, 0.95f, 0.95f);
+static void load_mark(World *world, const struct config_section *section, Mistakes *mistakes) {
+    struct mark_options mark = {0};
+    float albedo[3];
+    if (!options_read(&(struct option_target){mark_table, &mark}, 1, section, NULL, mistakes))
+        return;
+    sample_set_rgb(albedo, &mark.albedo, 0.95f, 0.95f, 0.95f);
+    if (world->mesh)
         sample_add_post(world->mesh, mark.x_mm, mark.y_mm, mark.z_mm, mark.radius_mm, albedo);
-        options_clear(mark_table, &mark);
+    options_clear(mark_table, &mark);
+}
+
+/* With the world's marks, which are part of its sample. */
+static void load_sample(World *world, const struct world_options *all, const Config *config,
+                        gboolean all_sections, Mistakes *mistakes) {
+    const struct config_section *section = config_find(config, "sample", NULL);
+    struct sample_options options = {0};
+    gsize n = 0;
+    if (!section && all_sections)
+        config_lacks(mistakes, config,
+                     "no section [sample]: say what lies on the turntable (kind = flat, …)");
+    if (section && options_read(&(struct option_target){sample_option_table, &options}, 1, section,
+                                NULL, mistakes)) {
+        world->mesh = sample_new(section, &options, mistakes);
+        options_clear(sample_option_table, &options);
     }
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++)
+        if (!sections[i].broken && g_str_equal(sections[i].class_name, "mark"))
+            load_mark(world, &sections[i], mistakes);
+    if (mistakes_count(mistakes) > 0)
+        return;
     world->scene.n_gather = all->n_gather;
     world->scene.table_albedo = (float)all->table_albedo;
     world->scene.table_radius_mm = (float)all->table_radius_mm;
     scene_init(&world->scene, world->mesh, all->seed);
-    return TRUE;
 }
 
 typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
-                               GError **);
+                               Mistakes *);
 
+/* FALSE: no world file has such a section. */
 static gboolean load_section(World *world, const struct world_options *all,
-                             const struct config_section *section, GError **error) {
+                             const struct config_section *section, Mistakes *mistakes) {
     const struct {
         const char *class_name;
         LoadDevice load;
@@ -382,36 +385,53 @@ static gboolean load_section(World *world, const struct world_options *all,
     };
     if (g_str_equal(section->group, "world") || g_str_equal(section->group, "sample") ||
         g_str_equal(section->class_name, "mark"))
-        return TRUE; /* the world's marks are part of its sample */
+        return TRUE;
     for (gsize i = 0; i < G_N_ELEMENTS(classes); i++) {
         if (!g_str_equal(section->class_name, classes[i].class_name))
             continue;
         if (section->name && classes[i].n < classes[i].max)
-            return classes[i].load(world, all, section, error);
-        if (section->name)
-            config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
-                             "there are more than %d sections of this class", classes[i].max);
+            classes[i].load(world, all, section, mistakes);
+        else if (section->name)
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                           "there are more than %d sections of this class", classes[i].max);
         else
-            config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
-                             section->class_name);
-        return FALSE;
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
+                           section->class_name);
+        return TRUE;
     }
-    config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                     "a world file has [world], [sample], [camera NAME], [lamp NAME], "
-                     "[laser NAME] and [mark NAME]");
-    return FALSE;
+    static const char *const names[] = {"world", "sample", "camera", "lamp", "laser", "mark"};
+    struct nearest nearest = nearest_new(section->class_name);
+    for (gsize i = 0; i < G_N_ELEMENTS(names); i++)
+        nearest_consider(&nearest, names[i]);
+    if (nearest.name)
+        return config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                              "there is no such section; did you mean [%s]?", nearest.name);
+    return config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+                          "a world file has [world], [sample], [camera NAME], [lamp NAME], "
+                          "[laser NAME] and [mark NAME]");
+}
+
+const struct option *world_section_options(const char *class_name) {
+    static const struct {
+        const char *class_name;
+        const struct option *options;
+    } tables[] = {{"world", world_table}, {"sample", sample_option_table}, {"camera", camera_table},
+                  {"lamp", lamp_table},   {"laser", laser_table},          {"mark", mark_table}};
+    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+        if (g_str_equal(class_name, tables[i].class_name))
+            return tables[i].options;
+    return NULL;
 }
 
 gboolean world_load(World *world, const char *path, GError **error) {
-    g_autoptr(Config) config = config_load(path, error);
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    g_autoptr(Config) config = config_load_checked(path, mistakes);
     if (!config)
-        return FALSE;
+        return mistakes_report(mistakes, error);
     struct world_options all = {0};
     const struct config_section *head = config_find(config, "world", NULL);
-    if (!head)
+    if (!head || !options_read(&(struct option_target){world_table, &all}, 1, head, NULL, mistakes))
         options_defaults(world_table, &all);
-    else if (!options_parse(world_table, head, NULL, &all, error))
-        return FALSE;
     world->supersample = all.supersample;
     world->noise = all.noise;
     world->noise_seed = sample_hash((guint64)all.seed);
@@ -429,8 +449,10 @@ gboolean world_load(World *world, const char *path, GError **error) {
     arc->crooked = all.arc_tilt_deg > 0 || all.arc_mm > 0;
     gsize n = 0;
     const struct config_section *sections = config_sections(config, &n);
+    gboolean all_sections = config_has_all_sections(config);
     for (gsize i = 0; i < n; i++)
-        if (!load_section(world, &all, &sections[i], error))
-            return FALSE;
-    return load_sample(world, &all, config, error);
+        if (!sections[i].broken)
+            all_sections &= load_section(world, &all, &sections[i], mistakes);
+    load_sample(world, &all, config, all_sections, mistakes);
+    return mistakes_report(mistakes, error);
 }

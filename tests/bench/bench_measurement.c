@@ -137,9 +137,22 @@ static void print_curve(struct bench_setup setup) {
     printf(json ? "]" : "");
 }
 
+/* χ² of error bars of a material, a row of a table over views' elevations: of the MDF off edges and
+ * at them, and of the BTF. */
+static void print_chi_row(const char *name, const double chi2[RIG_VIEWS]) {
+    printf(json ? ", \"%s\": [" : "  %s, from 15 … 75°:", name);
+    for (int view = 0; view < RIG_VIEWS; view++)
+        if (isnan(chi2[view])) /* no texel of that sort */
+            printf(json ? "%snull" : "%s –", json && view ? ", " : "");
+        else
+            printf(json ? "%s%.4f" : "%s %.2f", json && view ? ", " : "", chi2[view]);
+    printf(json ? "]" : "\n");
+}
+
 /* Of error bars (btf_sigma.h), for each view's elevation, and of all values together. */
 static void print_chi_squares(const struct bench_cell *cells) {
     struct bench_cell all = {0};
+    double chi2[RIG_VIEWS];
     printf(json ? ", \"btf_chi_square\": ["
                 : "  χ² of error bars, and of noise alone, in views of\n");
     for (int view = 0; view <= RIG_VIEWS; view++) {
@@ -156,6 +169,8 @@ static void print_chi_squares(const struct bench_cell *cells) {
         all.beyond += sum.beyond;
         const struct bench_cell *cell = view < RIG_VIEWS ? &sum : &all;
         const double n = (double)cell->values;
+        if (view < RIG_VIEWS)
+            chi2[view] = cell->chi / n;
         if (json)
             printf("%s{\"elevation_deg\": %g, \"chi_square\": %.4f, \"noise_alone\": %.4f, "
                    "\"beyond_3_sigma\": %.5f}",
@@ -168,6 +183,7 @@ static void print_chi_squares(const struct bench_cell *cells) {
                    cell->chi_noise / n, 100 * (double)cell->beyond / n);
     }
     printf(json ? "]" : "");
+    print_chi_row("chi2_btf", chi2);
 }
 
 static double part(gint64 n, gint64 of) {
@@ -178,15 +194,19 @@ static double rms(double squares, gint64 n) {
     return n > 0 ? sqrt(squares / (double)n) : 0;
 }
 
+static double mean_of(GArray *values) {
+    double sum = 0;
+    for (guint i = 0; i < values->len; i++)
+        sum += (double)g_array_index(values, float, i);
+    return values->len > 0 ? sum / values->len : NAN;
+}
+
 /* χ² of error bars a texel: mean ((d − truth) / σ)², and its median over that of a normal deviate's
  * square, which a few large errors do not move; both are 1 where error bars are right. */
 static void print_chi2(const char *name, GArray *chi2) {
-    double sum = 0;
-    for (guint i = 0; i < chi2->len; i++)
-        sum += (double)g_array_index(chi2, float, i);
     if (chi2->len > 0)
         printf(json ? ", \"%s\": [%u, %.3f, %.3f]" : " %s of %u texels: mean %.2f, median %.3f;",
-               name, chi2->len, sum / chi2->len, bench_quantile(chi2, 0.5) / NORMAL_MEDIAN);
+               name, chi2->len, mean_of(chi2), bench_quantile(chi2, 0.5) / NORMAL_MEDIAN);
 }
 
 static void print_view(int view, struct bench_mdf *m) {
@@ -308,11 +328,14 @@ static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *vi
 static void print_mdf(const struct bench_setup *setup) {
     struct bench_mdf all[RIG_VIEWS];
     struct agreement a = {0};
+    double chi2[RIG_VIEWS], edges[RIG_VIEWS];
     printf(json ? "\"mdf\": [" : "");
     for (int view = 0; view < RIG_VIEWS; view++) {
         bench_mdf_init(&all[view]);
         bench_mdf(setup, view, steps, every, &all[view]);
         print_view(view, &all[view]);
+        chi2[view] = mean_of(all[view].chi2);
+        edges[view] = mean_of(all[view].edge_chi2);
     }
     if (pictures)
         draw_mdf(setup, &all[SHOWN_VIEW]);
@@ -345,6 +368,8 @@ static void print_mdf(const struct bench_setup *setup) {
                   "them %.4f\n",
            part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept));
     print_settled(setup, all);
+    print_chi_row("chi2_mdf", chi2);
+    print_chi_row("chi2_mdf_edges", edges);
     printf(json && !no_btf ? ", " : "");
     for (int view = 0; view < RIG_VIEWS; view++)
         bench_mdf_clear(&all[view]);

@@ -32,14 +32,9 @@ static gboolean measure(int ranks, const char *session, int clusters, int compon
                         const char *output, struct run *ret, GError **error) {
     g_autofree char *n = g_strdup_printf("%d", ranks), *text = NULL;
     g_autofree char *k = g_strdup_printf("%d", clusters), *c = g_strdup_printf("%d", components);
-    const char *const argv[] = {MPIEXEC,      "--oversubscribe",
-                                "-n",         n,
-                                COMPRESS_MPI, session,
-                                "-k",         k,
-                                "-c",         c,
-                                "-t",         "1",
-                                "-o",         output,
-                                "--json",     NULL};
+    const char *const argv[] = {
+        MPIEXEC, "--oversubscribe", "-n", n,    COMPRESS_MPI, session,  "-k", k, "--components",
+        c,       "--threads",       "1",  "-o", output,       "--json", NULL};
     int status = 0;
     const double before = children_s();
     const gint64 begun = g_get_monotonic_time();

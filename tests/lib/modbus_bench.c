@@ -105,6 +105,18 @@ void bench_expect_error(struct bench *bench, enum device_error code, const char 
     bench->n = 0;
 }
 
+void bench_started(struct bench *bench) {
+    int asked = 0;
+    for (int ms = 0, moving = FALSE; !moving || bench_state(bench).requests < asked + 2; ms += 2) {
+        g_assert_cmpint(ms, <, 2000);
+        conformance_pass(bench->clock, 0.002);
+        if (!moving && bench_state(bench).moving) {
+            moving = TRUE;
+            asked = bench_state(bench).requests;
+        }
+    }
+}
+
 void bench_home(struct bench *bench) {
     g_assert_true(axis_home(bench->axis, NULL));
     bench_expect(bench, AXIS_HOMED);

@@ -39,4 +39,7 @@ struct virtual_modbus_state bench_state(struct bench *bench);
 /* Waits for the one event. */
 void bench_expect(struct bench *bench, int event);
 void bench_expect_error(struct bench *bench, enum device_error code, const char *words);
+/* Waits until the axis moves and the device has been asked again: its command has been answered
+ * then, for a line asks one thing at a time. */
+void bench_started(struct bench *bench);
 void bench_home(struct bench *bench);

@@ -52,15 +52,9 @@ static char *make_session(void) {
 /* Returns the exit code. */
 static int run(int ranks, const char *session, const char *output, char **ret_errors) {
     g_autofree char *n = g_strdup_printf("%d", ranks);
-    const char *const argv[] = {MPIEXEC,      "--oversubscribe",
-                                "-n",         n,
-                                COMPRESS_MPI, session,
-                                "-k",         "5",
-                                "-c",         "4",
-                                "-t",         "1",
-                                "-q",         "float",
-                                "-o",         output,
-                                NULL};
+    const char *const argv[] = {
+        MPIEXEC, "--oversubscribe", "-n", n,    COMPRESS_MPI, session, "-k",   "5", "--components",
+        "4",     "--threads",       "1",  "-q", "float",      "-o",    output, NULL};
     return process_run(argv, NULL, ret_errors);
 }
 

@@ -303,7 +303,7 @@ static void test_distances(gconstpointer data) {
     g_autofree char *plain = write_mdf(session, 8, 8);
     g_autofree char *maps = g_build_filename(session, "products", "maps.exr", NULL);
     g_autofree char *views = g_build_filename(session, "products", "views.exr", NULL);
-    compress(plain, (const char *[]){"--method", "mdf", "-c", "4", "-o", maps, NULL});
+    compress(plain, (const char *[]){"--method", "mdf", "--components", "4", "-o", maps, NULL});
     compress(plain, (const char *[]){"--method", "mdf-views", "-o", views, NULL});
     check_file(NULL, plain, 12); /* any number of views will do */
     check_file(NULL, maps, 0);

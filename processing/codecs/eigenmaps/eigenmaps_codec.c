@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define TERMS      4           /* unless -c or --error gives the number */
+#define TERMS      4           /* unless --components or --error gives the number */
 #define CURVE_MOST 16          /* terms of a curve */
 #define ROWS       ((gsize)64) /* texels read at a time, so that what is written stays in the cache */
 

@@ -4,7 +4,7 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-#define TERMS 8 /* unless -c or --error gives the number */
+#define TERMS 8 /* unless --components or --error gives the number */
 
 struct mdf_codec_maps_options {
     int components; /* 0: not given */

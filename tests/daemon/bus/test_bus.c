@@ -182,7 +182,8 @@ static void test_closed(struct fixture *fixture, gconstpointer data) {
     refused(fixture, "GetThumbnail", g_variant_new("(s)", "cam30"), "NoRig", NULL);
     refused(fixture, "Start", start_parameters(SESSION, fixture->directory), "NoRig", NULL);
     refused(fixture, "Resume", resume_parameters(fixture->directory), "NoRig", NULL);
-    refused(fixture, "Validate", g_variant_new("(ss)", SESSION, fixture->directory), "NoRig", NULL);
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", SESSION, fixture->directory, NULL),
+            "NoRig", NULL);
 }
 
 static void test_open(struct fixture *fixture, gconstpointer data) {
@@ -230,12 +231,13 @@ static void test_open(struct fixture *fixture, gconstpointer data) {
 
 static void test_validate(struct fixture *fixture, gconstpointer data) {
     g_autofree char *bad = g_build_filename(fixture->folder, "bad.conf", NULL);
-    g_file_set_contents(bad, "[session]\nname = x\ncolour = blue\n", -1, NULL);
+    g_file_set_contents(bad, "[session]\nname = x\ncolour = blue\n[sample]\nwidth_mm = x\n", -1,
+                        NULL);
     gboolean ok = FALSE;
     const char *text;
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
     g_autoptr(GVariant) good =
-        ask(fixture, "Validate", g_variant_new("(ss)", SESSION, fixture->directory));
+        ask(fixture, "Validate", g_variant_new("(ssa{sv})", SESSION, fixture->directory, NULL));
     g_autoptr(GVariant) plan = NULL;
     g_variant_get(good, "(b&s@a{sv})", &ok, &text, &plan);
     g_assert_true(ok);
@@ -251,11 +253,17 @@ static void test_validate(struct fixture *fixture, gconstpointer data) {
     g_assert_false(g_file_test(fixture->directory, G_FILE_TEST_EXISTS));
 
     g_autoptr(GVariant) wrong =
-        ask(fixture, "Validate", g_variant_new("(ss)", bad, fixture->directory));
+        ask(fixture, "Validate", g_variant_new("(ssa{sv})", bad, fixture->directory, NULL));
     g_variant_get(wrong, "(b&s@a{sv})", &ok, &text, NULL);
     g_assert_false(ok);
-    g_assert_nonnull(strstr(text, "bad.conf:3"));
-    refused(fixture, "Validate", g_variant_new("(ss)", "session.conf", ""), "BadPath", NULL);
+    g_auto(GStrv) told = g_strsplit(text, "\n", -1);
+    g_assert_cmpuint(g_strv_length(told), >, 3);
+    g_assert_nonnull(strstr(told[0], "bad.conf: "));
+    g_assert_true(g_str_has_suffix(told[0], " mistakes:"));
+    g_assert_nonnull(strstr(told[1], "bad.conf:3: [session] colour: there is no such key"));
+    g_assert_nonnull(strstr(text, "bad.conf:5: [sample] width_mm: \"x\" is not a number"));
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", "session.conf", "", NULL), "BadPath",
+            NULL);
     refused(fixture, "Start", start_parameters(bad, fixture->directory), "ConfigUnknown", NULL);
     refused(fixture, "Start", start_parameters(SESSION, "here"), "BadPath", NULL);
 }
@@ -267,7 +275,8 @@ static void test_limits(struct fixture *fixture, gconstpointer data) {
     gboolean ok = TRUE;
     const char *text;
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
-    g_autoptr(GVariant) wrong = ask(fixture, "Validate", g_variant_new("(ss)", endless, ""));
+    g_autoptr(GVariant) wrong =
+        ask(fixture, "Validate", g_variant_new("(ssa{sv})", endless, "", NULL));
     g_variant_get(wrong, "(b&s@a{sv})", &ok, &text, NULL);
     g_assert_false(ok);
     g_assert_nonnull(strstr(text, "long.conf:"));
@@ -277,14 +286,17 @@ static void test_limits(struct fixture *fixture, gconstpointer data) {
     g_autofree char *large = long_session_write(fixture->folder, "30:140; 60:140");
     struct preparer_limits *limits = &fixture->bus->limits[PREPARER_CHECK];
     limits->wall_s = 1;
-    refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "longer than the 1 s");
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",
+            "longer than the 1 s");
     limits->wall_s = 300;
     limits->cpu_s = 1;
-    refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "computing time");
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",
+            "computing time");
 #ifndef __SANITIZE_ADDRESS__
     limits->cpu_s = 120;
     limits->memory_bytes = 1 << 20;
-    refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "MiB of memory");
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",
+            "MiB of memory");
 #endif
     fixture->bus->limits[PREPARER_BEGIN].cpu_s = 1;
     refused(fixture, "Start", start_parameters(large, fixture->directory), "Limit",
@@ -326,8 +338,8 @@ static void test_cancel(struct fixture *fixture, gconstpointer data) {
         assert_state(fixture, i < 2 ? "idle" : "closed");
     }
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
-    begin_call(fixture, "Validate", g_variant_new("(ss)", large, ""));
-    refused(fixture, "Validate", g_variant_new("(ss)", SESSION, ""), "Busy", "for you");
+    begin_call(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL));
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", SESSION, "", NULL), "Busy", "for you");
     tell(fixture, "SafeState", NULL);
     g_assert_null(pending); /* a check moves nothing and goes on */
     tell(fixture, "CloseRig", NULL);

@@ -1,6 +1,6 @@
 /*
  * The daemon is killed with SIGKILL at random moments of a small session and resumed, until it was
- * killed a hundred times; the products are bit for bit those of an undisturbed run.
+ * killed forty times; the products are bit for bit those of an undisturbed run.
  *
  * MESORIG_KILLS sets another number.
  */
@@ -150,7 +150,7 @@ static int capture_with_kills(const char *session, int most, GRand *random, int 
 
 static void test_kill(void) {
     const char *asked = g_getenv("MESORIG_KILLS");
-    const int wanted = asked ? atoi(asked) : 100;
+    const int wanted = asked ? atoi(asked) : 40;
     g_autoptr(GRand) random = g_rand_new_with_seed(20);
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);

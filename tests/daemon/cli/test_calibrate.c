@@ -96,10 +96,41 @@ static void test_show_and_report(void) {
     assert_has(page, "<svg");
     assert_has(page, "&lt;cam&amp;30&gt;");
     g_assert_null(strstr(page, "<cam"));
+    assert_has(page, "Calibrated: 1 of 4. To be looked at:");
+    assert_has(page, "<li>laser: not calibrated, the values of the rig file are used</li>");
     g_unlink(html);
     g_free(RUN(2, "calibrate", "report", path));
     g_free(RUN(2, "calibrate", "nonsense"));
     g_free(RUN(1, "calibrate", "show", "/nowhere"));
+    g_unlink(path);
+}
+
+/* The line at the page's top, and of many pictures that were left out a few. */
+static void test_verdict(void) {
+    g_autoptr(Calibration) calibration = example();
+    g_autofree char *path = in_folder("verdict.calibration"), *html = in_folder("verdict.html");
+    g_autofree char *good = NULL, *doubtful = NULL;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibration_set_part(calibration, (enum calibration_kind)i, "a test", 7, "abc", NULL)
+            ->degrees_of_freedom = 200;
+    g_assert_true(calibration_write(calibration, path, NULL));
+    g_free(RUN(0, "calibrate", "report", path, "-o", html));
+    g_assert_true(g_file_get_contents(html, &good, NULL, NULL));
+    assert_has(good, "</h1>\n<p class=\"good\">Everything is calibrated, and nothing stands out.");
+    for (int i = 1; i <= 300; i++)
+        g_ptr_array_add(calibration->parts[CALIBRATION_LIGHTS].rejected,
+                        g_strdup_printf("%d.exr: ball 1 shows no lamp", i));
+    calibration->noise[1] = (struct calibration_noise){.known = TRUE, .transfer.linearity = 0.034};
+    g_assert_true(calibration_write(calibration, path, NULL));
+    g_free(RUN(0, "calibrate", "report", path, "-o", html));
+    g_assert_true(g_file_get_contents(html, &doubtful, NULL, NULL));
+    assert_has(doubtful, "Calibrated: 4 of 4. To be looked at:");
+    assert_has(doubtful, "<li>lights: more was left out (300) than used, of 7 pictures</li>");
+    assert_has(doubtful, "<li>camera cam60 is 3.4 % off linear: switch off its gamma</li>");
+    assert_has(doubtful, "<p>300 of them; the first are</p>");
+    assert_has(doubtful, "<li>5.exr: ball 1 shows no lamp</li>\n</ul>\n<p>mesorig calibrate show");
+    g_assert_null(strstr(doubtful, "<li>6.exr"));
+    g_unlink(html);
     g_unlink(path);
 }
 
@@ -139,6 +170,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibrate/capture", test_capture);
     g_test_add_func("/calibrate/capture refuses", test_capture_refuses);
     g_test_add_func("/calibrate/show and report", test_show_and_report);
+    g_test_add_func("/calibrate/verdict", test_verdict);
     g_test_add_func("/calibrate/cameras usage", test_cameras_usage);
     g_test_add_func("/calibrate/board", test_board);
     const int code = g_test_run();

@@ -184,11 +184,11 @@ static void refused(void) {
     g_free(RUN(1, "there are no laser sweeps in it", "calibrate", "laser", "poles.session", "-o",
                "no.conf"));
     g_free(RUN(1, "give one height in mm for each of the 2 sessions", "calibrate", "laser",
-               "low.session", "high.session", "-p", "1;x", "-o", "no.conf"));
+               "low.session", "high.session", "--planes", "1;x", "-o", "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
                "two.calibration", "-o", "no.conf")); /* is not there */
     g_free(RUN(1, "heights are in millimetres", "calibrate", "laser", "low.session", "high.session",
-               "-p", "0.001;0.016", "-o", "no.conf"));
+               "--planes", "0.001;0.016", "-o", "no.conf"));
     write_text("metres.conf", "[target]\nkind=balls\nplane_mm=2\nplaces_mm=-0.02;-0.018;0.024\n");
     g_free(RUN(1, "radius of number 1 is 0.024 mm, and must be above 0.1; give millimetres",
                "calibrate", "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
@@ -197,7 +197,7 @@ static void refused(void) {
                "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     g_free(RUN(2, "--target", "calibrate", "lights", "poles.session", "-o", "no.conf"));
     g_free(RUN(2, "-o", "calibrate", "laser", "low.session", "high.session"));
-    g_free(RUN(2, "--ball", "calibrate", "lights", "-i", ".", "-b", "1,2", "-o", "no.lp"));
+    g_free(RUN(2, "--ball", "calibrate", "lights", "-i", ".", "--ball", "1,2", "-o", "no.lp"));
     g_assert_false(g_file_test(here, G_FILE_TEST_EXISTS));
 }
 
@@ -211,8 +211,10 @@ static void note(const char *session, const char *sql) {
     sqlite3_close(db);
 }
 
-#define TURN_BACK "UPDATE shot SET turntable_deg = -turntable_deg"
-#define ARC_BACK  "UPDATE shot SET arc_deg = -arc_deg"
+#define TURN_BACK     "UPDATE shot SET turntable_deg = -turntable_deg"
+#define ARC_BACK      "UPDATE shot SET arc_deg = -arc_deg"
+#define RADIANS(what) "UPDATE shot SET " what " = " what " * 0.017453292519943295"
+#define DEGREES(what) "UPDATE shot SET " what " = " what " / 0.017453292519943295"
 #define LAMPS(a, b)                                                                                \
     "UPDATE shot SET device = CASE device WHEN " #a " THEN " #b " WHEN " #b " THEN " #a            \
     " ELSE device END WHERE kind = 'lamp'"
@@ -224,7 +226,6 @@ static void mistakes_of_posts(void) {
         {TURN_BACK, "the turntable turns against the angles that were noted"},
         {ARC_BACK, "correct the sign of steps_per_deg of [axis arc] in the rig file"},
         {LAMPS(0, 1), "lamps l20 and l40 are exchanged"},
-        {LAMPS(0, 2), "lamps l20 and l65 are exchanged"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
         note("poles.session", wrong[i][0]);
@@ -234,7 +235,11 @@ static void mistakes_of_posts(void) {
     }
     g_free(RUN(0, NULL, "calibrate", "lights", "poles.session", "-t", "target.conf", "-o",
                "again.conf"));
-    note("poles.session", "UPDATE shot SET arc_deg = arc_deg * 0.017453292519943295");
+    note("poles.session", RADIANS("turntable_deg"));
+    g_free(RUN(1, "the turntable has its angles noted in radians", "calibrate", "lights",
+               "poles.session", "-t", "target.conf", "-o", "no.conf"));
+    note("poles.session", DEGREES("turntable_deg"));
+    note("poles.session", RADIANS("arc_deg"));
     g_free(RUN(1, "the arc has its angles noted in radians", "calibrate", "lights", "poles.session",
                "-t", "target.conf", "-o", "no.conf"));
 }
@@ -251,6 +256,10 @@ static void mistakes_of_balls(void) {
     g_free(RUN(1, "the turntable turns against", "calibrate", "lights", "balls.session", "-t",
                "balls.target", "-o", "no.conf"));
     note("balls.session", TURN_BACK);
+    note("balls.session", ARC_BACK);
+    g_free(RUN(1, "the sign of steps_per_deg of [axis arc]", "calibrate", "lights", "balls.session",
+               "-t", "balls.target", "-o", "no.conf"));
+    note("balls.session", ARC_BACK);
     note("balls.session", LAMPS(0, 1));
     g_autofree char *told = RUN(1, "of lamp l40: they are exchanged", "calibrate", "lights",
                                 "balls.session", "-t", "balls.target", "-o", "no.conf");
@@ -263,8 +272,11 @@ static void mistakes_of_sweeps(void) {
     g_autofree char *here = in_folder("no.conf");
     g_autofree char *planes =
         RUN(1, "their planes of 16 and 1 mm are exchanged", "calibrate", "laser", "low.session",
-            "high.session", "-p", "16;1", "-c", "one.conf", "-o", "no.conf");
+            "high.session", "--planes", "16;1", "-c", "one.conf", "-o", "no.conf");
     assert_has(planes, "exchange the heights in --planes");
+    g_free(RUN(1, "said to be 15.5 mm high, and the lines tell ", "calibrate", "laser",
+               "low.session", "high.session", "--planes", "1;15.5", "-c", "one.conf", "-o",
+               "no.conf"));
     for (int i = 0; i < 2; i++)
         note(sessions[i], ARC_BACK);
     g_free(RUN(1, "the arc turns against the angles that were noted", "calibrate", "laser",
@@ -341,8 +353,8 @@ static void photographs(void) {
         paint(pixels, size, &balls[i], lamp, TRUE, 0.8);
     save("photos/a.png", pixels, size);
     g_autofree char *out =
-        RUN(0, "   at ", "calibrate", "lights", "-i", "photos", "-b", "150,160,60", "-b",
-            "450,180,60", "-b", "300,430,60", "-r", "30", "-o", "lights.lp");
+        RUN(0, "   at ", "calibrate", "lights", "-i", "photos", "--ball", "150,160,60", "--ball",
+            "450,180,60", "--ball", "300,430,60", "--radius", "30", "-o", "lights.lp");
     double x, y, z;
     g_assert_cmpint(sscanf(strstr(out, "   at "), "   at %lf %lf %lf mm", &x, &y, &z), ==, 3);
     double distance = sqrt(x * x + y * y + z * z);

@@ -1,5 +1,6 @@
 /* mesorig check: what it suspects of pictures whose tones are not what they were taken for, and
  * that it suspects nothing of those that are right. The truth is Lambert's law: B = ρ cos θ_l. */
+#include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 
@@ -28,11 +29,19 @@ struct tone {
 static void write_picture(const char *path, const struct tone *tone, double cosine) {
     guint16 deep[SIDE * SIDE];
     guint8 shallow[SIDE * SIDE];
+    g_autoptr(ExrFile) file32 = exr_file_new();
+    exr_file_add(file32,
+                 exr_part_new("Y", SIDE, SIDE, (const char *const[]){"Y", NULL}, EXR_FLOAT));
     for (int i = 0; i < SIDE * SIDE; i++) {
         const double light = tone->black + tone->scale * (0.3 + 0.4 * (i % 5) / 4) * cosine;
         const double code = tone->srgb ? encode(light) : light;
         deep[i] = (guint16)lround(65535 * code);
         shallow[i] = (guint8)lround(255 * code);
+        exr_part_plane(file32->parts->pdata[0], "Y")[i] = (float)light;
+    }
+    if (tone->bits == 32) {
+        g_assert_true(exr_write(path, file32, EXR_NONE, FALSE, NULL));
+        return;
     }
     if (tone->bits == 8) {
         png_image image = {
@@ -62,7 +71,9 @@ static void tones(void) {
         {"linear8", 8, FALSE, 1, 0, "linear pictures had been taken for sRGB"},
         {"srgb16", 16, TRUE, 1, 0, "sRGB pictures had been taken for linear"},
         {"black16", 16, FALSE, 0.9, 0.06, "a level of 0.06 lies under all values"},
+        {"taken16", 16, FALSE, 1, -0.06, "0.06 has been taken off all values"},
         {"bright16", 16, FALSE, 1.4, 0, NULL},
+        {"bright32", 32, FALSE, 3, 0, "is the white tile darker than --reflectance said"},
         {"short16", 16, FALSE, 0.002, 0, "less than from the blackest paint"},
     };
     static const int angles_deg[] = {0, 30, 50, 70};
@@ -72,8 +83,9 @@ static void tones(void) {
         g_mkdir(pictures, 0700);
         for (int v = 0; v < 4; v++)
             for (int l = 0; l < 4; l++) {
-                g_autofree char *path = g_strdup_printf("%s/tl%03d_pl000_tv%03d_pv000.png",
-                                                        pictures, angles_deg[l], angles_deg[v]);
+                g_autofree char *path =
+                    g_strdup_printf("%s/tl%03d_pl000_tv%03d_pv000.%s", pictures, angles_deg[l],
+                                    angles_deg[v], all[k].bits == 32 ? "exr" : "png");
                 write_picture(path, &all[k], cos(angles_deg[l] * G_PI / 180));
             }
         g_free(process_mesorig(0, "import pictures %s -o %s", pictures, session));

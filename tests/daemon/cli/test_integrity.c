@@ -41,7 +41,7 @@ static struct operation *processed(void) {
     struct operation *run = operator_new(NULL);
     operator_captures(run, 0);
     operator_does(run, 0, "process", run->session, NULL);
-    operator_does(run, 0, "compress", run->session, "-k", "2", "-c", "2", NULL);
+    operator_does(run, 0, "compress", run->session, "-k", "2", "--components", "2", NULL);
     return run;
 }
 

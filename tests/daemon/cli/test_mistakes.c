@@ -52,10 +52,19 @@ static const struct mistake mistakes[] = {
      "write exposures_us"},
     {"session.conf", "[capture]", "sweep_steps = 60000", " [capture] sweep_steps", "8 to 32767"},
     {"session.conf", "[capture]", "dark_frames = 2.5", " [capture] dark_frames", "whole number"},
+    /* units: radians, seconds, metres */
+    {"rig.conf", "[camera cam30]", "theta_deg = 0.5236", ":13: [views]: no camera stands at",
+     "there are: 0.5236° (cam30), 60° (cam60)", "session.conf"},
+    {"session.conf", "[capture]", "exposures_us = 0.004; 0.016", " [capture] exposures_us",
+     "0.004 is out of range"},
+    {"rig.conf", "[camera cam30]", "distance_mm = 0.65", " [camera cam30] distance_mm",
+     "0.65 is out of range"},
+    {"session.conf", "[sample]", "width_mm = 0.05", " [sample] width_mm", "0.05 is out of range"},
     {"world.conf", "[world]", "gather_rays = nan", " [world] gather_rays", "whole number"},
 };
 
-/* A mistake in a file is told with its place and what would be right, before anything moves. */
+/* A mistake in a file is told with its place and what would be right, before anything moves. A
+ * capture reads the files as a plan does: that is tried with every third. */
 static void test_mistakes(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
         const struct mistake *mistake = &mistakes[i];
@@ -66,7 +75,8 @@ static void test_mistakes(void) {
                         (const struct change[]){{mistake->head, mistake->line}, {0}});
         operator_does(run, 1, "plan", run->rig, run->conf, NULL);
         g_autofree char *planned = g_strdup(run->err);
-        operator_captures(run, 1);
+        if (i % 3 == 0)
+            operator_captures(run, 1);
         g_assert_cmpstr(run->err, ==, planned);
         assert_has(run->err, path);
         assert_has(run->err, mistake->place);

@@ -1,10 +1,13 @@
-/* Test shots before a long capture: each thing that would spoil it is told, with its number and
- * what to change, before anything is captured. A rig without faults goes through. */
+/* Test shots before a long capture: each thing that would spoil it is told within five of them,
+ * with its number and what to change, before anything is captured. A rig without faults goes
+ * through. */
 #include <glib/gstdio.h>
 #include <string.h>
 
+#include "calibration/calibration.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
+#include "rig/devices.h"
 
 /* 24 views under 24 lights. */
 static const struct change many[] = {
@@ -22,6 +25,15 @@ static struct operation *new_run(const struct spoilt *spoilt) {
     small_rig_write(run->directory, "world.conf", world);
     small_rig_write(run->directory, "session.conf", session);
     return run;
+}
+
+/* "mesorig: 5 test shots say …" */
+static int shots_said(const struct operation *run) {
+    const char *at = strstr(run->err, " test shots say");
+    g_assert_nonnull(at);
+    while (at > run->err && at[-1] != ' ')
+        at--;
+    return atoi(at);
 }
 
 static void test_spoilt(void) {
@@ -44,6 +56,8 @@ static void test_spoilt(void) {
         for (gsize k = 0; k < G_N_ELEMENTS(all[i].told) && all[i].told[k]; k++)
             assert_has(run->err, all[i].told[k]);
         assert_has(run->err, "--yes goes on all the same");
+        g_assert_cmpint(shots_said(run), >=, 2);
+        g_assert_cmpint(shots_said(run), <=, 5);
         assert_has(run->err, "is not calibrated");
         g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
         operator_free(run);
@@ -62,7 +76,7 @@ static void test_suggestion(void) {
         g_autofree char *line = g_strdup_printf("exposures_us = %.0f", us);
         spoilt.session.line = line;
         run = new_run(&spoilt);
-        operator_captures(run, 0);
+        operator_does(run, 0, "capture", run->rig, run->conf, "-o", run->session, "--yes", NULL);
         g_assert_null(strstr(run->err, "warning: camera"));
         operator_free(run);
     }
@@ -82,10 +96,143 @@ static void test_yes(void) {
     operator_free(run);
 }
 
+static void append_to(const struct operation *run, const char *name, const char *what) {
+    g_autofree char *path = g_build_filename(run->directory, name, NULL), *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_autofree char *both = g_strconcat(text, "\n", what, NULL);
+    g_assert_true(g_file_set_contents(path, both, -1, NULL));
+}
+
+/* A calibration that is done, and true, or one that lacks the laser: the file's path. */
+static char *calibrate(const struct operation *run, gboolean laser) {
+    struct rig rig;
+    g_autoptr(GError) error = NULL;
+    char *path = g_build_filename(run->directory, "rig.calibration", NULL);
+    devices_read_geometry(run->rig, &rig, &error);
+    g_assert_no_error(error);
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    for (int kind = 0; kind < CALIBRATION_PARTS; kind++)
+        if (laser || kind != CALIBRATION_LASER)
+            calibration_set_part(calibration, (enum calibration_kind)kind, "a test", 1, "", NULL);
+    calibration_write(calibration, path, &error);
+    g_assert_no_error(error);
+    return path;
+}
+
+/* Nothing is wrong but that the directory is there already, which is told after the test shots. */
+static void try_calibrated(struct operation *run, gboolean laser) {
+    g_autofree char *calibration = calibrate(run, laser);
+    g_mkdir(run->session, 0777);
+    operator_does(run, 1, "capture", run->rig, run->conf, "-o", run->session, "-c", calibration,
+                  NULL);
+    g_test_message("%s", run->err);
+}
+
+static void test_calibrated(void) {
+    static const struct spoilt none = {0};
+    struct operation *run = new_run(&none);
+    operator_captures(run, 1); /* not calibrated at all: that alone is a reason to stop */
+    assert_has(run->err, "not calibrated (cameras, lights, laser, radiometry)");
+    g_assert_cmpint(shots_said(run), <=, 5);
+    g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
+    try_calibrated(run, FALSE);
+    assert_has(run->err, "not calibrated (laser)");
+    try_calibrated(run, TRUE);
+    g_assert_null(strstr(run->err, "warning"));
+    assert_has(run->err, "exists already");
+    operator_free(run);
+}
+
+/* Six lamps. Those of the first five shots are told then; one of the others at its own shot. */
+static void test_many_lamps(void) {
+    static const char lamps[] = "20 35 45 70";
+    for (int dead = 0; dead < 2; dead++) {
+        struct spoilt spoilt = {
+            .session = {"[lights]", "rings = 20:4; 30:4; 35:4; 45:4; 60:4; 70:4"}};
+        struct operation *run = new_run(&spoilt);
+        g_auto(GStrv) thetas = g_strsplit(lamps, " ", -1);
+        for (int i = 0; thetas[i]; i++) {
+            g_autofree char *in_rig =
+                g_strdup_printf("[lamp lamp%s]\nbank = bank\nindex = %d\ntheta_deg = %s\n"
+                                "distance_mm = 500\nexponent = 2\nintensity = 40\n",
+                                thetas[i], 2 + i, thetas[i]);
+            g_autofree char *in_world =
+                g_strdup_printf("[lamp lamp%s]\ntheta_deg = %s\ndistance_mm = 500\n"
+                                "intensity = 40\n",
+                                thetas[i], thetas[i]);
+            append_to(run, "rig.conf", in_rig);
+            append_to(run, "world.conf", in_world);
+        }
+        g_autofree char *text = NULL;
+        g_file_get_contents(run->rig, &text, NULL, NULL);
+        const struct change change = {"[lamps bank]",
+                                      dead ? "fault_dead = lamp70" : "fault_dead = lamp30"};
+        g_autofree char *changed = small_rig_changed(text, &change);
+        g_assert_true(g_file_set_contents(run->rig, changed, -1, NULL));
+        try_calibrated(run, TRUE);
+        assert_has(run->err, dead ? "lamp lamp70 changes no camera's picture"
+                                  : "lamp lamp30 changes no camera's picture");
+        assert_has(run->err, "(1 warning)");
+        g_test_message("told after %d test shots", shots_said(run));
+        if (dead) /* the dimmest */
+            g_assert_cmpint(shots_said(run), <=, 5);
+        else
+            g_assert_cmpint(shots_said(run), ==, 7);
+        operator_free(run);
+    }
+}
+
+/* White fiducials beside the sample: where the calibration has them, or not. */
+static void test_fiducials(void) {
+    static const struct {
+        const char *line, *told; /* of the world's cam60 */
+        const char *albedo;
+    } cases[] = {
+        {"phi_deg = 0", NULL, "0.9"},
+        {"phi_deg = 0.5", "something has moved since the rig was calibrated: camera cam60", "0.9"},
+        {"phi_deg = 0", "no camera sees a fiducial", "0.04"}, /* as dark as what is around */
+    };
+    static const int places_mm[][2] = {{33, 0}, {0, 33}, {-33, 0}, {0, -33}};
+    static const char *const cameras[] = {"[camera cam30]", "[camera cam60]"};
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct operation *run = new_run(&(struct spoilt){0});
+        struct change changes[8] = {0};
+        int n = 0;
+        for (int c = 0; c < 2; c++) {
+            changes[n++] = (struct change){cameras[c], "width = 160"};
+            changes[n++] = (struct change){cameras[c], "height = 160"};
+            changes[n++] = (struct change){cameras[c], "focal_px = 1200"};
+        }
+        small_rig_write(run->directory, "rig.conf", changes);
+        changes[n++] = (struct change){cameras[1], cases[i].line};
+        small_rig_write(run->directory, "world.conf", changes);
+        for (gsize k = 0; k < G_N_ELEMENTS(places_mm); k++) {
+            g_autofree char *mark =
+                g_strdup_printf("[mark m%d]\nx_mm = %d\ny_mm = %d\nz_mm = 1\nradius_mm = 3\n",
+                                (int)k, places_mm[k][0], places_mm[k][1]);
+            g_autofree char *in_rig = g_strconcat(mark, "reflectance = 0.9\n", NULL);
+            g_autofree char *in_world = g_strconcat(mark, "albedo = ", cases[i].albedo, "\n", NULL);
+            append_to(run, "rig.conf", in_rig);
+            append_to(run, "world.conf", in_world);
+        }
+        try_calibrated(run, TRUE);
+        if (cases[i].told) {
+            assert_has(run->err, cases[i].told);
+            g_assert_cmpint(shots_said(run), <=, 5);
+        } else {
+            g_assert_null(strstr(run->err, "warning"));
+        }
+        operator_free(run);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/guard/spoilt", test_spoilt);
     g_test_add_func("/guard/suggestion", test_suggestion);
     g_test_add_func("/guard/yes", test_yes);
+    g_test_add_func("/guard/calibrated", test_calibrated);
+    g_test_add_func("/guard/many_lamps", test_many_lamps);
+    g_test_add_func("/guard/fiducials", test_fiducials);
     return operator_tests();
 }

@@ -133,17 +133,21 @@ static gpointer change_later(gpointer data) {
 }
 
 /* Later than the line waits: the old answer comes while the question is asked anew, with a value
- * that is true no more. That a second answer follows gives it away. */
+ * that is true no more. That a second answer follows gives it away. A busy machine may ask so late
+ * that the line was quiet before, which happens to few of these. */
 static void very_late_is_disbelieved(struct opened *opened, gconstpointer unused) {
     struct virtual_modbus_faults late = {.late = 1, .late_ms = 155};
-    struct modbus_counts counts;
-    virtual_modbus_fail(opened->device, &late);
-    GThread *thread = g_thread_new("change", change_later, opened->device);
-    expect_plain(opened, 0, 333);
-    g_thread_join(thread);
-    modbus_bus_counts(opened->bus, &counts);
+    struct modbus_counts counts = {0};
+    for (int i = 0; i < 20 && counts.disbelieved < 1; i++) {
+        virtual_modbus_set_plain(opened->device, 0, 111);
+        virtual_modbus_fail(opened->device, &late);
+        GThread *thread = g_thread_new("change", change_later, opened->device);
+        expect_plain(opened, 0, 333);
+        g_thread_join(thread);
+        modbus_bus_counts(opened->bus, &counts);
+        expect_plain(opened, 1, 222);
+    }
     g_assert_cmpint(counts.disbelieved, >=, 1);
-    expect_plain(opened, 1, 222);
 }
 
 static void damaged_is_repeated(struct opened *opened, gconstpointer unused) {

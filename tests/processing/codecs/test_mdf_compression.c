@@ -457,7 +457,8 @@ static int command(const char *const *arguments, char **ret_output) {
 static void test_commands(void) {
     g_autofree char *from = g_build_filename(world_fixture_folder(), "views.exr", NULL);
     g_autofree char *to = g_build_filename(world_fixture_folder(), "to.exr", NULL);
-    const char *const maps[] = {"compress", from, "--method=mdf", "-c", "3", "-o", to, NULL};
+    const char *const maps[] = {"compress", from, "--method=mdf", "--components", "3", "-o",
+                                to,         NULL};
     const char *const views[] = {"compress", from, "--method=mdf-views", "-o", to, NULL};
     const char *const bytes[] = {"compress", from, "--method=mdf-views", "-q", "8bit", "-o",
                                  to,         NULL};
@@ -470,10 +471,10 @@ static void test_commands(void) {
                 {bytes, "24 views in 8 bit", "mesorig.scale_mm"}};
     const char *const bad[][8] = {
         {"compress", from, "--method=mdf", NULL},
-        {"compress", from, "--method=mdf", "-c", "33", "-o", to, NULL},
+        {"compress", from, "--method=mdf", "--components", "33", "-o", to, NULL},
         {"compress", from, "--method=mdf", "-q", "8bit", "-o", to, NULL},
         {"compress", from, "--method=mdf-views", "-q", "float", "-o", to, NULL},
-        {"compress", from, "--method=mdf-views", "-c", "3", "-o", to, NULL},
+        {"compress", from, "--method=mdf-views", "--components", "3", "-o", to, NULL},
     };
     write_views(from, FALSE);
     for (gsize i = 0; i < G_N_ELEMENTS(good); i++) {

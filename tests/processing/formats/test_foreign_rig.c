@@ -330,6 +330,8 @@ static void test_bad_coding(void) {
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,255\n",
                    "poses.csv:2: a black_level of 255 is not below white, 255 in a.png");
     assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n", "not below white, 1 in f.exr");
+    assert_refused(dir, CODED("exposure_ms") "a.png,cam,lamp,0.001\n",
+                   "poses.csv:2: exposure_ms: in 0.001 ms a.png would show up to");
     assert_refused(dir, CODED("bits") "b.png,cam,lamp,12.5\n", "bits of 12.5 are not valid");
     assert_refused(dir, CODED("bits") "b.png,cam,lamp,17\n", "bits of 17 are not valid");
     assert_refused(dir, CODED("bits") "a.png,cam,lamp,12\n",

@@ -319,8 +319,8 @@ static long peak_kib(const char *dir, int n, const char *region) {
     g_auto(GStrv) environment =
         g_environ_setenv(g_get_environ(), "ASAN_OPTIONS",
                          "quarantine_size_mb=1:thread_local_quarantine_size_kb=1", TRUE);
-    const char *argv[] = {BUILD_DIR "/bin/mesorig", "import", "rti", list, "-o", path,
-                          region ? "-r" : NULL,     region,   NULL};
+    const char *argv[] = {BUILD_DIR "/bin/mesorig",   "import", "rti", list, "-o", path,
+                          region ? "--region" : NULL, region,   NULL};
     GPid pid;
     int status = 0;
     for (int i = 0; i < n; i++)
@@ -522,7 +522,7 @@ static void test_command(void) {
     g_assert_nonnull(strstr(again, "exists already"));
     g_autofree char *processed = process_mesorig(1, "process %s --json", path);
     g_assert_nonnull(strstr(processed, "there is nothing to process"));
-    g_free(process_mesorig(0, "compress %s -k 2 -c 2 --json", path));
+    g_free(process_mesorig(0, "compress %s -k 2 --components 2 --json", path));
     g_free(process_mesorig(0, "info %s --json", path));
     g_free(process_mesorig(0, "export btf %s -o %s --json", path, back));
     g_free(process_mesorig(2, "import btf --json"));

@@ -188,7 +188,7 @@ static void test_command(void) {
     g_autofree char *info = write_info("ptm", "rgb", 6, "");
     write_planes(6);
     g_autofree char *said =
-        process_mesorig(0, "import relight %s -o %s -r 1,1,2,2 --json", info, path);
+        process_mesorig(0, "import relight %s -o %s --region 1,1,2,2 --json", info, path);
     assert_has(said, "\"lights\": 4");
     assert_has(said, "\"width\": 2");
 }

@@ -149,11 +149,80 @@ static void exchanged(void) {
     }
 }
 
+/* The points of one height as cameras show them that take it for another: along their lines of
+ * sight. */
+static void put_height(const struct rig *rig, GArray *points, double is_mm, double said_mm) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(2);
+    for (guint i = 0; i < points->len; i++) {
+        struct laser_point *p = &g_array_index(points, struct laser_point, i);
+        p->camera = (int)(i / 2) % rig->n_cameras;
+        p->sweep_rad += g_rand_double_range(rand, -3e-5, 3e-5);
+        const struct vec3 eye = rig_camera_centre_mm(&rig->cameras[p->camera]);
+        if (p->point_mm.z != is_mm)
+            continue;
+        p->point_mm = vec3_add(
+            eye, vec3_scale(vec3_sub(p->point_mm, eye), (said_mm - eye.z) / (is_mm - eye.z)));
+        p->point_mm.z = said_mm;
+    }
+}
+
+/* The height that the message tells after these words is that which is true. */
+static void assert_height(const char *message, const char *words, double is_mm) {
+    const char *at = strstr(message, words);
+    double mm, error_mm;
+    g_assert_nonnull(at);
+    g_assert_cmpint(sscanf(at + strlen(words), "%lf ± %lf", &mm, &error_mm), ==, 2);
+    g_assert_cmpfloat(fabs(mm - is_mm), <=, 4 * error_mm + 0.0005);
+    g_assert_cmpfloat(error_mm, <, 0.1);
+}
+
+/* A plate of another height than was said is told with the true one if two cameras see it. One that
+ * sees a laser from all sides tells that it or the other plate is wrong: (560 − 1) / (560 − 20) is
+ * (560 − 4.11) / (560 − 23). If it sees each plate at one angle of the arc alone, nothing tells. */
+static void heights(void) {
+    static const struct {
+        int cameras;
+        gboolean one_angle;
+        double is_mm, said_mm;
+        const char *what, * or ; /* NULL: it is not told */
+    } cases[] = {
+        {2, FALSE, 20, 20.4, "said to be 20.4 mm high, and the lines tell ", NULL},
+        {1, FALSE, 20, 23, "said to be 23 mm high, ", "said to be 1 mm high, "},
+        {1, TRUE, 20, 23, NULL, NULL},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct rig rig;
+        struct laser_result found;
+        g_autoptr(GArray) all = new_points(&rig, 1.01, 50);
+        g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
+        g_autoptr(GError) error = NULL;
+        rig.n_cameras = cases[i].cameras;
+        rig_camera_look_at(&rig.cameras[0], vec3(330, 20, 560), vec3(0, 0, 0));
+        rig_camera_look_at(&rig.cameras[1], vec3(-200, 260, 560), vec3(0, 0, 0));
+        for (guint k = 0; k < all->len / 2; k += cases[i].one_angle ? 1 : 7)
+            if (!cases[i].one_angle || k % 12 == 2 || k % 12 == 3)
+                g_array_append_val(points, g_array_index(all, struct laser_point, k));
+        put_height(&rig, points, cases[i].is_mm, cases[i].said_mm);
+        const gboolean fits = fit_points(&rig, points, &found, &error);
+        g_test_message("%s", error ? error->message : "nothing told");
+        g_assert_cmpint(fits, ==, cases[i].what == NULL);
+        if (cases[i].what && !cases[i].or)
+            assert_height(error->message, cases[i].what, cases[i].is_mm);
+        if (cases[i].or) {
+            g_assert_nonnull(strstr(error->message, ", or that of a.exr, "));
+            g_assert_nonnull(strstr(error->message, cases[i].what));
+            g_assert_nonnull(strstr(error->message, cases[i].or));
+        }
+        laser_result_clear(&found);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/laser-sheets/exact", exact);
     g_test_add_func("/laser-sheets/wrong-turn", wrong_turn);
     g_test_add_func("/laser-sheets/exchanged", exchanged);
+    g_test_add_func("/laser-sheets/heights", heights);
     g_test_add_func("/laser-sheets/two-heights", two_heights);
     g_test_add_func("/laser-sheets/one-height", one_height);
     int result = g_test_run();

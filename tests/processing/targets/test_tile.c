@@ -1,6 +1,7 @@
 /* From a white tile to reflectances of a grey scale, through sessions; and what marks notice. */
 #include "capture/capture_marks.h"
 #include "lib/grey_fixture.h"
+#include "lib/process.h"
 #include "session/outputs.h"
 
 #include <sqlite3.h>
@@ -30,8 +31,9 @@ static void tile(void) {
     g_assert_cmpfloat(chi2.sum / chi2.n, <, 1.4);
 }
 
-/* The session of a tile again, with one thing wrong: what tile_session() says. */
-static char *tile_refused(const char *path, double reflectance, const char *sql) {
+/* The session of a tile again, with one thing wrong: what tile_session() says. undo: of sql; NULL:
+ * the same again. */
+static char *tile_refused(const char *path, double reflectance, const char *sql, const char *undo) {
     g_autoptr(GError) error = NULL;
     g_autofree char *db_path = g_build_filename(path, "session.db", NULL);
     struct tile_options options = {.reflectance = {reflectance, reflectance, reflectance}};
@@ -47,24 +49,71 @@ static char *tile_refused(const char *path, double reflectance, const char *sql)
     g_assert_false(tile_session(session, calibration, &options, &result, &error));
     g_assert_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT);
     g_assert_cmpmem(&calibration->rig, sizeof before, &before, sizeof before);
-    g_assert_cmpint(sqlite3_exec(db, sql, NULL, NULL, NULL), ==, SQLITE_OK); /* undone */
+    g_assert_cmpint(sqlite3_exec(db, undo ? undo : sql, NULL, NULL, NULL), ==, SQLITE_OK);
     sqlite3_close(db);
     g_test_message("%s", error->message);
     return g_strdup(error->message);
 }
 
+/* All pixels that a camera's raw exposures have, as a gamma would show them. */
+static void put_gamma(const char *folder) {
+    g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
+    const char *name;
+    while ((name = g_dir_read_name(names))) {
+        g_autofree char *raw = g_build_filename(folder, name, "0000.exr", NULL);
+        for (int k = 0; g_str_has_suffix(name, "_cam1") && g_file_test(raw, G_FILE_TEST_EXISTS);) {
+            g_autoptr(ExrFile) file = exr_read(raw, NULL);
+            struct exr_part *part = exr_file_part(file, "frame");
+            float *y = exr_part_plane(part, "Y");
+            for (int i = 0; i < part->width * part->height; i++)
+                y[i] = (float)(4095 * pow((double)y[i] / 4095, 0.9));
+            g_assert_true(exr_write(raw, file, EXR_NONE, FALSE, NULL));
+            g_free(raw);
+            raw = g_strdup_printf("%s/%s/%04d.exr", folder, name, ++k);
+        }
+    }
+}
+
+#define SWAP(a, b)                                                                                 \
+    "UPDATE shot SET device = CASE device WHEN " #a " THEN " #b " WHEN " #b " THEN " #a            \
+    " ELSE device END WHERE kind = 'lamp'"
+#define RADIANS(what) "UPDATE shot SET " what " = " what " * 0.017453292519943295"
+#define DEGREES(what) "UPDATE shot SET " what " = " what " / 0.017453292519943295"
+
 static void wrong_tile(void) {
+    static const struct {
+        const char *sql, *undo, *says;
+    } wrong[] = {
+        {"UPDATE shot SET turntable_deg = -turntable_deg", NULL,
+         "the turntable turns against the angles"},
+        {"UPDATE shot SET arc_deg = -arc_deg", NULL, "the sign of steps_per_deg of [axis arc]"},
+        {RADIANS("turntable_deg"), DEGREES("turntable_deg"),
+         "the turntable's angles were noted in radians"},
+        {RADIANS("arc_deg"), DEGREES("arc_deg"), "the arc's angles were noted in radians"},
+        {SWAP(0, 1), NULL, "lamps lamp0 and lamp1 are exchanged"},
+        {SWAP(0, 2), NULL, "lamps lamp0 and lamp2 are exchanged"},
+        {SWAP(1, 2), NULL, "exchange the indexes of [lamp lamp1] and [lamp lamp2]"},
+    };
     g_autofree char *folder = grey_folder(), *path = g_build_filename(folder, "tile.session", NULL);
+    g_autofree char *raw = g_build_filename(path, "frames", NULL);
+    g_autofree char *found = g_build_filename(folder, "found.conf", NULL);
     struct tile_result result;
     grey_calibrate(folder, 1, &result);
     /* A grey tile of 0.5 said to be 0.96, which is as much too much as 1.84 for this one. */
-    g_autofree char *dark = tile_refused(path, 0.96 * 0.96 / 0.5, "SELECT 1");
-    g_assert_nonnull(strstr(dark, "the tile is darker than --reflectance says"));
-    g_autofree char *turn =
-        tile_refused(path, 0.96, "UPDATE shot SET turntable_deg = -turntable_deg");
-    g_assert_nonnull(strstr(turn, "the turntable turns against the angles"));
-    g_autofree char *arc = tile_refused(path, 0.96, "UPDATE shot SET arc_deg = -arc_deg");
-    g_assert_nonnull(strstr(arc, "the sign of steps_per_deg of [axis arc]"));
+    g_autofree char *dark = tile_refused(path, 0.96 * 0.96 / 0.5, "SELECT 1", NULL);
+    assert_has(dark, "the tile is darker than --reflectance says");
+    for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        g_autofree char *told = tile_refused(path, 0.96, wrong[i].sql, wrong[i].undo);
+        assert_has(told, wrong[i].says);
+    }
+    g_autofree char *metres =
+        process_mesorig(2, "calibrate radiometry %s -r 0.96 -t 0.056x0.056 -o %s", path, found);
+    assert_has(metres, "give its width and height in mm");
+    put_gamma(raw);
+    g_autofree char *gamma =
+        process_mesorig(0, "calibrate radiometry %s -r 0.96 -o %s", path, found);
+    assert_has(gamma, "camera cam1 is not linear");
+    g_assert_null(strstr(gamma, "camera cam0 is not linear"));
     radiometry_rig_remove(folder);
 }
 

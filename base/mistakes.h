@@ -1,0 +1,28 @@
+/*
+ * All mistakes of a file, told as one error: a reader adds each and goes on with the next key, line
+ * or section. Used by one thread at a time.
+ */
+#pragma once
+
+#include <glib.h>
+
+typedef struct Mistakes Mistakes;
+
+#define MISTAKES_SHOWN 20 /* of the others the error tells the number alone */
+
+Mistakes *mistakes_new(void);
+void mistakes_free(Mistakes *mistakes); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Mistakes, mistakes_free)
+
+/* Adds a mistake and takes ownership of it; NULL is ignored, and so is a text that was added
+ * before. Returns FALSE always, for a caller that fails with it. */
+gboolean mistakes_add(Mistakes *mistakes, GError *mistake);
+
+guint mistakes_count(const Mistakes *mistakes);
+
+/* TRUE: there are none. Otherwise sets the error: the mistake itself if it is the only one, else
+ * one of the first's domain and code, whose text is
+ *     FILE: 3 mistakes:
+ *     FILE:LINE: …
+ * with a line for each, ordered by error_details_line(); those without a line come last. */
+gboolean mistakes_report(const Mistakes *mistakes, GError **error);

@@ -1,0 +1,267 @@
+#include "bus_authority.h"
+
+#include "bus_caller.h"
+#include "bus_errors.h"
+
+#include <polkit/polkit.h>
+#include <string.h>
+#include <unistd.h>
+
+#define ACTION(name) "org.mesorig.rig." name
+
+/* Questions that wait for polkit, for all clients. */
+#define MAX_QUESTIONS 64
+
+/* Somebody may have to type a password. */
+#define ANSWER_S      25
+#define INTERACTION_S 120
+
+/* Every method of etc/org.mesorig.Rig1.xml. */
+static const struct {
+    const char *method, *action;
+} methods[] = {
+    {"OpenRig", ACTION("administer")},
+    {"CloseRig", ACTION("administer")},
+    {"Validate", ACTION("look")},
+    {"GetThumbnail", ACTION("look")},
+    {"Snap", ACTION("look")},
+    {"Start", ACTION("capture")}, /* with another calibration: "calibrate" */
+    {"Resume", ACTION("capture")},
+    {"Pause", ACTION("capture")},
+    {"Continue", ACTION("capture")},
+    {"Abort", ACTION("capture")},
+    {"SetLamp", ACTION("move")},
+    {"MoveAxis", ACTION("move")},
+    {"HomeAxis", ACTION("move")},
+    {"SetLaser", ACTION("laser")},
+    {"SafeState", NULL},
+};
+
+struct question {
+    Bus *bus; /* NULL: stopped, and the call is answered */
+    GDBusMethodInvocation *invocation;
+    const char *action;
+    GCancellable *cancellable;
+    guint deadline;
+};
+
+const char *bus_authority_action(const char *method, gboolean *ret_known) {
+    for (gsize i = 0; i < G_N_ELEMENTS(methods); i++)
+        if (strcmp(methods[i].method, method) == 0) {
+            if (ret_known)
+                *ret_known = TRUE;
+            return methods[i].action;
+        }
+    if (ret_known)
+        *ret_known = FALSE;
+    return NULL;
+}
+
+static const char *action_of(GDBusMethodInvocation *invocation) {
+    const char *method = g_dbus_method_invocation_get_method_name(invocation);
+    if (strcmp(method, "Start") == 0) {
+        GVariant *parameters = g_dbus_method_invocation_get_parameters(invocation);
+        g_autoptr(GVariant) options = g_variant_get_child_value(parameters, 2);
+        g_autoptr(GVariant) calibration = g_variant_lookup_value(options, "calibration", NULL);
+        if (calibration)
+            return ACTION("calibrate");
+    }
+    return bus_authority_action(method, NULL);
+}
+
+const struct bus_caller *bus_authority_caller(GDBusMethodInvocation *invocation) {
+    return g_object_get_data(G_OBJECT(invocation), "caller");
+}
+
+/* To the handlers of bus_calls.c, as the skeleton does that gdbus-codegen has made. */
+static GDBusInterfaceVTable *codegen_vtable(BusRig1 *object);
+static void pass_on(GDBusMethodInvocation *invocation) {
+    BusRig1 *object = g_dbus_method_invocation_get_user_data(invocation);
+    codegen_vtable(object)->method_call(g_dbus_method_invocation_get_connection(invocation),
+                                        g_dbus_method_invocation_get_sender(invocation),
+                                        g_dbus_method_invocation_get_object_path(invocation),
+                                        g_dbus_method_invocation_get_interface_name(invocation),
+                                        g_dbus_method_invocation_get_method_name(invocation),
+                                        g_dbus_method_invocation_get_parameters(invocation),
+                                        invocation, object);
+}
+
+/* Takes the error. */
+static void question_refuse(struct question *question, GError *error) {
+    g_dbus_method_invocation_take_error(g_steal_pointer(&question->invocation),
+                                        bus_errors_wrap(error));
+}
+
+static void question_stop(Bus *bus, struct question *question, GError *error) {
+    g_ptr_array_remove(bus->questions, question);
+    question->bus = NULL;
+    question_refuse(question, error);
+    g_cancellable_cancel(question->cancellable);
+}
+
+gboolean bus_authority_stop(Bus *bus, const char *why) {
+    gboolean begins = FALSE;
+    while (bus->questions->len > 0) {
+        struct question *question = bus->questions->pdata[0];
+        const char *method = g_dbus_method_invocation_get_method_name(question->invocation);
+        begins |= strcmp(method, "Start") == 0 || strcmp(method, "Resume") == 0;
+        question_stop(bus, question, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
+    }
+    return begins;
+}
+
+static gboolean question_late(gpointer data) {
+    struct question *question = data;
+    question->deadline = 0;
+    question_stop(question->bus, question,
+                  g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
+                              "polkit has not said in time whether you may do this (%s): try "
+                              "again, and see systemctl status polkit",
+                              question->action));
+    return G_SOURCE_REMOVE;
+}
+
+/* The last callback of a question: allowed passes the call on, else error says why not. */
+static void question_end(struct question *question, gboolean allowed, GError *error) {
+    if (question->bus) {
+        g_ptr_array_remove(question->bus->questions, question);
+        if (allowed)
+            pass_on(g_steal_pointer(&question->invocation));
+        else
+            question_refuse(question, g_steal_pointer(&error));
+    }
+    g_clear_error(&error);
+    g_clear_handle_id(&question->deadline, g_source_remove);
+    g_object_unref(question->cancellable);
+    g_free(question);
+}
+
+static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
+    struct question *question = data;
+    GError *error = NULL;
+    g_autoptr(PolkitAuthorizationResult) answer =
+        polkit_authority_check_authorization_finish(POLKIT_AUTHORITY(source), result, &error);
+    if (g_error_matches(error, G_DBUS_ERROR, G_DBUS_ERROR_SERVICE_UNKNOWN)) {
+        g_clear_error(&error);
+        question_end(question, TRUE, NULL); /* it is not installed */
+        return;
+    }
+    const gboolean allowed = answer && polkit_authorization_result_get_is_authorized(answer);
+    if (answer && !allowed)
+        error = g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
+                            "%s is not allowed to you (%s): an administrator can allow it in "
+                            "/etc/polkit-1/rules.d; “mesorig safe” is allowed always",
+                            g_dbus_method_invocation_get_method_name(question->invocation),
+                            question->action);
+    else if (!answer)
+        g_prefix_error(&error,
+                       "polkit does not answer whether you may do this (%s): ", question->action);
+    question_end(question, allowed, error);
+}
+
+static void on_authority(GObject *source, GAsyncResult *result, gpointer data) {
+    struct question *question = data;
+    GError *error = NULL;
+    g_autoptr(PolkitAuthority) authority = polkit_authority_get_finish(result, &error);
+    if (!authority || !question->bus) {
+        question_end(question, FALSE, error);
+        return;
+    }
+    GDBusMessage *message = g_dbus_method_invocation_get_message(question->invocation);
+    const gboolean interactive =
+        g_dbus_message_get_flags(message) & G_DBUS_MESSAGE_FLAGS_ALLOW_INTERACTIVE_AUTHORIZATION;
+    g_autoptr(PolkitSubject) subject =
+        polkit_system_bus_name_new(g_dbus_method_invocation_get_sender(question->invocation));
+    question->deadline =
+        g_timeout_add_seconds(interactive ? INTERACTION_S : ANSWER_S, question_late, question);
+    polkit_authority_check_authorization(
+        authority, subject, question->action, NULL,
+        interactive ? POLKIT_CHECK_AUTHORIZATION_FLAGS_ALLOW_USER_INTERACTION
+                    : POLKIT_CHECK_AUTHORIZATION_FLAGS_NONE,
+        question->cancellable, on_answer, question);
+}
+
+static void read_caller(GVariant *credentials, struct bus_caller *ret) {
+    g_autoptr(GVariant) groups =
+        g_variant_lookup_value(credentials, "UnixGroupIDs", G_VARIANT_TYPE("au"));
+    gsize n = 0;
+    const guint32 *ids = groups ? g_variant_get_fixed_array(groups, &n, sizeof *ids) : NULL;
+    ret->n_groups = (int)MIN(n, BUS_CALLER_GROUPS);
+    for (int i = 0; i < ret->n_groups; i++)
+        ret->groups[i] = ids[i];
+}
+
+static void on_credentials(GObject *source, GAsyncResult *result, gpointer data) {
+    struct question *question = data;
+    g_autofree struct bus_caller *caller = g_new0(struct bus_caller, 1);
+    GError *error = NULL;
+    g_autoptr(GVariant) answer =
+        g_dbus_connection_call_finish(G_DBUS_CONNECTION(source), result, &error);
+    g_autoptr(GVariant) credentials = answer ? g_variant_get_child_value(answer, 0) : NULL;
+    if (credentials && !g_variant_lookup(credentials, "UnixUserID", "u", &caller->uid))
+        g_set_error_literal(&error, BUS_ERROR, BUS_ERROR_DENIED,
+                            "the bus does not know which user has called");
+    if (error || !question->bus) {
+        question_end(question, FALSE, error);
+        return;
+    }
+    read_caller(credentials, caller);
+    if (caller->uid != 0 && caller->uid != getuid())
+        g_object_set_data_full(G_OBJECT(question->invocation), "caller", g_steal_pointer(&caller),
+                               g_free);
+    polkit_authority_get_async(question->cancellable, on_authority, question);
+}
+
+static void ask(Bus *bus, GDBusMethodInvocation *invocation) {
+    struct question *question = g_new0(struct question, 1);
+    *question = (struct question){bus, invocation, action_of(invocation), g_cancellable_new(), 0};
+    g_ptr_array_add(bus->questions, question);
+    g_dbus_connection_call(g_dbus_method_invocation_get_connection(invocation),
+                           "org.freedesktop.DBus", "/org/freedesktop/DBus", "org.freedesktop.DBus",
+                           "GetConnectionCredentials",
+                           g_variant_new("(s)", g_dbus_method_invocation_get_sender(invocation)),
+                           G_VARIANT_TYPE("(a{sv})"), G_DBUS_CALL_FLAGS_NONE, ANSWER_S * 1000,
+                           question->cancellable, on_credentials, question);
+}
+
+static void authority_method_call(GDBusConnection *connection, const char *sender, const char *path,
+                                  const char *interface, const char *method, GVariant *parameters,
+                                  GDBusMethodInvocation *invocation, gpointer object) {
+    Bus *bus = g_object_get_data(object, "bus");
+    if (!bus || !sender || strcmp(bus->address, "system") != 0)
+        pass_on(invocation);
+    else if (bus->questions->len >= MAX_QUESTIONS)
+        g_dbus_method_invocation_return_error(
+            invocation, BUS_ERROR, BUS_ERROR_LIMIT,
+            "%d calls wait for polkit, which is the most: try again", MAX_QUESTIONS);
+    else
+        ask(bus, invocation);
+}
+
+typedef BusRig1Skeleton AuthoritySkeleton;
+typedef BusRig1SkeletonClass AuthoritySkeletonClass;
+static GType authority_skeleton_get_type(void);
+G_DEFINE_TYPE(AuthoritySkeleton, authority_skeleton, BUS_TYPE_RIG1_SKELETON)
+
+static GDBusInterfaceVTable *codegen_vtable(BusRig1 *object) {
+    return G_DBUS_INTERFACE_SKELETON_CLASS(authority_skeleton_parent_class)
+        ->get_vtable(G_DBUS_INTERFACE_SKELETON(object));
+}
+
+static GDBusInterfaceVTable *authority_get_vtable(GDBusInterfaceSkeleton *skeleton) {
+    static GDBusInterfaceVTable vtable;
+    vtable = *codegen_vtable(BUS_RIG1(skeleton));
+    vtable.method_call = authority_method_call;
+    return &vtable;
+}
+
+static void authority_skeleton_class_init(AuthoritySkeletonClass *class) {
+    G_DBUS_INTERFACE_SKELETON_CLASS(class)->get_vtable = authority_get_vtable;
+}
+
+static void authority_skeleton_init(AuthoritySkeleton *skeleton) {
+}
+
+BusRig1 *bus_authority_skeleton(void) {
+    return g_object_new(authority_skeleton_get_type(), NULL);
+}

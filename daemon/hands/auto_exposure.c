@@ -1,0 +1,368 @@
+#include "auto_exposure.h"
+
+#include <math.h>
+
+#include "hand_link.h"
+#include "rig/devices.h"
+#include "trial.h"
+
+#define FIRST_US      4000
+#define MOST_PICTURES 10 /* of one camera under one light */
+/* Parts of a camera's range, above black. */
+#define LAMP_HIGH    0.7
+#define LAMP_LOW     0.2
+#define LAMP_LEAST   0.05 /* rather than none */
+#define LINE_LOW     0.05
+#define LINE_HIGH    0.7
+#define FULL_PART    0.95 /* saturated, or nearly */
+#define TELLING_PART 0.1  /* enough to tell the exposure that another part takes */
+#define NOTHING_PART 0.0005
+#define MOST_RATIO   (AUTO_MOST_FACTOR * AUTO_MOST_FACTOR)
+#define LINE_RATIO   64 /* at most between laser_exposure_us and laser_short_us */
+#define LINE_LASERS  2
+#define LINE_PLACES  3
+
+struct measured { /* a camera under a light */
+    int camera;
+    const char *light;
+    double high, low; /* parts of the range a microsecond, of few pixels and of many */
+    gboolean full;    /* saturated at the shortest exposure that the camera has: high is more */
+};
+
+struct choice {
+    struct trial trial;
+    const struct rig_timing *timing;
+    double dark[RIG_MAX_CAMERAS]; /* part of the range a microsecond, without a light */
+    double arc_deg;
+    GArray *lamps, *lines; /* of struct measured */
+};
+
+/* The value that n pixels reach. */
+static int value_of(const Frame *frame, gsize n) {
+    const gsize pixels = (gsize)frame->width * (gsize)frame->height;
+    const int top = (1 << frame->bits) - 1;
+    g_autofree gsize *counts = g_new0(gsize, top + 1);
+    gsize above = 0;
+    int dn = top;
+    for (gsize i = 0; i < pixels; i++)
+        counts[MIN(frame->pixels[i], top)]++;
+    for (; dn > 0; dn--)
+        if ((above += counts[dn]) >= n)
+            break;
+    return dn;
+}
+
+/* What n pixels reach of the range above black and dark current. */
+static double part_of(const struct choice *choice, int camera, const Frame *frame, gsize n) {
+    const double range_dn = (1 << frame->bits) - 1 - frame->black_level;
+    return (value_of(frame, n) - frame->black_level) / range_dn -
+           choice->dark[camera] * (double)frame->exposure_us;
+}
+
+static gint64 choice_least_us(const struct choice *choice, int camera) {
+    return MAX(choice->timing->min_exposure_us[camera], 1);
+}
+
+static Frame *choice_snap(const struct choice *choice, int camera, double us, GError **error) {
+    return hand_snap(choice->trial.link, choice->trial.rig->cameras[camera].name, llround(us),
+                     choice->trial.conf->gain_db, error);
+}
+
+/* Searches for an exposure that tells, from *us, which it sets. n_high pixels and n_low pixels are
+ * what is looked at. FALSE: a device failed. ret->high is 0 if there is no light. */
+static gboolean choice_measure(const struct choice *choice, int camera, const char *light,
+                               gboolean line, double *us, struct measured *ret, GError **error) {
+    const struct rig_camera *shape = &choice->trial.rig->cameras[camera];
+    const double pixels = (double)shape->width * shape->height;
+    const gsize side = (gsize)MAX(shape->width, shape->height);
+    const gsize n_high =
+        line ? MAX(side / 100, 2) : (gsize)MAX(pixels * choice->trial.conf->saturated_pct / 100, 1);
+    const gsize n_low = line ? MAX(side / 2, 1) : (gsize)MAX(pixels / 100, 1);
+    const double longest_us = choice->trial.conf->auto_longest_us;
+    const double shortest_us = (double)choice_least_us(choice, camera);
+    *ret = (struct measured){.camera = camera, .light = light};
+    for (int i = 0; i < MOST_PICTURES; i++) {
+        *us = CLAMP(*us, shortest_us, MAX(longest_us, shortest_us));
+        g_autoptr(Frame) frame = choice_snap(choice, camera, *us, error);
+        if (!frame)
+            return FALSE;
+        const double high = part_of(choice, camera, frame, n_high);
+        const double low = part_of(choice, camera, frame, n_low);
+        const double range_dn = (1 << frame->bits) - 1 - frame->black_level;
+        const gboolean full = high + choice->dark[camera] * (double)frame->exposure_us >= FULL_PART;
+        ret->high = high / (double)frame->exposure_us;
+        ret->low = low / (double)frame->exposure_us;
+        ret->full = full;
+        if (full && *us > shortest_us)
+            *us /= 8;
+        else if (!full && high < TELLING_PART && *us < longest_us)
+            *us *= high > TELLING_PART / 8 ? 0.5 / high : 8;
+        else if (!full && high < MAX(NOTHING_PART, 8 / range_dn))
+            ret->high = ret->low = 0; /* no more than noise */
+        else
+            break;
+        if (ret->high == 0)
+            break;
+    }
+    return TRUE;
+}
+
+static gboolean take_dark(struct choice *choice, GError **error) {
+    for (int i = 0; i < choice->trial.n_cameras; i++) {
+        const int c = choice->trial.cameras[i];
+        const struct rig_camera *shape = &choice->trial.rig->cameras[c];
+        g_autoptr(Frame) frame = choice_snap(choice, c, choice->trial.conf->auto_longest_us, error);
+        if (!frame)
+            return FALSE;
+        choice->dark[c] =
+            MAX(part_of(choice, c, frame, (gsize)shape->width * (gsize)shape->height / 2), 0) /
+            (double)frame->exposure_us;
+    }
+    return TRUE;
+}
+
+static gboolean measure_cameras(struct choice *choice, const char *light, gboolean line, double *us,
+                                GArray *to, GError **error) {
+    for (int i = 0; i < choice->trial.n_cameras; i++) {
+        struct measured measured;
+        if (!choice_measure(choice, choice->trial.cameras[i], light, line, us, &measured, error))
+            return FALSE;
+        if (measured.high > 0)
+            g_array_append_val(to, measured);
+    }
+    return TRUE;
+}
+
+static gboolean try_lamps(struct choice *choice, GError **error) {
+    const struct trial *trial = &choice->trial;
+    double us = FIRST_US;
+    if (!trial_pose(trial, FALSE, &choice->arc_deg, error))
+        return FALSE;
+    for (int i = 0; i < MIN(trial->n_lamps, TRIAL_FIRST_LAMPS); i++) {
+        const char *name = trial->rig->lamps[trial->lamps[i]].name;
+        if (!hand_light(trial->link, FALSE, name, TRUE, error) ||
+            !measure_cameras(choice, name, FALSE, &us, choice->lamps, error) ||
+            !hand_light(trial->link, FALSE, name, FALSE, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* A laser at places of the sample, as in a sweep. sweep: its axis. */
+static gboolean try_laser(struct choice *choice, int laser, const char *sweep, double *us,
+                          GError **error) {
+    const struct trial *trial = &choice->trial;
+    const char *name = trial->rig->lasers[laser].name;
+    double from_deg, to_deg, deg;
+    plan_sweep_deg(trial->conf, trial->rig, laser, 0, choice->arc_deg, &from_deg, &to_deg);
+    if (!hand_home(trial->link, sweep, &deg, error))
+        return FALSE;
+    for (int i = 0; i < LINE_PLACES; i++) {
+        const double at_deg = from_deg + (to_deg - from_deg) * (i + 1) / (LINE_PLACES + 1);
+        if (!hand_move(trial->link, sweep, at_deg, &deg, error) ||
+            (i == 0 && !hand_light(trial->link, TRUE, name, TRUE, error)) ||
+            !measure_cameras(choice, name, TRUE, us, choice->lines, error))
+            return FALSE;
+    }
+    return hand_light(trial->link, TRUE, name, FALSE, error);
+}
+
+static gboolean try_lasers(struct choice *choice, const char *rig_path, GError **error) {
+    const struct trial *trial = &choice->trial;
+    g_autoptr(Config) config = config_load(rig_path, error);
+    int usable[RIG_MAX_LASERS], n = 0;
+    double us = FIRST_US;
+    if (!config || !trial_pose(trial, TRUE, &choice->arc_deg, error))
+        return FALSE;
+    for (int i = 0; i < trial->n_lasers; i++) {
+        const int l = trial->lasers[i];
+        if (choice->timing->mounts[rig_laser_unit(choice->timing, l)] == 0)
+            usable[n++] = l;
+    }
+    if (trial->n_lasers > 0 && n == 0)
+        g_set_error_literal(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                            "[capture] laser_exposure_us and laser_short_us cannot be auto: every "
+                            "laser is mounted by hand; give their values");
+    if (n == 0)
+        return trial->n_lasers == 0;
+    for (int i = 0; i < MIN(n, LINE_LASERS); i++) {
+        const int l = usable[i == 0 ? 0 : n - 1];
+        const struct config_section *section =
+            config_find(config, "laser", trial->rig->lasers[l].name);
+        const char *sweep = section ? config_value(section, "sweep", NULL) : NULL;
+        if (sweep && !try_laser(choice, l, sweep, &us, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* The brightest and the dimmest; NULL: nothing was seen. */
+static const struct measured *choice_extreme(const GArray *all, gboolean brightest) {
+    const struct measured *found = NULL;
+    for (guint i = 0; i < all->len; i++) {
+        const struct measured *m = &g_array_index(all, struct measured, i);
+        if (!found || (brightest ? m->high > found->high : m->low < found->low))
+            found = m;
+    }
+    return found;
+}
+
+static const char *name_of(const struct choice *choice, const struct measured *measured) {
+    return choice->trial.rig->cameras[measured->camera].name;
+}
+
+/* The shortest exposure that all cameras can which the session plans with. */
+static double choice_common_us(const struct choice *choice) {
+    gint64 us = 1;
+    for (int i = 0; i < choice->trial.n_cameras; i++)
+        us = MAX(us, choice_least_us(choice, choice->trial.cameras[i]));
+    return (double)us;
+}
+
+/* Whether exposures from shortest_us, which the brightest allows, to needed_us, which the dimmest
+ * needs, can serve both; else says by what key they could. */
+static gboolean check_ends(const struct choice *choice, const struct measured *brightest,
+                           const struct measured *dimmest, const char *key, double shortest_us,
+                           double needed_us, double most_ratio, GError **error) {
+    const struct session_conf *conf = choice->trial.conf;
+    const double least_us = choice_common_us(choice);
+    if (brightest->full || brightest->high * MAX(shortest_us, least_us) > FULL_PART)
+        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
+                       "camera %s saturates under %s even at %.0f µs, the shortest that all "
+                       "cameras can: dim the light, close the aperture, or lower [capture] gain_db",
+                       name_of(choice, brightest), brightest->light, least_us);
+    else if (needed_us > conf->auto_longest_us)
+        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", "auto_longest_us",
+                       "camera %s needs %.0f µs under %s, and %s may choose %g µs at most: raise "
+                       "auto_longest_us, open the aperture, or raise gain_db",
+                       name_of(choice, dimmest), ceil(needed_us), dimmest->light, key,
+                       conf->auto_longest_us);
+    else if (needed_us > most_ratio * shortest_us)
+        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
+                       "camera %s saturates above %.0f µs under %s, and camera %s needs %.0f µs "
+                       "under %s: exposures may be %g times apart at most. Bring their apertures "
+                       "together, or give the exposures yourself",
+                       name_of(choice, brightest), shortest_us, brightest->light,
+                       name_of(choice, dimmest), ceil(needed_us), dimmest->light, most_ratio);
+    else
+        return TRUE;
+    return FALSE;
+}
+
+/* The exposure that brings a measured part to what it is to be. */
+static double exposure_for(double wanted, double part_a_us) {
+    return part_a_us > 0 ? wanted / part_a_us : INFINITY;
+}
+
+static gboolean refuse_dark(const struct choice *choice, const char *what, const char *key,
+                            GError **error) {
+    plan_set_error(error, PLAN_ERROR_LIMITS, choice->trial.conf, "capture", key,
+                   "cannot be chosen: no camera sees %s at %g µs, the longest that auto_longest_us "
+                   "allows: check its power, the lens caps, and that the sample is in view",
+                   what, choice->trial.conf->auto_longest_us);
+    return FALSE;
+}
+
+static gboolean choose_lamps(const struct choice *choice, GString *to, GError **error) {
+    const struct measured *brightest = choice_extreme(choice->lamps, TRUE);
+    const struct measured *dimmest = choice_extreme(choice->lamps, FALSE);
+    const double most_us = choice->trial.conf->auto_longest_us;
+    if (!brightest)
+        return refuse_dark(choice, "a lamp", auto_key_names[AUTO_EXPOSURES], error);
+    const double shortest_us = MIN(LAMP_HIGH / brightest->high, most_us / AUTO_FACTOR);
+    if (!check_ends(choice, brightest, dimmest, auto_key_names[AUTO_EXPOSURES], shortest_us,
+                    exposure_for(LAMP_LEAST, dimmest->low), MOST_RATIO, error))
+        return FALSE;
+    const double longest_us = CLAMP(exposure_for(LAMP_LOW, dimmest->low), AUTO_FACTOR * shortest_us,
+                                    MIN(MOST_RATIO * shortest_us, most_us));
+    const int n = longest_us > AUTO_FACTOR * shortest_us * 1.01 ? AUTO_MOST_EXPOSURES : 2;
+    const double least_us = choice_common_us(choice);
+    g_string_append_printf(to, "%s = ", auto_key_names[AUTO_EXPOSURES]);
+    for (int i = 0; i < n; i++) {
+        const double us = shortest_us * pow(longest_us / shortest_us, (double)i / (n - 1));
+        g_string_append_printf(to, "%s%.0f", i ? "; " : "",
+                               MIN(MAX(trial_rounded_us(us), least_us), most_us));
+    }
+    g_string_append_c(to, '\n');
+    return TRUE;
+}
+
+static gboolean choose_lines(const struct choice *choice, GString *to, GError **error) {
+    const struct session_conf *conf = choice->trial.conf;
+    const struct measured *brightest = choice_extreme(choice->lines, TRUE);
+    const struct measured *dimmest = choice_extreme(choice->lines, FALSE);
+    const gboolean may_short = conf->is_auto[AUTO_SHORT] || conf->laser_short_us > 0;
+    const char *key = auto_key_names[conf->is_auto[AUTO_LASER] ? AUTO_LASER : AUTO_SHORT];
+    if (!brightest)
+        return refuse_dark(choice, "a laser's line", key, error);
+    double shortest_us = LINE_HIGH / brightest->high, long_us = conf->laser_exposure_us;
+    /* What a line must rise above the background to count, twice. */
+    const double range_dn = (1 << choice->timing->bits[dimmest->camera]) - 1;
+    const double least = 2 * conf->laser_threshold_dn / range_dn;
+    const double needed_us = exposure_for(least, dimmest->low);
+    if (conf->is_auto[AUTO_LASER]) {
+        /* Alone, it must not saturate. */
+        const double most_us = may_short ? LINE_RATIO * shortest_us : FULL_PART / brightest->high;
+        if (!check_ends(choice, brightest, dimmest, key, shortest_us, needed_us,
+                        most_us / shortest_us, error))
+            return FALSE;
+        long_us = MIN(exposure_for(MAX(LINE_LOW, least), dimmest->low),
+                      MIN(most_us, conf->auto_longest_us));
+        long_us = MAX(trial_rounded_us(long_us), choice_common_us(choice));
+        if (!conf->is_auto[AUTO_SHORT] && long_us <= conf->laser_short_us) {
+            plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", "laser_short_us",
+                           "%g µs is not shorter than the %g µs chosen for laser_exposure_us: set "
+                           "laser_short_us = auto, or a shorter one",
+                           conf->laser_short_us, long_us);
+            return FALSE;
+        }
+        g_string_append_printf(to, "%s = %.0f\n", auto_key_names[AUTO_LASER], long_us);
+    }
+    if (!conf->is_auto[AUTO_SHORT])
+        return TRUE;
+    const gboolean saturates = brightest->high * long_us >= FULL_PART;
+    if (saturates && !check_ends(choice, brightest, dimmest, auto_key_names[AUTO_SHORT],
+                                 shortest_us, MIN(needed_us, long_us), LINE_RATIO, error))
+        return FALSE;
+    shortest_us = MAX(trial_rounded_us(shortest_us), choice_common_us(choice));
+    g_string_append_printf(to, "%s = %.0f\n", auto_key_names[AUTO_SHORT],
+                           saturates ? shortest_us : 0);
+    return TRUE;
+}
+
+char *auto_exposure_choose(Link *link, const struct session_conf *conf, const char *rig_path,
+                           GError **error) {
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GArray) lamps = g_array_new(FALSE, FALSE, sizeof(struct measured));
+    g_autoptr(GArray) lines = g_array_new(FALSE, FALSE, sizeof(struct measured));
+    g_autoptr(GString) chosen = g_string_new(NULL);
+    struct rig rig;
+    struct rig_timing timing;
+    struct choice choice = {.timing = &timing, .lamps = lamps, .lines = lines};
+    const gboolean want_lamps = conf->is_auto[AUTO_EXPOSURES];
+    const gboolean want_lines = conf->is_auto[AUTO_LASER] || conf->is_auto[AUTO_SHORT];
+    if (!want_lamps && !want_lines)
+        return g_strdup("");
+    if (!devices_read_timing(rig_path, &rig, &timing, assumed, error))
+        return NULL;
+    trial_init(&choice.trial, link, conf, &rig);
+    if (!take_dark(&choice, error))
+        return NULL;
+    /* Of what the session does not have any value will do: its bound. */
+    if (want_lamps && choice.trial.n_lamps == 0)
+        g_string_append_printf(chosen, "%s = %.0f\n", auto_key_names[AUTO_EXPOSURES],
+                               conf->exposures_us[0]);
+    else if (want_lamps && (!try_lamps(&choice, error) || !choose_lamps(&choice, chosen, error)))
+        return NULL;
+    if (want_lines && choice.trial.n_lasers > 0) {
+        if (!try_lasers(&choice, rig_path, error) || !choose_lines(&choice, chosen, error))
+            return NULL;
+    } else if (want_lines) {
+        if (conf->is_auto[AUTO_LASER])
+            g_string_append_printf(chosen, "%s = %.0f\n", auto_key_names[AUTO_LASER],
+                                   conf->laser_exposure_us);
+        if (conf->is_auto[AUTO_SHORT])
+            g_string_append_printf(chosen, "%s = 0\n", auto_key_names[AUTO_SHORT]);
+    }
+    return g_string_free(g_steal_pointer(&chosen), FALSE);
+}

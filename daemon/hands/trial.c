@@ -1,0 +1,120 @@
+#include "trial.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "geometry/rig.h"
+#include "hand_link.h"
+
+/* How far a device may stand from the ring that it serves; as the plan has it. */
+#define TOLERANCE_DEG 0.5
+
+static gboolean trial_is_planned(const struct ring *rings, int n, char **devices, const char *name,
+                                 struct vec3 position_mm) {
+    double theta_rad, phi_rad;
+    gboolean planned = FALSE;
+    if (devices)
+        return g_strv_contains((const char *const *)devices, name) ||
+               g_strv_contains((const char *const *)devices, "all");
+    rig_angles(position_mm, &theta_rad, &phi_rad);
+    for (int i = 0; i < n; i++)
+        planned |= fabs(theta_rad * 180 / G_PI - rings[i].theta_deg) <= TOLERANCE_DEG;
+    return planned;
+}
+
+/* On the sample's middle, W·m⁻². */
+static double trial_irradiance(const struct rig *rig, int lamp) {
+    const struct vec3 at = rig_lamp_position_mm(NULL, &rig->lamps[lamp], 0);
+    return rig_lamp_irradiance(NULL, &rig->lamps[lamp], 0, vec3(0, 0, 0)) * at.z /
+           sqrt(at.x * at.x + at.y * at.y + at.z * at.z);
+}
+
+static int by_irradiance(gconstpointer a, gconstpointer b, gpointer rig) {
+    const double x = trial_irradiance(rig, *(const int *)a);
+    const double y = trial_irradiance(rig, *(const int *)b);
+    return x != y ? (x < y) - (x > y) : *(const int *)a - *(const int *)b;
+}
+
+/* The brightest, the dimmest, those at a third and at two thirds, and the others. */
+static void trial_sort_lamps(struct trial *trial) {
+    const int n = trial->n_lamps, firsts[TRIAL_FIRST_LAMPS] = {0, n - 1, n / 3, 2 * n / 3};
+    int sorted[RIG_MAX_LAMPS], k = 0;
+    gboolean used[RIG_MAX_LAMPS] = {0};
+    if (n <= TRIAL_FIRST_LAMPS)
+        return;
+    memcpy(sorted, trial->lamps, sizeof sorted);
+    g_qsort_with_data(sorted, n, sizeof *sorted, by_irradiance, (gpointer)trial->rig);
+    for (; k < TRIAL_FIRST_LAMPS; k++) {
+        trial->lamps[k] = sorted[firsts[k]];
+        used[firsts[k]] = TRUE;
+    }
+    for (int i = 0; i < n; i++)
+        if (!used[i])
+            trial->lamps[k++] = sorted[i];
+}
+
+void trial_init(struct trial *trial, Link *link, const struct session_conf *conf,
+                const struct rig *rig) {
+    *trial = (struct trial){.link = link, .conf = conf, .rig = rig};
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (trial_is_planned(conf->views, conf->n_views, conf->views_of, rig->cameras[c].name,
+                             rig_camera_centre_mm(&rig->cameras[c])))
+            trial->cameras[trial->n_cameras++] = c;
+    for (int l = 0; l < rig->n_lamps; l++)
+        if (trial_is_planned(conf->lights, conf->n_lights, conf->lights_of, rig->lamps[l].name,
+                             rig->lamps[l].position_mm))
+            trial->lamps[trial->n_lamps++] = l;
+    for (int l = 0; l < rig->n_lasers; l++)
+        if (trial_is_planned(conf->lasers, conf->n_lasers, conf->lasers_of, rig->lasers[l].name,
+                             rig->lasers[l].position_mm))
+            trial->lasers[trial->n_lasers++] = l;
+    trial_sort_lamps(trial);
+}
+
+/* The azimuth of a ring, with the turntable at 0, that is farthest from all cameras. */
+static double free_azimuth_deg(const struct rig *rig, const struct ring *ring) {
+    double best_deg = ring->offset_deg, farthest_deg = -1;
+    for (int k = 0; k < ring->count; k++) {
+        const double deg = ring->offset_deg + 360.0 * k / ring->count;
+        double nearest_deg = 180;
+        for (int c = 0; c < rig->n_cameras; c++) {
+            const struct vec3 at = rig_camera_centre_mm(&rig->cameras[c]);
+            const double phi_deg = atan2(at.y, at.x) * 180 / G_PI;
+            nearest_deg = MIN(nearest_deg, fabs(remainder(deg - phi_deg, 360)));
+        }
+        if (nearest_deg > farthest_deg) {
+            farthest_deg = nearest_deg;
+            best_deg = deg;
+        }
+    }
+    return best_deg;
+}
+
+gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
+                    GError **error) {
+    GVariant *devices = bus_rig1_get_devices(link_rig(trial->link));
+    const struct ring *ring = lasers ? trial->conf->lasers : trial->conf->lights;
+    const char *class_name, *name, *driver, *health;
+    GVariantIter iter;
+    double deg;
+    *ret_arc_deg = 0;
+    if (!devices)
+        return TRUE;
+    g_variant_iter_init(&iter, devices);
+    while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health)) {
+        const gboolean arc = strcmp(name, "arc") == 0, table = strcmp(name, "turntable") == 0;
+        if (strcmp(class_name, "axis") != 0 || (!arc && !table))
+            continue;
+        if (!hand_home(trial->link, name, &deg, error) ||
+            (arc && !hand_move(trial->link, name, free_azimuth_deg(trial->rig, ring), &deg, error)))
+            return FALSE;
+        if (arc)
+            *ret_arc_deg = deg;
+    }
+    return TRUE;
+}
+
+double trial_rounded_us(double us) {
+    const double step = pow(10, floor(log10(MAX(us, 1))) - 1);
+    return round(us / step) * step;
+}

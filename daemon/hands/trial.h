@@ -1,0 +1,32 @@
+/* Pictures on trial before a capture, for test shots (guard.h) and for exposures that are "auto"
+ * (auto_exposure.h): where the rig stands meanwhile, and which devices they are of. */
+#pragma once
+
+#include "command/link.h"
+#include "plan/plan.h"
+
+/* Lamps that are tried first: with a dark shot they make five. */
+#define TRIAL_FIRST_LAMPS 4
+
+struct trial {
+    Link *link;
+    const struct session_conf *conf;
+    const struct rig *rig;                   /* nominal */
+    int cameras[RIG_MAX_CAMERAS], n_cameras; /* those that the session plans with */
+    /* Likewise; the first four are the brightest on the sample by the rig file, the dimmest, and
+     * two between. */
+    int lamps[RIG_MAX_LAMPS], n_lamps;
+    int lasers[RIG_MAX_LASERS], n_lasers;
+};
+
+void trial_init(struct trial *trial, Link *link, const struct session_conf *conf,
+                const struct rig *rig);
+
+/* Homes turntable and arc, and turns the arc to the planned light or laser position (lasers)
+ * farthest from the cameras, where it stands in no picture. An axis that the rig lacks is left out.
+ * ret_arc_deg: where the arc stands now. */
+gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
+                    GError **error);
+
+/* To two digits: more of an exposure is not known. */
+double trial_rounded_us(double us);

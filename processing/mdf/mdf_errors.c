@@ -1,0 +1,187 @@
+#include "mdf_errors.h"
+
+#include <math.h>
+
+#define AROUND 2  /* texels on each side whose scatter counts */
+#define CELLS  16 /* points of a cell, each way, for q(p) */
+
+/* Mean of a bend over the samples that have it, and its variance by their scatter. */
+static void mdf_errors_bend(const struct mdf_candidate *samples, int n, int bend, double *ret_mm,
+                            double *ret_noise_mm2) {
+    double weights = 0, sum = 0, scatter = 0;
+    int known = 0;
+    for (int i = 0; i < n; i++) {
+        if (!isfinite(samples[i].bend_mm[bend]))
+            continue;
+        weights += samples[i].weight;
+        sum += samples[i].weight * samples[i].bend_mm[bend];
+        known++;
+    }
+    *ret_mm = weights > 0 ? sum / weights : NAN;
+    for (int i = 0; i < n && known > 1; i++) {
+        const double share = samples[i].weight / weights;
+        if (isfinite(samples[i].bend_mm[bend]))
+            scatter += pow(share * (samples[i].bend_mm[bend] - *ret_mm), 2) / MAX(1 - share, 1e-6);
+    }
+    *ret_noise_mm2 = scatter;
+}
+
+void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean,
+                   struct mdf_spread *ret) {
+    double weights = 0, scatter = 0, expected = 0, sum = 0, squares = 0;
+    *ret = (struct mdf_spread){.n = n};
+    for (int i = 0; i < n; i++)
+        weights += samples[i].weight;
+    for (int i = 0; i < n; i++)
+        ret->unit_mm2 += pow(samples[i].weight / weights * samples[i].frame_mm, 2);
+    for (int i = 0; i < n && n > 1; i++) {
+        const double share = samples[i].weight / weights;
+        const double factor = share * share / MAX(1 - share, 1e-6);
+        const double frame_mm2 = pow((double)samples[i].frame_mm, 2);
+        scatter += factor * pow(samples[i].mm - mean, 2);
+        expected += factor * (frame_mm2 * (1 - 2 * share) + ret->unit_mm2);
+        sum += factor * frame_mm2;
+        squares += pow(factor * frame_mm2, 2);
+    }
+    if (expected > 0) {
+        ret->frames2 = scatter / expected;
+        ret->freedom = MAX(sum * sum / squares - 1, 1);
+    }
+    for (int k = 0; k < MDF_BENDS; k++)
+        mdf_errors_bend(samples, n, k, &ret->bend_mm[k], &ret->noise_mm2[k]);
+}
+
+/* ū: the mean of u over the texels around, weighted with their degrees of freedom; without any, the
+ * texel's own. */
+static double mdf_errors_around(const struct mdf_errors_grid *grid,
+                                const struct mdf_spread *spreads, int texel) {
+    const int column = texel % grid->width, row = texel / grid->width;
+    double sum = 0, freedom = 0;
+    for (int y = MAX(row - AROUND, 0); y <= MIN(row + AROUND, grid->height - 1); y++)
+        for (int x = MAX(column - AROUND, 0); x <= MIN(column + AROUND, grid->width - 1); x++) {
+            const struct mdf_spread *other = &spreads[y * grid->width + x];
+            if (y * grid->width + x == texel)
+                continue;
+            sum += other->freedom * other->frames2;
+            freedom += other->freedom;
+        }
+    return freedom > 0 ? sum / freedom : spreads[texel].frames2;
+}
+
+/* Logarithm of the likelihood of u, without what k does not change: u / ū has ν degrees of freedom
+ * about a variance of an inverse χ² of k + 2 degrees and mean 1. */
+static double mdf_errors_likelihood(double k, double freedom, double u, double mean) {
+    const double d = k + 2;
+    return lgamma((freedom + d) / 2) - lgamma(d / 2) + d / 2 * log(k * mean) -
+           (freedom + d) / 2 * log(k * mean + freedom * u);
+}
+
+static double mdf_errors_k(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
+                           const double *around) {
+    double best = 0, most = -INFINITY;
+    for (double k = 0.25; k <= 64; k *= 2) {
+        double sum = 0;
+        for (int i = 0; i < grid->width * grid->height; i++)
+            if (spreads[i].freedom > 0 && around[i] > 0)
+                sum += mdf_errors_likelihood(k, spreads[i].freedom, spreads[i].frames2, around[i]);
+        if (sum > most) {
+            most = sum;
+            best = k;
+        }
+    }
+    return best;
+}
+
+/* The error of Σ w z(corners) at a point, by E (z(x) − z(y))² = |x − y|^p: Σ w D − ½ Σ Σ w w D. For
+ * p above 2, D is a generalised covariance, as w reproduces planes. */
+double mdf_errors_between(double p) {
+    static const double corner[4][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
+    double sum = 0;
+    p = fabs(p - 2) < 0.02 ? 2.02 : p; /* at 2 both are 0 */
+    for (int point = 0; point < CELLS * CELLS; point++) {
+        const double u = (point % CELLS + 0.5) / CELLS, v = ((int)(point / CELLS) + 0.5) / CELLS;
+        const double w[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
+        for (int i = 0; i < 4; i++) {
+            sum += w[i] * pow(hypot(u - corner[i][0], v - corner[i][1]), p);
+            for (int j = 0; j < 4; j++)
+                if (i != j)
+                    sum -= 0.5 * w[i] * w[j] *
+                           pow(hypot(corner[i][0] - corner[j][0], corner[i][1] - corner[j][1]), p);
+        }
+    }
+    return sum / (CELLS * CELLS) / (2 * (1 - pow(2, p - 2)));
+}
+
+/* p, from the bends over one and over two spacings, where both are known. */
+static double mdf_errors_exponent(const struct mdf_errors_grid *grid,
+                                  const struct mdf_spread *spreads) {
+    double squares[2] = {0};
+    for (int i = 0; i < grid->width * grid->height; i++)
+        for (int axis = 0; axis < 2 && spreads[i].n > 1; axis++) {
+            const struct mdf_spread *s = &spreads[i];
+            if (!isfinite(s->bend_mm[axis]) || !isfinite(s->bend_mm[2 + axis]))
+                continue;
+            for (int k = 0; k < 2; k++)
+                squares[k] += pow(s->bend_mm[2 * k + axis], 2) - s->noise_mm2[2 * k + axis];
+        }
+    if (!(squares[0] > 0))
+        return 4;
+    return squares[1] > 0 ? CLAMP(log2(squares[1] / squares[0]), 0, 4) : 0;
+}
+
+/* b_x² + b_y² without noise, the mean over texels whose bends overlap with the texel's: those of
+ * spacing h reach h to both sides, and two of them overlap by 1 − distance / 2h. */
+static double mdf_errors_bent(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
+                              int texel) {
+    const int column = texel % grid->width, row = texel / grid->width;
+    const int reach[2] = {(int)(2 * grid->spacing[0]), (int)(2 * grid->spacing[1])};
+    double sum = 0, weights = 0;
+    for (int y = MAX(row - reach[1], 0); y <= MIN(row + reach[1], grid->height - 1); y++)
+        for (int x = MAX(column - reach[0], 0); x <= MIN(column + reach[0], grid->width - 1); x++) {
+            const struct mdf_spread *s = &spreads[y * grid->width + x];
+            const double weight = MAX(1 - abs(x - column) / (2 * grid->spacing[0]), 0) *
+                                  MAX(1 - abs(y - row) / (2 * grid->spacing[1]), 0);
+            if (s->n == 0)
+                continue;
+            for (int axis = 0; axis < 2; axis++)
+                if (isfinite(s->bend_mm[axis]))
+                    sum += weight * (pow(s->bend_mm[axis], 2) - s->noise_mm2[axis]);
+            weights += weight;
+        }
+    return weights > 0 ? sum / weights : 0;
+}
+
+/* Where noise is all there is, bends without it are above 0 as often as below, and those above
+ * alone would have a mean: they are scaled to the mean of both over the texels around. */
+static double mdf_errors_unbiased(const struct mdf_errors_grid *grid, const double *bent,
+                                  int texel) {
+    const int column = texel % grid->width, row = texel / grid->width;
+    double sum = 0, above = 0;
+    for (int y = MAX(row - AROUND, 0); y <= MIN(row + AROUND, grid->height - 1); y++)
+        for (int x = MAX(column - AROUND, 0); x <= MIN(column + AROUND, grid->width - 1); x++) {
+            sum += bent[y * grid->width + x];
+            above += MAX(bent[y * grid->width + x], 0);
+        }
+    return above > 0 ? MAX(bent[texel], 0) * MAX(sum, 0) / above : 0;
+}
+
+void mdf_errors_find(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
+                     float *ret_error_mm) {
+    const int n = grid->width * grid->height;
+    g_autofree double *around = g_new0(double, n), *bent = g_new0(double, n);
+    for (int i = 0; i < n; i++) {
+        around[i] = mdf_errors_around(grid, spreads, i);
+        bent[i] = mdf_errors_bent(grid, spreads, i);
+    }
+    const double k = mdf_errors_k(grid, spreads, around);
+    const double between = mdf_errors_between(mdf_errors_exponent(grid, spreads));
+    for (int i = 0; i < n; i++) {
+        const struct mdf_spread *s = &spreads[i];
+        if (s->n < 2)
+            continue;
+        const double frames2 =
+            (s->freedom * s->frames2 + k * around[i]) / MAX(s->freedom + k, 1e-6);
+        ret_error_mm[i] =
+            (float)sqrt(frames2 * s->unit_mm2 + between * mdf_errors_unbiased(grid, bent, i));
+    }
+}

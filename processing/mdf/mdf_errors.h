@@ -1,0 +1,46 @@
+/*
+ * Standard errors of merged distances: private to mdf.h. Any thread.
+ *
+ * A distance m = Σ w x is the mean of n sweeps' distances x with shares w of their weight. Its
+ * variance has two parts.
+ *
+ * 1. Times of pulses. They are off by alike numbers of frames in all sweeps, and a frame of a sweep
+ * is g deep along the ray. So m has the variance u V with V = Σ w² g², and u, in frames², follows
+ * from the sweeps' scatter:
+ *   S = Σ a (x − m)²,  a = w² / (1 − w),  E = Σ a (g² (1 − 2 w) + V),  u = S / E,
+ *   ν = max(1, (Σ a g²)² / Σ (a g²)² − 1) degrees of freedom.
+ * By u alone two sweeps would give errors in units of σ that follow Student's t of one degree of
+ * freedom, whose variance is infinite. So u is mixed with ū, the mean of the 5 × 5 texels around,
+ * which counts as k more degrees: û = (ν u + k ū) / (ν + k). That is the expectation of u where the
+ * texels' true values follow an inverse χ² of k + 2 degrees of freedom about ū; k is the most
+ * likely one of the view (Smyth 2004, with ū from around the texel).
+ *
+ * 2. What all sweeps share: they read the surface at the same pixels, and interpolate. With
+ * b = (z(−h) + z(h)) / 2 − z(0) the bend of the surface over the spacing h of the pixels, V_b = E
+ * b² and V_b(2h) / V_b(h) = 2^p, the variance is q(p) (b_x² + b_y²), by the model of a surface
+ * whose squared differences grow with the p-th power of distance (Mandelbrot & Van Ness 1968; p = 4
+ * is smooth, 3 has creases, 1 steps, 0 is rough in every pixel). b is the mean over sweeps; what it
+ * has by the times' noise is subtracted.
+ */
+#pragma once
+
+#include "mdf_merge.h"
+
+#include <glib.h>
+
+/* samples: n agreeing ones; mean: their weighted mean. */
+void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean, struct mdf_spread *ret);
+
+struct mdf_errors_grid {
+    int width, height;
+    double spacing[2]; /* of pixels that see the laser, in texels, along rows and columns */
+};
+
+/* spreads: width × height; those of texels that are not known are 0. Sets the standard errors of
+ * texels that two sweeps or more have seen, and leaves those of others. */
+void mdf_errors_find(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
+                     float *ret_error_mm);
+
+/* q(p): the mean square error of bilinear interpolation in a square cell over the sum of its two
+ * squared bends. p: 0 … 4. */
+double mdf_errors_between(double p);

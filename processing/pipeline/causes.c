@@ -1,0 +1,320 @@
+#include "causes.h"
+
+#include "base/config.h"
+#include "base/robust.h"
+#include "btf/btf.h"
+#include "btf/btf_sigma.h"
+#include "calibration/calibration.h"
+#include "formats/nominal.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LEAST_SEEN     0.3  /* of the texels, by lasers */
+#define LEAST_LINES    0.02 /* of the pixels of a sweep that draws a line on the sample */
+#define MOST_SWEEPS    16   /* that are looked at */
+#define MOST_FRAMES    8    /* likewise, of a view */
+#define DARK           0.0005 /* mean reflectance under the steepest light; blackest paints have more */
+#define DARK_SHARE     0.02 /* of the median view's */
+#define DARK_DN        5.0
+#define MOST_SATURATED 0.5 /* of a view's values */
+
+struct texts {
+    Config *rig_conf;
+    gboolean imported; /* there is no rig file */
+    Calibration *calibration;
+    GPtrArray *views, *shots, *frames;
+};
+
+struct seen_view {
+    const struct session_direction *view;
+    double mean, saturated; /* of the steepest light; share of all values */
+};
+
+static gboolean texts_read(Session *session, const char *calibration, struct texts *ret,
+                           GError **error) {
+    g_autofree char *own = session_text(session, "calibration.conf", error);
+    g_autofree char *rig = own ? session_text(session, "rig.conf", error) : NULL;
+    g_autofree char *name = session_file(session, "session.db (rig.conf)");
+    if (!rig ||
+        !(ret->calibration = calibration_from_text(calibration ? calibration : own, name, error)))
+        return FALSE;
+    ret->rig_conf = config_parse(rig, name, error);
+    if (!ret->rig_conf)
+        return FALSE;
+    gsize n;
+    config_sections(ret->rig_conf, &n);
+    ret->imported = n == 0;
+    return (ret->views = session_views(session, error)) &&
+           (ret->shots = session_shots(session, error)) &&
+           (ret->frames = session_frames(session, error));
+}
+
+static void texts_clear(struct texts *texts) {
+    g_clear_pointer(&texts->rig_conf, config_free);
+    g_clear_pointer(&texts->calibration, calibration_free);
+    g_clear_pointer(&texts->views, g_ptr_array_unref);
+    g_clear_pointer(&texts->shots, g_ptr_array_unref);
+    g_clear_pointer(&texts->frames, g_ptr_array_unref);
+}
+
+static const struct session_shot *shot_of(const struct texts *texts,
+                                          const struct session_frame *frame) {
+    return frame->shot >= 1 && frame->shot <= (gint64)texts->shots->len
+               ? texts->shots->pdata[frame->shot - 1]
+               : NULL;
+}
+
+/* The share of pixels with a line, in some of the sweeps; the least height of a peak in DN. */
+static void look_at_sweeps(Session *session, const struct texts *texts, double *ret_lines,
+                           int *ret_sweeps) {
+    g_autoptr(GPtrArray) sweeps = g_ptr_array_new();
+    double lines = 0, pixels = 0;
+    for (guint i = 0; i < texts->frames->len; i++) {
+        const struct session_shot *shot = shot_of(texts, texts->frames->pdata[i]);
+        if (shot && shot->kind == SHOT_SWEEP)
+            g_ptr_array_add(sweeps, texts->frames->pdata[i]);
+    }
+    const guint step = 1 + sweeps->len / (MOST_SWEEPS + 1);
+    *ret_sweeps = 0;
+    for (guint i = 0; i < sweeps->len; i += step) {
+        const struct session_frame *frame = sweeps->pdata[i];
+        g_autofree char *path = session_file(session, frame->path);
+        g_autoptr(ExrPart) part = exr_read_part(path, "sweep", NULL);
+        const float *peak = part ? exr_part_plane(part, "peak") : NULL;
+        const gsize n = peak ? (gsize)part->width * (gsize)part->height : 0;
+        for (gsize k = 0; k < n; k++)
+            lines += peak[k] >= 0;
+        pixels += (double)n;
+        *ret_sweeps += peak != NULL;
+    }
+    *ret_lines = pixels > 0 ? lines / pixels : 0;
+}
+
+static void explain_mdf(Session *session, const struct texts *texts,
+                        const struct pipeline_result *result, GPtrArray *ret) {
+    struct session_grid grid;
+    double lines;
+    int sweeps;
+    if (result->n_mdf_views == 0 || result->mdf_coverage >= LEAST_SEEN ||
+        !session_grid(session, &grid, NULL))
+        return;
+    look_at_sweeps(session, texts, &lines, &sweeps);
+    g_autofree char *seen = result->mdf_coverage > 0
+                                ? g_strdup_printf("only %.2g %% of the texels are seen by a laser",
+                                                  100 * result->mdf_coverage)
+                                : g_strdup("no texel is seen by a laser");
+    if (lines < LEAST_LINES)
+        g_ptr_array_add(
+            ret, g_strdup_printf("%s: %.2g %% of the pixels of %d sweeps show a line; %s", seen,
+                                 100 * lines, sweeps,
+                                 texts->imported
+                                     ? "import again with a lower --threshold, or take the sweeps "
+                                       "with a longer exposure"
+                                     : "set a longer laser_exposure_us or a lower "
+                                       "laser_threshold_dn in [capture] of the session file"));
+    else
+        g_ptr_array_add(
+            ret,
+            g_strdup_printf(
+                "%s: %.2g %% of the pixels show a line, but not between the reference plane at %g "
+                "mm and depth_mm = %g below it; correct %s, or calibrate the lasers",
+                seen, 100 * lines, grid.reference_mm, grid.depth_mm,
+                texts->imported ? "--reference and --depth of mesorig import poses"
+                                : "reference_mm and depth_mm in [sample] of the session file"));
+}
+
+/* Of a view's file; FALSE: it is not there. */
+static gboolean see_view(const char *path, struct seen_view *ret, GError **error) {
+    if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
+        return FALSE;
+    g_autoptr(ExrFile) headers = exr_read_headers(path, error);
+    const struct exr_part *steepest = NULL;
+    struct btf_flag_counts counts = {0};
+    float theta_deg, phi_deg, least_deg = 360;
+    for (guint i = 0; headers && i < headers->parts->len; i++) {
+        const struct exr_part *part = headers->parts->pdata[i];
+        btf_count_flags(part, &counts);
+        if (!btf_direction(part, "light", &theta_deg, &phi_deg) || theta_deg >= least_deg)
+            continue;
+        least_deg = theta_deg;
+        steepest = part;
+    }
+    g_autoptr(ExrPart) part = steepest ? exr_read_part(path, steepest->name, error) : NULL;
+    const float *green = part ? exr_part_plane(part, "G") : NULL;
+    if (!green)
+        return FALSE;
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    ret->mean = 0;
+    for (gsize k = 0; k < n; k++)
+        ret->mean += (double)green[k] / (double)n;
+    ret->saturated = counts.texels > 0 ? (double)counts.bounds / (double)counts.texels : 0;
+    return TRUE;
+}
+
+/* The brightest of some of a view's frames: its mean at its longest exposure, in DN above dark. */
+static double brightest_dn(Session *session, const struct texts *texts,
+                           const struct session_direction *view, double *ret_us) {
+    double most = -HUGE_VAL;
+    int looked = 0;
+    *ret_us = 0;
+    for (guint i = 0; i < texts->frames->len && looked < MOST_FRAMES; i++) {
+        const struct session_frame *frame = texts->frames->pdata[i];
+        const struct session_shot *shot = shot_of(texts, frame);
+        if (!shot || shot->kind != SHOT_LAMP || frame->camera != view->device ||
+            shot->turntable_deg != view->turntable_deg)
+            continue;
+        g_autofree char *path = session_file(session, frame->path);
+        g_autoptr(ExrPart) part = exr_read_part(path, "radiance", NULL);
+        struct btf_exposures exposures;
+        const float *plane = part && part->n_channels > 0 ? part->planes[0] : NULL;
+        if (!plane || !btf_exposures_read(part, path, &exposures, NULL) || exposures.n == 0)
+            continue;
+        const gsize n = (gsize)part->width * (gsize)part->height;
+        double sum = 0;
+        gsize finite = 0;
+        for (gsize k = 0; k < n; k++)
+            if (isfinite(plane[k])) {
+                sum += (double)plane[k];
+                finite++;
+            }
+        const double ms = exposures.ms[exposures.n - 1];
+        if (finite > 0 && sum / (double)finite * ms > most) {
+            most = sum / (double)finite * ms;
+            *ret_us = 1000 * ms;
+        }
+        looked++;
+    }
+    return most;
+}
+
+static char *name_views(const struct texts *texts, int n, int of, const struct seen_view *first) {
+    return g_strdup_printf(
+        "%d of %d views (the first is view %d, %.0f° from the normal, camera %s) %s", n, of,
+        first->view->index, first->view->theta_deg,
+        texts->calibration->rig.cameras[first->view->device].name, n == 1 ? "is" : "are");
+}
+
+/* Views that are dark, or so much darker than the others that their pictures must be. */
+static void explain_dark(Session *session, const struct texts *texts, const GArray *seen,
+                         GPtrArray *ret) {
+    g_autofree double *means = g_new(double, seen->len);
+    const struct seen_view *first = NULL;
+    double dn = 0, us = 0;
+    int n = 0;
+    for (guint i = 0; i < seen->len; i++)
+        means[i] = g_array_index(seen, struct seen_view, i).mean;
+    const double median = robust_median(means, (int)seen->len);
+    for (guint i = 0; i < seen->len; i++) {
+        const struct seen_view *one = &g_array_index(seen, struct seen_view, i);
+        double its_us;
+        if (one->mean >= DARK && one->mean >= DARK_SHARE * median)
+            continue;
+        const double its_dn = brightest_dn(session, texts, one->view, &its_us);
+        if (one->mean >= DARK && its_dn >= DARK_DN)
+            continue;
+        if (n++ > 0)
+            continue;
+        first = one;
+        dn = its_dn;
+        us = its_us;
+    }
+    if (!first)
+        return;
+    g_autofree char *which = name_views(texts, n, (int)seen->len, first);
+    const struct rig_camera *camera = &texts->calibration->rig.cameras[first->view->device];
+    if (dn < DARK_DN)
+        g_ptr_array_add(
+            ret, g_strdup_printf("%s dark: a picture of it is %.2g DN above dark at %g µs; %s, "
+                                 "and look whether the lens of camera %s is open and the lamps "
+                                 "are on",
+                                 which, dn, us,
+                                 texts->imported ? "take it with longer exposures"
+                                                 : "set longer exposures_us in [capture] of the "
+                                                   "session file",
+                                 camera->name));
+    else
+        g_ptr_array_add(
+            ret, g_strdup_printf("%s dark: %.2g of a white surface, though a picture of it is %.3g "
+                                 "DN above dark; response of [camera %s] = %g or the intensity of "
+                                 "the lamps is too large: measure a white tile (mesorig calibrate "
+                                 "radiometry), or correct them in %s",
+                                 which, first->mean, dn, camera->name, camera->response,
+                                 texts->imported ? "the file of nominal values" : "the rig file"));
+}
+
+static void explain_saturated(const struct texts *texts, const GArray *seen, GPtrArray *ret) {
+    const struct seen_view *first = NULL;
+    int n = 0;
+    for (guint i = 0; i < seen->len; i++) {
+        const struct seen_view *one = &g_array_index(seen, struct seen_view, i);
+        if (one->saturated >= MOST_SATURATED)
+            first = n++ == 0 ? one : first;
+    }
+    if (!first)
+        return;
+    g_autofree char *which = name_views(texts, n, (int)seen->len, first);
+    g_ptr_array_add(ret,
+                    g_strdup_printf("%s saturated: %.0f %% of its values are lower bounds; %s",
+                                    which, 100 * first->saturated,
+                                    texts->imported
+                                        ? "take it with shorter exposures, or correct bits in the "
+                                          "table"
+                                        : "add a shorter one to exposures_us in [capture] of the "
+                                          "session file"));
+}
+
+/* Cameras that are not calibrated and whose response nobody has given. */
+static void explain_response(const struct texts *texts, GPtrArray *ret) {
+    const struct calibration *calibration = texts->calibration;
+    const char *first = NULL;
+    double value = 0;
+    int n = 0;
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const struct rig_camera *camera = &calibration->rig.cameras[c];
+        const struct config_section *section = config_find(texts->rig_conf, "camera", camera->name);
+        const gboolean given = texts->imported
+                                   ? camera->response != NOMINAL_RESPONSE
+                                   : !section || config_value(section, "response", NULL);
+        if (calibration->camera_radiometry[c].known || given)
+            continue;
+        if (n++ == 0) {
+            first = camera->name;
+            value = camera->response;
+        }
+    }
+    if (first)
+        g_ptr_array_add(
+            ret, g_strdup_printf("brightness is right up to a factor: response of [camera %s] = %g "
+                                 "is what is taken where nothing is given (%d of %d cameras); "
+                                 "measure a white tile (mesorig calibrate radiometry), or set "
+                                 "response in %s",
+                                 first, value, n, calibration->rig.n_cameras,
+                                 texts->imported ? "the file of nominal values" : "the rig file"));
+}
+
+gboolean pipeline_causes(const char *directory, const char *calibration,
+                         const struct pipeline_result *result, GPtrArray *ret, GError **error) {
+    struct texts texts = {0};
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct seen_view));
+    if (!session || !texts_read(session, calibration, &texts, error)) {
+        texts_clear(&texts);
+        return FALSE;
+    }
+    explain_mdf(session, &texts, result, ret);
+    for (guint i = 0; result->n_views > 0 && i < texts.views->len; i++) {
+        struct seen_view one = {.view = texts.views->pdata[i]};
+        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", one.view->index);
+        g_autofree char *path = session_file(session, relative);
+        if (one.view->device < texts.calibration->rig.n_cameras && see_view(path, &one, NULL))
+            g_array_append_val(seen, one);
+    }
+    if (seen->len > 0) {
+        explain_dark(session, &texts, seen, ret);
+        explain_saturated(&texts, seen, ret);
+        explain_response(&texts, ret);
+    }
+    texts_clear(&texts);
+    return TRUE;
+}
