@@ -106,8 +106,8 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
     if (!*key || key[strspn(key, key_characters)])
         return syntax_error(error, config, line,
-                            "[%s]: what stands before '=' is not a key: letters, digits, '_', '-' "
-                            "and '.' make one",
+                            "[%s]: the text before '=' is not a key: a key has only letters, "
+                            "digits, '_', '-' and '.'",
                             section->group);
     const struct entry *before = g_hash_table_lookup(section->entries, key);
     if (before)
@@ -146,7 +146,7 @@ static void take_line(Config *config, char *text, int line) {
     struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
     GError *error = NULL;
-    /* "driver" once more: the heading between the two is missing. */
+    /* A second "driver": the heading between the two is missing. */
     const gboolean second = last && g_str_has_prefix(text, "driver") &&
                             strcspn(text, " \t=") == strlen("driver") &&
                             config_value(last, "driver", NULL);

@@ -32,7 +32,7 @@ struct config_section {
     gboolean broken;     /* its heading was not understood: what stands below is to be skipped */
     gboolean incomplete; /* a line below it was not understood: keys may be missing */
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
-    GHashTable *entries; /* what they are; private to the Config */
+    GHashTable *entries; /* the entries; private to the Config */
 };
 
 /* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error tells

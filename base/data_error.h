@@ -8,7 +8,7 @@ GQuark data_error_quark(void);
 enum data_error {
     DATA_ERROR_INVALID,    /* does not fit its session or format: size, NaN, checksum, syntax */
     DATA_ERROR_INCOMPLETE, /* frames or products are missing */
-    DATA_ERROR_EXISTS,     /* what was to be made is there already */
+    DATA_ERROR_EXISTS,     /* the file or session to be made exists already */
     DATA_ERROR_IO,
 };
 

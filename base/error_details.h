@@ -1,6 +1,6 @@
 /*
- * Errors that carry, beside their text, what failed and what to do about it. Who shows such an
- * error reads these as data; nobody takes a message apart.
+ * Errors that carry, beside their text, what failed and what to do about it. Code that shows such
+ * an error reads these as data and never parses the message.
  *
  * The text is "FILE:LINE: WHERE: SUBJECT: WHAT HAPPENED; ADVICE"; every part but WHAT HAPPENED may
  * be missing. Each function that asks takes any error: one of another domain has no details. Copies

@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Who has just taken the lock writes its number a moment later. */
+/* A process that has just taken the lock writes its number a moment later. */
 static glong read_holder(int fd) {
     const gint64 until_us = g_get_monotonic_time() + G_USEC_PER_SEC;
     glong holder = 0;
@@ -51,7 +51,7 @@ int file_lock_take(const char *path, const char *what, GError **error) {
         if (fstat(fd, &opened) == 0 && lstat(path, &named) == 0 && opened.st_dev == named.st_dev &&
             opened.st_ino == named.st_ino) {
             if (ftruncate(fd, 0) != 0 || dprintf(fd, "%ld\n", (long)getpid()) < 0)
-                g_debug("%s: %s", path, g_strerror(errno)); /* only a message wants it */
+                g_debug("%s: %s", path, g_strerror(errno)); /* only a message needs it */
             return fd;
         }
         close(fd);

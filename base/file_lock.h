@@ -11,11 +11,11 @@
  * the message, as in "products of this session". */
 int file_lock_take(const char *path, const char *what, GError **error);
 
-/* The lock of who makes the file at path: PATH.lock, *ret_lock (g_free()), in any case. Removes
- * what killed makers left beside it. */
+/* Takes the lock of a process that writes the file at path; *ret_lock is PATH.lock (g_free()) in
+ * any case. Removes what killed writers left beside it. */
 int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
 void file_lock_give(int lock, const char *path); /* −1 is ignored */
 
-/* Only asks: a process that takes the lock meanwhile is not disturbed. */
+/* Only tells whether it is locked: a process that takes the lock meanwhile is not disturbed. */
 gboolean file_lock_is_held(const char *path);

@@ -42,7 +42,7 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
 /* All of a file of at most max_bytes, and a NUL after it; g_free(). ret_length may be NULL. */
 char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GError **error);
 
-/* The same of a file that must be text: without a NUL in it. */
+/* The same for a file that must be text: without a NUL in it. */
 char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 
 /* n bytes from offset on; an error if the file has become shorter than that. */

@@ -1,4 +1,4 @@
-/* Which of the names that exist somebody may have meant. Pure functions. */
+/* Finds the name that a misspelt one means. Pure functions. */
 #pragma once
 
 #include <glib.h>
@@ -11,7 +11,8 @@ struct nearest {
 
 /* A third of the letters may be wrong, at most three. */
 struct nearest nearest_new(const char *key);
-/* Takes a name that is nearer. Names and keys longer than 63 bytes are not compared. */
+/* Replaces the nearest name if this one is nearer. Names and keys longer than 63 bytes are not
+ * compared. */
 void nearest_consider(struct nearest *nearest, const char *name);
 
 /* Adds to an error of g_option_context_parse() that does not know an option "; did you mean

@@ -21,6 +21,6 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
 gboolean new_file_commit(struct new_file *file, gboolean sync); /* FALSE: errno */
 void new_file_abandon(struct new_file *file);
 
-/* Removes the .part files of killed processes in a folder of directory, of files whose names begin
- * with prefix. No process may be writing such files. */
+/* Removes, in a folder of directory, the .part files that killed processes left for names that
+ * begin with prefix. No process may be writing such files. */
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix);

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-/* What names end in to say their unit; longer ones first. */
+/* The endings of names that give the unit; longer ones first. */
 static const char *const units[] = {"deg_s2", "deg_s", "rad_s", "mm_s", "deg", "rad", "us", "ms",
                                     "min",    "mm",    "cm",    "um",   "nm",  "px",  "hz", "db",
                                     "baud",   "s",     "m",     "h",    "rpm", "pct", NULL};

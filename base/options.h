@@ -38,8 +38,8 @@ struct option {
 
 /* Fills target (zeroed before) from a section. Every key must be in the table, or in also
  * (NULL-terminated names that somebody else reads; may be NULL). On failure target holds nothing
- * that needs freeing. A key whose stem is known but whose unit suffix is not (settle_s for
- * settle_ms) is told so. The table ends with an entry whose name is NULL. */
+ * that needs freeing. The error for a key whose unit suffix alone is wrong (settle_s for settle_ms)
+ * says so. The table ends with an entry whose name is NULL. */
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error);
 

@@ -21,5 +21,5 @@ struct team {
                  float *ret_mine);
 };
 
-/* Which of n things, in multiples of a step, are a rank's: from *ret_first to before *ret_end. */
+/* A rank's part of n things, in multiples of a step: from *ret_first to before *ret_end. */
 void team_part(const struct team *team, int rank, int n, int step, int *ret_first, int *ret_end);

@@ -65,8 +65,9 @@ static gboolean take_line(TextTable *table, char *text, int line, GError **error
         return TRUE;
     }
     if (fields->len != table->names->len)
-        return data_error_fail(table->path, line, error, "it has %u fields, the head %u",
-                               fields->len, table->names->len);
+        return data_error_fail(table->path, line, error,
+                               "it has %u fields, but the header line has %u", fields->len,
+                               table->names->len);
     g_ptr_array_add(table->rows, g_steal_pointer(&fields));
     g_array_append_val(table->lines, line);
     return TRUE;

@@ -1,7 +1,7 @@
 /*
  * Long computations: parallel loops, progress and cancelling, the same in every room.
  *
- * A caller hands a struct work down; whoever computes reports each stage through it and stops soon
+ * A caller hands a struct work down; the computation reports each stage through it and stops soon
  * after its cancellable is cancelled. All callbacks come from the calling thread.
  */
 #pragma once

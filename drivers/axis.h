@@ -36,7 +36,7 @@ struct axis_motion {
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
-     "Turns on without end, so that it has no limits and goes the short way"},                     \
+     "Turns without end, so that it has no limits and takes the shorter way"},                     \
     {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, AXIS_MOTION(at, min_deg),       \
      "Lower limit"},                                                                               \
     {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, AXIS_MOTION(at, max_deg),        \

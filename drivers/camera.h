@@ -61,8 +61,8 @@ struct Camera {
     struct camera_state *state;
 };
 
-/* In two steps: what was set off may be finished, or closed, and nothing else; the other cameras
- * can be set off meanwhile. A camera that cannot be finished is still to be closed. */
+/* Opens in two steps, so that several cameras open at once. After the first step a camera may only
+ * be finished or closed; if finishing fails it must still be closed. */
 Camera *camera_open_begin(const struct camera_driver *driver, const struct config_section *section,
                           const char *const *also, Clock *clock, GError **error);
 gboolean camera_open_finish(Camera *camera, GError **error);

@@ -29,9 +29,9 @@ enum device_error {
     DEVICE_ERROR_UNSUPPORTED,  /* it cannot do that */
 };
 
-/* An error of a device. who: the device it is about (struct device has it), or NULL where a layer
- * below does not know: whoever knows adds it with error_details_add_subject(). The format says what
- * happened, without the device, and after ERROR_ADVICE what to do:
+/* An error of a device. who: the device it is about (struct device has it), or NULL in a lower
+ * layer that does not know it: the caller adds it with error_details_add_subject(). The format says
+ * what happened, without the device, and after ERROR_ADVICE what to do:
  *     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
  *                      "its position is not known" ERROR_ADVICE "home it first");
  * reads "axis turntable: its position is not known; home it first". device_error_set() returns
@@ -50,9 +50,9 @@ struct driver_info {
     gsize priv_size; /* allocated zeroed, filled from the options, freed by the class */
 };
 
-/* What is known of a device that was told to be off or to stand. */
+/* The known state of a device that was commanded off or to stop. */
 enum device_safety {
-    DEVICE_SAFE,   /* it has answered so since it was told last; drivers read it back */
+    DEVICE_SAFE,   /* it has confirmed that since the last command; drivers read it back */
     DEVICE_UNSAFE, /* it refused, did not answer in time, or says otherwise */
     DEVICE_TOLD,   /* it has not answered yet */
 };

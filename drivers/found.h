@@ -1,6 +1,6 @@
 /*
- * What a scan of a bus finds, for `mesorig devices`. Each folder of drivers that can look for its
- * devices offers one function
+ * The result of a scan of a bus, for `mesorig devices`. Each folder of drivers that can look for
+ * its devices offers one function
  *
  *     gboolean NAME_scan(GPtrArray *to, GError **error);
  *

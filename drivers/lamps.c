@@ -21,7 +21,7 @@ struct lamps_state {
     LampsFunc func;
     gpointer data;
     GQueue pending; /* of struct pending, in order */
-    gboolean doubt; /* an "off" failed, and none of all lamps has succeeded since */
+    gboolean doubt; /* an "off" has failed, and no "off" of all lamps has succeeded since */
     struct lamp *lamps;
 };
 

@@ -36,7 +36,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Laser, laser_close)
 void laser_listen(Laser *laser, LaserFunc func, gpointer data);
 
 /* The interlock that guards it (not owned, must live longer), or NULL for none. When it opens the
- * laser is switched off at once, whoever is listening. */
+ * laser is switched off at once, whether or not anything listens. */
 void laser_guard(Laser *laser, Interlock *interlock);
 
 /* Off always works, on is refused with DEVICE_ERROR_INTERLOCK while the interlock is open. */

@@ -86,7 +86,7 @@ static gboolean board_take_word(struct board *to, const char *key, const char *v
     return FALSE;
 }
 
-/* Says what the keys make of the board; FALSE: they do not go together. */
+/* Sets the board's print from the keys; FALSE: they contradict each other. */
 static gboolean board_take_print(struct board *to, double gap_mm, double spacing_mm) {
     const gboolean circles = spacing_mm > 0 || to->circle_mm > 0, grid = to->print != 0;
 
@@ -206,15 +206,14 @@ gboolean board_check_upright(const struct board *board, GError **error) {
         (board->print == BOARD_CHESSBOARD && (board->columns + board->rows) % 2 == 1) ||
         (board->print == BOARD_STAGGERED && board->rows % 2 == 1))
         return TRUE;
-    return refuse(
-        spec, error,
-        board->print == BOARD_CHESSBOARD
-            ? "a chessboard looks the same upside down unless one of columns and rows is "
-              "odd and the other even, so that pictures do not say which way it lies; "
-              "photographs of it (--images) give a lens"
-            : "these circles look the same upside down, so that pictures do not say which "
-              "way they lie; photographs of them (--images) give a lens, and an odd "
-              "number of staggered rows gives more");
+    return refuse(spec, error,
+                  board->print == BOARD_CHESSBOARD
+                      ? "a chessboard looks the same upside down unless one of columns and rows is "
+                        "odd and the other even, so that pictures do not show its orientation; "
+                        "photographs of it (--images) calibrate a lens only"
+                      : "these circles look the same upside down, so that pictures do not show "
+                        "their orientation; photographs of them (--images) calibrate a lens only; "
+                        "use an odd number of staggered rows");
 }
 
 void board_size_mm(const struct board *board, double ret[2]) {

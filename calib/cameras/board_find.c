@@ -1,7 +1,7 @@
 /* Finding a board: the points that the detector sees (of markers, or a whole chessboard) give a map
- * from the board to the picture: a homography, and by how much they are off it near by, since a
- * lens bends the board. The map predicts every corner, and corner.c fits each of them. With a known
- * geometry, the predicted print is correlated with the picture first. */
+ * from the board to the picture: a homography, and local corrections of it, since a lens bends the
+ * board. The map predicts every corner, and corner.c fits each of them. With a known geometry, the
+ * predicted print is correlated with the picture first. */
 #include "board_find.h"
 
 #include "pictures/vision.h"
@@ -13,7 +13,7 @@
 #define TOLERANCE_PX   3.0  /* of markers from a homography, since lenses distort, */
 #define TOLERANCE      0.15 /* or relative to a marker's side: accuracy of the detector's corners */
 #define BESIDE         2.1  /* distance of markers that count as neighbours, in squares */
-#define BESIDE_OFF     0.25 /* that a neighbour may be off, relative to its side */
+#define BESIDE_OFF     0.25 /* largest deviation of a neighbour, relative to its side */
 #define ANY_PX         1e6  /* no bound */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
 /* Least correlation of a board that was found. */
@@ -170,12 +170,12 @@ struct map {     /* from the board to the picture */
     double reach_mm;
     int n;                /* points that were seen, */
     const double *from;   /* n × 2: on the board, mm, */
-    const double *off_px; /* n × 2: seen minus by the homography */
+    const double *off_px; /* n × 2: seen minus projected by the homography */
 };
 
-/* Homography, and a plane through what the points near by are off it: at x, e = e₀ of the least
- * Σ wᵢ (e₀ + E (xᵢ − x) − eᵢ)² + ridge |E|², wᵢ = exp(−|xᵢ − x|² / 2 reach²). The ridge keeps E
- * small where the points do not say it. */
+/* Homography plus a local linear correction from the deviations of nearby points: at x, e = e₀ of
+ * the least Σ wᵢ (e₀ + E (xᵢ − x) − eᵢ)² + ridge |E|², wᵢ = exp(−|xᵢ − x|² / 2 reach²). The ridge
+ * keeps E small where the points do not determine it. */
 static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                        gconstpointer data) {
     const struct map *map = data;
@@ -250,8 +250,8 @@ static gboolean are_beside(const struct board *board, const double *mm_a, const 
            hypot(off[0], off[1]) < MAX(TOLERANCE_PX, BESIDE_OFF * side_px);
 }
 
-/* The markers that lie well beside each other in one piece, the largest there is: so far the lens
- * may bend the board. ret_good: of each corner. */
+/* The largest connected set of markers that lie beside their neighbours as printed, however the
+ * lens bends the board. ret_good: of each corner. */
 static void take_piece(const struct board *board, const GArray *from, const GArray *to,
                        guint8 *ret_good) {
     const guint n = from->len / 8;
@@ -352,7 +352,8 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
         vision_find_markers(picture, board->dictionary, border, TRUE, NULL);
     if (mirrored && mirrored->len >= MAX(4, found->len))
         board_find_refuse(
-            error, "the board is mirrored: the picture is flipped, or the board was printed so");
+            error,
+            "the board is mirrored: the picture is flipped, or the board was printed mirrored");
     else if (n >= 2)
         board_find_refuse(error,
                           "its markers do not lie as on the board of %d × %d: it is another board, "
@@ -360,9 +361,9 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
                           board->columns, board->rows);
     else if (n == 0)
         board_find_refuse(error, found->len ? "the visible markers are not the board's"
-                                            : "no board is to be seen");
+                                            : "no board is visible");
     else
-        board_find_refuse(error, "only one marker of the board is to be seen");
+        board_find_refuse(error, "only one marker of the board is visible");
     return FALSE;
 }
 
@@ -497,7 +498,7 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
         m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
         return board_find_refuse(error,
                                  "the board is mirrored: the picture is flipped, or the board was "
-                                 "printed so");
+                                 "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
     if (fine) { /* once more by all corners found: they are more accurate than the detector's */
         g_array_set_size(from, 2 * corners->len);

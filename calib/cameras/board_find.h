@@ -6,10 +6,10 @@
 #include "corner.h"
 
 /* Finds the board's markers (or the whole chessboard, or all circles), then each of its corners.
- * fine, for photographs that only a lens is calibrated from: once more from the positions found,
- * which yields some more; and of a ChArUco board the first square may have the other colour. GArray
- * of struct corner, by id. NULL: BOARD_ERROR_SPEC with a reason that is to follow "picture: ", such
- * as "no board is to be seen".
+ * fine (for photographs that calibrate a lens only): searches again from the positions found, which
+ * yields some more, and accepts a ChArUco board whose first square has the other colour. GArray of
+ * struct corner, by id. NULL: BOARD_ERROR_SPEC with a reason that is to follow "picture: ", such as
+ * "no board is visible".
  */
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);

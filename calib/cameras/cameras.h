@@ -54,7 +54,7 @@ struct cameras_task {
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
     gpointer data;
-    gboolean lens_given; /* FALSE: photographs by evidence, a rig as its file says */
+    gboolean lens_given; /* FALSE: by evidence for photographs, the rig file's for a rig */
     enum rig_lens lens;
 };
 

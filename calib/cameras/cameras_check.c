@@ -63,14 +63,15 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);
     return (used >= LEAST_PICTURES && 2 * used >= all) ||
-           cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                          "only %d of %d photographs agree on one lens, but at least half of them "
-                          "and %d must: the "
-                          "board was not found in %d, and %d contradict the others; for one, %s; "
-                          "take out photographs of another board, camera, zoom or focus, or give "
-                          "more",
-                          used, all, LEAST_PICTURES, all - used - contradict, contradict,
-                          first_reason(work, 0));
+           cameras_refuse(
+               error, CAMERAS_ERROR_PICTURES,
+               "only %d of %d photographs agree on one lens, but at least half of them "
+               "and %d must: the "
+               "board was not found in %d, and %d contradict the others; for example, %s; take out "
+               "photographs of another board, camera, zoom or focus, or give "
+               "more",
+               used, all, LEAST_PICTURES, all - used - contradict, contradict,
+               first_reason(work, 0));
 }
 
 /* On the turntable a tilted board faces away from some cameras: only pictures that show it count.
@@ -189,8 +190,8 @@ static gboolean check_lens(const struct cameras_work *work, GError **error) {
             most);
     return focal < MOST_DISTANCE ||
            cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                          "the photographs determine the focal length only to %.2g %%: more of "
-                          "them, with larger tilts, would do better",
+                          "the photographs determine the focal length only to %.2g %%: take more "
+                          "of them, with larger tilts",
                           100 * focal);
 }
 
@@ -222,9 +223,8 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
         if (!(distance < MOST_DISTANCE))
             return cameras_refuse(
                 error, CAMERAS_ERROR_PICTURES,
-                "camera %s: the pictures do not determine where it stands (its distance to "
-                "%.2g %%): more of them, with the board at larger tilts and all over the "
-                "picture, would",
+                "camera %s: the pictures do not determine its position (its distance only to %.2g "
+                "%%): take more, with the board at larger tilts and in all parts of the picture",
                 work->nominal.cameras[c].name, 100 * distance);
     }
     return check_scale(work, error);

@@ -1,5 +1,5 @@
 /* Chooses a lens model by cross-validation. Pictures are left out whole: residuals of one picture
- * have errors in common, and of two neighbouring corners one predicts the other. */
+ * have errors in common, and neighbouring corners predict each other. */
 #include "cameras_private.h"
 
 #include <string.h>
@@ -115,7 +115,7 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
         if (trial->ok && (!best || is_better(best->loss, trial->loss, n)))
             best = trial;
     }
-    if (!best) /* the refinement will say why */
+    if (!best) /* the refinement reports why */
         best = &trials[work->task->lens_given ? work->task->lens : RIG_LENS_POLYNOMIAL];
     /* Pixels of a whitened residual of 1, for people: by the median. */
     g_autoptr(GArray) ratios = g_array_new(FALSE, FALSE, sizeof(double));

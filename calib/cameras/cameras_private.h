@@ -45,7 +45,7 @@ gboolean cameras_start_lay(struct cameras_work *work, int lay);
 void cameras_set_observations(struct cameras_work *work);
 double cameras_median(GArray *values); /* of double; sorts the array */
 
-/* cameras_lens.c: which lens model photographs speak for. */
+/* cameras_lens.c: chooses the lens model for photographs. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error);
 void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens);
 

@@ -8,7 +8,7 @@
 
 #define MOST_CANDIDATES 40
 #define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
-#define HINT_PICTURES   4    /* that are searched for another board */
+#define HINT_PICTURES   4    /* pictures that are searched for another board */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {
@@ -81,7 +81,7 @@ double cameras_median(GArray *values) {
     return g_array_index(values, double, values->len / 2);
 }
 
-/* Median reprojection error over a lay's corners, every fifth one. */
+/* Median reprojection error over every fifth corner of a lay. */
 static double median_error(const struct cameras_work *work, int lay) {
     g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < work->task->n_pictures; i++) {
@@ -183,8 +183,8 @@ static void take_common_size(struct cameras_work *work) {
     }
 }
 
-/* Other programs count a chessboard's inner corners, one fewer each way than its squares. NULL:
- * the first pictures do not show a board of one square more each way. */
+/* Other programs count a chessboard's inner corners, one fewer each way than its squares. NULL: the
+ * first pictures do not show a board with one more column and row. */
 static char *hint_at_inner_corners(const struct cameras_work *work) {
     struct board board = work->task->board;
     board.columns++;
@@ -233,7 +233,7 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "the board was found in %u of %d pictures; at least 3 are needed%s%s%s", views->len, n,
-            n > 0 && work->seen[0].why ? ", such as not in " : "",
+            n > 0 && work->seen[0].why ? "; for example, not in " : "",
             n > 0 && work->seen[0].why ? work->seen[0].why : "", hint ? hint : "");
     }
     if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,

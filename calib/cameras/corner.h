@@ -5,9 +5,9 @@
  * where a square is a few pixels high. The model is point-symmetric about the corner: straight
  * edges and an even blur do not shift it, and it includes a gradient of light.
  *
- * Of a marker that touches no black square, the corner is where two edges end (one of the four
- * quadrants is black). Of a circle an ellipse with a blurred edge is fitted (circle.c), whose
- * centre is off that of the circle by what perspective does.
+ * For a marker that touches no black square, the corner is where two edges end (one of the four
+ * quadrants is black). For a circle, an ellipse with a blurred edge is fitted (circle.c);
+ * perspective shifts its centre from that of the circle.
  *
  * Pure functions; any thread.
  */

@@ -51,9 +51,9 @@ struct rig_arc {
     double centre_mm[2]; /* intersection of the axis with z = 0 */
 };
 
-/* A lamp on the light arc, or one that stands by itself (fixed): where it is and points to is said
- * in the frame of what carries it, the arc's (at α + zero = 0 it stands over +x) or the rig's.
- * Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
+/* A lamp on the light arc, or one that stands by itself (fixed): its position and aim are given in
+ * the frame of its carrier, the arc's (at α + zero = 0 it stands over +x) or the rig's. Radiant
+ * intensity in direction d: intensity · max(0, cos(d, aim))^n. */
 struct rig_lamp {
     char name[RIG_NAME];
     struct vec3 position_mm;
@@ -98,7 +98,7 @@ struct rig {
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
     double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc; and */
-    double arc_width_mm;  /* its width, also of lamps: they give the part hidden from a camera */
+    double arc_width_mm;  /* its width, also taken for lamps: both hide parts of pictures */
 };
 
 #define RIG_ERROR rig_error_quark()
@@ -140,7 +140,7 @@ struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct
 /* In the rig frame with the arc at an angle, which matters only to what is not fixed. */
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad);
-/* A point of the rig frame in the frame that the lamp's position is said in. */
+/* A point of the rig frame in the frame of the lamp's position. */
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm);
 

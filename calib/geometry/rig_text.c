@@ -143,10 +143,10 @@ static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const st
                 !g_ascii_string_to_unsigned(*group + length + 1, 10, 0, G_MAXINT, &index, NULL) ||
                 index < (guint64)rig_text_count(rig, k))
                 continue;
-            g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                        "%s: there is a section [%s], but the counts in [rig] promise sections 0 "
-                        "to %d only",
-                        path, *group, rig_text_count(rig, k) - 1);
+            g_set_error(
+                error, RIG_ERROR, RIG_ERROR_FORMAT,
+                "%s: there is a section [%s], but the counts in [rig] allow sections 0 to %d only",
+                path, *group, rig_text_count(rig, k) - 1);
             return FALSE;
         }
     return TRUE;
@@ -209,7 +209,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (!g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL)) {
         const int line = rig_text_bad_line(text);
         g_autofree char *what =
-            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("there is what is");
+            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("one of its lines is");
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: not a calibration file: %s neither a [group] nor key=value", path, what);
         return FALSE;
@@ -219,7 +219,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (g_strcmp0(format, FORMAT) != 0) {
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: [rig] format: is '%s', not '" FORMAT
-                    "': not a calibration of this version",
+                    "': this is not a calibration file of this version",
                     path, format ? format : "");
         return FALSE;
     }

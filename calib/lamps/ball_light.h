@@ -20,9 +20,9 @@ struct ball_camera {
 /* Unit direction of the light whose highlight is at a point of the ball and has the given second
  * moments: the mean direction of its light, which is further outwards than the direction at its
  * centroid. ret_from: the highlight's place on the ball, in radii of the ball, with a focal length
- * from the camera, else from the middle of the ball. ret_shift_rad: the angle between the mean and
- * the direction at the centroid, which is the better one as far as blur makes the highlight's size.
- * FALSE: the point is outside of the ball. */
+ * from the camera, else from the middle of the ball. ret_shift_rad: the angle from the mean to the
+ * direction at the centroid, which is better where blur determines the highlight's size. FALSE: the
+ * point is outside of the ball. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,

@@ -449,7 +449,7 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
-/* Each lamp is found where it truly is; one that stands where another should be has its name. */
+/* Each lamp is found where it truly is: exchanged names show as exchanged places. */
 static gboolean lamps_check_places(const struct rig *rig, const struct lamps_result *ret,
                                    GError **error) {
     for (int i = 0; i < rig->n_lamps; i++) {

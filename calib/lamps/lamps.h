@@ -35,7 +35,7 @@
 GQuark lamps_error_quark(void);
 enum lamps_error {
     LAMPS_ERROR_TARGET,     /* the target's description is invalid */
-    LAMPS_ERROR_PICTURES,   /* what should be visible is not */
+    LAMPS_ERROR_PICTURES,   /* posts, balls or lamps that should be visible are not */
     LAMPS_ERROR_DEGENERATE, /* the pictures do not determine all parameters */
     LAMPS_ERROR_MISTAKE,    /* what is known of the pictures is wrong; the message says what */
 };

@@ -33,7 +33,7 @@ gboolean shadow_streak(const struct lamp_target *target, int mark, double turnta
     return lamp_shadow_mm(target, mark, ret->from, source_mm, &ret->to, &ret->to_mm);
 }
 
-/* Coverage of a quarter of a pixel. Blur along a curved edge shifts it towards its hollow side by
+/* Coverage of a quarter of a pixel. Blur along a curved edge shifts it towards its concave side by
  * ½ κ σ_along². */
 static double cover_part(const struct window *w, const struct streak *streak, double x, double y,
                          const struct blur *blur) {

@@ -349,7 +349,7 @@ static gboolean laser_check_stretch(const struct problem *problem, const double 
     return TRUE;
 }
 
-/* Each laser is found where it truly is; one that stands where another should be has its name. */
+/* Each laser is found where it truly is: exchanged names show as exchanged places. */
 static gboolean laser_check_places(const struct problem *problem, const double *x, GError **error) {
     const struct rig *rig = problem->rig;
     for (int i = 0; i < rig->n_lasers; i++) {

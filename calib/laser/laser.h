@@ -78,7 +78,7 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
 /* Whether the sweeps agree with the rig file about as well as unadjusted devices do. FALSE: one
  * mistake explains them five times better: the arc turns the other way, its angles are in radians,
  * two lasers or two planes are exchanged. laser_fit() calls it, and compares places afterwards,
- * too: lasers at nearly the same angle are told only by where they are found. */
+ * too: only their positions distinguish lasers at nearly the same angle. */
 gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *points, int n,
                               const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);

@@ -1,8 +1,8 @@
 /* Why sweeps may contradict the rig: each possible mistake is undone, and the points are compared
  * with the rig as it is known, before anything is fitted. For each laser the sweep angle s_i at
  * which its sheet contains point i is a straight line of the commanded one, c_i: s_i ≈ a + b c_i,
- * where a is a wrong zero and b − 1 a stretch. What tells is the spread about that line, the median
- * of |s_i − a − b c_i|: it is some hundredths of a degree where only adjustment is wrong. */
+ * where a is a wrong zero and b − 1 a stretch. The evidence is the spread about it, the median of
+ * |s_i − a − b c_i|: some hundredths of a degree where only the adjustment is off. */
 #include "laser.h"
 
 #include "geometry/fit.h"
@@ -11,7 +11,7 @@
 #include <string.h>
 
 #define LEAST_RAD   (0.05 * G_PI / 180) /* a smaller spread is no sign of a mistake */
-#define BETTER      5.0                 /* times less spread tells that the mistake was made */
+#define BETTER      5.0                 /* times less spread shows that the mistake was made */
 #define MOST_PLANES 16
 #define DEG         (180 / G_PI)
 
@@ -65,7 +65,7 @@ static struct laser_point undo(const struct rig *rig, const struct planes *plane
     return p;
 }
 
-/* Infinite: a laser turns the other way, or by quite another angle, than it is told. */
+/* Infinite: a laser turns the other way, or by quite another angle, than commanded. */
 static double spread_rad(const struct rig *rig, const struct laser_point *points, int n,
                          const struct planes *planes, const struct mistake *mistake) {
     struct line {

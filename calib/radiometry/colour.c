@@ -98,8 +98,8 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
             }
     if (n < FEW_PATCHES) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                    "%d patches are too few for nine unknowns and their errors; it takes %d of "
-                    "different colours",
+                    "%d patches are too few for nine unknowns and their errors; at least %d of "
+                    "different colours are needed",
                     n, FEW_PATCHES);
         return FALSE;
     }

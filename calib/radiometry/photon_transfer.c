@@ -79,8 +79,8 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
                     pair->exposure_us);
     else if (same == n && first > 0)
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "the %s pair at %g µs is one picture twice: its noise cannot be measured", what,
-                    pair->exposure_us);
+                    "the %s pair at %g µs is the same picture twice: its noise cannot be measured",
+                    what, pair->exposure_us);
     else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
         g_set_error(
             error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
@@ -151,8 +151,8 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     if (line_fit(&line, &to->black_dn, &to->dark_dn_s, &to->black_error_dn, &to->dark_error_dn_s))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                "the dark pairs have one exposure only: the dark current needs two, as different "
-                "as the session's");
+                "the dark pairs have one exposure only: the dark current needs two, as far apart "
+                "as those of the session");
     return FALSE;
 }
 
@@ -364,8 +364,8 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
                       GError **error) {
     if (n_dark < 2 || n_lit < 3) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                    "there are %d dark and %d lit pairs; it takes two dark ones and three lit ones "
-                    "of different exposures",
+                    "there are %d dark and %d lit pairs; at least two dark and three lit ones of "
+                    "different exposures are needed",
                     n_dark, n_lit);
         return FALSE;
     }

@@ -248,9 +248,9 @@ static double lit_from_rad(const struct problem *p, int shot) {
 
 /* A lamp's fall-off is separated from the cameras' vignetting by light from several sides: of the
  * lamp itself at several angles of the arc, or, where no lamp ever turns, of the lamps together;
- * one that stands by itself beside an arc is told by those on it. Then it is known less well, as
- * its error says; its product with the vignetting, which is all that pictures of that rig depend
- * on, is known as well. */
+ * one that stands by itself beside an arc relies on those on it. Its fall-off is then less certain,
+ * as its error says; but its product with the vignetting, on which alone pictures of that rig
+ * depend, is as certain. */
 static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)

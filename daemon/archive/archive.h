@@ -1,7 +1,7 @@
 /*
- * What is kept of a session for others: everything that its database, its products' headers and a
- * few of its pictures say, gathered once, and written as a page (HTML, one file) or as the metadata
- * of a research object (RO-Crate 1.1). Writes nothing. Any thread.
+ * A session described for others: the content of its database, of its products' headers and of a
+ * few of its pictures, gathered once, and written as a page (HTML, one file) or as the metadata of
+ * a research object (RO-Crate 1.1). Writes nothing. Any thread.
  */
 #pragma once
 
@@ -60,7 +60,8 @@ struct archive_device {
     char *address; /* the value of device, serial, address or host, whichever it has; or "" */
 };
 
-/* verify: hash all frames and products, too, and tell what differs. Stages "verify", "read". */
+/* verify: hash all frames and products, too, and report the files that differ. Stages "verify",
+ * "read". */
 struct archive *archive_read(const char *path, gboolean verify, const struct work *work,
                              GError **error);
 void archive_free(struct archive *archive); /* NULL is ignored */
@@ -74,7 +75,7 @@ enum archive_verdict archive_verdict(const struct archive *archive);
 const char *archive_verdict_name(enum archive_verdict verdict); /* "pass", "warning", "failure" */
 
 /* Adds small pictures: what was photographed, the BTF from three elevations under three lights, and
- * the surface as the MDF of the steepest view has it. What is not there is left out. */
+ * the surface as the MDF of the steepest view has it. Missing ones are left out. */
 gboolean archive_add_pictures(struct archive *archive, const struct work *work, GError **error);
 
 /* A page without references to other files. history: an <svg> element, or NULL. g_free(). */

@@ -1,4 +1,4 @@
-/* Gathers what a session is. */
+/* Gathers the data of a session. */
 #include "archive.h"
 
 #include "base/config.h"
@@ -221,7 +221,7 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
     archive->lights = length_of(session_lights(session, NULL));
     archive->lasers = length_of(session_lasers(session, NULL));
     g_autofree char *state = session_value(session, "state");
-    /* Nobody captures: a session that says it is running was cut off. */
+    /* No process captures into it: a session whose state is "running" was cut off. */
     archive->state = g_strdup(archive->planned == 0                     ? "done"
                               : !state || g_str_equal(state, "running") ? "unfinished"
                                                                         : state);
@@ -258,7 +258,7 @@ static int by_theta(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* The BTF's flags and error bars, ring by ring; views that cannot be read are told. */
+/* The BTF's flags and error bars, ring by ring; views that cannot be read are listed. */
 static void read_btf(struct archive *archive, const GPtrArray *views) {
     struct btf_flag_counts all = {0};
     int unreadable = 0, made = 0;

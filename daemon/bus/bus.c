@@ -194,7 +194,7 @@ void bus_close_rig(Bus *bus) {
     if (bus->guardian && !bus->is_safe && !bus_end(bus, &error))
         g_warning("the rig is NOT safe: %s", error->message);
     bus_hold_clock(bus, FALSE);
-    guardian_set_busy(bus->guardian, TRUE); /* who does not answer is waited for once more */
+    guardian_set_busy(bus->guardian, TRUE); /* waits once more for devices that have not answered */
     g_clear_pointer(&bus->devices, devices_close);
     guardian_end(bus->guardian, bus->is_safe);
     bus->guardian = NULL;

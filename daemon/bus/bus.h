@@ -39,13 +39,13 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 /* One line for people: "running, 12 % (120 of 1000 shots), 1 h 20 min left"; g_free(). */
 char *bus_status(Bus *bus);
 
-/* Called when the connection has closed whose client was the first to open a rig or to begin with a
- * session: whoever only looks does not count. */
+/* Called when the client that was the first to open a rig or to begin with a session has closed its
+ * connection. Clients that only watch do not count. */
 void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
-/* A server for clients of the same user, who are let in by the kernel's word alone (EXTERNAL).
- * address is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. */
+/* A server for clients of the same user, which the kernel alone authenticates (EXTERNAL). address
+ * is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. */
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
 
-/* Ends it, before bus_free(): a client that knocks in that moment is not let in any more. */
+/* Ends it, before bus_free(): a client that connects at that moment is refused. */
 void bus_unserve(Bus *bus, GDBusServer *server);

@@ -15,7 +15,7 @@
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
-/* A device that somebody has in hand: a call about it waits for its answer, or it gives light. */
+/* A device in use by hand: a call waits for its answer, or it gives light. */
 struct hand {
     Bus *bus;
     enum hand_kind kind;
@@ -25,7 +25,7 @@ struct hand {
     Laser *laser;
     Axis *axis;
     const char *name;                  /* the device's own */
-    GDBusMethodInvocation *invocation; /* that waits; NULL: none */
+    GDBusMethodInvocation *invocation; /* the call that waits; NULL: none */
     GDBusConnection *connection;       /* of the client */
     char *sender;                      /* its name on a message bus, or NULL */
     guint watch;                       /* of that name */
@@ -65,7 +65,7 @@ void bus_hands_watch(Bus *bus, gboolean watch) {
             interlock_unlisten(bus->devices->interlocks[i], bus->hand_interlocks[i]);
 }
 
-/* The device is nobody's any more. */
+/* The device is free again. */
 static void hand_drop(struct hand *hand) {
     Bus *bus = hand->bus;
     hand_listen(hand, FALSE);

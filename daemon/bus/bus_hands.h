@@ -29,5 +29,5 @@ void bus_hands_stop(Bus *bus, const char *why);
 /* The same at once, for whoever listens to the devices from now on. */
 void bus_hands_end(Bus *bus, const char *why);
 
-/* The same for what this client has begun, whose connection has closed. */
+/* The same for everything that this client has begun: its connection has closed. */
 void bus_hands_end_client(Bus *bus, GDBusConnection *connection);

@@ -227,7 +227,7 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
     return TRUE;
 }
 
-/* In place of what the rig file names, for a session that begins now. */
+/* Replaces the calibration that the rig file names, for a session that begins now. */
 static gboolean check_calibration(const char *path, const char *text, gboolean begins,
                                   GError **error) {
     if (!path)

@@ -43,7 +43,7 @@ struct Bus {
     guint end_id; /* the idle source that frees a capture that has ended */
     BusFunc func;
     gpointer data;
-    GDBusConnection *client; /* who runs this; only compared */
+    GDBusConnection *client; /* the client that started it; only compared */
     BusFunc client_gone;
     gpointer client_data;
 };
@@ -60,8 +60,8 @@ gboolean bus_need_absolute(const char *path, GError **error);
 void bus_report(Bus *bus, const char *level, const char *source, const char *message);
 void bus_show_devices(Bus *bus);
 
-/* A simulated rig's time stands still until something is asked of it: what is to happen to it after
- * so many seconds would else have happened before the first call. */
+/* A simulated rig's time stands still until something is asked of it: otherwise faults that it
+ * simulates after some seconds could occur before the first call. */
 void bus_hold_clock(Bus *bus, gboolean hold);
 
 /* As the methods of these names. */
@@ -83,17 +83,17 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
 /* The session directory of a Start or Resume that has not been answered yet, or NULL. */
 const char *bus_jobs_beginning(Bus *bus);
 
-/* Answers calls of theirs with BUS_ERROR_CANCELLED and kills their children: a Start or Resume,
- * FALSE if there is none; all; those of a client that has gone. */
+/* Each answers some calls with BUS_ERROR_CANCELLED and kills their children: a Start or Resume
+ * (FALSE: there is none); all calls; those of a client that has gone. */
 gboolean bus_jobs_stop_begin(Bus *bus, const char *why);
 void bus_jobs_stop_all(Bus *bus, const char *why);
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection);
 
-/* Watches over the calls that wait for the main loop: SafeState comes before all others, and of the
- * others each client may have so many at once, beyond which they are refused. */
+/* Watches over the calls that wait for the main loop: SafeState comes before all others, and a
+ * client that has too many of the others waiting is refused. */
 struct bus_queue *bus_queue_new(Bus *bus);
 void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
-void bus_queue_close(struct bus_queue *queue); /* the bus is going */
+void bus_queue_close(struct bus_queue *queue); /* the bus is being closed */
 
 /* Signals cameras with a new picture, each at most once per second. */
 void bus_show_thumbnails(Bus *bus);

@@ -28,7 +28,7 @@ struct bus_queue {
     GQueue safe_calls; /* of struct waiting_call */
 };
 
-struct securing { /* devices that were told, and calls that wait for what they answer */
+struct securing { /* devices that were commanded safe, and calls that wait for their answers */
     struct bus_queue *queue;
     GQueue calls; /* of struct waiting_call */
     gint64 until_us;
@@ -188,7 +188,7 @@ static gboolean is_safe_state(GDBusMessage *message) {
            !*g_dbus_message_get_signature(message);
 }
 
-/* How many of a client wait already, before this one is added; −1: others have filled the queue. */
+/* How many calls of a client wait already, without this one; −1: the queue is full. */
 static int bus_queue_enter(struct bus_queue *queue, const char *client) {
     g_mutex_lock(&queue->lock);
     int n = GPOINTER_TO_INT(g_hash_table_lookup(queue->of_client, client));

@@ -8,7 +8,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-/* The kernel's word on who it is; cookies in home folders are not asked for. */
+/* The kernel identifies the client; cookies in home folders are not used. */
 static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechanism, gpointer data) {
     return strcmp(mechanism, "EXTERNAL") == 0;
 }
@@ -21,7 +21,7 @@ static gboolean new_connection(GDBusServer *server, GDBusConnection *connection,
     return FALSE;
 }
 
-/* TRUE if nobody answers at a socket's path any more, which then is removed. */
+/* TRUE if no process listens at a socket's path any more; the socket is then removed. */
 static gboolean remove_stale(const char *path, GError **error) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     struct stat info;
@@ -48,7 +48,7 @@ static gboolean remove_stale(const char *path, GError **error) {
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error) {
     if (!g_str_has_prefix(address, "unix:path=/")) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s: an address to listen at reads unix:path=/…/NAME", address);
+                    "%s is not an address to listen at: write unix:path=/…/NAME", address);
         return NULL;
     }
     if (!remove_stale(address + strlen("unix:path="), error))

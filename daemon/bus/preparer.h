@@ -20,7 +20,7 @@ enum preparer_task {
 
 struct preparer_limits {
     guint cpu_s, wall_s;
-    guint64 memory_bytes; /* of address space, beside what the program itself takes */
+    guint64 memory_bytes; /* of address space, in addition to what the program itself takes */
 };
 
 /* By task. Frames of a whole session may be examined. */

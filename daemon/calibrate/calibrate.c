@@ -85,7 +85,8 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
         record_say(to, "  %u %s left out; mesorig calibrate show %s lists them\n",
                    part->rejected->len, what, calibrate_output);
     if (!job->calibration->parts[CALIBRATION_CAMERAS].done)
-        record_say(to, "  the cameras are nominal: calibrate them first, and give -c\n");
+        record_say(to, "  the cameras are nominal: calibrate them first, and give the calibration "
+                       "file with -c\n");
 }
 
 void calibrate_keep(struct calibrate_job *job, const char *group,

@@ -1,6 +1,6 @@
 /*
- * What the subcommands of `mesorig calibrate` share. Each has a file of its own,
- * calibrate_NAME.c, and a row in the table in calibrate.c.
+ * Shared by the subcommands of `mesorig calibrate`. Each has a file of its own, calibrate_NAME.c,
+ * and a row in the table in calibrate.c.
  *
  * They read captured sessions and hand plain pictures to calib/, which knows no sessions.
  */
@@ -60,13 +60,13 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
  * of another rig. */
 Session *calibrate_open(struct calibrate_job *job, int i, GError **error);
 
-/* Notes in the calibration how a part of it was found: from all of the job's frames but those
- * rejected, which are the calibration's afterwards. */
+/* Records in the calibration how a part of it was found: from all of the job's frames but the
+ * rejected ones, whose list the calibration then owns. */
 void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, const char *method,
                         double residual_rms, const char *residual_unit, int degrees_of_freedom);
 
-/* The last lines for people: how many of what ("sights") were left out, and that cameras should be
- * calibrated first. */
+/* Adds the last lines for people: how many items were left out (what: "sights"), and whether
+ * cameras should be calibrated first. */
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 

@@ -23,7 +23,7 @@ static const GOptionEntry entries[] = {
      "tilts",
      "DIR"},
     {"corners", 0, 0, G_OPTION_ARG_FILENAME, &corners_option,
-     "Also write the corners that were used here, as mrcal reads them", "FILE"},
+     "Also write the corners that were used to this file, as mrcal reads them", "FILE"},
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
     {"lens", 0, 0, G_OPTION_ARG_STRING, &lens_option,
      "The lens model: polynomial, rational or fisheye (default: by evidence with --images, else as "
@@ -200,7 +200,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
     return job->result != NULL && (!corners_option || write_corners(job, error));
 }
 
-/* Each camera's lens model, and for photographs what it was chosen by. */
+/* Each camera's lens model, and for photographs the evidence for it. */
 static void tell_lenses(Record *to, const struct calibration *calibration,
                         const struct cameras_result *result) {
     const struct rig *rig = &calibration->rig;

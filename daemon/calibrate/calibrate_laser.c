@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#define ALL_POINTS   60000 /* of all sweeps; more tell no more */
+#define ALL_POINTS   60000 /* of all sweeps; more do not improve the result */
 #define LEAST_POINTS 40    /* of each */
 #define MOST_POINTS  2000
 #define EDGE_MM      1.0 /* of the plate, that is not looked at */
@@ -257,8 +257,9 @@ static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *bas
     record_double(to, "worst_step_mm", job->worst_mm);
     record_double(to, "worst_step_deg", worst_deg);
     record_double(to, "real_s", base->seconds);
-    record_say(to, "  %u steps told one by one: at most %.3f mm and %.4f° from the model",
-               found->steps->len, job->worst_mm, worst_deg);
+    record_say(
+        to, "  each of %u steps was measured by itself: at most %.3f mm and %.4f° from the model",
+        found->steps->len, job->worst_mm, worst_deg);
     if (job->uneven)
         record_say(to,
                    "; %d by more than %g mm: does the sweep run evenly, and are the "

@@ -8,32 +8,36 @@
 #include <math.h>
 #include <string.h>
 
-#define ROUNDS       2   /* of looking closely, each from where the last one found things */
+#define ROUNDS       2   /* of measuring, each from the positions that the last one found */
 #define LOCATE_VIEWS 6   /* in which the plate is looked for */
 #define LOCATE_SHOTS 8   /* of each */
-#define MOST_A_LAMP  160 /* pictures: more of them tell little more */
+#define MOST_A_LAMP  160 /* pictures: more of them improve the result little */
 #define REACH_MM     5.0 /* how far off the target may lie, and */
 #define REACH_RAD    (5 * G_PI / 180)
-#define DECISIVE     0.15 /* more agreement of the pictures tells that a mistake was made */
-#define MISSES       4.0  /* so does so many times less that is not there */
+#define DECISIVE     0.15 /* so much better agreement of the pictures shows a mistake */
+#define MISSES       4.0  /* so do so many times fewer misses */
 #define LEAST_USED   0.5  /* of all sights; with fewer a mistake is looked for */
 #define DEGREES      (180 / G_PI)
 
 static char *target_option;
 static const GOptionEntry entries[] = {
     {"target", 't', 0, G_OPTION_ARG_FILENAME, &target_option,
-     "What stands on the turntable: etc/demo/poles.conf, etc/demo/balls.conf", "FILE"},
+     "Description of the target on the turntable, such as etc/demo/poles.conf or "
+     "etc/demo/balls.conf",
+     "FILE"},
     CALIBRATE_OUTPUT("Write the result here"),
     CALIBRATE_FROM("Start from this calibration, which knows the cameras"),
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
      "No session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
     {"ball", 0, 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
-     "With --images: where a ball is in them, in pixels to 5 % of R; several tell distances too",
+     "With --images: position and radius of a ball in pixels, accurate to 5 % of R; several balls "
+     "determine distances, too",
      "X,Y,R"},
     {"radius", 0, 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
     {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
-     "With --images: the camera's focal length in pixels; without it, it is taken to be far away",
+     "With --images: the camera's focal length in pixels; without it, the camera is taken to be "
+     "far away",
      "PX"},
     {"within", 0, 0, G_OPTION_ARG_DOUBLE, &photos_within_deg,
      "With --images: leave out directions with a larger standard error (0.5)", "DEG"},
@@ -71,7 +75,7 @@ static gboolean cli_calibrate_lights_step(struct job *job, GError **error) {
                      job->base.begun_us, error);
 }
 
-/* Takes every n-th of each lamp's, so that no lamp has many more than are of use. */
+/* Takes every n-th picture of each lamp, so that no lamp has many more than needed. */
 static void thin(struct job *job, GPtrArray *all) {
     int n[RIG_MAX_LAMPS] = {0}, seen[RIG_MAX_LAMPS] = {0};
     for (guint i = 0; i < all->len; i++)
@@ -122,7 +126,8 @@ static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
     }
     if (frames->len == 0) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: holds no pictures under lamps; is it captured?", job->base.sessions[0]);
+                    "%s: holds no pictures under lamps; has it been captured?",
+                    job->base.sessions[0]);
         return FALSE;
     }
     thin(job, frames);
@@ -237,8 +242,8 @@ static struct mistake mistake_of(double turntable, double arc) {
 }
 
 /* Signs, radians, pairs of lamps (of many lamps, those with neighbouring numbers: each mistake is
- * tried on all pictures); of lamps, too, that all are counted from the other end or from a
- * neighbour. Balls show lamps wherever they are: lamps_fit() tells which are exchanged. */
+ * tried on all pictures); of lamps, also a numbering from the other end or from a neighbour. Balls
+ * show lamps wherever they are: lamps_fit() tells which are exchanged. */
 #define MOST_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     static const double factors[][2] = {{-1, 1},      {1, -1},      {-1, -1},
@@ -348,8 +353,8 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
                     fit);
 }
 
-/* Whether so much more agreement cannot be chance: much more of what should be seen is, or hardly
- * anything is left that is not. */
+/* Whether the better agreement cannot be chance: much more of what should be visible is seen, or
+ * hardly anything of it is missed. */
 static gboolean decisive(double is, double would_be) {
     return would_be >= SHADOWS_LEAST_SCORE &&
            (would_be > is + DECISIVE || 1 - would_be < (1 - is) / MISSES);
@@ -436,7 +441,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
             g_propagate_error(error, g_steal_pointer(&cause));
         return ok;
     }
-    /* Nothing found: then why is more to the point than that. */
+    /* Nothing was found: the reason is then the better error. */
     if (!ok && base->rejected->len > 0)
         g_prefix_error(&cause, "%s (and %u more like it): ", (char *)base->rejected->pdata[0],
                        base->rejected->len - 1);
@@ -444,7 +449,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
         g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
     }
-    /* Few sights fit, but no mistake explains it: once more, as it is noted. */
+    /* Few sights fit, but no mistake explains it: measures again with the angles as noted. */
     job->rig = base->calibration->rig;
     job->target = target;
     g_array_set_size(job->sights, 0);
@@ -501,7 +506,7 @@ static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *ba
                    hypot(arc->tilt_rad[0], arc->tilt_rad[1]) * deg, arc->centre_mm[0],
                    arc->centre_mm[1]);
     else if (has_arc)
-        record_say(to, "; too few angles of it to tell its axis\n");
+        record_say(to, "; too few of its angles were captured to determine its axis\n");
     calibrate_say_doubts(to, base, part, "sights");
 }
 

@@ -9,14 +9,14 @@
 #include <math.h>
 #include <string.h>
 
-#define INSIDE     0.97 /* of a ball's radius: what is looked at */
-#define AROUND     1.3  /* of it: where a highlight shows that the ball is not where it is said */
+#define INSIDE     0.97 /* of a ball's radius: the part that is searched */
+#define AROUND     1.3  /* of it: a highlight up to here shows that the given circle is wrong */
 #define BRIGHTER   5.0  /* times the energy of the one on the ball: such a highlight */
 #define SPOT_SHARE 0.05 /* of a ball's disc, that a highlight may take up: 26° around the lamp */
 #define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
-#define MOVED      0.05 /* of the radius, that such a circle may be off by */
+#define MOVED      0.05 /* of the radius: largest error of such a circle */
 #define WHITE      0.98 /* of the brightest pixel, that counts as clipped */
-#define LOST       0.25 /* of the radius, within which an outline tells of a mistake */
+#define LOST       0.25 /* of the radius: an outline within this shows that the circle is a mistake */
 #define DEG        (180 / G_PI)
 
 char *photos_folder, **photos_balls;
@@ -139,7 +139,8 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
     return FALSE;
 }
 
-/* NULL, or why the circle is not where the lamp's highlight is. energy: of what is on the ball. */
+/* NULL, or why the lamp's highlight is not within the circle. energy: of the highlight on the ball.
+ */
 static char *look_around(const struct job *job, const struct picture *picture,
                          const struct ball_outline *ball, double most_px, double energy) {
     const struct highlight_mean mean = {job->mean, job->n_mean};
@@ -178,7 +179,7 @@ static char *cli_calibrate_photos_measure_ball(const struct job *job, const stru
                                    found.xy_px2, found.yy_px2, &ret->from, &ret->direction,
                                    &shift_rad))
         return g_strdup("shows the lamp outside of its outline");
-    /* Balls of one size that seem larger are nearer; that they are so little is let be. */
+    /* Balls of one size that appear larger are nearer; that small effect is neglected. */
     if (photos_focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
                                              (first->y_px - ball->y_px) / ball->radius_px, 0));

@@ -7,9 +7,11 @@
 static char *reflectance_option, *tile_option;
 static const GOptionEntry entries[] = {
     {"reflectance", 'r', 0, G_OPTION_ARG_STRING, &reflectance_option,
-     "Of the tile, as its maker says: one number, or three for red, green and blue", "R[;G;B]"},
+     "Reflectance of the tile, as its maker states it: one number, or three for red, green and "
+     "blue",
+     "R[;G;B]"},
     {"tile", 0, 0, G_OPTION_ARG_STRING, &tile_option,
-     "Its size in mm, if it is not that of the session's sample", "WxH"},
+     "The tile's size in mm, if it is not that of the session's sample", "WxH"},
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
                    "file that is written, if it is there; else that of the session"),
@@ -38,7 +40,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
     record_say(to, "%s: %d pictures of the tile, %.2f %% RMS", calibrate_output, r->pictures,
                100 * r->residual);
     if (part->rejected->len)
-        record_say(to, "; %u pictures are of no use", part->rejected->len);
+        record_say(to, "; %u pictures could not be used", part->rejected->len);
     record_say(to,
                "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d "
                "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
@@ -107,7 +109,8 @@ const struct command calibrate_radiometry = {
     .arguments = "SESSION --reflectance R -o FILE",
     .examples = "  mesorig calibrate radiometry tile.session -r 0.96 -c rig.calibration -o "
                 "rig.calibration\n",
-    .help = "Find out how bright cameras see and lamps shine, from a session of a white tile.",
+    .help = "Find the response of the cameras and the intensity of the lamps, from a session of a "
+            "white tile.",
     .options = entries,
     .min = 1,
     .max = 1,

@@ -181,7 +181,7 @@ static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const
     g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, y,
                            colour);
     if (plan->above)
-        return; /* what stands above one another would be written over one another */
+        return; /* labels of devices above one another would overlap */
     g_autofree char *text = escaped(name);
     g_string_append_printf(
         to, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
@@ -193,7 +193,7 @@ static void stretch(double range[2], double value) {
     range[1] = MAX(range[1], value);
 }
 
-/* So that everything fits, with a turntable of 150 mm and names beside. */
+/* Makes everything fit, with a turntable of 150 mm and the names beside. */
 static void fit_plan(struct plan *plan, const struct rig *rig) {
     double x[2] = {-150, 150}, y[2] = {plan->above ? -150 : -20, plan->above ? 150 : 20};
     for (int i = 0; i < rig->n_cameras + rig->n_lamps + rig->n_lasers; i++) {
@@ -323,7 +323,7 @@ static void add_drift(GString *to, const struct calibration *calibration) {
         return;
     begin_diagram(to, "Drift of the lamps");
     for (int l = 0; l < rig->n_lamps; l++) {
-        /* Lamps' colours go around the wheel. */
+        /* The lamps' hues are spread around the colour wheel. */
         g_autofree char *colour = g_strdup_printf("hsl(%d,65%%,45%%)", 360 * l / rig->n_lamps);
         g_autofree char *name = escaped(rig->lamps[l].name);
         g_string_append_printf(names, " <span style=\"color:%s\">%s</span>", colour, name);
@@ -402,7 +402,7 @@ const struct command calibrate_report = {
     .name = "calibrate report",
     .arguments = "FILE -o FILE.html",
     .examples = "  mesorig calibrate report rig.calibration -o rig.html\n",
-    .help = "Draw what a calibration file says, as a page.",
+    .help = "Draw a calibration file as a page.",
     .options = entries,
     .min = 1,
     .max = 1,

@@ -163,7 +163,7 @@ static int cli_calibrate_show_run(const struct call *call, GError **error) {
 const struct command calibrate_show = {.name = "calibrate show",
                                        .arguments = "FILE",
                                        .examples = "  mesorig calibrate show rig.calibration\n",
-                                       .help = "Print what a calibration file says.",
+                                       .help = "Print the contents of a calibration file.",
                                        .min = 1,
                                        .max = 1,
                                        .run = cli_calibrate_show_run};

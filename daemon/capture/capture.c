@@ -188,7 +188,7 @@ Capture *capture_start(struct devices *devices, const struct session_conf *conf,
                : NULL;
 }
 
-/* Every dark frame that what remains needs. */
+/* Reads every dark frame that the remaining shots need. */
 static gboolean can_read_darks(Session *session, const GPtrArray *shots,
                                const struct session_conf *conf, const struct rig *rig) {
     gint64 exposures[SHOT_MAX_DARKS];
@@ -228,7 +228,7 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     return TRUE;
 }
 
-/* Checks rig and disk, and takes the time and the dark frames of what is there already. */
+/* Checks rig and disk, and restores the clock and the dark frames of the earlier runs. */
 static gboolean prepare_resumed(Capture *capture, GError **error) {
     if (!capture_check_rig(capture->session, capture->shots, capture->devices, error))
         return FALSE;

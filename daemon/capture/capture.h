@@ -1,6 +1,6 @@
 /*
- * A session being captured: devices, session directory, sequencer and intake together. What the bus
- * shows and the commands drive. Main loop's thread.
+ * A session being captured: devices, session directory, sequencer and intake together. The bus
+ * shows it, and the commands control it. Main loop's thread.
  *
  * The sequencer (sequencer.c) moves, switches and triggers; the intake (intake.c) takes accepted
  * frames, merges brackets to linear radiance and feeds sweeps in one worker lane per camera, and

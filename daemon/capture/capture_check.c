@@ -7,7 +7,7 @@
 #include "capture_calibration.h"
 #include "exr/exr.h"
 
-/* Beside what is predicted: the database's journal, and products that are being made. */
+/* In addition to the prediction: the database's journal, and products that are being made. */
 #define SPARE_BYTES (G_GUINT64_CONSTANT(64) << 20)
 #define FULL_BELOW  (G_GUINT64_CONSTANT(1) << 20)
 

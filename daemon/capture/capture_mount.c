@@ -22,7 +22,8 @@ gboolean capture_mount_load(Capture *capture, GError **error) {
             continue;
         g_autofree char *key = key_of(capture, i);
         g_autofree char *said = session_value(capture->session, key);
-        capture->mounted[i] = -1; /* the session does not say, or names what the rig has no more */
+        capture->mounted[i] =
+            -1; /* the session does not say, or names a laser that the rig no longer has */
         for (int k = 0; said && k < capture->devices->geometry.n_lasers; k++)
             if (rig_laser_unit(timing_of(capture), k) == i &&
                 !strcmp(capture_mount_name_of(capture, k), said))
@@ -83,7 +84,7 @@ static char *describe_place(const Capture *capture, int laser) {
 
 void capture_mount_ask(Capture *capture) {
     int wanted = -1;
-    /* Units of which nothing is known are asked for first: whoever began the session is still
+    /* Units at unknown places are asked for first: the operator who began the session is still
      * there. */
     for (guint i = capture->committed; i < capture->remaining->len; i++) {
         const struct session_shot *shot = capture->remaining->pdata[i];

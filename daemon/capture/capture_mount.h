@@ -1,15 +1,15 @@
-/* Laser units that somebody mounts by hand: where each is, as the session knows it, and what can be
- * taken with them there. */
+/* Laser units that are mounted by hand: where the session says that each one is, and which shots
+ * can be taken with it there. */
 #pragma once
 
 #include "capture_private.h"
 
-/* Reads where the units were last, and tells their drivers. */
+/* Reads the last places of the units, and passes them to the drivers. */
 gboolean capture_mount_load(Capture *capture, GError **error);
 
-/* How many of the remaining shots can be taken, in order, before a unit must be mounted elsewhere;
- * none if it is not known where one is that they need. Sweeps from where the units are come first:
- * those that are taken again may have been planned before them. */
+/* The number of remaining shots that can be taken, in order, before a unit must be mounted
+ * elsewhere; none if they need a unit whose place is not known. Sweeps from where the units are
+ * come first: those that are taken again may have been planned before them. */
 guint capture_mount_reach(Capture *capture);
 
 /* Pauses with a prompt for the mounting that the next remaining shot needs. The rig is safe

@@ -43,7 +43,7 @@ struct Capture {
     GPtrArray *shots;            /* all, owned */
     GPtrArray *remaining;        /* of this run */
     guint committed;             /* of remaining */
-    GPtrArray *leg;              /* those of them before a laser must be mounted elsewhere */
+    GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */
     int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
     int wanted_mount;            /* the laser whose place is asked for; −1: none */
     GQueue flights;
@@ -67,9 +67,9 @@ struct Capture {
     double left_least_s;      /* not before the shot under way has been exposed */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct latest_picture latest[RIG_MAX_CAMERAS];
-    guint32 moved;           /* of what the session was paused for: capture_marks.c */
-    guint32 suspected;       /* of what the shot before seemed to show */
-    GQueue *marks;           /* of GArray of struct fiducial_seen: of the last shots */
+    guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
+    guint32 suspected; /* those that the previous shot seemed to show */
+    GQueue *marks;     /* of GArray of struct fiducial_seen: of the last shots */
     gboolean marks_reported; /* how they looked at the beginning */
     guint changed_source;
     gint64 changed_at_us;

@@ -15,8 +15,7 @@ static const char *const sweep_channels[] = {"intensity",   "peak",  "second_int
 
 #define HALF_BITS 11 /* integers that a half holds exactly */
 
-/* Below this, what compression saves on disk is little and costs more time than all else that is
- * done with a frame. */
+/* Below this size, compression saves little and takes longer than all other work on a frame. */
 #define SMALL_PIXELS (256 * 256)
 
 static enum exr_compression compression_of(const struct intake_file *file) {

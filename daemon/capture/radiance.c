@@ -33,11 +33,11 @@ static inline float straight(float above_dark, float bend) {
 }
 
 /* With x_i DN above dark at exposure t_i, and shortest exposures first: Σ x_i / Σ t_i over the k
- * exposures up to the longest that this same mean says to be below the limit. To leave out each
- * exposure that is itself above it would leave out what noise makes too bright, and the rest is too
- * dark. This mean's error and what the error of a mean of fewer exposures has beside it are
- * uncorrelated (weights by exposure are the best for photon noise), so that a choice by the one
- * favours no sign of the other. */
+ * exposures up to the longest that this same mean says to be below the limit. If each exposure that
+ * is itself above it were left out, those that noise makes brighter would be missing, and the rest
+ * would be too dark. The error of this mean is uncorrelated with the additional error of a mean of
+ * fewer exposures (weights by exposure are optimal for photon noise), so that this choice causes no
+ * bias. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
     gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;

@@ -12,7 +12,7 @@
 
 /* DN from which a pixel is taken to be saturated: 98 % of full scale, rounded up. */
 int radiance_saturation(int bits);
-gint64 radiance_saturated(const Frame *frame); /* how many pixels are */
+gint64 radiance_saturated(const Frame *frame); /* number of saturated pixels */
 
 struct radiance_stats {
     gint64 saturated; /* pixels saturated in every exposure: they hold the shortest's value */
@@ -27,7 +27,7 @@ struct radiance_stats {
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
-/* What a pixel of this dark level has, merged as above, from which on it saturates an exposure. */
+/* The least merged value (see above) at which a pixel of this dark level saturates an exposure. */
 double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
                         double bend_per_dn);
 
@@ -39,5 +39,5 @@ void radiance_add(const Frame *frame, guint32 *sums);
 /* Writes the dark level of every pixel and returns their mean. */
 double radiance_mean(const guint32 *sums, int n, gsize n_pixels, float *ret);
 
-/* How many pixels are more than margin_dn above dark: what a laser that stays on lights up. */
+/* Number of pixels more than margin_dn above dark: those that a laser lights if it stays on. */
 gint64 radiance_lit(const Frame *frame, const float *dark, double margin_dn);

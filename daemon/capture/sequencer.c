@@ -38,7 +38,7 @@ struct Sequencer {
     const struct session_shot *shot;
     int sub, n_subs;
     guint32 pending;  /* cameras still to be triggered for this picture */
-    guint32 exposing; /* triggered, the lamp must stay */
+    guint32 exposing; /* triggered; the lamp must stay on */
     guint32 waiting;  /* triggered, no frame yet */
     struct sequencer_camera states[RIG_MAX_CAMERAS];
     guint timer;
@@ -103,7 +103,7 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
     return goal;
 }
 
-/* What the stage may do as soon as the picture under way is exposed. */
+/* The stage's goal once the picture under way is exposed. */
 static struct stage_goal goal_after(const Sequencer *seq) {
     if (seq->pending)
         return goal_of(seq, seq->shot, seq->sub);

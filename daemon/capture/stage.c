@@ -119,7 +119,7 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
         track->at_deg = track->target_deg;
         stage_changed(track->stage);
     } else {
-        /* A stop that nobody asked for: a limit switch, or somebody at the drive's own panel. */
+        /* A stop without a command: a limit switch, or somebody at the drive's own panel. */
         g_autoptr(GError) stalled = NULL;
         device_error_set(&stalled, DEVICE_ERROR_STALLED, axis->device.who,
                          "it was stopped on its way to %g°", track->target_deg);

@@ -28,14 +28,14 @@ static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Take this calibration, not the one that the rig file names", "FILE"},
+     "Use this calibration, not the one that the rig file names", "FILE"},
     YES_ENTRY,
     {NULL},
 };
 
 static const GOptionEntry resume_entries[] = {
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
-     "Rig file, if it is not where it was when the session was begun", "RIG"},
+     "Rig file, if it has been moved since the session was begun", "RIG"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
     YES_ENTRY,
     {NULL},
@@ -70,9 +70,10 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     if (end == MONITOR_LOST) {
         g_autofree char *log = link_log(link);
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
-                    "mesorigd has ended unexpectedly; what was committed stays: mesorig resume "
+                    "mesorigd has ended unexpectedly; committed frames are kept: continue with "
+                    "mesorig resume "
                     "%s%s%s",
-                    directory, *log ? "\nIts last words:\n" : "", log);
+                    directory, *log ? "\nIts last messages:\n" : "", log);
         return CLI_FAILED;
     }
     if (cli_json)
@@ -108,7 +109,7 @@ static struct calibration *calibration_to_take(const char *rig_path, const struc
     return capture_calibration(&devices, &warnings, error);
 }
 
-/* Before a long capture. FALSE: they say that it would be spoilt, and --yes was not given; or a
+/* Before a long capture. FALSE: they predict that it would be spoilt, and --yes was not given; or a
  * device has failed. */
 static gboolean take_test_shots(Link *link, const struct session_conf *conf, const struct rig *rig,
                                 const char *rig_path, GError **error) {
@@ -129,14 +130,14 @@ static gboolean take_test_shots(Link *link, const struct session_conf *conf, con
     return warnings->len == 0 || yes;
 }
 
-/* Chooses exposures that are "auto" (ret_chosen: for Start, or NULL), then takes test shots. Other
- * things that are wrong with the session Start says. */
+/* Chooses exposures that are "auto" (ret_chosen: for Start, or NULL), then takes test shots. Start
+ * reports other errors of the session. */
 static gboolean try_first(Link *link, const char *rig_path, const char *session, char **ret_chosen,
                           GError **error) {
     g_auto(SessionConf) conf = {0};
     struct rig rig;
-    while (
-        g_main_context_iteration(NULL, FALSE)) /* what the daemon shows since it opened the rig */
+    while (g_main_context_iteration(
+        NULL, FALSE)) /* handles the property changes since the daemon opened the rig */
         ;
     const char *state = bus_rig1_get_state(link_rig(link));
     const gboolean free_now = g_strcmp0(state, "idle") == 0 || g_strcmp0(state, "done") == 0 ||
@@ -192,7 +193,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     const int code = cli_capture_tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
-    /* A private daemon has taken its child along; what is up to date is not made again. */
+    /* The child of a private daemon has ended with it; products that are up to date are not made
+     * again. */
     return code == CLI_DONE && process && private
                ? process_session(directory, NULL, FALSE, call->record, error)
                : code;
@@ -239,7 +241,7 @@ const struct command cli_capture = {
     .examples =
         "  mesorig capture rig.conf session.conf -o weave.session\n"
         "  mesorig capture rig.conf session.conf -o weave.session -c rig.calibration --process\n",
-    .help = "Capture a session, or begin to, and show how it goes.",
+    .help = "Capture a session and show its progress.",
     .options = capture_entries,
     .daemon = TRUE,
     .min = 2,

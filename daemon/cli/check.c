@@ -1,4 +1,5 @@
-/* check: whether what was measured can be: energy, reciprocity, views that agree on the surface. */
+/* check: whether the measurement is plausible: energy, reciprocity, views that agree on the
+ * surface. */
 #include "check.h"
 #include "base/data_error.h"
 #include "btf/btf_sigma.h"
@@ -74,11 +75,11 @@ static void tell_energy(Record *to, const struct energy *e) {
     record_int(to, "reciprocal_pairs", e->pairs);
     record_double(to, "asymmetry", e->asymmetry);
     record_double(to, "texel_asymmetry", e->texel_asymmetry);
-    record_say(to, "energy       %.3f … %.3f of a light's energy come back%s (views to %.0f°)\n",
-               least, e->largest_albedo, e->largest_albedo > 1 ? ": more than there is" : "",
+    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s (views to %.0f°)\n",
+               least, e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "",
                e->covered_deg);
     if (e->pairs == 0)
-        record_say(to, "reciprocity  no light stood where a view was, and the other way round\n");
+        record_say(to, "reciprocity  no pair of directions was measured both ways\n");
     else
         record_say(to,
                    "reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the "
@@ -128,8 +129,8 @@ static void tell_sigma(Record *to, const char *path) {
         record_say(
             to,
             "  warning: in %d of %d pictures σ is more than %.0f %% of half of the values, up "
-            "to %.1f %% (view %.1f° %.1f°, light %.1f° %.1f°): longer exposures help against "
-            "noise, more pixels a texel on edges\n",
+            "to %.1f %% (view %.1f° %.1f°, light %.1f° %.1f°): longer exposures reduce noise, more "
+            "pixels per texel reduce the error at edges\n",
             sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE, 100 * sigma.worst,
             sigma.worst_view_theta_deg, sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
             sigma.worst_light_phi_deg);
@@ -191,7 +192,8 @@ const struct command cli_check = {
     .arguments = "DIR",
     .examples = "  mesorig check weave.session --plot energy.svg\n"
                 "  mesorig check weave.session --strict && mesorig compress weave.session\n",
-    .help = "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
+    .help = "Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement "
+            "of views.",
     .options = entries,
     .min = 1,
     .max = 1,

@@ -7,7 +7,7 @@
 
 struct check {
     const char *path, *plot; /* plot: NULL, or the picture to draw */
-    int texel;               /* that is drawn; −1: the central one */
+    int texel;               /* the texel that is drawn; −1: the central one */
     /* found */
     struct btf_matrix *btf; /* NULL: there is none */
     struct energy *energy;

@@ -4,7 +4,8 @@
  * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each mistake is undone, and
  * the asymmetry compared, a being the one and b the other of a pair of exchanged directions: s =
  * √(Σ (a − b)² / Σ ((a + b)/2)²) for the values B; for B − p with the p that minimises Σ (a − b)²;
- * and for B^(1/2.2) and B^2.2, which sRGB is near to. Only pairs of different polar angles tell. */
+ * and for B^(1/2.2) and B^2.2, which sRGB is near to. Only pairs of different polar angles show
+ * it. */
 #include "check.h"
 
 #include "base/direction.h"
@@ -14,8 +15,8 @@
 
 #define LEAST_COS    0.05 /* least difference of cos θ within a pair */
 #define LEAST_PAIRS  6
-#define LEAST_SKEW   0.05 /* asymmetry below it is no sign of a mistake */
-#define BETTER       4.0  /* times less of it is the sign of one */
+#define LEAST_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
+#define BETTER       4.0  /* a mistake is indicated if undoing it makes it so many times smaller */
 #define DISPLAY      2.2
 #define MOST_ALBEDO  1.05
 #define LEAST_ALBEDO 0.002 /* the blackest paints have more */
@@ -148,13 +149,14 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
         return TRUE;
     if (energy->largest_albedo > MOST_ALBEDO)
         g_ptr_array_add(
-            ret, g_strdup_printf("%.3g times a light's energy comes back: is the white tile darker "
-                                 "than --reflectance said, or an exposure noted too short (s or ms "
-                                 "for another unit)?",
-                                 energy->largest_albedo));
+            ret,
+            g_strdup_printf("%.3g times a light's energy is reflected: is the white tile darker "
+                            "than --reflectance said, or an exposure noted too short (s or ms "
+                            "for another unit)?",
+                            energy->largest_albedo));
     else if (energy->largest_albedo < LEAST_ALBEDO)
         g_ptr_array_add(
-            ret, g_strdup_printf("only %.2g of a light's energy comes back, less than from the "
+            ret, g_strdup_printf("only %.2g of a light's energy is reflected, less than from the "
                                  "blackest paint: is an exposure noted too long (µs or ms for "
                                  "another unit), or is it a picture without light?",
                                  energy->largest_albedo));

@@ -45,7 +45,7 @@ static gboolean cli_compress_encode(struct compress *compress, const struct btf_
 /* The result, its figures and its file. */
 static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
     const struct compress_asked *asked = compress->asked;
-    /* What is left of the limit is for the work. */
+    /* The rest of the limit is for the work. */
     struct btf_matrix *btf = btf_matrix_read_within(asked->memory / 2, asked->path, work, error);
     if (!btf)
         return FALSE;
@@ -67,7 +67,7 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
     else if (!g_cancellable_is_cancelled(work->cancellable))
         checkpoint_discard(checkpoint);
     else if (asked->method.codec->resumable)
-        g_prefix_error(error, "%s keeps what is done: ", path);
+        g_prefix_error(error, "%s keeps the work done so far: ", path);
     btf_matrix_free(btf);
     return ok;
 }

@@ -55,7 +55,7 @@ static char *compress_names(const char *option, const char *separator) {
     return g_string_free(names, FALSE);
 }
 
-/* "lpca: what it is there; fields, ptm: what it is there". Methods that say the same share it. */
+/* "lpca: its help there; fields, ptm: their help there". Methods with the same help share it. */
 static const char *compress_help(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *last = NULL;

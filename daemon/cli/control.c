@@ -1,4 +1,4 @@
-/* status, watch, pause, continue, abort, safe: of what a daemon does. */
+/* status, watch, pause, continue, abort, safe: the commands about a daemon's work. */
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
@@ -110,7 +110,7 @@ static int run_request(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-/* Says of each device what it has answered. Not read back is a failure. */
+/* Prints the answer of each device. A state that was not read back is a failure. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);
@@ -136,8 +136,8 @@ static int run_safe(const struct call *call, GError **error) {
         return CLI_DONE;
     }
     g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
-                "the rig was told to be safe, but not read back: %s; look at it, and switch it off "
-                "by hand",
+                "the rig was commanded into its safe state, but these devices did not confirm it: "
+                "%s; look at them and switch them off by hand",
                 open->str);
     return CLI_FAILED;
 }

@@ -41,7 +41,7 @@ static int by_series_and_size(gconstpointer a, gconstpointer b) {
     return series ? series : (p->bytes > q->bytes) - (p->bytes < q->bytes);
 }
 
-/* Leaves out points that a smaller one of their series does not lose against. */
+/* Leaves out each point for which a smaller one of its series is at least as good. */
 static void cli_curve_keep_best(GArray *points) {
     struct plot_point *list = &g_array_index(points, struct plot_point, 0);
     guint kept = 0;

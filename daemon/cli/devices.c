@@ -60,13 +60,10 @@ static void say_all(Record *to, const GPtrArray *all) {
         }
     }
     if (n == 0)
-        record_say(
-            to,
-            "Nothing that a driver is for was found on USB, video, network and serial ports.\n");
+        record_say(to, "No supported device was found on USB, video, network and serial ports.\n");
     else
-        record_say(
-            to, "Give each a NAME. “mesorig drivers camera”, or laser, tells what a section says "
-                "beside, of where it stands.\n");
+        record_say(to, "Give each section a NAME. “mesorig drivers camera” (or laser) lists the "
+                       "further keys, such as its position.\n");
     for (guint i = 0; i < all->len; i++) {
         const struct found *found = all->pdata[i];
         if (!found->section && !found->note)
@@ -74,7 +71,7 @@ static void say_all(Record *to, const GPtrArray *all) {
                                    found->address);
     }
     if (others->len)
-        record_say(to, "No driver is for: %s\n", others->str);
+        record_say(to, "No driver supports: %s\n", others->str);
 }
 
 static void tell_all(Record *to, const GPtrArray *all, const GPtrArray *problems) {
@@ -137,6 +134,6 @@ const struct command cli_devices = {
     .arguments = "",
     .examples = "  mesorig devices\n"
                 "  mesorig devices --json | jq .\n",
-    .help = "List what is on the buses, and the sections that would use it.",
+    .help = "List the devices on the buses, and the rig file sections that would use them.",
     .options = entries,
     .run = run_devices};

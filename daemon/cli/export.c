@@ -1,4 +1,4 @@
-/* export: what a session has become, for other programs. */
+/* export: the products of a session, for other programs. */
 #include "command/cli.h"
 #include "command/work.h"
 #include "formats/export_surface.h"
@@ -18,11 +18,12 @@ static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE"},
     {"format", 0, 0, G_OPTION_ARG_STRING, &format, "btf: how the values are stored (bdi)",
      "bdi|fmf|dfmf"},
-    {"components", 0, 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: how many (24)", "N"},
-    {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "points: that saw each of them, at least (2)",
+    {"components", 0, 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: number of components (24)",
      "N"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &least_views,
+     "points: least number of views that saw each (2)", "N"},
     {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
-     "height, normals: the upper layer of what is not a height field", NULL},
+     "height, normals: write the upper layer if the surface is not a height field", NULL},
     {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum,
      "height, normals of a PTM: the light of its greatest value", NULL},
     {NULL},
@@ -37,7 +38,7 @@ struct job {
     struct fit_normals_result fit;
 };
 
-/* What is written is told by KIND, not by the file's name, which must not say something else. */
+/* KIND determines what is written; the file's name must not contradict it. */
 static gboolean export_check_name(const char *what, const char *format_name, const char *end,
                                   GError **error) {
     g_autofree char *lower = g_ascii_strdown(output, -1);
@@ -117,7 +118,7 @@ static int export_by_fit(const struct call *call, struct job *job, GError **erro
     record_say(to, "%s: %d of %d texels from their %s", output, result->texels - result->holes,
                result->texels, result->model);
     if (maximum)
-        record_say(to, "; of %d the maximum is clipped, and they are holes\n", result->clipped);
+        record_say(to, "; %d texels are holes, since their maximum is clipped\n", result->clipped);
     else
         record_say(to,
                    "; %d are in shadow or shine under more than a quarter of the lights they "

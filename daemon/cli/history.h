@@ -1,6 +1,6 @@
 /*
  * A picture of how a capture went: shots over time, the axes' angles, what each shot was, and what
- * happened. For who comes back in the morning.
+ * happened. For an operator who comes back in the morning.
  */
 #pragma once
 

@@ -29,14 +29,14 @@ static const GOptionEntry entries[] = {
     {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "poses: how deep the structure is (0)", "MM"},
     {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "poses: the colour filter of grey pictures (mono)",
      "mono|rggb|bggr|grbg|gbrg"},
-    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge, "poses: what sweeps show (line)",
-     "line|darkens|lightens"},
+    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge,
+     "poses: what sweeps show: line, darkens or lightens (line)", "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
      "poses: the least peak of a sweep, of 4095 (40)", "DN"},
     {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
-     "poses: lamps within this of a direction of the sample are one light (0: none)", "DEG"},
+     "poses: lamps whose directions differ by at most this angle are one light (0: none)", "DEG"},
     {"target", 0, 0, G_OPTION_ARG_NONE, &target,
-     "poses: of a calibration target: views need not have every light", NULL},
+     "poses: pictures of a calibration target, whose views need not have every light", NULL},
     {"template", 0, 0, G_OPTION_ARG_NONE, &template,
      "poses: write a file of nominal values to fill in, for -c, and import nothing", NULL},
     {NULL},
@@ -85,7 +85,7 @@ static void cli_import_tell(Record *to, const struct import_result *result, doub
     if (result->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT
-                   " texels of its pictures are missing or no numbers, and are 0\n",
+                   " texels of its pictures are missing or not numbers; they are set to 0\n",
                    result->holes);
 }
 
@@ -114,9 +114,10 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
                "makes BTF and MDF\n",
                output, result->n_views, result->n_lights, result->n_lasers, result->n_frames, time);
     if (result->n_missing > 0)
-        record_say(to,
-                   "%d pictures of sweeps are missing; what they would have shown is not seen\n",
-                   result->n_missing);
+        record_say(
+            to,
+            "%d pictures of sweeps are missing; the surface that only they show is not measured\n",
+            result->n_missing);
     if (result->not_numbers > 0)
         record_say(to, "%" G_GINT64_FORMAT " pixels are not numbers\n", result->not_numbers);
 }
@@ -147,7 +148,8 @@ static int write_template(const struct call *call, GError **error) {
     if (!g_file_set_contents(output, text, -1, error))
         return CLI_FAILED;
     record_string(call->record, "file", output);
-    record_say(call->record, "%s: fill in what says ?, and give it to import poses with -c\n",
+    record_say(call->record,
+               "%s: replace each ? by its value, and give the file to import poses with -c\n",
                output);
     return CLI_DONE;
 }
@@ -228,7 +230,7 @@ const struct command cli_import = {
     .arguments = "KIND SOURCE -o DIR",
     .examples = "  mesorig import btf wool.btf -o wool.session\n"
                 "  mesorig import poses poses.csv -c nominal.conf -s 36x36 -o print.session\n",
-    .help = "Make a session of what others have measured. KIND: btf (a file "
+    .help = "Make a session of data that others have measured. KIND: btf (a file "
             "of Bonn's), pictures (a folder, "
             "names with tl… pl… tv… pv…), rti (a list of lights), "
             "relight (an info.json with its planes), "

@@ -219,7 +219,7 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)
         return FALSE;
-    /* Nobody captures: a session that says it is running was cut off. */
+    /* No process captures into it: a session whose state is "running" was cut off. */
     g_autofree char *stored = session_value(session, "state");
     const char *state = counts.planned == 0                         ? "done"
                         : !stored || g_str_equal(stored, "running") ? "unfinished"
@@ -331,7 +331,7 @@ const struct command cli_info = {.name = "info",
                                  .arguments = "FILE|DIR",
                                  .examples = "  mesorig info weave.session\n"
                                              "  mesorig info weave.session --history course.svg\n",
-                                 .help = "Show what a session or an EXR holds.",
+                                 .help = "Show the contents of a session or an EXR.",
                                  .options = entries,
                                  .min = 1,
                                  .max = 1,

@@ -9,9 +9,9 @@ static char *output;
 static gboolean offline;
 static const GOptionEntry entries[] = {
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
-     "By the options in the rig file alone: no device need be there", NULL},
+     "Use the options in the rig file only: no device need be connected", NULL},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Session directory it would be captured into: checks that too", "DIR"},
+     "Session directory that it would be captured into; checks that, too", "DIR"},
     {NULL},
 };
 
@@ -60,7 +60,7 @@ static GVariant *plan_here(const char *rig, const char *session, const char *dir
     return report;
 }
 
-/* What is assumed of devices goes with the plan's notes. */
+/* Assumptions about devices are added to the plan's notes. */
 static GVariant *plan_offline(const char *rig_path, const char *session, GError **error) {
     struct session_conf conf = {0};
     struct rig rig;
@@ -135,6 +135,6 @@ const struct command cli_drivers = {.name = "drivers",
                                     .arguments = "[NAME]",
                                     .examples = "  mesorig drivers\n"
                                                 "  mesorig drivers modbus-axis\n",
-                                    .help = "List drivers and what they take in a rig file.",
+                                    .help = "List the drivers and their options in a rig file.",
                                     .max = 1,
                                     .run = run_drivers};

@@ -60,7 +60,7 @@ void plot_text(cairo_t *cr, double x, double y, double align, const char *text) 
     cairo_text_extents(cr, text, &size);
     cairo_move_to(cr, x - align * size.x_advance, y);
     cairo_show_text(cr, text);
-    cairo_new_path(cr); /* a line to what comes next is not wanted */
+    cairo_new_path(cr); /* so that no line leads to the next element */
 }
 
 void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text) {

@@ -70,7 +70,7 @@ gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struc
     g_autofree char *symmetry = g_strdup_printf(
         "; not reciprocal by %.2f %% of the mean, %.2f %% texel by texel (%d pairs)",
         100 * e->asymmetry, 100 * e->texel_asymmetry, e->pairs);
-    g_autofree char *text = g_strdup_printf("at most %.3f of a light's energy comes back%s",
+    g_autofree char *text = g_strdup_printf("at most %.3f of a light's energy is reflected%s",
                                             e->largest_albedo, e->pairs > 0 ? symmetry : "");
     plot_title(cr, LEFT, 38, title, text);
     draw_diagram(cr, 380, one, e->texel_e_r, e->n_views, e->texel_e_i, e->n_lights);

@@ -25,8 +25,8 @@ static void tell_lines(Record *to, const struct pipeline_result *result) {
         record_say(
             to,
             "laser planes: in %d of %d sweeps with a line beside the sample it contradicts the "
-            "calibration, by %+.3f° in laser position %d; where they differ the line was "
-            "believed. Has a sweep slipped, or is the calibration old?\n",
+            "calibration, by %+.3f° in laser position %d; where they differ the line was used. Has "
+            "a sweep slipped, or is the calibration old?\n",
             result->lines_disagree, result->lines_found, result->lines_worst_deg,
             result->line_worst_position);
 }
@@ -131,8 +131,7 @@ static const GOptionEntry entries[] = {
     {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
      NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
-     "Process with this calibration, not the one it was captured with; “nominal”: with none",
-     "FILE"},
+     "Process with this calibration, not the session's own; “nominal”: with none", "FILE"},
     {NULL},
 };
 

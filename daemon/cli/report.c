@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define ASYMMETRY_WARN 0.05 /* RMS, of the mean over texels */
-#define REFUTED_WARN   0.01 /* of what views see of the surface */
+#define REFUTED_WARN   0.01 /* share of the points that views see */
 
 static char *output_option;
 static gboolean crate_option, no_verify_option;
@@ -36,7 +36,7 @@ static gboolean add_measurement(struct archive *archive, const struct work *work
     const struct energy *energy = ok ? check.energy : NULL;
     if (energy)
         archive_add_check(archive, energy->largest_albedo > 1 ? ARCHIVE_WARNING : ARCHIVE_PASS,
-                          "energy", "at most %.3f of a light's energy comes back",
+                          "energy", "at most %.3f of a light's energy is reflected",
                           energy->largest_albedo);
     if (energy && energy->pairs > 0)
         archive_add_check(archive,

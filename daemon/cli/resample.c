@@ -12,7 +12,9 @@ static int threads;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "own: those planned (default); 81: the papers'; or a table of directions", "own|81|FILE"},
+     "own: the planned directions (default); 81: those of the papers; or a file with a table of "
+     "directions",
+     "own|81|FILE"},
     {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
     {NULL},
 };
@@ -115,8 +117,7 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
         record_say(to, "where cameras and lamps were is not known: all texels had the same "
                        "directions\n");
     if (result->mdf)
-        record_say(to,
-                   "its MDF is the measured one as it was, with the views it was measured from\n");
+        record_say(to, "its MDF is copied unchanged, with the views from which it was measured\n");
     record_say(to, "\nmeasured from  left out: view            light   there and back\n");
     tell_bands(to, "by_view", result->from, &result->all, add_left_out, say_from);
     record_say(to, "\nmade for         moved     at most   too far out%s\n",
@@ -165,7 +166,7 @@ const struct command cli_resample = {.name = "resample",
                                          "  mesorig resample weave.session -o same.session\n"
                                          "  mesorig resample weave.session -o same.session -d 81\n",
                                      .help = "Make a session whose BTF has the same directions for "
-                                             "all texels, and say how far to believe it.",
+                                             "all texels, and report its accuracy.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

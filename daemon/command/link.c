@@ -50,7 +50,7 @@ static Link *link_to(const char *address, GError **error) {
     return connect_to(link, address, error) ? g_steal_pointer(&link) : NULL;
 }
 
-/* A proxy is made also for who may not ask for anything. */
+/* A proxy is made even for a user who may not call the daemon. */
 static gboolean may_ask(BusRig1 *rig, const char *bus, GError **error) {
     g_autoptr(GError) why = NULL;
     if (bus_rig1_get_state(rig))
@@ -102,7 +102,7 @@ static void remove_folder(const char *folder) {
 }
 
 /* The private daemon of this user that answers; folders of killed ones are removed on the way. NULL
- * without an error: there is none. Which of several is meant is not to be guessed. */
+ * without an error: there is none. More than one is an error. */
 static Link *link_to_private(GError **error) {
     g_autoptr(GPtrArray) links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
     g_autoptr(GDir) dir = g_dir_open(runtime_folder(), 0, NULL);
@@ -128,13 +128,13 @@ static Link *link_to_private(GError **error) {
     for (guint i = 0; i < links->len; i++)
         g_string_append_printf(sessions, "\n  %s", bus_rig1_get_session(link_rig(links->pdata[i])));
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
-                "several captures are under way: say which by its session directory%s",
+                "several captures are under way: name one by its session directory%s",
                 sessions->str);
     return NULL;
 }
 
-/* What a session's control file says. The directory may be of others: a link, a file of another
- * user, or something that is not a regular file, is ignored. NULL: nothing. */
+/* The address in a session's control file. The directory may belong to others: a link, a file of
+ * another user, or something that is not a regular file, is ignored. NULL: nothing. */
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
@@ -149,7 +149,7 @@ static char *read_control(const char *directory) {
     g_strstrip(text);
     if (n > 0 && (strcmp(text, "system") == 0 || strcmp(text, "session") == 0))
         return g_strdup(text);
-    /* One address of a socket here: others may name a host, and a file to be sent to it. */
+    /* A single address of a local socket: others may name a host, and a file to send to it. */
     return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
 }
 
@@ -163,7 +163,8 @@ static Link *link_by_directory(const char *directory, GError **error) {
         link_free(link);
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "nobody captures into %s at present; “mesorig resume” goes on with it", directory);
+                "no daemon captures into %s at present; “mesorig resume” goes on with it",
+                directory);
     return NULL;
 }
 
@@ -233,7 +234,7 @@ static gboolean wait_for_daemon(Link *link, const char *address, GError **error)
     }
     g_autofree char *log = link_log(link);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "mesorigd did not start: %s",
-                *log ? log : "it has said nothing");
+                *log ? log : "it printed no message");
     return FALSE;
 }
 

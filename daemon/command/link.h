@@ -5,9 +5,9 @@
 
 typedef struct Link Link;
 
-/* directory may be NULL. In this order: what --address or --bus say; the daemon that captures into
- * directory; and without a directory, a private daemon of this user, the system bus, the session
- * bus. */
+/* directory may be NULL. In this order: the daemon that --address or --bus names; the daemon that
+ * captures into directory; and without a directory, a private daemon of this user, the system bus,
+ * the session bus. */
 Link *link_find(const char *directory, GError **error);
 
 /* Only those that have the rig open, or that --address or --bus name. NULL without an error: none.
@@ -24,7 +24,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Link, link_free)
 BusRig1 *link_rig(Link *link); /* owned by the link */
 gboolean link_is_private(const Link *link);
 
-/* The daemon has gone: its connection was closed, or its name on the bus is nobody's. */
+/* The daemon has gone: its connection was closed, or its name on the bus has no owner. */
 gboolean link_is_lost(const Link *link);
 
 /* A daemon on a bus may be another user, who reads no file for us: adds the text of the file. Of a

@@ -167,7 +167,7 @@ static void check_prompt(Monitor *monitor) {
     if (monitor->answer == ANSWER_AT_ONCE) {
         cli_monitor_answer(monitor);
     } else if (monitor->answer == ANSWER_ENTER && has_enter) {
-        tcflush(STDIN_FILENO, TCIFLUSH); /* keys that were struck earlier answer nothing */
+        tcflush(STDIN_FILENO, TCIFLUSH); /* discards earlier key presses */
         monitor->enter_id =
             g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, on_enter, monitor);
         progress_line(monitor->progress, "press Enter when it is done");
@@ -245,8 +245,8 @@ static gboolean cli_monitor_check_idle(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Once: after the shot under way. Twice: now. What the daemon showed before it answered may still
- * wait to be heard, its start even: the state is looked at after that. */
+/* Once: after the shot under way. Twice: now. Changes that the daemon sent before its answer may
+ * still be queued, even that it has started: the state is read after them. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;
@@ -311,7 +311,7 @@ void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
     monitor->patient = patient;
     monitor->begun_us = g_get_monotonic_time();
-    /* What the daemon has shown before it answered our last call lies waiting. */
+    /* Changes that the daemon sent before it answered our last call are still queued. */
     while (g_main_context_iteration(NULL, FALSE))
         ;
     monitor->frames_before = bus_rig1_get_frames(link_rig(monitor->link));

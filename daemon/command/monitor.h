@@ -23,11 +23,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 
 enum monitor_answer {
     ANSWER_ELSEWHERE, /* mesorig continue, in another terminal */
-    ANSWER_ENTER,     /* that too, or the Enter key here, if there is one */
+    ANSWER_ENTER,     /* that, or the Enter key of this terminal, if there is one */
     ANSWER_AT_ONCE,   /* for simulated rigs: nobody has to do anything */
 };
 
-/* What is done where the rig asks for something to be done by hand; ANSWER_ELSEWHERE at first. */
+/* The reaction when the rig asks for a manual step; ANSWER_ELSEWHERE at first. */
 void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
 
 /* Runs the main loop. patient: a fault does not end it, since somebody may mend it and go on. */

@@ -55,8 +55,8 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* The bar takes what room the text leaves; a text that is too long is cut at its end, so that the
- * line never wraps and can be drawn over. */
+/* The bar takes the room that the text leaves; a text that is too long is cut at its end, so that
+ * the line never wraps and can be drawn over. */
 static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =

@@ -18,7 +18,8 @@
 #define WANTED_PART 0.5
 /* Part of the range by which a lamp raises the mean of a picture that sees it. */
 #define LAMP_PART 0.0005
-/* A saturated picture is taken again so much shorter, to tell how short is short enough. */
+/* A saturated picture is taken again with an exposure shorter by this factor, to find one that is
+ * short enough. */
 #define SHORTER 32
 /* Of fiducials, as in a capture (capture_marks.c). */
 #define SYSTEMATIC_PX 0.05

@@ -1,11 +1,11 @@
-/* Test shots before a long capture: what would spoil all of it shows in them. */
+/* Test shots before a long capture, which show mistakes that would spoil all of it. */
 #pragma once
 
 #include "calibration/calibration.h"
 #include "command/link.h"
 #include "plan/plan.h"
 
-/* Whether a session takes so many pictures that a few before it cost nothing. */
+/* Whether a session takes so many pictures that a few test shots hardly prolong it. */
 gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *rig);
 
 /* Homes turntable and arc, turns the arc to a planned light away from the cameras, and takes test

@@ -20,8 +20,8 @@ Link *hand_link(GError **error) {
     }
     if (rig && !rig_link_open(link, rig, error))
         return NULL;
-    while (
-        g_main_context_iteration(NULL, FALSE)) /* what the daemon shows since it opened the rig */
+    while (g_main_context_iteration(
+        NULL, FALSE)) /* handles the property changes since the daemon opened the rig */
         ;
     const char *open = bus_rig1_get_rig_path(link_rig(link));
     if (!open || !*open) {
@@ -39,7 +39,7 @@ static gboolean read_pixels(int fd, Frame *frame, GError **error) {
         const gssize n = pread(fd, (guint8 *)frame->pixels + done, size - done, (off_t)done);
         if (n <= 0) {
             g_set_error(error, G_IO_ERROR, G_IO_ERROR_PARTIAL_INPUT,
-                        "the daemon's picture has %zu of %zu bytes", done, size);
+                        "the daemon sent only %zu of the picture's %zu bytes", done, size);
             return FALSE;
         }
         done += (gsize)n;
@@ -67,8 +67,9 @@ Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain
     if (width < 1 || height < 1 || width > MOST_SIDE || height > MOST_SIDE || bits < 1 ||
         bits > 16 || !cfa_parse(filter, &cfa)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "the daemon's picture has %u × %u pixels of %u bits and the filter %s", width,
-                    height, bits, filter);
+                    "the daemon sent a picture that cannot be read: %u × %u pixels of %u bits, "
+                    "colour filter %s",
+                    width, height, bits, filter);
     } else {
         frame = frame_new((int)width, (int)height);
         frame->bits = (int)bits;

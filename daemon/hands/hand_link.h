@@ -12,8 +12,8 @@ extern char *hand_rig; /* --rig */
             "Rig file, where no daemon has a rig open; a simulated one needs none", "RIG"          \
     }
 
-/* A daemon with a rig open: that of --rig, or the one that a daemon has. What this process switches
- * on or moves ends with its connection. */
+/* Finds a daemon with a rig open: that of --rig, or whichever rig it has. Lights and moves that
+ * this process has begun end with its connection. */
 Link *hand_link(GError **error);
 
 /* As the methods of these names; they wait for the answer. */

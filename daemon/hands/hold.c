@@ -10,7 +10,8 @@
 static double seconds;
 
 static const GOptionEntry light_entries[] = {
-    {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds, "Off again after so long; else at Ctrl-C", "S"},
+    {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
+     "Seconds after which it goes off again (at Ctrl-C)", "S"},
     HAND_RIG_ENTRY,
     {NULL},
 };
@@ -18,8 +19,8 @@ static const GOptionEntry axis_entries[] = {HAND_RIG_ENTRY, {NULL}};
 
 struct waiting {
     GMainLoop *loop;
-    int n_open;  /* interlocks, in the beginning */
-    char *fault; /* that has ended it, or NULL */
+    int n_open;  /* open interlocks at the start */
+    char *fault; /* the fault that has ended it, or NULL */
 };
 
 static gboolean on_end(gpointer data) {

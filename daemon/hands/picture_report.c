@@ -13,7 +13,7 @@
 
 #define DARK_PART   (1.0 / 256)
 #define ASK_WAIT_MS 200
-/* Of a cell of the terminal, where it does not say: for the size of a sixel picture. */
+/* Size of a terminal's cell if it does not report one: for the size of a sixel picture. */
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
 #define LEVELS      6 /* of each colour in a sixel picture */

@@ -1,4 +1,4 @@
-/* What a camera's frame says of exposure and focus, and the frame on a terminal. */
+/* Exposure and focus of a camera's frame, and the frame on a terminal. */
 #pragma once
 
 #include "command/record.h"

@@ -3,8 +3,9 @@
 
 #include "command/link.h"
 
-/* One that has the rig open, or may open it; a simulated rig gets a private daemon. ret_simulated:
- * whether every driver of the rig file is. Mistakes in the file come before all else. */
+/* Finds a daemon that has the rig open, or may open it; a simulated rig gets a private daemon.
+ * ret_simulated: whether every driver of the rig file is. Mistakes in the file are reported before
+ * all else. */
 Link *rig_link_find(const char *rig, gboolean *ret_simulated, GError **error);
 
 /* Sees to it that the daemon has this rig open, and no other. */

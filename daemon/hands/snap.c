@@ -20,8 +20,8 @@ static int count;
     {                                                                                              \
         "exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "How long it exposes (10000)",    \
         "US"},                                                                                     \
-        {"lamp", 'l', 0, G_OPTION_ARG_STRING, &lamp, "Light this lamp meanwhile", "LAMP"},         \
-        {"laser", 0, 0, G_OPTION_ARG_STRING, &laser, "Light this laser meanwhile", "LASER"},       \
+        {"lamp", 'l', 0, G_OPTION_ARG_STRING, &lamp, "Switch this lamp on meanwhile", "LAMP"},     \
+        {"laser", 0, 0, G_OPTION_ARG_STRING, &laser, "Switch this laser on meanwhile", "LASER"},   \
         HAND_RIG_ENTRY
 
 static const GOptionEntry snap_entries[] = {
@@ -42,8 +42,8 @@ static gboolean set_lights(Link *link, gboolean on, GError **error) {
            (!laser || hand_light(link, TRUE, laser, on, error));
 }
 
-/* A daemon with the rig, whose lights that were asked for are on. Those that a failure leaves on go
- * off with the link. */
+/* Finds a daemon with the rig and switches the requested lights on. After a failure they go off
+ * with the link. */
 static Link *look_begin(const struct call *call, GError **error) {
     if (exposure_us == 0)
         exposure_us = EXPOSURE_US;

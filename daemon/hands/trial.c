@@ -71,7 +71,7 @@ void trial_init(struct trial *trial, Link *link, const struct session_conf *conf
     trial_sort_lamps(trial);
 }
 
-/* Of a ring's azimuths, with the turntable at 0, that farthest from all cameras. */
+/* The azimuth of a ring, with the turntable at 0, that is farthest from all cameras. */
 static double free_azimuth_deg(const struct rig *rig, const struct ring *ring) {
     double best_deg = ring->offset_deg, farthest_deg = -1;
     for (int k = 0; k < ring->count; k++) {

@@ -24,19 +24,20 @@ static char *bus_kind, *listen_address, *rig_path, *safe_path, *guardian_path;
 static gboolean exit_with_client, prepare, version;
 
 static const GOptionEntry entries[] = {
-    {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Be on this bus: system or session", "BUS"},
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Own the name on this bus: system or session",
+     "BUS"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
      "Serve clients of the same user at unix:path=…, on no bus", "ADDRESS"},
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at once", "FILE"},
     {"exit-with-client", 0, 0, G_OPTION_ARG_NONE, &exit_with_client,
-     "With --listen: end when the client has gone that opened the rig", NULL},
+     "With --listen: end when the client that opened the rig disconnects", NULL},
     {"safe-state", 0, 0, G_OPTION_ARG_FILENAME, &safe_path,
      "Switch lamps and lasers of this rig off, stop its axes, and end", "RIG"},
     {"guardian", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_FILENAME, &guardian_path,
-     "Make this rig safe when the daemon that has started this has gone", "RIG"},
+     "Make this rig safe when the daemon that started this process has ended", "RIG"},
     {"prepare", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_NONE, &prepare,
      "Work for the mesorigd that has started this one", NULL},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
@@ -121,7 +122,7 @@ static void on_name_lost(GDBusConnection *connection, const char *name, gpointer
 
 static gboolean go_public(struct daemon *daemon, GError **error) {
     if (listen_address) {
-        /* For the socket alone: who owns it may connect. */
+        /* For the socket only: its owner may connect. */
         const mode_t before = umask(0077);
         daemon->server = bus_serve(daemon->bus, listen_address, error);
         umask(before);

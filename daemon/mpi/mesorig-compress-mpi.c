@@ -30,11 +30,11 @@ static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Write this file", "FILE"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {"help", 'h', 0, G_OPTION_ARG_NONE, &help, "Show help options", NULL},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
-/* The first rank speaks for all, a line a stage and a tenth of it. */
+/* The first rank reports for all, a line for each tenth of a stage. */
 static void mpi_compress_tell(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
@@ -120,7 +120,7 @@ static gboolean mpi_compress_locked(const char *path, const struct team *team,
     return ok;
 }
 
-/* What starts several processes tells each its rank; -1 if nothing did. */
+/* The launcher gives each process its rank in the environment; -1 if there is none. */
 static int mpi_compress_told_rank(void) {
     static const char *const names[] = {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK",
                                         "SLURM_PROCID"};
@@ -130,7 +130,7 @@ static int mpi_compress_told_rank(void) {
     return -1;
 }
 
-/* 2: not understood. The first rank says so for all, and answers --help and --version, in UTF-8 in
+/* 2: bad usage. The first rank reports it for all, and answers --help and --version, in UTF-8 in
  * any locale. MPI need not work for that. */
 static int mpi_compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context =

@@ -108,8 +108,9 @@ static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
     return g_string_free(names, FALSE);
 }
 
-/* A shot with what stands by itself where a direction points: another lamp at each angle of the
- * turntable. Without one the shot is skipped, as it is for cameras that cannot see the light. */
+/* A shot with the lamp or laser that stands by itself in a direction: another one at each angle of
+ * the turntable. Without one the shot is skipped, as it is for cameras that cannot see the
+ * light. */
 static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *from,
                                enum session_shot_kind kind, const struct session_direction *source,
                                GError **error) {

@@ -17,8 +17,8 @@
 
 #define HALF_BITS 11 /* integers that a half holds exactly */
 
-/* Files of more pixels are compressed (intake_write.c). What is left of their values depends on
- * noise and texture; these were measured on the demo's weave at 384² and 640² pixels, where lamp
+/* Files of more pixels are compressed (intake_write.c). The compressed share depends on noise and
+ * texture; these shares were measured on the demo's weave at 384² and 640² pixels, where lamp
  * frames were 0.79 and 0.70, sweeps 0.24 and 0.26, dark frames 0.27 and 0.25, raw ones 0.34 and
  * 0.30. */
 #define SMALL_PIXELS  (256 * 256)

@@ -105,7 +105,7 @@ static int find_udeg(const GArray *angles, gint64 udeg) {
     return -1;
 }
 
-/* Whether a direction at this angle from where a device stands is as good as its own. */
+/* Whether a device stands close enough to a direction, by the angle between them. */
 static gboolean is_near(gint64 udeg, double theta_deg) {
     const double off_deg = (double)MIN(udeg, PLAN_FULL_TURN - udeg) / UDEG;
 
@@ -174,7 +174,8 @@ static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kin
     return -1;
 }
 
-/* Index of the angle that stands for all that stand by themselves; it is added if need be. */
+/* Index of the angle that represents all devices that stand by themselves; it is added if missing.
+ */
 static int fixed_angle(GArray *angles) {
     const struct plan_angle angle = {.fixed = TRUE};
 
@@ -192,9 +193,9 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-/* Adds a direction, and the angle that shows it: of a camera at azimuth φ_c, which sees the sample
- * from φ_c − τ, the turntable's τ; of a lamp or laser, which the sample sees at φ = α − τ plus its
- * own azimuth at α = 0, the azimuth α − τ. */
+/* Adds a direction and the angle that shows it. A camera at azimuth φ_c sees the sample from φ_c −
+ * τ: the angle is the turntable's τ. The sample sees a lamp or laser at φ = α − τ plus its own
+ * azimuth at α = 0: the angle is α − τ. */
 static gboolean add_direction(const struct plan_build *b, const struct candidates *candidates,
                               double theta_deg, double phi_deg, GArray *angles, GArray *directions,
                               GArray *angle_of, GError **error) {

@@ -4,7 +4,7 @@
 
 /* Cost evaluations before the search for a better order gives up. */
 #define SEARCH_BUDGET 300000
-/* Sessions of more shots than this keep the order their poses give. */
+/* Sessions of more shots than this keep the order of their poses. */
 #define SEARCH_LARGEST 1500
 /* Up to this many shots, all candidates are improved, not the best alone. */
 #define SEARCH_ALL    40
@@ -20,7 +20,7 @@ static gboolean plan_order_is_lit(const struct session_shot *shot) {
     return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
 }
 
-/* What is planned in each pose: lamps by number, then sweeps by how long they take to prepare. */
+/* The shots of each pose: lamps by number, then sweeps by how long they take to prepare. */
 struct pose_shots {
     GArray *lamps, *sweeps; /* of guint */
 };
@@ -30,7 +30,7 @@ struct orderer {
     const int *block_of;             /* of each shot */
     int block;                       /* that is being ordered */
     int before;                      /* the last shot of the block before, −1: none */
-    const struct session_shot *dark; /* what the first shot comes after, or NULL */
+    const struct session_shot *dark; /* the shot before the first one, or NULL */
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;
@@ -38,7 +38,7 @@ struct orderer {
     int lit; /* lamp that the last shot of the order left on, −1: none */
 };
 
-/* Only what is lit and belongs to the block that is being ordered. */
+/* Only shots with light in the block that is being ordered. */
 static gboolean is_ours(const struct orderer *o, guint index) {
     return plan_order_is_lit(plan_order_shot_at(o->shots, index)) && o->block_of[index] == o->block;
 }

@@ -1,5 +1,5 @@
 /*
- * What the parts of the planner share: plan_directions.c finds the angles that show each direction,
+ * Shared by the parts of the planner: plan_directions.c finds the angles that show each direction,
  * plan.c makes shots of them, plan_blocked.c keeps the arc out of the pictures, plan_tour.c orders
  * poses, plan_order.c the shots, plan_search.c improves both, plan_time.c predicts time,
  * plan_bytes.c disk space.

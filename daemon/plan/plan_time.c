@@ -5,10 +5,10 @@
 /*
  * The sequencer's time, as it is predicted. Before each picture everything is prepared at once:
  * both axes of the pose move, the lamp or laser is switched on and warms up, the sweep axis goes to
- * its first step; frames of the picture before are read out meanwhile. All of this begins when the
- * last exposure of the picture before has ended. A lamp that is still on from the shot before stays
- * on and is warm. Within a bracket only read-out is waited for, within a sweep read-out and the
- * step; a sweep ends with one picture from its middle, after the laser was switched off.
+ * its first step; frames of the previous picture are read out meanwhile. All of this begins when
+ * the last exposure of the previous picture has ended. A lamp that is still on from the previous
+ * shot stays on and is warm. Within a bracket only read-out is waited for, within a sweep read-out
+ * and the step; a sweep ends with one picture from its middle, after the laser was switched off.
  */
 
 /* All cameras of a shot are triggered together, so the slowest one counts. */
@@ -143,7 +143,7 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
  */
 struct pose_bound {
     double sum_s;   /* Σ l */
-    double extra_s; /* what the move adds */
+    double extra_s; /* time that the move adds */
     double largest_s;
     double into_s; /* M */
 };

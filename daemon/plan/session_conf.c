@@ -37,7 +37,7 @@ static const struct option session_options[] = {
     {"operator", OPTION_STRING, .fallback = "", .offset = FIELD(operator_name),
      .help = "Who captures it; for the report"},
     {"notes", OPTION_STRING, .fallback = "", .offset = FIELD(notes),
-     .help = "Anything else that whoever uses the data should know; for the report"},
+     .help = "Further notes for users of the data; for the report"},
     {"license", OPTION_STRING, .fallback = "", .offset = FIELD(license),
      .help = "Address (URL) of the licence of the data; for the report"},
     {NULL},
@@ -59,10 +59,10 @@ static const struct option sample_options[] = {
     {"depth_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = CONF(grid.depth_mm),
      .help = "Depth of the structure below the reference plane, at most"},
     {"flat_radius_mm", OPTION_DOUBLE, "mm", 0, 2000, "0", .offset = FIELD(flat_radius_mm),
-     .help = "How far a flat, level face around the sample reaches, on which the laser's line "
-             "tells where its sheet truly is; 0: there is none"},
+     .help = "Radius of a flat, level face around the sample, on which the laser's line shows "
+             "where its sheet truly is; 0: there is none"},
     {"flat_hole_mm", OPTION_DOUBLES, "mm", 0, 2000, "", .offset = FIELD(flat_hole_mm),
-     .help = "Width and height of the box in its middle that the sample lies in"},
+     .help = "Width and height of the box in the middle of that face that holds the sample"},
     {"flat_mm", OPTION_DOUBLE, "mm", 0, 500, "0", .offset = FIELD(flat_mm),
      .help = "Height of that face over the turntable's top"},
     {"flat_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0.02", .offset = FIELD(flat_error_mm),
@@ -91,8 +91,8 @@ static const struct option capture_options[] = {
     {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = CONF(laser_exposure_us),
      .help = "Exposure of a frame of a laser sweep"},
     {"laser_short_us", OPTION_DOUBLE, "us", 0, 60e6, "0", .offset = CONF(laser_short_us),
-     .help = "Exposure of one more frame at each step of a laser sweep, shorter, for pixels that "
-             "saturate in the other; 0: none"},
+     .help = "Exposure of a second, shorter frame at each step of a laser sweep, for pixels that "
+             "saturate in the first; 0: none"},
     {"sweep_steps", OPTION_INT, NULL, 8, MAX_SWEEP_STEPS, "96", .offset = CONF(sweep_steps),
      .help = "Frames of one laser sweep"},
     {"sweep_margin_mm", OPTION_DOUBLE, "mm", 0, 200, "2", .offset = CONF(sweep_margin_mm),
@@ -117,7 +117,7 @@ static const struct option capture_options[] = {
      .help = "Keep every frame of the laser sweeps as well"},
     {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = CONF(keep_exposures),
      .help = "Keep every dark frame and every exposure of a bracket as well; an exposure may then "
-             "be given twice: calibration tells noise by such pairs"},
+             "be given twice, for calibration measures noise from such pairs"},
     {NULL},
 };
 
@@ -137,8 +137,8 @@ static const struct option ring_options[] = {
     {"offset_deg", OPTION_DOUBLE, "degrees", -360, 360, "0", .offset = RING(offset_deg),
      .help = "Added to the azimuth of all rings"},
     {"devices", OPTION_STRINGS, .fallback = "", .offset = RING(devices),
-     .help = "Instead of rings, names of the rig's cameras (lamps, lasers), or all: the directions "
-             "they stand in with turntable and arc at 0"},
+     .help = "Instead of rings, names of the rig's cameras (lamps, lasers), or all: their "
+             "directions with turntable and arc at 0"},
     {NULL},
 };
 
@@ -275,7 +275,7 @@ static gboolean read_rings(const struct config_section *section, struct ring *ri
                        has_preset || has_rings ? ", not both" : "");
     else if (has_devices && fields.offset_deg != 0)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_deg",
-                       "goes with rings: devices stand where they stand; leave it out");
+                       "turns rings only: the devices' positions are fixed; leave it out");
     else if (has_devices) {
         *ret_devices = g_steal_pointer(&fields.devices);
         ok = TRUE;

@@ -6,12 +6,12 @@
 
 #define SHOT_MAX_DARKS (PLAN_MAX_BRACKET + 1)
 
-/* The exposures that a dark shot has, each once: those of the bracket, that of the lasers. How many
- * there are. */
+/* The distinct exposures of a dark shot: those of the bracket and that of the lasers. Returns their
+ * number. */
 int shot_dark_exposures(const struct session_conf *conf, gint64 ret[SHOT_MAX_DARKS]);
 
-/* How many frames a camera takes for a shot, and at which exposure each; sub counts from 0. Those
- * of a sweep end with one from its middle, taken after the laser was switched off. */
+/* The number of frames that a camera takes for a shot, and the exposure of each; sub counts from 0.
+ * Those of a sweep end with one from its middle, taken after the laser was switched off. */
 int shot_n_frames(const struct session_conf *conf, const struct session_shot *shot);
 gint64 shot_exposure_us(const struct session_conf *conf, const struct session_shot *shot, int sub);
 

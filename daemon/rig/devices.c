@@ -134,7 +134,7 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
     return TRUE;
 }
 
-/* Report a place that the driver does not know now, not when somebody has climbed there. */
+/* Reports an unknown place now, not when an operator has mounted the unit there. */
 static gboolean open_mount(struct devices *devices, const struct layout *layout, int i,
                            GError **error) {
     int unit = layout->unit[i];
@@ -259,7 +259,7 @@ static gboolean is_first_sweep(const struct devices *devices, int laser) {
     return TRUE;
 }
 
-/* Light first: it is what may hurt somebody. */
+/* Light first: it may injure somebody. */
 void devices_close(struct devices *devices) {
     if (!devices)
         return;
@@ -379,7 +379,7 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
     return g_variant_builder_end(&list);
 }
 
-/* What a device has answered to devices_secure(). */
+/* A device's answer to devices_secure(). */
 struct answer {
     gboolean done;
     GError *error;

@@ -64,12 +64,12 @@ struct devices {
     Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
     char *text;       /* the rig file as it was read */
     char *path;       /* of the rig file, absolute */
-    char *calibration_path;       /* that the rig file names, absolute; NULL: none */
-    const char *calibration_text; /* what is in it; NULL: to be read. Not owned. */
+    char *calibration_path;       /* the one that the rig file names, absolute; NULL: none */
+    const char *calibration_text; /* its contents; NULL: to be read. Not owned. */
     double calibration_days;
 };
 
-/* Where an axis last said it was; NULL, an axis that is not there, stands at 0. */
+/* The position that an axis last reported; 0 for NULL, an axis that the rig lacks. */
 static inline double devices_axis_deg(Axis *axis) {
     return axis ? axis_position_deg(axis) : 0;
 }
@@ -81,8 +81,8 @@ struct devices *devices_open(const char *rig_path, GError **error);
 /* The geometry alone, checked in the same way, without opening a device. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
 /* Geometry and timing from the rig file's options alone, for a plan without the hardware: nothing
- * real is opened. What devices only tell when they are asked is assumed; a line about each such is
- * added to assumed (char *, with a free function). */
+ * real is opened. Values that only an open device can tell are assumed; a line about each is added
+ * to assumed (char *, with a free function). */
 gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
                              struct rig_timing *ret_timing, GPtrArray *assumed, GError **error);
 /* Reads the geometry from the text of a rig file that a session keeps; path is used in errors. */
@@ -99,9 +99,9 @@ void devices_close(struct devices *devices);
  * into the first one; every device is tried. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
-/* What became of it: class, name and "read back", "commanded only" (no answer yet) or "NOT safe" of
- * each laser, lamp bank and axis, as a(sss), floating. ret: DEVICE_TOLD if one has not answered,
- * else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
+/* The result of that command: class, name and "read back", "commanded only" (no answer yet) or "NOT
+ * safe" of each laser, lamp bank and axis, as a(sss), floating. ret: DEVICE_TOLD if one has not
+ * answered, else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
 /* The same, and waits until every device has confirmed: lasers and lamps that they are off, axes

@@ -96,7 +96,7 @@ const struct driver_info *devices_driver(gsize i) {
 }
 
 char *devices_describe_drivers(const char *name, gboolean json) {
-    /* What sections of the rig file say beside, or without, a driver. */
+    /* The keys of sections of the rig file beside, or without, a driver. */
     static const char *const sections[][2] = {
         {"rig", "The rig as a whole, in its section [rig]"},
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},

@@ -20,17 +20,17 @@ static const struct option rig_options[] = {
     {"id", OPTION_STRING, .offset = RIG(id),
      .help = "Name of this rig; a calibration of another one is refused"},
     {"clock", OPTION_CHOICE, .fallback = "real", .choices = clock_choices, .offset = RIG(clock),
-     .help = "Virtual time jumps to the next event; for simulated devices alone"},
+     .help = "Virtual time jumps to the next event; for simulated devices only"},
     {"calibration", OPTION_STRING, .fallback = "", .offset = RIG(calibration),
-     .help = "Its calibration, a file beside this one; without it geometry and light are as said "
-             "here"},
+     .help = "The rig's calibration file, relative to this file; without it, the geometry and "
+             "light of this file are used"},
     {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
-     .help = "A part that was calibrated longer ago is warned of"},
+     .help = "Age from which an old calibration of a part causes a warning"},
     {"arc_radius_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = RIG(arc_radius_mm),
      .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
     {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, "0", .offset = RIG(arc_width_mm),
-     .help = "Width of the light arc and what hangs on it, and of lamps and cameras that stand by "
-             "themselves: what they hide from a camera or a lamp"},
+     .help = "Width of the light arc with its lamps, and of lamps and cameras that stand by "
+             "themselves; it determines what they hide from a camera or a lamp"},
     {NULL},
 };
 
@@ -70,7 +70,7 @@ static const struct option lamp_options[] = {
     AZIMUTH,
     DISTANCE,
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
-     .help = "Its intensity falls with the cosine of the angle off its axis to this power"},
+     .help = "Its intensity falls with this power of the cosine of the angle from its axis"},
     {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
      .help = "Radiant intensity along its axis"},
     {NULL},
@@ -79,8 +79,8 @@ static const struct option lamp_options[] = {
 static const struct option camera_options[] = {
     THETA,
     {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
-     .help = "Azimuth it stands at, counter-clockwise seen from above; of one overhead, how it is "
-             "turned"},
+     .help = "Azimuth it stands at, counter-clockwise seen from above; for a camera overhead, its "
+             "rotation"},
     DISTANCE,
     {"width", OPTION_INT, "px", 1, 65536, .offset = PLACE(width), .help = "Width of its pictures"},
     {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
@@ -101,7 +101,7 @@ static const struct option camera_options[] = {
 static const struct option laser_options[] = {
     {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
     {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
-     .help = "The laser that is mounted here by hand; then give only its place"},
+     .help = "The laser that is mounted here by hand; such a section gives only its place"},
     THETA,
     AZIMUTH,
     DISTANCE,
@@ -288,7 +288,7 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     camera->vignetting = p.vignetting;
     camera->response = p.response;
     rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
-    if (p.theta_deg == 0) /* overhead its azimuth is how it is turned about its axis */
+    if (p.theta_deg == 0) /* overhead, the azimuth is its rotation about its own axis */
         for (int k = 0; k < 2; k++) {
             double *row = camera->rotation.m[k];
             const struct vec3 turned = rig_turn(vec3(row[0], row[1], row[2]), RAD(p.phi_deg));
@@ -538,7 +538,7 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
             config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
                            "nothing uses this axis: it is neither turntable nor arc, and no laser "
                            "names it as its sweep");
-        /* Virtual time would run away from a real device. */
+        /* Virtual time would run ahead of a real device. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
             drivers_by_name(section))
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "driver",

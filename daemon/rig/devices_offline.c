@@ -1,5 +1,5 @@
-/* The speeds and delays of a rig's devices by its file alone. Drivers of a class say the same thing
- * by options of the same name: an axis by AXIS_MOTION_OPTIONS, others by those named below. */
+/* The speeds and delays of a rig's devices from its file alone. Drivers of a class use the same
+ * names for the same options: an axis by AXIS_MOTION_OPTIONS, others by those named below. */
 #include "devices_private.h"
 
 #include <string.h>

@@ -43,7 +43,7 @@ static gboolean fill_link(const struct finder_modbus *modbus, struct modbus_link
     if (modbus_parities[ret->parity])
         return TRUE;
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                "“%s” is not a parity; say none, even or odd", wanted);
+                "“%s” is not a parity; give none, even or odd", wanted);
     return FALSE;
 }
 

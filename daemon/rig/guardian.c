@@ -147,7 +147,7 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_free(guardian);
 }
 
-/* What the daemon has sent. */
+/* The bytes that the daemon has sent. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
 
 static enum news guardian_receive(gint64 *until_us) {
@@ -175,7 +175,7 @@ static void kill_daemon(int daemon) {
         poll(&at, 1, END_MS);
 }
 
-/* Until the daemon says goodbye, dies or hangs; whether the rig is to be made safe. */
+/* Waits until the daemon says goodbye, dies or hangs; returns whether to make the rig safe. */
 static gboolean watch_daemon(int daemon) {
     gint64 until_us = g_get_monotonic_time() + HANG_US;
 

@@ -15,8 +15,8 @@ gboolean guardian_is_needed(const struct devices *devices);
 /* Starts this program again with --guardian RIG. */
 Guardian *guardian_start(const char *rig_path, GError **error);
 
-/* busy: nothing shines or moves and the main loop is about to block, so silence until the next
- * heartbeat is not a hang. FALSE: silence is a hang again, from now on. NULL is ignored. */
+/* busy: no light is on, nothing moves and the main loop is about to block, so silence until the
+ * next heartbeat is not a hang. FALSE: silence is a hang again, from now on. NULL is ignored. */
 void guardian_set_busy(Guardian *guardian, gboolean busy);
 
 /* Ends the guardian. safe: the rig is safe; otherwise the guardian makes it safe. NULL is ignored.

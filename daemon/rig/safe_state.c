@@ -37,7 +37,7 @@ struct result { /* written by one process, read by the other */
 struct repaired { /* a section reduced to its valid keys */
     GString *text;
     GString *notes;  /* what was left out */
-    GString *doubts; /* what was left out and may identify the device */
+    GString *doubts; /* parts left out that may identify the device */
 };
 
 /* Keys that neither identify the device nor determine how it is switched or stopped. */

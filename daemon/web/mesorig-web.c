@@ -19,16 +19,17 @@ static gboolean version;
 static const GOptionEntry entries[] = {
     {"port", 0, 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any that is free (8470)", "N"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
-     "Listen on this IP address, for other machines (this machine alone)", "IP"},
+     "Listen on this IP address, for other machines (this machine only)", "IP"},
     {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &hosts,
      "A name under which browsers reach this server; may be repeated", "NAME"},
     {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &token_path,
-     "Whoever has this file's first line may pause, continue, abort and make safe (nobody may)",
+     "Clients that send this file's first line may pause, continue, abort and make the rig safe "
+     "(none may)",
      "FILE"},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
     {"address", 0, 0, G_OPTION_ARG_STRING, &address, "A daemon's own socket, in place of a bus",
      "unix:path=…"},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 

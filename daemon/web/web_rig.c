@@ -15,7 +15,7 @@
 #define BLACK             5
 #define COLOURS           3
 
-struct waiting { /* who waits for a picture */
+struct waiting { /* a request that waits for a picture */
     WebRigPicture back;
     gpointer data;
 };
@@ -254,7 +254,7 @@ void web_rig_free(WebRig *rig) {
     if (!rig)
         return;
     g_cancellable_cancel(rig->cancellable);
-    while (g_main_context_iteration(NULL, FALSE)) /* calls that were cancelled answer */
+    while (g_main_context_iteration(NULL, FALSE)) /* lets cancelled calls end */
         ;
     g_clear_handle_id(&rig->state_id, g_source_remove);
     g_signal_handlers_disconnect_by_data(rig->rig, rig);

@@ -1,7 +1,7 @@
 /*
- * The rig as the web server sees it: a client of mesorigd's D-Bus interface like any other, that
- * keeps what it has heard for those who ask. It never blocks: calls are answered later. One thread,
- * the one that runs the main loop.
+ * The rig as the web server sees it: a client of mesorigd's D-Bus interface like any other, which
+ * keeps the last state for the server's requests. It never blocks: calls are answered later. One
+ * thread, the one that runs the main loop.
  */
 #pragma once
 
@@ -10,7 +10,7 @@
 typedef struct WebRig WebRig;
 
 /* address: of a private daemon ("unix:path=…"), or NULL: the bus, "system" or "session". On a bus
- * the daemon may come and go; a private one that goes stays gone. */
+ * the daemon may end and start again; a private one that has ended does not come back. */
 WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */
 

@@ -39,7 +39,7 @@ static void refuse(SoupServerMessage *message, guint status, const char *why) {
     respond(message, status, "application/json", json->str);
 }
 
-/* Nothing is stored, framed, guessed or loaded from elsewhere. */
+/* Forbids caching, framing, guessing of types and loading from elsewhere. */
 static void add_headers(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
     soup_message_headers_replace(headers, "Cache-Control", "no-store");
@@ -68,7 +68,7 @@ static gboolean is_our_host(const WebServer *server, const char *host) {
     return g_ptr_array_find_with_equal_func(server->hosts, name, g_str_equal, NULL);
 }
 
-/* Compares in a time that does not tell how much is right. */
+/* Compares in a time that does not depend on the content. */
 static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
     const char *header = soup_message_headers_get_one(
         soup_server_message_get_request_headers(message), "Authorization");
@@ -92,18 +92,19 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, gbool
     const gboolean reads = strcmp(method, "GET") == 0 || strcmp(method, "HEAD") == 0;
     add_headers(message);
     if (!is_our_host(server, soup_message_headers_get_one(headers, "Host")))
-        refuse(message, SOUP_STATUS_MISDIRECTED_REQUEST,
-               "this server has no such name: --host NAME lets it be reached by it");
+        refuse(
+            message, SOUP_STATUS_MISDIRECTED_REQUEST,
+            "the host name is not one of this server's: start it with --host NAME to add the name");
     else if (acts ? strcmp(method, "POST") != 0 : !reads) {
         refuse(message, SOUP_STATUS_METHOD_NOT_ALLOWED, acts ? "use POST" : "use GET");
         soup_message_headers_replace(soup_server_message_get_response_headers(message), "Allow",
                                      acts ? "POST" : "GET, HEAD");
     } else if ((of_origin && !is_our_host(server, of_origin + 3)) || (origin && !of_origin) ||
                (acts && site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0))
-        refuse(message, SOUP_STATUS_FORBIDDEN, "pages of other sites may not ask");
+        refuse(message, SOUP_STATUS_FORBIDDEN, "requests from pages of other sites are refused");
     else if (acts && !server->token)
         refuse(message, SOUP_STATUS_FORBIDDEN,
-               "this server only shows: start it with --token-file to let it act");
+               "this server is read-only: start it with --token-file to allow commands");
     else if (acts && !has_token(server, message)) {
         refuse(message, SOUP_STATUS_UNAUTHORIZED, "the token is missing or wrong");
         soup_message_headers_replace(soup_server_message_get_response_headers(message),
@@ -118,7 +119,8 @@ static void on_headers(SoupServerMessage *message, gpointer data) {
     SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
     if (soup_message_headers_get_encoding(headers) == SOUP_ENCODING_CHUNKED ||
         soup_message_headers_get_content_length(headers) > MOST_BODY) {
-        refuse(message, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE, "requests have no such body");
+        refuse(message, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE,
+               "the request's body is too large, or is sent in chunks");
         soup_message_headers_replace(soup_server_message_get_response_headers(message),
                                      "Connection", "close");
     }
@@ -155,7 +157,7 @@ static void send(struct stream *stream, const char *text) {
     const gsize n = strlen(text);
     stream->pending += n;
     if (stream->pending > MOST_PENDING) {
-        /* It does not read: what it would miss is in the next state. */
+        /* The client does not read: the next state contains what it misses. */
         g_socket_shutdown(soup_server_message_get_socket(stream->message), TRUE, TRUE, NULL);
         return;
     }
@@ -197,7 +199,8 @@ static void stream_free(gpointer data) {
 
 static void open_stream(WebServer *server, SoupServerMessage *message) {
     if (server->streams->len >= MOST_STREAMS) {
-        refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE, "too many pages look at this rig");
+        refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE,
+               "too many pages are open on this rig: close one");
         return;
     }
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
@@ -290,7 +293,7 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
     if (strcmp(what, "events") == 0 && strcmp(soup_server_message_get_method(message), "GET") == 0)
         open_stream(server, message);
     else if (!answer_picture(server, message, what))
-        refuse(message, SOUP_STATUS_NOT_FOUND, "there is no such thing: see docs/web.md");
+        refuse(message, SOUP_STATUS_NOT_FOUND, "this path does not exist: see docs/web.md");
 }
 
 static gboolean listen_on(WebServer *server, const struct web_options *options, GError **error) {
@@ -300,7 +303,8 @@ static gboolean listen_on(WebServer *server, const struct web_options *options, 
         g_inet_socket_address_new_from_string(options->address, options->port);
     if (!address) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s is no IP address to listen on: 0.0.0.0 is all of IPv4's", options->address);
+                    "%s is not an IP address to listen on: 0.0.0.0 listens on all IPv4 addresses",
+                    options->address);
         return FALSE;
     }
     return soup_server_listen(server->soup, address, 0, error);

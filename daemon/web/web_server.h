@@ -1,9 +1,9 @@
 /*
  * The web server of a rig: a page, an HTTP interface and a stream of server-sent events, described
- * in docs/web.md. Whoever reaches the port may look; what acts needs the token. Requests of other
- * sites' pages are refused: the token is a header, which such a page cannot send, the Host must be
- * a name of this server (against DNS rebinding), and no response allows other origins. One thread,
- * the one that runs the main loop.
+ * in docs/web.md. Everyone who reaches the port may read; requests that change something need the
+ * token. Requests of other sites' pages are refused: the token is a header, which such a page
+ * cannot send, the Host must be a name of this server (against DNS rebinding), and no response
+ * allows other origins. One thread, the one that runs the main loop.
  */
 #pragma once
 

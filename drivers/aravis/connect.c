@@ -8,11 +8,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define GVCP_PORT  3956
-#define PROBE_MS   300
-#define N_PROBES   3
-#define CONTROL_AT 0x0a00 /* the bootstrap register that says who controls the camera */
-#define RETRY_US   100000
+#define GVCP_PORT 3956
+#define PROBE_MS  300
+#define N_PROBES  3
+#define CONTROL_AT                                                                                 \
+    0x0a00 /* the bootstrap register that tells whether a program controls the camera */
+#define RETRY_US 100000
 
 static GMutex list_lock;
 

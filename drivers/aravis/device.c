@@ -24,7 +24,7 @@
 /* Longer than Aravis needs to report that a camera was unplugged. */
 #define UNPLUG_REPORT_US 10000
 
-/* How many packets may be asked for again, a packet of the picture. */
+/* Limit of resend requests, as a share of a picture's packets. */
 #define REQUESTS 1.0
 
 struct AravisDevice {
@@ -96,7 +96,7 @@ static gboolean set_features(AravisDevice *device, GError **error) {
     return TRUE;
 }
 
-/* The rig file's "features" set it: its owner knows. */
+/* The rig file's "features" set it: this is deliberate. */
 static gboolean aravis_device_asked_for(const AravisDevice *device, const char *feature) {
     gsize n = strcspn(feature, "[");
     for (char **f = device->options->features; f && *f; f++) {
@@ -108,7 +108,7 @@ static gboolean aravis_device_asked_for(const AravisDevice *device, const char *
 }
 
 /* A measurement needs raw values: switches off what the camera does to pictures, sets what the rig
- * file asks for besides, and tells what is still on. */
+ * file asks for besides, and warns of what is still on. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
     g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);

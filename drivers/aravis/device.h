@@ -35,8 +35,8 @@ struct aravis_limits {
     double min_gain_db, max_gain_db; /* both 0: it has none */
 };
 
-/* Connects, takes control (waiting up to control_s for whoever has it), sets everything up and
- * creates the stream. func is called in Aravis's stream thread. */
+/* Connects, takes control (waiting up to control_s for another program to release it), sets
+ * everything up and creates the stream. func is called in Aravis's stream thread. */
 AravisDevice *aravis_device_open(const struct aravis_options *options, double control_s,
                                  ArvStreamCallback func, gpointer data, GError **error);
 void aravis_device_close(AravisDevice *device); /* NULL is ignored */
@@ -44,8 +44,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 
-/* What alters its pictures and could not be switched off, a text each. Ends with NULL; the
- * device's. */
+/* The functions that alter its pictures and could not be switched off, a text each. Ends with NULL;
+ * the device's. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
 gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
@@ -68,8 +68,8 @@ gboolean aravis_device_trigger(AravisDevice *device, GError **error);
 ArvBuffer *aravis_device_pop(AravisDevice *device);
 void aravis_device_push(AravisDevice *device, ArvBuffer *buffer);
 
-/* How the camera's clock stands to g_get_monotonic_time(): ours = camera's + offset, known to
- * ± error_us. valid is FALSE if it has no clock that can be asked. */
+/* The camera's clock relative to g_get_monotonic_time(): ours = camera's + offset, known to ±
+ * error_us. valid is FALSE if it has no clock that can be asked. */
 struct aravis_clock {
     gboolean valid;
     double offset_us, error_us;

@@ -8,7 +8,7 @@ enum aravis_packing {
     ARAVIS_WORDS,  /* two, little endian */
     ARAVIS_10P,    /* four pixels in five bytes, lowest bits first */
     ARAVIS_12P,    /* two in three */
-    ARAVIS_PACKED, /* two in three: high eight bits of each around what is left of both */
+    ARAVIS_PACKED, /* two in three bytes: the low bits of both lie between their high bytes */
 };
 
 struct aravis_format {

@@ -205,8 +205,8 @@ static gboolean raw_set_strength(ArvGcFeatureNode *node, double strength, GError
     if (*why)
         return FALSE;
     if (strength < low || strength > high) {
-        g_set_error(why, DEVICE_ERROR, DEVICE_ERROR_RANGE, "its range, %g to %g, lacks %g", low,
-                    high, strength);
+        g_set_error(why, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "its range, %g to %g, does not contain %g", low, high, strength);
         return FALSE;
     }
     if (ARV_IS_GC_FLOAT(node))

@@ -10,7 +10,7 @@
 /* A function that the camera has, such as gamma. */
 struct aravis_raw {
     const char *what;   /* "gamma" */
-    const char *effect; /* what it does to measured values, as a sentence */
+    const char *effect; /* its effect on measured values, as a sentence */
     char *feature;      /* that switched it off, else the first that could; with the position of its
                          * selector: "LUTEnable[Luminance]" */
     char *value;        /* of that feature, now */

@@ -15,7 +15,7 @@ enum job_kind { CONFIGURE, ARM, DISARM, TRIGGER, BUFFER, QUIT };
 
 struct job {
     enum job_kind kind;
-    guint generation; /* which arming it belongs to */
+    guint generation; /* the arming that it belongs to */
     gint64 exposure_us;
     double gain_db;
     guint64 shot;

@@ -34,7 +34,7 @@ struct relays {
             "watchdog_scale, again and again while it should be; −1: its coil stays on"          \
     }
 
-static GList *all_relays; /* that are open: sections may share a board */
+static GList *all_relays; /* all open ones: sections may share a board */
 
 static gboolean has_watchdog(const struct relays *relays) {
     return relays->watchdog.address >= 0 || relays->pulse_coil >= 0;

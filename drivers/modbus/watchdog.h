@@ -22,7 +22,7 @@ struct modbus_watchdog {
      "Holding register of its communication timeout, after which it ends by itself what it does; " \
      "−1: none is used"},                                                                          \
     {"watchdog_after_s", OPTION_DOUBLE, "s", 0.1, 600, "3", NULL, MODBUS_WATCHDOG(at, after_s),    \
-     "How long it hears nothing before it does so; it is asked three times as often"},             \
+     "Time without a request after which it does so; it is polled three times within this time"},             \
     {"watchdog_scale", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL, MODBUS_WATCHDOG(at, scale),      \
      "What is written to it for 1 s"}
 /* clang-format on */

@@ -111,8 +111,7 @@ static const struct option options[] = {
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position at the end of homing"},
     {"poll_ms", OPTION_INT, "ms", 1, 250, "20", NULL, FIELD(poll_ms),
-     "How often it is asked where it is while it moves, which also keeps its command timeout from "
-     "stopping it"},
+     "How often its position is polled while it moves, which also resets its command timeout"},
     {NULL},
 };
 

@@ -293,7 +293,7 @@ void usb_close(UsbDevice *usb) {
     }
     usb->context->devices = g_list_remove(usb->context->devices, usb);
     if (usb->flying) {
-        g_warning("%s: the kernel did not give its USB requests back; they are left to it",
+        g_warning("%s: the kernel did not return its USB requests; they stay with the kernel",
                   usb->who);
         return;
     }

@@ -38,7 +38,7 @@ struct v4l2_camera {
     guint64 shot;
     gint64 earliest_us; /* at which the exposure of the wanted frame may have begun */
     guint source, timer;
-    int broken; /* errno of a stream that broke while nobody waited */
+    int broken; /* errno of a stream that broke while no frame was waited for */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct v4l2_camera, name)
@@ -47,7 +47,8 @@ static const char *const stamps[] = {"auto", "start", "first-data", "end", NULL}
 
 static const struct option options[] = {
     {"device", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
-     "Its node, as /dev/video0 or, the same after every start, a link in /dev/v4l/by-path"},
+     "Its node, as /dev/video0, or a link in /dev/v4l/by-path, which stays the same after every "
+     "start"},
     {"bus", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(bus),
      "Where it is plugged in, as \"mesorig devices\" says it; may be left out if there is only one "
      "camera"},
@@ -62,16 +63,16 @@ static const struct option options[] = {
      "longer "
      "than a frame"},
     {"black_level", OPTION_DOUBLE, "DN", -1, 65535, "-1", NULL, FIELD(black_level),
-     "What it reads in the dark; -1: 16 for luma of limited range, otherwise 0"},
+     "Its value in the dark; -1: 16 for luma of limited range, otherwise 0"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "auto", stamps, FIELD(stamp),
-     "What its time stamps are of: the start of the exposure, the first data that came, the end of "
-     "the data; auto: as the kernel says, and first-data for UVC cameras unless the kernel uses "
+     "What its time stamps mark: the start of the exposure, the first data, the end of the data; "
+     "auto: as the kernel says, and first-data for UVC cameras unless the kernel uses "
      "their own stamps"},
     {"delay_ms", OPTION_DOUBLE, "ms", -1, 60000, "-1", NULL, FIELD(delay_ms),
      "How long after the end of the exposure the stamp may be (with stamp = start: after its "
      "start); -1: none for start, otherwise a frame"},
     {"settle_frames", OPTION_INT, NULL, 0, 100, "2", NULL, FIELD(settle_frames),
-     "Frames after a change of exposure or gain that may still be of the settings before"},
+     "Frames after a change of exposure or gain that may still have the previous settings"},
     {"gain_0db", OPTION_INT, NULL, -1, G_MAXINT, "-1", NULL, FIELD(gain_0db),
      "The gain control's value at 0 dB; -1: its least"},
     {"gain_per_db", OPTION_DOUBLE, "1/dB", 0, 100000, "0", NULL, FIELD(gain_per_db),
@@ -170,11 +171,11 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
         video_stream_give_back(&v4l2->node, &buffer);
         if (!monotonic)
             camera_report_fault(
-                camera, device_error_new(
-                            DEVICE_ERROR_UNSUPPORTED, v4l2->who,
-                            "%s does not stamp its frames by the monotonic clock, so that it "
-                            "cannot be distinguished by whether they were exposed after a trigger",
-                            v4l2->node.path));
+                camera,
+                device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
+                                 "%s does not stamp its frames with the monotonic clock, so that "
+                                 "frames exposed before and after a trigger cannot be told apart",
+                                 v4l2->node.path));
         else if (frame)
             camera_report_frame(camera, g_steal_pointer(&frame));
         else

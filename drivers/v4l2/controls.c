@@ -152,7 +152,7 @@ gboolean video_controls_by_hand(const struct video_node *node, GError **error) {
             g_propagate_error(error, refused);
             return FALSE;
         }
-        g_error_free(refused); /* video_controls_left() tells it */
+        g_error_free(refused); /* video_controls_left() reports it */
     }
     return TRUE;
 }

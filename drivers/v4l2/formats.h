@@ -38,10 +38,10 @@ gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
 
 gboolean video_format_is_luma(const struct video_format *format);
 
-/* Bytes that a row's pixels take, without what fills it up. */
+/* Bytes that a row's pixels take, without padding. */
 gsize video_format_row_bytes(const struct video_format *format, int width);
 
-/* Bytes that a picture reaches to. */
+/* Bytes from the start of a picture to its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
 /* From a picture of rows stride bytes apart. Samples beyond the format's bits are its maximum. */

@@ -2,7 +2,7 @@
  * A V4L2 device node: found, opened, asked. The functions are calls of the kernel and return when
  * it does, which is at once for all but a device that is being unplugged. Main loop's thread.
  *
- * Errors are DEVICE_ERROR, and begin with whose node it is.
+ * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */
 #pragma once
 
@@ -24,7 +24,7 @@ struct video_node {
 struct video_pix {
     guint32 width, height, fourcc, field;
     guint32 stride; /* of a row, bytes */
-    guint32 planes; /* of memory that one is spread over: 1 */
+    guint32 planes; /* memory planes of one picture: 1 */
     gboolean full_range;
 };
 
@@ -39,20 +39,20 @@ GPtrArray *video_node_list(void);
 /* ioctl(2), again when interrupted; -1 with errno. */
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg);
 
-/* What it is set to; -1 with errno. */
+/* The format that is set; -1 with errno. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
 /* Sets width, height and fourcc; pix becomes what the device has set. -1 with errno. */
 int video_node_set_pix(const struct video_node *node, struct video_pix *pix);
 
-/* An error of errno; what: "could not start". Returns FALSE always. */
+/* Sets an error from errno; what: "could not start". Returns FALSE always. */
 gboolean video_set_error(GError **error, const struct video_node *node, int code, const char *what);
 
 /* An error that names the node: "/dev/video0 cannot …". Returns FALSE always. */
 gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
                       const char *format, ...) G_GNUC_PRINTF(4, 5);
 
-/* Format numbers that it offers, of which some may be of no use for measuring. */
+/* Format numbers that it offers, some of which may be unusable for measuring. */
 GArray *video_node_formats(const struct video_node *node); /* of guint32 */
 
 /* "640 × 480, 1280 × 720", or a range; g_free(). */

@@ -33,7 +33,7 @@ static char *make_section(const struct video_node *node, const struct video_form
 static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *nodes,
                                struct found *found) {
     g_autoptr(GArray) offered = video_node_formats(node);
-    const struct video_format *format = NULL; /* which it would be used in */
+    const struct video_format *format = NULL; /* the format that would be used */
     struct video_controls controls;
     int n_on_bus = 0;
     for (guint i = 0; i < offered->len; i++)

@@ -40,11 +40,10 @@ static gboolean choose_format(const struct video_node *node, const char *name,
             *ret = video_format_find(fourcc);
     }
     if (!*ret && named)
-        video_refuse(
-            error, DEVICE_ERROR_UNSUPPORTED, node,
-            "cannot measure in format %s: compressed pictures are not proportional to light, "
-            "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
-            name, list->str);
+        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                     "cannot measure in format %s: compressed pictures are not proportional to "
+                     "light; it offers %s, of which only Bayer, mono, YUYV and UYVY are supported",
+                     name, list->str);
     else if (!*ret)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                      "offers only %s: compressed pictures are not proportional to light; a camera "
@@ -67,16 +66,16 @@ static gboolean v4l2_stream_check_format(const struct video_node *node,
         pix->stride > 65536 * 16)
         return video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
-            "answered a picture of %u × %u in rows of %u bytes to format %s, which is impossible",
+            "answered with %u × %u pixels in rows of %u bytes for format %s, which is impossible",
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "spreads a picture of format %s over %u planes of memory; only "
-                            "those of one are taken: choose another format",
+                            "spreads a picture of format %s over %u planes of memory; only formats "
+                            "of one plane are supported: choose another format",
                             name, pix->planes);
     if (wide || high)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "has no pictures of %d × %d in format %s, but of %s" ERROR_ADVICE
+                            "does not offer %d × %d pixels in format %s, but %s" ERROR_ADVICE
                             "set width and height",
                             request->width, request->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)

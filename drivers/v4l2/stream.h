@@ -1,7 +1,7 @@
 /*
  * The format and frame rate of a node, and its buffers, mapped into memory. Main loop's thread.
  *
- * Errors are DEVICE_ERROR, and begin with whose node it is.
+ * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */
 #pragma once
 

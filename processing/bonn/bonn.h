@@ -13,7 +13,7 @@
  *          not read); a mask, a byte a texel, row by row; u32 n and n rotations of 9 f32; then
  *          chunks, each u32 bytes and one ABRDF of halves a texel (of sparse ones those in the mask
  *          alone), channel fastest, then light, then view
- *   FMF    "!FMF06FCR"; "!FMF12FCER", which has a version and what that brings. A matrix of rows
+ *   FMF    "!FMF06FCR"; "!FMF12FCER", which has a version and its further fields. A matrix of rows
  *          (view, light, channel) and columns (texel), or of rows (texel, channel) and columns
  *          (view, light), in factors U and S·V
  *   DFMF   "!DFMF08FCR". A matrix a channel, the channels made independent by one of several models

@@ -72,7 +72,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
         return FALSE;
     if (scalar != 2 && scalar != 4 && scalar != 8)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "its numbers have %d bytes; 2, 4 and 8 can be read", scalar);
+                         "its numbers have %d bytes each; 2, 4 and 8 can be read", scalar);
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
             return FALSE;
@@ -137,7 +137,7 @@ gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_co
         if (colours->model == known[i])
             return TRUE;
     return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                     "its colour model %u is not read (0, 1, 3, 4 and 9 to 12 are)",
+                     "its colour model %u cannot be read; 0, 1, 3, 4 and 9 to 12 can",
                      colours->model);
 }
 

@@ -167,7 +167,7 @@ static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
     ret->cosine = cosine != 0;
     return bytes->at - begin == size ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "its metadata claim a length of %u bytes, but have %zu", size,
+                     "its metadata should have %u bytes by their own header, but have %zu", size,
                      bytes->at - begin);
 }
 
@@ -204,8 +204,9 @@ static gboolean bonn_header_take_lights(struct bonn_bytes *bytes, struct bonn_he
     gboolean same = (int)n == ret->n_lights;
     for (guint32 i = 0; same && i < 2 * n; i++)
         same = fabsf(lights[i] - (*first)[i]) < SAME_RAD;
-    return same || bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                             "view %u has other lights than view 0; such files are not read", view);
+    return same ||
+           bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
+                     "view %u has other lights than view 0; such files cannot be read", view);
 }
 
 static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret, GError **error) {

@@ -78,7 +78,7 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
         return FALSE;
     if (compression == 1)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is compressed by bzip2, which is not read");
+                         "it is compressed by bzip2, which cannot be read");
     if (compression > 2 || lines < 1)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                          "compression %d with %u lines per chunk is not valid", compression, lines);
@@ -103,7 +103,7 @@ static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GErr
         return FALSE;
     if (version > 2)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is an FMF of version %d; up to 2 are read", version);
+                         "it is FMF version %d; versions up to 2 can be read", version);
     if (version >= 1 && !bonn_take_u32(bytes, "range reduction", &method, error))
         return FALSE;
     if (version >= 2 && (!bonn_take_u32(bytes, "height map", &width, error) ||

@@ -115,7 +115,7 @@ struct mosaics {
     struct mosaic *lights;
     double *sum; /* n_values, over all lights: the guide */
     gsize n_pixels;
-    gsize n_values; /* of a frame: n_pixels, or of "rgb" three planes of them; from the first one */
+    gsize n_values; /* of a frame: n_pixels, or 3 n_pixels of "rgb"; set by the first frame */
     char *cfa;
 };
 

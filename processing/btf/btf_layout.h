@@ -1,5 +1,5 @@
 /*
- * What a BTF and every model of one are tables of: texels, views and lights. Plain data; any
+ * The dimensions of a BTF and of every model of one: texels, views and lights. Plain data; any
  * thread.
  */
 #pragma once

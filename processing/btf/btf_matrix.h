@@ -1,9 +1,9 @@
 /*
  * A whole BTF as a matrix, one row (apparent BRDF) per texel: in memory, or, where that is too
- * small, in a scratch file of half floats. Of a session, values that no camera measured (NaN, or
+ * small, in a scratch file of half floats. Values of a session that no camera measured (NaN, or
  * those that btf_make_view() set to 0 and flagged, see btf.h) are filled from the texels around
- * them in the same picture, and counted. Lower bounds are used as they are, which is more
- * accurate than the values around them, and counted, too.
+ * them in the same picture, and counted. Lower bounds are used as they are, which is more accurate
+ * than the values around them, and counted, too.
  */
 #pragma once
 
@@ -64,8 +64,7 @@ gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first
 gint64 btf_matrix_bytes(const struct btf_layout *layout);
 
 /* Fills a picture's holes (NaN) with the mean of their neighbours, from the border of each hole
- * inwards. planes: n of height × width. Returns the number of holes; −1 if there was nothing
- * else. */
+ * inwards. planes: n of height × width. Returns the number of holes; −1 if all of it is holes. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
 /* The scratch file of btf_matrix_read_within(): half floats, n_views × n_texels × n_lights × 3. */

@@ -1,4 +1,4 @@
-/* What the files of btf_matrix.h and near_field_correction.h share. */
+/* Shared by the files of btf_matrix.h and near_field_correction.h. */
 #pragma once
 
 #include "btf_matrix.h"

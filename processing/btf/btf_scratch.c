@@ -31,8 +31,7 @@ struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, 
     int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (fd < 0)
         fd = open(g_get_tmp_dir(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-    /* Reserve the space now, so that a full disk is an error before the reading begins, not at
-     * its end. */
+    /* Reserves the space now, so that a full disk is an error before reading, not at its end. */
     if (fd < 0 || (errno = posix_fallocate(fd, 0, bytes)) != 0) {
         g_autofree char *size = g_format_size((guint64)bytes);
         g_autofree char *what = g_strdup_printf("%s in %s", size, folder);

@@ -1,5 +1,5 @@
-/* From a sensor's noise to the error bars of texels: pixels' variances by the exposures that each
- * was merged of, and the channel that holds what rectify_errors() makes of them. */
+/* From a sensor's noise to the error bars of texels: variances of pixels from the exposures that
+ * each was merged from, and the channel with the result of rectify_errors(). */
 #include "btf_sigma.h"
 
 #include <math.h>

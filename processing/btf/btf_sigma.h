@@ -1,11 +1,11 @@
 /*
  * Error bars of a BTF: the standard error σ of each value ρ, beside the values in a view's file
- * (pipeline.h). What a value has of its own is in a channel, since it follows what the pixels of a
- * texel show: of which exposures they were merged, and whether an edge runs through them. A model
- * in attributes of each light (a constant, photons, relative errors, slopes between texels) would
- * cost nothing and miss both. One channel serves all three colours, and holds 5 significant bits
- * (σ to 3 %): three channels, or all bits of a half, would make files larger for digits that no
- * error bar has.
+ * (pipeline.h). Errors that differ from value to value are in a channel, since they depend on the
+ * pixels of a texel: on the exposures they were merged from, and on edges within them. A model in
+ * attributes of each light (a constant, photons, relative errors, slopes between texels) would cost
+ * nothing and miss both. One channel serves all three colours, and holds 5 significant bits (σ to 3
+ * %): three channels, or all bits of a half, would make files larger for digits that no error bar
+ * has.
  *
  *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
  *                                edges within pixels and colours that a pixel does not see; and

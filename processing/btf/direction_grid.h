@@ -12,8 +12,8 @@
  * The samples are linear in the measured values. Those are first interpolated smoothly over the
  * hemisphere (|ω − ω_i| as kernel, and a linear part); below the lowest of them the value of that
  * elevation holds, for lights in proportion to the cosine, since reflectances hold n·l. The samples
- * are those whose bilinear interpolant comes nearest to that everywhere, and to the measured values
- * where they were measured, as far as no sample swings for it. Pure functions, any thread.
+ * are those whose bilinear interpolant is nearest to that function everywhere, and to the measured
+ * values in their directions, as far as this makes no sample oscillate. Pure functions, any thread.
  */
 #pragma once
 

@@ -30,7 +30,7 @@ static struct resampler_target *texel_resampler_targets(const DirectionMesh *mes
     return ret;
 }
 
-/* A mesh over the target directions, and guesses in it for the measured ones: for the round trip.
+/* A mesh over the target directions, with guesses for the measured ones: for the round trip.
  */
 static DirectionMesh *texel_resampler_back_mesh(const struct resampler_target *to, int n_to,
                                                 const struct vec3 *from, int n_from,

@@ -25,7 +25,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
 /* Reads the file if it has the same inputs: a text, such as a hash, of all that the result
- * depends on. Only the first call counts: a caller that calls others describes the inputs of all.
+ * depends on. Only the first call counts: an outer function describes the inputs of those that it
+ * calls.
  */
 void checkpoint_begin(Checkpoint *checkpoint, const char *inputs);
 gboolean checkpoint_is_begun(const Checkpoint *checkpoint);

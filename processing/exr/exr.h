@@ -83,8 +83,8 @@ gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compr
 /* Callback: fills the planes of a part, which are all 0 before. FALSE ends the writing. */
 typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error);
 
-/* The same of parts that memory would not hold at once: the planes of a part whose planes are NULL
- * are made when its turn comes, filled, and freed after it; a part may be filled twice. */
+/* The same for parts that do not fit into memory together: the planes of a part whose planes are
+ * NULL are made when its turn comes, filled, and freed after it; a part may be filled twice. */
 gboolean exr_write_filled(const char *path, const struct exr_file *file,
                           enum exr_compression compression, gboolean sync, ExrFill fill,
                           gpointer data, GError **error);

@@ -63,7 +63,7 @@ static void sink_message(exr_const_context_t context, exr_result_t code, const c
         g_strlcpy(((struct sink *)data)->message, message, sizeof((struct sink *)0)->message);
 }
 
-/* What a file will hold. */
+/* The content of the file to write. */
 struct content {
     const struct exr_file *file;
     enum exr_compression compression;

@@ -197,7 +197,7 @@ static gboolean import_fill_picture(struct exr_part *part, gpointer data, GError
            m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
 }
 
-/* The same as write_view() with one picture in memory. A part tells its holes before its pixels,
+/* The same as write_view() with one picture in memory. A part states its holes before its pixels,
  * so that pictures that may have some are read twice. */
 static gboolean write_view_by_pictures(struct import *import, int view, GError **error) {
     const struct import_material *m = import->material;

@@ -59,7 +59,7 @@ struct import_result {
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error);
 
-/* Properties that a file may not contain. */
+/* Properties that may be missing in a file. */
 struct import_wish {
     double texel_mm; /* 0: as in the file, or 1 mm if it does not say */
     struct import_region region;

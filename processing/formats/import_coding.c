@@ -28,9 +28,9 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                                "light",
                                coding->black_level);
     if (bits != 0 && !(bits >= 2 && bits <= 16 && bits == floor(bits)))
-        return data_error_fail(set->table, row->line, error,
-                               "bits of %g are not valid: 2 to 16, or nothing for all of the file",
-                               bits);
+        return data_error_fail(
+            set->table, row->line, error,
+            "bits of %g are not valid: give 2 to 16, or nothing to use all bits of the file", bits);
     coding->bits = (int)bits;
     while (coding->transfer < G_N_ELEMENTS(transfers) &&
            strcmp(transfer, transfers[coding->transfer]) != 0)
@@ -45,7 +45,7 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                            coding->flat_path);
 }
 
-/* IEC 61966-2-1; below 0 its straight part goes on. */
+/* IEC 61966-2-1; its linear part continues below 0. */
 static double import_coding_from_srgb(double v) {
     return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
 }

@@ -252,8 +252,8 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
 }
 
 /* Reads the pictures; one that is missing is replaced by the previous one, and values that are not
- * numbers become 0. Of a pixel in colour the brightest of the three counts: a laser lights one of
- * them, and what saturates is the brightest. */
+ * numbers become 0. Of a pixel in colour the brightest of the three values counts: a laser lights
+ * one colour, and the brightest saturates first. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);

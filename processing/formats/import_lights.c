@@ -1,4 +1,4 @@
-/* Lists of the lights of one view, as those who publish such sets write them. */
+/* Lists of the lights of one view, in the forms in which such sets are published. */
 #include "import_private.h"
 
 #include <math.h>
@@ -24,7 +24,7 @@ struct list {
     const char *path;
     GArray *lights; /* of struct import_light */
     struct columns columns;
-    gint64 count; /* that it says; 0: it does not */
+    gint64 count; /* number that the list states; 0: none */
     int count_line;
 };
 
@@ -97,7 +97,7 @@ static gboolean parse_words(struct list *list, int line, const char *text, GErro
     for (int i = 0; i < 3; i++)
         if (!import_lights_number(list, line, words[i], &d[i], error))
             return FALSE;
-    /* What is left of the text is the name, with the separators it had. */
+    /* The rest of the text is the name, with its own separators. */
     char *name = nameless ? NULL : g_strndup(text, strlen(g_strchomp(copy)));
     return import_lights_add(list, line, name, d, error);
 }

@@ -221,8 +221,8 @@ static gboolean check_double(const struct import_set *set, GError **error) {
         if (a->shot == b->shot && a->camera == b->camera &&
             (!a->sweep || a->sweep_deg == b->sweep_deg))
             return data_error_fail(set->table, b->line, error,
-                                   "it says the same of %s as line %d says of %s", b->name, a->line,
-                                   a->name);
+                                   "%s has the same camera, angles and light as line %d, %s",
+                                   b->name, a->line, a->name);
     }
     return TRUE;
 }

@@ -58,7 +58,7 @@ static gboolean relight_number(JsonNode *node, double *ret) {
     return isfinite(*ret);
 }
 
-/* An array of a number of numbers; 0: any multiple of three. */
+/* An array of n numbers; n 0: any multiple of three. */
 static double *relight_numbers(const struct relight *relight, JsonObject *of, const char *key,
                                guint n, guint *ret_n, GError **error) {
     JsonNode *node = json_object_get_member(of, key);
@@ -109,8 +109,8 @@ static gboolean relight_read_info(struct relight *relight, GError **error) {
     if (relight->n_planes * 3 != planes ||
         (relight->hsh ? relight->n_terms != 4 && relight->n_terms != 9 && relight->n_terms != 16
                       : relight->n_terms != PTM_TERMS))
-        return data_error_fail(relight->path, 0, error, "nplanes is %g, which is no %s in %s",
-                               planes, type, space);
+        return data_error_fail(relight->path, 0, error,
+                               "nplanes is %g, which does not fit %s in %s", planes, type, space);
     JsonArray *list =
         materials && JSON_NODE_HOLDS_ARRAY(materials) ? json_node_get_array(materials) : NULL;
     JsonNode *first = list && json_array_get_length(list) ? json_array_get_element(list, 0) : NULL;
@@ -127,7 +127,7 @@ static gboolean relight_read_info(struct relight *relight, GError **error) {
     return TRUE;
 }
 
-/* Bytes again of what was made linear: exact for all 256. */
+/* Converts linear values back to bytes: exact for all 256. */
 static guint8 relight_byte(float linear) {
     const double v = (double)linear;
     return (guint8)lround(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055));
@@ -222,9 +222,10 @@ static gboolean relight_import(struct relight *relight, const char *path,
     for (int i = 0; i < relight->n_lights; i++) {
         const double *d = relight->lights + 3 * i, flat = hypot(d[0], d[1]);
         if (!(d[2] > 0))
-            return data_error_fail(relight->path, 0, error,
-                                   "light %d is %g %g %g, which is no direction above the sample",
-                                   i + 1, d[0], d[1], d[2]);
+            return data_error_fail(
+                relight->path, 0, error,
+                "light %d is %g %g %g, which is not a direction above the sample", i + 1, d[0],
+                d[1], d[2]);
         theta[i] = (float)(atan2(flat, d[2]) * 180 / G_PI);
         phi[i] = flat > 0 ? (float)(fmod(atan2(d[1], d[0]) * 180 / G_PI + 360, 360)) : 0;
     }
@@ -265,7 +266,7 @@ gboolean import_relight(const char *path, const char *file, const struct import_
     }
     JsonNode *root = json_parser_get_root(parser);
     if (!root || !JSON_NODE_HOLDS_OBJECT(root))
-        return data_error_fail(file, 0, error, "it holds no object");
+        return data_error_fail(file, 0, error, "it is not a JSON object");
     relight.info = json_node_get_object(root);
     const gboolean ok = relight_import(&relight, path, wish, work, ret, error);
     relight_clear(&relight);

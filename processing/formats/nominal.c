@@ -129,7 +129,7 @@ static gboolean nominal_camera(const struct config_section *section, const struc
                                   .response = p->response};
     g_strlcpy(camera->name, section->name, RIG_NAME);
     rig_camera_look_at(camera, eye, target);
-    /* Clockwise from behind, the camera's right turns to what was down. */
+    /* Clockwise seen from behind: the camera's right turns towards its down. */
     const double c = cos(p->turn_deg * G_PI / 180), s = sin(p->turn_deg * G_PI / 180);
     const struct mat3 level = camera->rotation;
     for (int i = 0; i < 3; i++) {
@@ -242,7 +242,7 @@ static struct calibration *nominal_from_config(const Config *config, GError **er
 struct calibration *nominal_read(const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autofree char *text = input_file_read_text(path, 1 << 20, NULL);
-    /* A calibration has a format; what is no key file at all gets the error of one. */
+    /* A calibration has the key format; a file that is no key file gets a calibration's error. */
     if (!text || !g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL) ||
         g_key_file_has_key(file, "rig", "format", NULL) || !strstr(text, "[camera "))
         return calibration_read(path, error);

@@ -123,9 +123,8 @@ gboolean surface_read(const char *session, const struct work *work, struct surfa
     ret->texel_mm = ret->grid.width_mm / ret->grid.width;
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: there is no MDF; a session with laser positions has one when it is "
-                    "processed, and height and normals of one without them come from its PTM: "
-                    "mesorig compress %s --method ptm",
+                    "%s: there is no MDF; process the session if it has laser positions; without "
+                    "them, a PTM gives heights and normals: mesorig compress %s --method ptm",
                     path, session);
         return FALSE;
     }

@@ -8,8 +8,8 @@
 #include "laser_frames.h"
 
 #define MARK_SHARE   0.25 /* of a fiducial's radius: margin around it */
-#define LEAST_PIXELS 64   /* with a peak, that a sweep needs */
-#define LEAST_FRAME  6    /* that a frame needs */
+#define LEAST_PIXELS 64   /* least number of pixels with a peak in a sweep */
+#define LEAST_FRAME  6    /* and in a frame */
 #define ROUNDS       6
 #define MANY         4.0  /* standard errors: larger differences are significant */
 #define OFF_SHARE    0.25 /* of the frames: if more disagree, the sweep as a whole does */

@@ -66,7 +66,7 @@ struct laser_lines {
     double offset_rad, offset_error_rad; /* mean over the sweep, minus the calibration */
     double roll_seen_rad, roll_error_rad;
     double scatter_mm;  /* RMS distance of pixels from their line, across the sheet */
-    int frames_off;     /* whose level contradicts the calibration */
+    int frames_off;     /* frames whose level contradicts the calibration */
     gboolean disagrees; /* with the calibration: offset, roll, or a quarter of the frames */
 };
 

@@ -628,8 +628,8 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
     }
 }
 
-/* A frame as its errors are found: padded planes of values, of their variances, and of the picture
- * in red, green and blue: what the guide predicts from the pixels of other colours. */
+/* A frame in the form needed for errors: padded planes of values, of their variances, and of the
+ * picture in red, green and blue, as the guide predicts it from the pixels of other colours. */
 struct rectify_frame {
     const float *values, *variances, *colours, *ratio;
     const struct rectify_slopes *slopes;
@@ -683,7 +683,7 @@ static const float *rectify_inner_weights(const Rectify *rectify, int texel, flo
     return copy;
 }
 
-/* Sums over a texel's pixels for one colour: of u², of squares of what the other colours predict,
+/* Sums over a texel's pixels for one colour: of u², of squares of the other colours' predictions,
  * and of slopes along x and y. */
 struct rectify_sums {
     wide squares, others, dx, dy;
@@ -691,9 +691,9 @@ struct rectify_sums {
 
 /* LANES pixels of one row in one colour: m is the plane times a factor, which is 1 for the colour's
  * own pixels and the texel's excess for others: here, beside it in the row, and above and below.
- * Λ_p = m_p − mean of the four neighbours is what these do not tell of p; half the differences
- * between them are the slopes. other: 0 for the colour's own pixels, otherwise 1.
- * ret: u_p = w_p Λ_p. */
+ * Λ_p = m_p − mean of the four neighbours is the part of p that they do not predict; half the
+ * differences between them are the slopes. other: 0 for the colour's own pixels, otherwise 1. ret:
+ * u_p = w_p Λ_p. */
 static inline __attribute__((always_inline)) void
 rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
                       wide other, wide weight, struct rectify_sums *sums, wide *ret) {

@@ -192,7 +192,7 @@ static void sweep_pulse_measure(const struct sweep_samples *s, const struct span
         ret->width = better.width;
         return;
     }
-    /* What is below the first frame's value was taken for background: a flank is missing. */
+    /* Values below the first frame's were taken for background: a flank is missing. */
     if (s->frame[span->first] == s->first)
         return;
     if (length > 2 || s->value[span->top] >= s->full)

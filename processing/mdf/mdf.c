@@ -14,13 +14,13 @@
 
 #define LEAST_ANGLE                                                                                \
     0.03 /* least sine of the angle between ray and sheet: below it depth is noise */
-/* Distances of two sweeps this close agree: a share of a texel, for what a texel's surface differs
- * within it, or of what a sweep's frame is deep, as peaks of the faintest lines are known to a
- * tenth of a frame. */
+/* Distances of two sweeps this close agree: a share of a texel, since the surface varies within it,
+ * or of the depth of a sweep's frame, since peaks of the faintest lines are known to a tenth of a
+ * frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In such tolerances, points may lie this far above the reference plane, and below the deepest
- * structure. */
+/* In units of these tolerances, points may lie this far above the reference plane, and below the
+ * deepest structure. */
 #define ABOVE          5
 #define BELOW          10
 #define SEEN_SHARE     0.75f /* share of the pixels around a texel that must see the line */
@@ -331,8 +331,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     double along_mm;
     const double frame_mm = mdf_frame_mm(view, sweep, &along_mm);
     const double texel_mm = TEXEL_SHARE * view->texel_mm;
-    /* Not by the depth along the ray, as sweeps that tell little of heights must not put points far
-     * outside of the sample. */
+    /* Not by the depth along the ray, since sweeps of low height resolution must not put points far
+     * outside the sample. */
     struct phases phases = find_phases(view, sweep, MAX(texel_mm, FRAME_SHARE * frame_mm));
     struct seen *texels = g_new(struct seen, 2 * view->n_texels);
     int seen = 0;
@@ -394,7 +394,7 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
-/* Mean square of what a texel's distance m is off the middle of two opposite neighbours a and b,
+/* Mean square deviation of a texel's distance m from the middle of two opposite neighbours a and b,
  * Σ ((a + b) / 2 − m)² / pairs over the (up to four) pairs. On a plane it is 1.5 σ² of the noise of
  * single texels; at a step, about the square of half of it. −1: no pair has both. */
 static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
@@ -418,7 +418,7 @@ static double mdf_roughness_mm2(const MdfView *view, const float *distance, int 
     return n > 0 ? squares / n : -1;
 }
 
-/* Standard errors of what one sweep alone saw: nothing repeats it, but the surface around says how
+/* Standard errors of what one sweep alone saw: nothing repeats it, but the surface around shows how
  * far values stray there: (r² + median r² of the view) / 1.5, with r² a texel's roughness (the
  * median, as r² may be small by chance). Without neighbours it is the largest step from texel to
  * texel that one surface takes. */

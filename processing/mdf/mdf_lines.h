@@ -9,8 +9,8 @@ struct mdf_lines {
     int sweeps, found, disagree; /* number of sweeps, of those with a line, and of those whose line
                                     contradicts the calibration */
     double squares_deg2;         /* sum of squared angle errors of the sheets, over found */
-    double worst_deg;            /* largest signed error, of those that disagree, or else of all */
-    int worst_position;          /* its laser position; −1: no line was found */
+    double worst_deg;   /* largest signed error, of those that disagree, or of all if none does */
+    int worst_position; /* its laser position; −1: no line was found */
 };
 /* Writes and reads the attributes lines.* of a part of products/mdf.exr. Reading returns FALSE if
  * they are missing. */

@@ -76,7 +76,7 @@ static void mdf_settle_predict(const struct settling *s, int asked) {
             continue;
         const struct vec3 p = mdf_views_point(from, s->plane, i, from->distance[i]);
         mdf_views_look_up(to, s->plane, p, &column, &row, &mm);
-        /* Far outside of the texels numbers may be too large to count with. */
+        /* Far outside of the texels, numbers may be too large for integers. */
         if (fabs(column) < 1e5 && fabs(row) < 1e5 && mm >= 0)
             s->seen[i] = (struct seen){(float)column, (float)row, (float)mm};
     }

@@ -15,7 +15,7 @@
 #include "session/session.h"
 
 #define LIGHTS      128
-#define LEAST_Z     0.15 /* of lights; lower ones are as good as those that fits know least of */
+#define LEAST_Z     0.15 /* of lights; lower ones, where fits are least certain, are left out */
 #define FACES       0.15 /* least cosine between normal and light */
 #define TOLERANCE   0.1  /* of the value of a light along the normal */
 #define ROUNDS      8
@@ -125,7 +125,8 @@ static struct vec3 maximum(const double *c, gboolean *ret_clipped) {
     return *ret_clipped ? vec3(0, 0, 0) : vec3(x, y, sqrt(1 - x * x - y * y));
 }
 
-/* b of min Σ (f − b·l)² over lights that count, by Cramer's rule; all 0: they do not tell. */
+/* b of min Σ (f − b·l)² over lights that count, by Cramer's rule; all 0: they do not determine it.
+ */
 static struct vec3 least_squares(const struct fit *fit, const double *f, const gboolean *counts) {
     struct vec3 x = vec3(0, 0, 0), y = x, z = x, sum = x; /* columns of Σ l lᵀ, and Σ f l */
     for (int i = 0; i < LIGHTS; i++)
@@ -165,14 +166,14 @@ static struct vec3 lambert(const struct fit *fit, const double *c, gboolean *ret
         for (int i = 0; i < LIGHTS; i++) {
             const double expected = vec3_dot(b, fit->lights[i]);
             const gboolean faces = expected > FACES * length;
-            /* The first rounds are too far off to tell shadows by. */
+            /* The first rounds are too inaccurate to detect shadows. */
             counts[i] = faces && (round < 2 || fabs(f[i] - expected) < TOLERANCE * length);
             facing += faces;
             left_out += faces && !counts[i];
         }
         const struct vec3 next = least_squares(fit, f, counts);
         if (!(vec3_length(next) > 0))
-            break; /* too few lights are left: what came before stands */
+            break; /* too few lights are left: keeps the previous result */
         b = next;
     }
     *ret_shadowed = left_out > SHADOWED * facing;

@@ -9,17 +9,17 @@
 #include "base/work.h"
 
 enum fit_normals_method {
-    /* The fit is taken as pictures under lights that are spread evenly down to the lowest one
-     * measured, and the normal b / |b| is that of Lambert's law, min Σ (f(l) − b·l)², over lights
-     * that the surface faces and under which it is neither in shadow nor shines: b·l > 0.15 |b| and
-     * |f(l) − b·l| < 0.1 |b|, found by repeating it (Woodham 1980). Medians of what it is off for
-     * Lambert's law: 0.6° of a PTM, 1.1° of 4 terms of HSH, 0.3° of 9 and 16. Shadows that others
-     * cast, or a highlight: 8° of a PTM, which smears them over all lights, 1° of 16 terms. */
+    /* The fit is evaluated under lights that are spread evenly down to the lowest one measured, and
+     * the normal b / |b| is that of Lambert's law, min Σ (f(l) − b·l)², over lights that the
+     * surface faces and under which it is neither in shadow nor shines: b·l > 0.15 |b| and |f(l) −
+     * b·l| < 0.1 |b|, found by repeating it (Woodham 1980). Median errors for Lambert's law: 0.6°
+     * of a PTM, 1.1° of 4 terms of HSH, 0.3° of 9 and 16. Shadows that others cast, or a highlight:
+     * 8° of a PTM, which smears them over all lights, 1° of 16 terms. */
     FIT_NORMALS_LAMBERT,
     /* PTM only: the light under which the polynomial is greatest (Malzbender et al. 2001), with
      * C0 … C5 as in lobes.h
      *   lx = (C2 C4 − 2 C1 C3) / (4 C0 C1 − C2²), ly = (C2 C3 − 2 C0 C4) / (4 C0 C1 − C2²).
-     * It is 4° to 8° off for Lambert's law, and texels where it is clipped (no maximum, or one
+     * Its error is 4° to 8° for Lambert's law, and texels where it is clipped (no maximum, or one
      * outside of the unit disc, as beyond about 45°) are holes. */
     FIT_NORMALS_MAXIMUM,
 };
@@ -37,10 +37,10 @@ struct fit_normals_result {
 gboolean fit_normals_applies(const char *path);
 
 /* path: a session or the model's file. Writes an EXR: a part "normals" with "X", "Y", "Z", all 0
- * where there is none; or with heights a part "height" with "Z" in mm with mean 0, since slopes say
- * no more, and "N", 1, or 0 for a hole. Attributes: mesorig.kind, mesorig.model, texel_mm,
- * reference_mm, holes, clipped, shadowed. DATA_ERROR if no texel has a normal, or the model is
- * another. */
+ * where there is none; or with heights a part "height" with "Z" in mm with mean 0, since slopes do
+ * not give absolute heights, and "N", 1, or 0 for a hole. Attributes: mesorig.kind, mesorig.model,
+ * texel_mm, reference_mm, holes, clipped, shadowed. DATA_ERROR if no texel has a normal, or the
+ * model is another. */
 gboolean fit_normals(const char *path, const char *file, gboolean heights,
                      enum fit_normals_method method, const struct work *work,
                      struct fit_normals_result *ret, GError **error);

@@ -12,7 +12,7 @@
 
 #define COARSEST   8    /* texels across, below which no coarser grid helps */
 #define ITERATIONS 400  /* at most, on each grid */
-#define PRECISION  1e-7 /* residual, of what it was with all heights 0 */
+#define PRECISION  1e-7 /* residual, relative to that of all heights 0 */
 
 struct grid {
     const float *p, *q;

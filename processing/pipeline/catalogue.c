@@ -209,7 +209,7 @@ GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kin
     return sum;
 }
 
-/* Hash of what all inputs of one view have in common. */
+/* Hash of the part common to all inputs of one view. */
 static GChecksum *view_checksum(const struct catalogue *catalogue, const char *kind,
                                 const struct session_direction *view) {
     GChecksum *sum = catalogue_checksum(catalogue, kind);

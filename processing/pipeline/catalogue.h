@@ -63,5 +63,5 @@ void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 
-/* Begins the hash of what both kinds of product depend on. */
+/* Begins the hash of the inputs that both kinds of product share. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind);

@@ -34,7 +34,7 @@ struct job {
     const struct near_field_correction_result *result;
     float *rgb;     /* of the view being written: n_lights × texels × 3 */
     guint8 *marks;  /* flags, n_lights × texels */
-    gboolean *some; /* of each light: whether it has flags */
+    gboolean *some; /* whether each light has flags */
 };
 
 void near_field_correction_result_clear(struct near_field_correction_result *result) {

@@ -427,8 +427,8 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         ret->n_predicted += run->missing[view];
     if (n_lights > 0 && ret->n_views == 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: of each view more than %g %% of its %d pictures under lights were left "
-                    "out by the plan, so that there is no BTF",
+                    "%s: the plan left out more than %g %% of the %d pictures under lights of each "
+                    "view, so that there is no BTF",
                     session_path(run->session), 100 * BTF_MOST_MISSING, n_lights);
         return FALSE;
     }

@@ -39,8 +39,8 @@ struct pipeline_options {
     gboolean follow; /* wait for what is missing until the capture has ended */
     int n_eigenmaps; /* Wang et al. 2005 §5: 4 */
     /* calibration_to_text() of a calibration other than the session's own, but of the
-     * same rig; NULL: the session's. Where it knows nothing of the lamps' light, what marks said of
-     * it during the capture is not used. */
+     * same rig; NULL: the session's. If the lamps' light is not calibrated in it, the output that
+     * marks measured during the capture is not used. */
     const char *calibration;
     struct work work;
 };
@@ -61,13 +61,13 @@ struct pipeline_result {
     double lines_rms_deg, lines_worst_deg;
 };
 
-/* Runs in the calling thread and a pool of its own. What is up to date is not made again: every
- * part names in mesorig.inputs (string) the inputs it was computed from, and its file is what the
- * session has the checksum of. One process at a time makes a session's products (G_IO_ERROR_BUSY).
- * The products' bytes depend on the frames alone, not on threads or order. Progress: stage "btf"
- * until its views are made, then "mdf", "eigenmaps"; views of both are made by turns, and the time
- * left is that of all stages. With follow it ends when the session's value "state" is "done" or
- * "aborted" or everything is there. Sets the session's values "eigenmaps_error", "mdf_coverage",
- * "processing_s" and "processing_peak_memory_mib". */
+/* Runs in the calling thread and a pool of its own. Products that are up to date are not made
+ * again: every part names in mesorig.inputs (string) the inputs it was computed from, and its file
+ * must match the session's checksum. One process at a time makes a session's products
+ * (G_IO_ERROR_BUSY). The products' bytes depend on the frames alone, not on threads or order.
+ * Progress: stage "btf" until its views are made, then "mdf", "eigenmaps"; views of both are made
+ * by turns, and the time left is that of all stages. With follow it ends when the session's value
+ * "state" is "done" or "aborted" or everything is there. Sets the session's values
+ * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

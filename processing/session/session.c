@@ -68,10 +68,10 @@ static gboolean session_start(Session *session, GError **error) {
         g_autofree char *folder = session_file(session, folders[i]);
 
         if (g_file_test(folder, G_FILE_TEST_IS_SYMLINK))
-            return session_fail(
-                error, SESSION_ERROR_FORMAT,
-                "%s: a symbolic link, which nothing is written through; put a folder there",
-                folder);
+            return session_fail(error, SESSION_ERROR_FORMAT,
+                                "%s: is a symbolic link, and nothing is written through links; "
+                                "replace it by a folder",
+                                folder);
     }
     return TRUE;
 }

@@ -4,8 +4,8 @@
  *   NAME.session/
  *     session.db         SQLite (WAL): files as they were, plan, shots, frames, events, products
  *     frames/…exr        linear radiance, half float, one per shot and camera
- *     laser/…exr         what is left of a laser sweep, one per shot and camera
- *     products/…         what processing makes of them
+ *     laser/…exr         the peaks of a laser sweep, one per shot and camera
+ *     products/…         results of processing
  *
  * A frame's row is committed after its file is on disk, so a row says that the file is there. One
  * process writes plan, shots and frames (it holds an exclusive lock, see SESSION_CAPTURE); any

@@ -151,8 +151,8 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     return text;
 }
 
-/* A table's text without its comments, which say more in one version than in another. A text that
- * hides code behind a quoted or bracketed “--” keeps its quote or bracket, which no table has. */
+/* A table's text without its comments, which differ between versions. A text that hides code behind
+ * a quoted or bracketed “--” keeps its quote or bracket, which no table has. */
 static char *session_db_without_comments(const char *sql) {
     g_autoptr(GRegex) comments = g_regex_new(" *--[^\n]*", 0, 0, NULL);
     return g_regex_replace_literal(comments, sql, -1, 0, "", 0, NULL);

@@ -10,7 +10,7 @@
 #include "tile_noise.h"
 
 #define MOST_WHITE                                                                                 \
-    1.1 /* of a fiducial; more than 1 cannot be, but level and colour have errors                  \
+    1.1 /* of a fiducial; at most 1 is possible, but level and colour have errors                  \
          */
 #define ASIDE_RAD   (8 * G_PI / 180) /* an aim so far off the nominal one is doubted */
 #define ASIDE_LESS  4.0              /* times nearer to it tells that lamps are exchanged */
@@ -271,9 +271,9 @@ static void find_mistake(struct run *run, GError **error) {
             continue;
         g_clear_error(error);
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s: only so the pictures show the tile, to %.2g %%; correct %s in the rig "
-                    "file, or for imported pictures the angles in the table, and capture or import "
-                    "again",
+                    "%s: %s: only then do the pictures fit a tile, to %.2g %%; correct %s in the "
+                    "rig file, or for imported pictures the angles in the table, and capture or "
+                    "import again",
                     session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
         return;
     }
@@ -282,7 +282,7 @@ static void find_mistake(struct run *run, GError **error) {
 /* Fits the cells of all frames and takes over the result. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
-        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW, "no picture is of use: %s",
+        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW, "no picture can be used: %s",
                     run->rejected->len ? (char *)run->rejected->pdata[0] : "");
         return FALSE;
     }
@@ -375,8 +375,8 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
             if (to->rig.fiducials[m].reflectance[k] <= MOST_WHITE)
                 continue;
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                        "beside a tile of reflectance %.3g [mark %s] would reflect %.3g times the "
-                        "light that falls on it: the tile is darker than --reflectance says, or "
+                        "if the tile has reflectance %.3g, [mark %s] reflects %.3g times the light "
+                        "that falls on it: the tile is darker than --reflectance says, or "
                         "not clean; measure it, or give the number that its maker states",
                         run->options->reflectance[k], to->rig.fiducials[m].name,
                         to->rig.fiducials[m].reflectance[k]);

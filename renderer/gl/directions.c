@@ -223,7 +223,8 @@ static double ring_weights(const Directions *d, double theta, double phi,
     return above;
 }
 
-/* Returns the polar angle, in degrees, at which what was measured ends, or one beyond theta. */
+/* Returns the polar angle, in degrees, at which the measured directions end, or one beyond theta.
+ */
 static double directions_weigh(Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

@@ -72,7 +72,7 @@ void gpu_watch(void) {
 #endif
 }
 
-/* What is found stays loaded: libepoxy opens it next. */
+/* The library stays loaded: libepoxy opens it next. */
 gboolean gpu_find_library(gboolean window, GError **error) {
     if ((!window && dlopen("libOpenGL.so.0", RTLD_LAZY | RTLD_LOCAL) != NULL) ||
         dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)

@@ -12,7 +12,7 @@ enum gpu_error {
     GPU_ERROR_NONE,      /* there is no OpenGL 3.3 here */
     GPU_ERROR_TOO_LARGE, /* the card cannot hold it */
     GPU_ERROR_PROGRAM,   /* a shader was refused */
-    GPU_ERROR_FAILED,    /* OpenGL said that something went wrong */
+    GPU_ERROR_FAILED,    /* OpenGL reported an error */
 };
 
 typedef struct Gpu Gpu;
@@ -71,7 +71,7 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);
 
-/* What was drawn: width × height × 3 bytes, top row first; g_free(). */
+/* The picture drawn: width × height × 3 bytes, top row first; g_free(). */
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
 /* Flips a picture vertically, in place. stride: bytes per row. */

@@ -38,7 +38,7 @@ static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobe
         }
 }
 
-/* Whether it can be level number of what first is level 0 of. */
+/* Whether a model can be this mip level of the material whose level 0 is first. */
 static gboolean lobes_view_belongs(const struct lobes *first, const struct lobes *lobes,
                                    int number) {
     return lobes->model == first->model && lobes->n_lobes == first->n_lobes &&

@@ -7,11 +7,11 @@
  * direction_table.h takes the place of its cube maps). A pole is the mean of its ring.
  *
  * Ward and Ashikhmin–Shirley: the tangent's azimuth is that of the surface's anisotropy, the normal
- * what it is perturbed by, so that METHOD_ROTATION_EXACT is just the model that was fitted, and the
- * other rotations are what Kang & Cho 2011 compares with it.
+ * is the perturbed one, so that METHOD_ROTATION_EXACT is exactly the model that was fitted, and the
+ * other rotations are those that Kang & Cho 2011 compares with it.
  *
  * Parameters cannot be mixed: four texels are evaluated and mixed, and of two mip levels both.
- * Those are models of their own (lobes_levels.h), which a file has or has not. An even sky is 16
+ * Mip levels are models of their own (lobes_levels.h), which a file may lack. An even sky is 16
  * lights that see equal areas of it, evaluated beforehand for each measured view.
  */
 #pragma once

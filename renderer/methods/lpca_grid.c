@@ -47,7 +47,8 @@ struct share {
     float weight;
 };
 
-/* What each cell of the grid is mixed from, a GArray of struct share each; the pole is shared out.
+/* The measured directions that each cell of the grid is mixed from, a GArray of struct share each;
+ * the pole is divided among its members.
  */
 static GPtrArray *lpca_grid_cell_shares(Directions *directions, int n_directions, int n,
                                         gboolean fade) {
@@ -189,8 +190,9 @@ static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, G
     GLint most = 0;
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
     if (grid->n < LEAST || grid->n > 1000) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "a grid of %d samples each way: %d … 1000",
-                    grid->n, LEAST);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "a grid of %d samples each way is not possible; give %d to 1000", grid->n,
+                    LEAST);
         return FALSE;
     }
     if (lpca_grid_texels_of(lpca, grid->n) <= most)

@@ -2,8 +2,8 @@
  * Local PCA drawn faster than by lpca_view.h and lpca_revised.h: eigen-BRDFs are sampled again on a
  * regular grid of the hemisphere's square (directions.h), for views and for lights, which takes the
  * place of Schneider 2004 §6's elevated concentric map. Between the samples they are linear in the
- * simplex of the four coordinates around (v, l): five samples, where pairs of measured directions
- * take nine and a 3D texture with one manual step sixteen, hidden in two filtered fetches.
+ * simplex of the four coordinates around (v, l): five samples, while pairs of measured directions
+ * take nine, and a 3D texture with one manual step takes sixteen in two filtered fetches.
  *
  * All of a sample lies together: 16 bytes hold the mean (nine bits a colour and an exponent) and
  * four components (signed bytes, whose scales are in the texels' weights), 16 more the next four.

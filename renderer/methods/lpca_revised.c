@@ -37,9 +37,9 @@ static int lpca_revised_fitting(const struct lpca *lpca) {
 static struct lpca *lpca_revised_on_grid(const struct lpca *lpca, int n_grid, GError **error) {
     const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
-    floats->quantise = LPCA_FLOAT; /* what the file had is floats in memory */
+    floats->quantise = LPCA_FLOAT; /* values of any file are floats in memory */
     /* The weights of a pyramid are those of level 0: shorter than its numbers of clusters and
-     * components say, and not wanted here. */
+     * components say, and not needed here. */
     floats->weights = floats->weight_scales = NULL;
     if (lpca->n_grid == 0)
         return lpca_resample(floats, n_grid ? n_grid : lpca_revised_fitting(lpca), error);

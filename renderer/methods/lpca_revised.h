@@ -8,8 +8,8 @@
  *
  * Two cube maps give (s_v, t_v) of a view and (z1, z2, w) of a light. The first is filtered; the
  * second cannot be, because z jumps from one volume to the next; its angular resolution is a
- * quarter of a degree. A volume ends at the centres of its outermost samples, so that nothing of
- * its neighbours is seen in it, along no axis.
+ * quarter of a degree. A volume ends at the centres of its outermost samples, so that filtering
+ * never mixes neighbouring volumes along any axis.
  *
  * The E_i, i ≥ 1, are signed bytes; texels' weights are multiplied by the scales beforehand. Means
  * are halves: no small weight makes their steps smaller.

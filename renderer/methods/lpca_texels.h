@@ -23,8 +23,8 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
 
-/* FALSE, with a sentence, of logarithms (LPCA_LOG): linear between directions they are something
- * else than what was measured. */
+/* FALSE with an error for logarithms (LPCA_LOG): their linear interpolation between directions is
+ * not that of reflectances. */
 gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
 
 /* The method's open: reads all levels of a file and has make (of the method) put them on the card,
@@ -49,7 +49,7 @@ char *lpca_texels_constants(const struct lpca_texels *texels, const struct metho
 
 gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 
-/* To units 1 and 2 of a program in use. */
+/* Binds them to texture units 1 and 2 of a program in use. */
 void lpca_texels_bind(const struct lpca_texels *texels, guint program);
 
 /* How n_clusters blocks of rows are stacked in the layers of an array texture. */

@@ -6,13 +6,13 @@
  *   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_{0,k(x)}(a, b) + Σ_i w_i(x) E_{i,k(x)}(a, b)).
  *
  * Eigen-BRDFs are halves in the layers of one array texture. The components of a pair lie side by
- * side: they are always wanted together. For c components and four texels of one cluster a pixel
+ * side: they are always fetched together. For c components and four texels of one cluster a pixel
  * takes 4 fetches for directions, 1 + 4 ⌈c/4⌉ for texels and 9 (c + 1) of eigen-BRDFs.
  *
- * Of logarithms (LPCA_LOG) E are sums of those, and each pair's is turned back into a reflectance
- * before it counts, for each of the four texels: what is shown at measured directions is what
- * lpca_reconstruct() gives, and between them linear as above. How a texel looks under an even sky
- * is not linear in its weights and is held for each texel and view.
+ * With logarithms (LPCA_LOG) the sums are of those, and each pair's is turned back into a
+ * reflectance before it counts, for each of the four texels: what is shown at measured directions
+ * is what lpca_reconstruct() gives, and between them linear as above. How a texel looks under an
+ * even sky is not linear in its weights and is held for each texel and view.
  */
 #pragma once
 

@@ -43,7 +43,7 @@ struct method {
      * card; for a method without a material file, path is that of a normal map, or NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
-    /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
+    /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* GPU memory */
     /* Sets textures and uniforms of a program in use that has the shaders. */
@@ -62,10 +62,10 @@ extern const struct method *const methods[]; /* NULL-ended; the first is the def
 
 const struct method *method_find(const char *name); /* NULL: there is none */
 
-/* argument: a file, or a session's directory, in which the method's product is meant; what is not
- * needed may be NULL. g_free() */
+/* argument: a file, or a session's directory, which stands for the method's product in it; may be
+ * NULL if the method needs none. g_free() */
 char *method_path(const struct method *method, const char *argument);
 
-/* As open, with a sentence if the file is not there; errors name the file. path of what needs
- * none: NULL, its own name, or a normal map. */
+/* As open, with a sentence if the file is not there; errors name the file. path, for a method that
+ * needs no file: NULL, its own name, or a normal map. */
 gpointer method_open(const struct method *method, const char *path, GError **error);

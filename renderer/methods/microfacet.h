@@ -29,9 +29,9 @@ void microfacet_evaluate(const struct microfacet *surface, struct vec3 n, struct
 
 /*
  * Two surfaces that need no file, each with both models: brushed metal under a normal map, and a
- * plain weave of yarns, whose anisotropy alternates. See microfacet_view.c for what they are made
- * of. Under an even sky both reflect diffuse + specular. In place of the metal's own normals, those
- * of a file can be taken (struct method, takes_normals).
+ * plain weave of yarns, whose anisotropy alternates. microfacet_view.c has their parameters. Under
+ * an even sky both reflect diffuse + specular. In place of the metal's own normals, those of a file
+ * can be taken (struct method, takes_normals).
  */
 enum microfacet_surface { MICROFACET_METAL, MICROFACET_FABRIC };
 

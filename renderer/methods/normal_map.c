@@ -52,7 +52,7 @@ struct png_reading {
     int width, height, bytes; /* of a value */
     guint8 *rows;
     char *message;
-    GError *why; /* it is not even begun to be decoded */
+    GError *why; /* decoding does not begin */
 };
 
 static void normal_map_on_error(png_structp png, png_const_charp text) {

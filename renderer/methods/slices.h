@@ -1,8 +1,7 @@
 /*
- * What the models of each texel (hsh_view.h, lobes_view.h) have on the graphics card: an array
- * texture of halves with their values, in which a slice, a view's or the only one, has n_pages
- * layers of four values; another with the reflectance of each view under an even sky; and the table
- * of views.
+ * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card: an array texture of
+ * halves with their values, in which a slice, a view's or the only one, has n_pages layers of four
+ * values; another with the reflectance of each view under an even sky; and the table of views.
  */
 #pragma once
 

@@ -25,7 +25,8 @@ static gboolean mdf_texture_check(int width, int height, int n_layers, GError **
     if (n_layers <= layers && width <= size && height <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d × %d texels in %d layers: %s takes %d texels each way in %d layers; "
+                "an MDF of %d × %d texels in %d layers is too large: %s takes %d texels each way "
+                "in %d layers; "
                 "process the material with fewer texels or views",
                 width, height, n_layers, gpu_renderer(), size, layers);
     return FALSE;
@@ -161,7 +162,7 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f, Dir
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-/* What the three forms have in common. */
+/* The part common to the three forms. */
 struct extent_mm {
     int width, height, n_views;
     double texel_mm, deepest_mm;

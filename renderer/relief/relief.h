@@ -28,7 +28,7 @@ struct relief_scene {
     guint serial; /* another one for each mesh */
     /* Silhouettes and the shadows of every lamp; silhouettes need an MDF. */
     gboolean silhouettes, shadows;
-    gboolean lit; /* by the first lamp: one that is off casts no shadow */
+    gboolean lit; /* by the first lamp; FALSE: it is off and casts no shadow */
     int n_further;
     float further[RELIEF_MAX_LAMPS][3]; /* unit vectors towards further lamps */
     int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of

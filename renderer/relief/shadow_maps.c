@@ -10,7 +10,7 @@
 #define REACH 2.0 /* in radii; see shadow_maps_range() */
 #define RANGE 4.0
 
-/* Whatever a map depends on. */
+/* Everything that a map depends on. */
 struct key {
     const MdfTexture *mdf; /* NULL: there is no map yet */
     guint serial;

@@ -18,7 +18,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowMaps, shadow_maps_free)
 
 struct shadow_scene {
     struct visibility_scene casting; /* sight, reach, projection, size: as each lamp needs them */
-    double radius;                   /* of it, around the origin */
+    double radius;                   /* radius of its sphere around the origin */
     guint serial;                    /* another one for each mesh */
     int size;                        /* of a map, each way */
 };

@@ -10,9 +10,9 @@
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views and, once they are wanted, of maps. ADD and FIND only with OpenGL 4.3. */
+    /* For MDFs of views and, compiled on demand, of maps. ADD and FIND only with OpenGL 4.3. */
     guint all_programs[2][N_PROGRAMS];
-    const guint *programs; /* those that are wanted now */
+    const guint *programs; /* those in use now */
     guint query;
     struct gpu_target back[2], seen;
     guint stencil; /* of seen: the layer that a pixel was found in */

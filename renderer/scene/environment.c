@@ -160,14 +160,15 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
     struct viewer_lamp *lamps = settings->lamps + settings->n_lamps;
     if (settings->n_lamps >= VIEWER_MAX_LAMPS) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "%d lamps leave none for the environment: give fewer", settings->n_lamps);
+                    "with %d lamps no lamp is left to stand for the environment: give fewer",
+                    settings->n_lamps);
         return FALSE;
     }
     const int n =
         environment_lamps(e->rgb, e->width, e->height, VIEWER_MAX_LAMPS - settings->n_lamps, lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "the environment is black: it lights nothing");
+                    "the environment map is black everywhere: give another");
         return FALSE;
     }
     settings->n_lamps += n;

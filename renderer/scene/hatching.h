@@ -1,6 +1,6 @@
 /*
- * Where a picture shows what is not measured yet: fine stripes over each point that is seen from a
- * direction whose nearest planned view is not there, so that what is seen is interpolated.
+ * Marks the parts of a picture that are not measured yet: fine stripes over each point that is seen
+ * from a direction whose nearest planned view is missing, so that its value is interpolated.
  */
 #pragma once
 
@@ -11,7 +11,8 @@ struct planned_view {
     gboolean measured;
 };
 
-/* Whether the view nearest to a direction is planned and not measured yet; FALSE of no views. */
+/* Whether the view nearest to a direction is planned and not measured yet; FALSE if there are no
+ * views. */
 gboolean planned_views_missing(const struct planned_view *views, guint n, double theta_deg,
                                double phi_deg);
 

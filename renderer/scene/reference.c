@@ -69,7 +69,7 @@ static gboolean reference_read_direction(const struct exr_part *part, const char
     return FALSE;
 }
 
-/* The first file says which lights and texels there are. */
+/* The first file determines the lights and texels. */
 static gboolean reference_take_lights(Reference *r, const struct exr_file *file, GError **error) {
     for (guint k = 0; k < file->parts->len; k++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, k);
@@ -362,8 +362,8 @@ guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_setti
         s.samples--;
     if ((gint64)width * height > REFERENCE_MAX_SAMPLES) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "a reference of %d × %d is too large, %d pixels are the most", width, height,
-                    REFERENCE_MAX_SAMPLES);
+                    "a reference picture of %d × %d is too large: at most %d pixels are possible",
+                    width, height, REFERENCE_MAX_SAMPLES);
         return NULL;
     }
     g_autofree float *linear = reference_render_linear(r, viewer, &s, width * s.samples,

@@ -272,7 +272,7 @@ static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_
     glBindVertexArray(0);
 }
 
-/* Points the camera, and finds what it and the lamps see of the relief. */
+/* Points the camera, and finds the parts of the relief that it and the lamps see. */
 static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
                             int height, struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
@@ -361,7 +361,7 @@ void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint 
     hatching_set(viewer->hatching, views, n);
 }
 
-/* Each way of a pixel: fewer in a very large picture. */
+/* Samples along a side of a pixel: fewer in a very large picture. */
 static int viewer_samples_of(const struct viewer_settings *s, int width, int height) {
     int samples = s->samples;
     while (samples > 1 && (gint64)width * height * samples * samples > MAX_SAMPLES)

@@ -25,8 +25,8 @@ struct viewer_lamp {
 struct viewer_settings {
     double camera_azimuth_deg, camera_elevation_deg;
     double camera_distance; /* from the origin, in radii of the mesh; 0: the mesh just fits */
-    double camera_pan[2];   /* of what it looks at: to the right and up, in radii of the mesh */
-    double camera_fov_deg;  /* of the picture's shorter side */
+    double camera_pan[2];  /* offset of the point it looks at: right and up, in radii of the mesh */
+    double camera_fov_deg; /* of the picture's shorter side */
     double light_theta_deg, light_phi_deg; /* a light far away */
     double lamp;                           /* its brightness */
     int n_lamps;                           /* number of further lamps */
@@ -90,7 +90,7 @@ struct viewer_memory viewer_memory(const Viewer *viewer);
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
- * height); what draws does that by itself, but again for every picture. */
+ * height); drawing does that by itself, but again for every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
 /* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */

@@ -20,7 +20,7 @@ struct transform {
     double m[4][4]; /* [row][column] */
 };
 
-/* What a primitive has of each vertex, and its indices. */
+/* The attributes of a primitive's vertices, and its indices. */
 enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
     GArray *of[N_ATTRIBUTES + 1]; /* NULL: nothing */
@@ -83,7 +83,7 @@ static void move_point(const struct transform *p, const float v[3], double w, fl
             (float)(p->m[i][0] * v[0] + p->m[i][1] * v[1] + p->m[i][2] * v[2] + p->m[i][3] * w);
 }
 
-/* By the cofactors, so that it stays at right angles to the surface. */
+/* Transforms by the cofactors, so that a normal stays perpendicular to the surface. */
 static void move_normal(const struct transform *p, const float v[3], float ret[3]) {
     for (int i = 0; i < 3; i++) {
         const int a = (i + 1) % 3, b = (i + 2) % 3;
@@ -109,7 +109,7 @@ static const float *row_of(const GArray *array, gsize k, int n) {
     return (const float *)(const void *)array->data + k * (gsize)n;
 }
 
-/* One vertex of the file: a position, and with it what belongs to it. glTF's v runs downwards. */
+/* One vertex of the file: its position and attributes. glTF's v runs downwards. */
 static void gltf_add_vertex(struct reader *r, const struct transform *p, const struct attributes *a,
                             gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
@@ -178,7 +178,7 @@ static gboolean add_triangles(struct reader *r, const struct transform *p,
         for (int c = 0; c < 3 && a->of[INDICES] != NULL; c++)
             at[c] = g_array_index(a->of[INDICES], guint32, at[c]);
         if (MAX(MAX(at[0], at[1]), at[2]) >= n_vertices)
-            return gltf_bad(&r->gltf, error, "an index names a vertex that is not there");
+            return gltf_bad(&r->gltf, error, "an index names a vertex that does not exist");
         if (!add_triangle(r, p, a, first, at, error))
             return FALSE;
     }
@@ -250,7 +250,7 @@ static gboolean add_nodes(struct reader *r, const struct transform *outer, JsonA
         if (node == NULL)
             return FALSE;
         if (++r->n_visited > MAX_NODES || level > MAX_LEVEL)
-            return gltf_bad(&r->gltf, error, "its nodes hold each other in a circle");
+            return gltf_bad(&r->gltf, error, "its nodes form a cycle");
         const struct transform own = gltf_transform_of(node), p = transform_product(outer, &own);
         if ((json_object_has_member(node, "mesh") &&
              !add_mesh(r, &p, gltf_int(node, "mesh", -1), error)) ||

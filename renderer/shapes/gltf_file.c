@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_DEPTH 64 /* of JSON: its parser goes down by calling itself */
+#define MAX_DEPTH 64 /* of JSON: its parser is recursive */
 #define MAGIC     0x46546c67U
 #define JSON      0x4e4f534aU
 #define BINARY    0x004e4942U
@@ -57,11 +57,11 @@ JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GErr
     JsonNode *node = k >= 0 && k < n ? json_array_get_element(items, (guint)k) : NULL;
     if (node != NULL && JSON_NODE_HOLDS_OBJECT(node))
         return json_node_get_object(node);
-    gltf_bad(gltf, error, "there is no number %" G_GINT64_FORMAT " of its %s", k, array);
+    gltf_bad(gltf, error, "there is no entry %" G_GINT64_FORMAT " in its %s", k, array);
     return NULL;
 }
 
-/* Brackets within each other, those in strings aside. */
+/* Depth of nested brackets, those in strings excepted. */
 static int depth_of(const char *text, gsize length) {
     int depth = 0, deepest = 0;
     gboolean string = FALSE;
@@ -97,7 +97,7 @@ static gboolean gltf_file_parse(struct gltf *gltf, const char *text, gsize lengt
     for (guint k = 0; required != NULL && k < json_array_get_length(required); k++) {
         JsonNode *node = json_array_get_element(required, k);
         const char *name = JSON_NODE_HOLDS_VALUE(node) ? json_node_get_string(node) : NULL;
-        /* How textures lie and materials look does not matter here. */
+        /* Extensions of textures and materials do not matter here. */
         if (name == NULL ||
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
              !g_str_has_prefix(name, "EXT_texture_")))
@@ -263,8 +263,9 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
         return gltf_bad(gltf, error, "accessor %d is sparse, which is not read; save it without",
                         (int)k);
     if (n < 0 || n > SOUP_MAX_CORNERS)
-        return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error, "accessor %d has no count up to %d",
-                         (int)k, SOUP_MAX_CORNERS);
+        return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error,
+                         "the count of accessor %d is missing or not 1 to %d", (int)k,
+                         SOUP_MAX_CORNERS);
     ret->n = (gsize)n;
     return find_bytes(gltf, k, accessor, ret, error);
 }

@@ -1,4 +1,4 @@
-/* Wavefront OBJ, of which files from anywhere are expected: every number and index is checked. */
+/* Wavefront OBJ. Files may come from anywhere: every number and index is checked. */
 #include "soup.h"
 
 #include "base/input_file.h"

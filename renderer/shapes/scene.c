@@ -192,7 +192,7 @@ static double twice_area(const double a[3], const double b[3]) {
 }
 
 /* Lays a plane of half_width radii under the mesh, where it is lowest. With tiles_u × tiles_v tiles
- * on the mesh the floor's are square and as large as the mesh's in the mean. */
+ * on the mesh the floor's are square and as large as the mesh's on average. */
 static void scene_add_floor(struct mesh *mesh, double half_width) {
     static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
     double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums on the mesh, and in u and v */

@@ -105,7 +105,7 @@ static void corner_normal(const struct soup *soup, const struct soup_corner *cor
         memcpy(ret, (float[3]){0.0f, 0.0f, 1.0f}, 3 * sizeof(float));
 }
 
-/* Files whose windings disagree with their normals exist; the normals are what the eye sees. */
+/* Files whose windings disagree with their normals exist; the normals are taken as correct. */
 static gboolean wound_backwards(const struct soup *soup, const struct soup_corner *corners, int n) {
     float face[3], sum = 0.0f;
     polygon_normal(soup, corners, n, face);
@@ -197,7 +197,7 @@ static void add_polygon(const struct soup *soup, struct builder *b,
     }
 }
 
-/* own: that of the file, which goes before what was made of uv; NULL: none. */
+/* own: that of the file, which takes precedence over one made from uv; NULL: none. */
 static void finish_tangent(struct vertex *vertex, const float *own) {
     float *t = vertex->tangent, sum[3], axis[3] = {0.0f, 0.0f, 0.0f}, side[3];
     memcpy(sum, t, sizeof sum);

@@ -63,7 +63,7 @@ struct Live {
     GThread *thread; /* NULL: none is at work */
     gint done;       /* atomic */
     gint cancelled;  /* atomic */
-    int n_views;     /* that the last result has, or is to have */
+    int n_views;     /* number of views of the last result, or of the one being computed */
     struct eigenmaps *maps;
     GError *error;
 };

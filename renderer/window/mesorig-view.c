@@ -16,7 +16,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* What pictures are made with, and what came of it. */
+/* The means to make pictures, and the results. */
 struct studio {
     const struct viewer_options *o;
     const char *material; /* path */
@@ -92,7 +92,7 @@ static gboolean render_frame(struct studio *studio, int frame, const struct view
     return TRUE;
 }
 
-/* Eigen-maps of what there is of a session, and stripes where views are missing. */
+/* Eigen-maps of the views of a session so far, and stripes where views are missing. */
 static gboolean open_live(struct studio *studio, Viewer *viewer, GError **error) {
     const char *session = studio->o->argument;
     struct eigenmaps *maps = live_eigenmaps(session, &studio->n_views, error);
@@ -163,7 +163,7 @@ static Viewer *open_viewer(struct studio *studio, const struct method *method, G
     g_autoptr(Viewer) viewer = viewer_new(NULL, error);
     if (viewer == NULL)
         return NULL;
-    if (o->n_series > 0) { /* something is needed to open */
+    if (o->n_series > 0) { /* the viewer needs a material at the start */
         g_autoptr(GArray) views = series_wait(o->argument, o->series[0], o->wait_s, error);
         if (views == NULL)
             return NULL;

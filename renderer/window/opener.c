@@ -58,7 +58,7 @@ Opener *opener_new(struct GLFWwindow *window, GError **error) {
     glfwWindowHint(GLFW_VISIBLE, GLFW_TRUE);
     if (context == NULL) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "there is no second OpenGL context to open materials with; try --render "
+                    "no second OpenGL context could be made to load materials in; try --render "
                     "FILE.png");
         return NULL;
     }
@@ -80,7 +80,7 @@ void opened_free(struct opened *opened) {
     g_free(opened);
 }
 
-/* What is at work ends where it next reads; what waits ends at once. */
+/* The job at work ends at its next read; waiting jobs end at once. */
 void opener_free(Opener *opener) {
     if (opener == NULL)
         return;

@@ -10,15 +10,15 @@
 
 enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_PLACES };
 
-/* What was opened for a place, or why not. */
+/* The result of opening a material for a place, or the error. */
 struct opened {
     enum opener_place place;
-    const struct method *method; /* not of OPENER_MDF */
+    const struct method *method; /* unused for OPENER_MDF */
     char *path;
     gpointer material; /* of the method; NULL with an error */
     struct mdf_source *mdf;
     GError *error;
-    gint number; /* of those asked for */
+    gint number; /* number of the request */
 };
 
 typedef struct Opener Opener; /* belongs to the thread of the window */
@@ -29,13 +29,12 @@ Opener *opener_new(struct GLFWwindow *window, GError **error);
 /* Ends what is under way, as soon as the next piece of its file is read; NULL is ignored. */
 void opener_free(Opener *opener);
 
-/* In place of what was asked for this place before, which is given up. method: NULL for
- * OPENER_MDF. */
+/* Replaces an earlier request for this place, which is cancelled. method: NULL for OPENER_MDF. */
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path);
 
-/* Returns at once: NULL, or the next that is finished, which is the caller's: what he takes out of
- * it he sets to NULL. The window's loop is woken when there is one. */
+/* Returns at once: NULL, or the next that is finished, owned by the caller, who sets to NULL what
+ * it takes out of it. The window's loop is woken when there is one. */
 struct opened *opener_poll(Opener *opener);
 void opened_free(struct opened *opened); /* NULL is ignored */
 

@@ -48,8 +48,8 @@ static GArray *series_give_up(enum series_error code, const char *session, GArra
                     session, n, views->len);
     else
         g_set_error(error, SERIES_ERROR, code,
-                    "%s: no new view for %g s, %d of %u are there; is it being captured, and is "
-                    "“mesorig process --follow” at work? Then --wait-s gives it longer",
+                    "%s: no new view for %g s, %d of %u are there; check that it is being captured "
+                    "and that “mesorig process --follow” runs, or give a larger --wait-s",
                     session, wait_s, n, views->len);
     g_array_unref(views);
     return NULL;
@@ -60,7 +60,7 @@ GArray *series_wait(const char *session, int percent, double wait_s, GError **er
     int before = -1;
     for (;;) {
         g_autoptr(GError) why = NULL;
-        /* Asked first: then no view can be missed. */
+        /* Read before the views, so that none is missed. */
         const gboolean ended = has_ended(session);
         GArray *views = live_views(session, &why);
         const int n = views != NULL ? series_count(views) : 0;

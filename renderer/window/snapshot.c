@@ -2,8 +2,8 @@
 
 #include "scene/picture.h"
 
-/* As people name it, "weave.session/products/eigenmaps.exr": where it lay on this machine is
- * nobody's business who is sent the picture. */
+/* As people name it, "weave.session/products/eigenmaps.exr": a recipient of the picture must not
+ * learn its path on this machine. */
 static char *shown_name(const char *path) {
     g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
     g_autofree char *folder_name = g_path_get_basename(folder);
@@ -32,7 +32,7 @@ static char *lamps_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* What is not as it is by default, beside the number of samples. */
+/* Settings that differ from the defaults, and the number of samples. */
 static char *drawn_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "%d x %d samples per pixel", s->samples, s->samples);

@@ -4,7 +4,7 @@
 #include "viewer_options.h"
 
 struct snapshot {
-    const char *material; /* path; only its last parts are shown */
+    const char *material; /* path; only its last parts are written */
     const char *shape;
     const struct method *first, *second; /* second: NULL, or what the first is compared with */
     const struct compose *how;

@@ -1,7 +1,7 @@
 /*
  * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All belongs to the
  * thread of the window's GL context; text is UTF-8. Between ui_begin() and ui_end(), every frame
- * again, calls say what there is; those that return TRUE were just changed by the user.
+ * again, each call adds a control; it returns TRUE if the user has just changed that.
  */
 #pragma once
 
@@ -31,7 +31,7 @@ gboolean ui_section(const char *title, gboolean open); /* whether it is unfolded
 gboolean ui_has_glyphs(const char *text);
 
 void ui_text(const char *text);
-void ui_note(const char *text); /* what is to be noticed */
+void ui_note(const char *text); /* a text that stands out */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
 gboolean ui_check(const char *label, gboolean *value);

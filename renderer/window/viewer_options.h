@@ -39,7 +39,7 @@ void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* Path of what a method opens. */
+/* Path of the file that a method opens. */
 char *viewer_options_path(const struct viewer_options *options, const struct method *method);
 
 /* Whether --render writes linear light (.exr) and not a toned picture (.png). */

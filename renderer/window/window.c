@@ -177,7 +177,7 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
         window_follow(w);
         if (!window_take_opened(w, error))
             return FALSE;
-        if (close_after > 0 && !w->first_open) /* the demonstration is not what is counted */
+        if (close_after > 0 && !w->first_open) /* frames of the demonstration do not count */
             glfwWaitEventsTimeout(0.05);
         else if (window_must_draw(w) && !window_draw_frame(w, ret, error))
             return FALSE;

@@ -1,4 +1,4 @@
-/* What the files of the window share. */
+/* Shared by the files of the window. */
 #pragma once
 
 #include "live.h"
@@ -28,8 +28,8 @@ struct window {
     const char *shape;
     char *session; /* directory, or NULL */
     char *material, *second_material;
-    char *message; /* what went wrong last, or NULL */
-    char *title;   /* that the window has */
+    char *message; /* the last error, or NULL */
+    char *title;   /* the present title of the window */
     double x, y;   /* of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
@@ -45,7 +45,7 @@ struct window {
     struct eigenmaps *live_maps; /* the last that came; NULL: none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
-    gboolean first_open;           /* what it was started with was opened, or could not be */
+    gboolean first_open;           /* the material given at the start was opened, or has failed */
     enum compose_mode second_mode; /* once what is being opened as the second is there */
     gboolean outlines;             /* silhouettes, once the MDF is there */
     struct mdf_source *mdf;        /* NULL: none was opened */
@@ -66,7 +66,7 @@ void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);
 void window_follow(struct window *w); /* once a second looks at the files */
 void window_open_first(struct window *w);
-/* Takes what was opened meanwhile. FALSE: what it was started with cannot be. */
+/* Takes materials opened meanwhile. FALSE: the one given at the start cannot be opened. */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 

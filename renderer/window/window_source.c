@@ -118,7 +118,8 @@ gboolean window_take_opened(struct window *w, GError **error) {
                                                                            take_mdf};
         g_autoptr(GError) why = g_steal_pointer(&o->error);
         if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
-            w->file_time = w->asked_time; /* good or not: it is not tried again until it changes */
+            w->file_time =
+                w->asked_time; /* in either case it is not opened again until it changes */
         if (o->place == OPENER_MDF && why != NULL)
             w->outlines = FALSE;
         const gboolean good = why == NULL && takers[o->place](w, o, &why);
@@ -241,10 +242,10 @@ void window_follow(struct window *w) {
     if (now - w->looked_us < G_USEC_PER_SEC)
         return;
     w->looked_us = now;
-    if (!opener_is_busy(w->opener)) { /* else it may be another file than what is shown */
+    if (!opener_is_busy(w->opener)) { /* else the file may not be the one that is shown */
         if (w->mdf_time > 0 && time_of(w->options->mdf_path) != w->mdf_time)
             ask_mdf(w);
-        /* Processing replaces the file as a whole, so what is there can be read at once. */
+        /* Processing replaces the file as a whole, so an existing file can be read at once. */
         const gint64 changed = time_of(w->material);
         if (changed != w->file_time && changed >= 0)
             window_set_method(w, w->method);

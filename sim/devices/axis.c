@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* Interval at which a moving axis updates the world. */
+/* Interval between updates of the world by a moving axis. */
 #define TICK_US 20000
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };

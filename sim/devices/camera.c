@@ -24,7 +24,7 @@ struct sim_camera {
     gint64 back_at_us;
     guint timer;
     struct picture *picture; /* under way */
-    Frame *last; /* the last frame delivered without fault: a stale picture repeats it */
+    Frame *last; /* the last frame delivered without a fault; a stale picture repeats it */
     int n_rendered;
     gint64 rendering_us; /* CPU time */
 };

@@ -21,7 +21,7 @@
 #define WATCHDOG    5
 #define TIMEOUT     VIRTUAL_MODBUS_TIMEOUT
 #define UNIT_US     100000 /* of the timeout and of pulses */
-#define TICK_MS     10     /* how exactly they are kept */
+#define TICK_MS     10     /* the resolution of these times */
 
 #define START 1
 #define HOME  2
@@ -110,7 +110,8 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
-/* What it does by itself as time goes by: ends pulses, and all it does when it is not heard of. */
+/* Its actions as time goes by: ends pulses, and switches off and brakes when its timeout expires.
+ */
 static void update_watchdogs(VirtualModbus *device) {
     gint64 now = g_get_monotonic_time();
     gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;
@@ -173,7 +174,7 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-/* What a request has changed. */
+/* Applies the changes of a request. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];

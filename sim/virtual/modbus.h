@@ -36,7 +36,7 @@ VirtualModbus *virtual_modbus_new(const struct virtual_modbus_options *options, 
 void virtual_modbus_free(VirtualModbus *device); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 
-/* What a section writes for "bus". */
+/* The value of "bus" in a section. */
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
 /* Faults from now on. A count of −1 is without end; counts run down with each reply. */
@@ -62,7 +62,7 @@ struct virtual_modbus_state {
     gint64 began_us; /* when the last motion began, of g_get_monotonic_time() */
     gboolean coils[VIRTUAL_MODBUS_BITS];
     int requests, watchdogs, connections, pulses;
-    int timeouts; /* how often it was not heard of for its communication timeout */
+    int timeouts; /* how often its communication timeout has expired */
     guint16 speed, accel;
 };
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);

@@ -12,7 +12,7 @@
 /* Starts the program again with what must be preloaded, unless it is. For main(), first. */
 void testbed_enter(char **argv);
 
-/* Whether it was preloaded indeed. */
+/* Whether the library was preloaded. */
 gboolean testbed_is_entered(void);
 
 /* One a device, given back by testbed_unref(). */

@@ -43,7 +43,8 @@ struct VirtualUsb {
 };
 
 struct flight {
-    UMockdevIoctlClient *client; /* whose memory it is in: only it may reap; not a reference */
+    UMockdevIoctlClient
+        *client; /* the client whose memory holds it: only that may reap it; not a reference */
     UMockdevIoctlData *urb;
     gboolean waits; /* a bulk transfer that has no data yet */
     gint64 due_us;  /* G_MAXINT64: never */
@@ -240,8 +241,8 @@ static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *clie
 }
 
 /* A device of bulk transfers waits most of its time, and there may be eight of them. But libusb
- * reaps until there is nothing left, and submits nothing before it knows that: the first time, it
- * is told at once; and a transfer whose time is known is not slept over. */
+ * reaps until there is nothing left, and submits nothing before: the first such call is answered at
+ * once, and the sleep ends when a transfer is due. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;

@@ -36,7 +36,7 @@ enum virtual_usb_fault {
     VIRTUAL_USB_WELL,
     VIRTUAL_USB_STALLS, /* every request of the class's own, and every bulk transfer */
     VIRTUAL_USB_SILENT, /* never answers them */
-    VIRTUAL_USB_SHORT,  /* answers half of what it should */
+    VIRTUAL_USB_SHORT,  /* answers with half of the data */
 };
 
 /* Plugged into port 1 to 9 of bus 1. model must outlive it. */
@@ -47,7 +47,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualUsb, virtual_usb_free)
 void virtual_usb_unplug(VirtualUsb *usb);
 void virtual_usb_plug(VirtualUsb *usb); /* with a new address, as on a real bus */
 
-/* What is under way is answered (or not) as before. */
+/* Requests under way are answered (or not) as before. */
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
 int virtual_usb_n_requests(VirtualUsb *usb); /* of the class's own, so far */
 

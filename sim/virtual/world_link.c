@@ -32,8 +32,8 @@ gboolean world_part_find(World *world, const char *name, struct world_part *ret,
     struct world_part part = {0};
     if (!virtual_world_link_find(world, name, &part)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "the world has no \"%s\"; say turntable, arc, or sweep, lamp or laser with a "
-                    "name of its file",
+                    "the world has no \"%s\"; give turntable or arc, or sweep, lamp or laser and a "
+                    "name in the world file",
                     name);
         return FALSE;
     }

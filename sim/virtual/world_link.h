@@ -11,7 +11,7 @@
 #include "world/world.h"
 
 enum world_part_kind {
-    WORLD_PART_NONE, /* nothing hangs on it: switching and turning do nothing */
+    WORLD_PART_NONE, /* not connected: switching and turning do nothing */
     WORLD_PART_TURNTABLE,
     WORLD_PART_ARC,
     WORLD_PART_SWEEP, /* of a laser */

@@ -1,7 +1,7 @@
 /*
  * A virtual GigE Vision camera that speaks the real protocol on the loopback interface, in threads
  * of its own and in real time: GVCP with discovery, registers, heartbeat and packet resend, GVSP
- * with test packets, and a GenICam file that it serves itself. Pictures come from whoever makes it.
+ * with test packets, and a GenICam file that it serves itself. The creator supplies its pictures.
  *
  * Aravis has a fake camera too, but without resend, time stamp latch, exposure that takes time and
  * a trigger line, and with its control channel silent while a picture is made; none of these could
@@ -24,7 +24,7 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGige, virtual_gige_free)
 
-/* What a section writes for "device"; "GE-" and the serial number work too. */
+/* The value of "device" in a section; "GE-" and the serial number work too. */
 const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);

@@ -93,7 +93,8 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-/* The region of what the sensor sees (a ramp, if nobody says), with what BlackLevel was changed by.
+/* The region of the sensor's picture (a ramp, if there is no source), plus the change of
+ * BlackLevel.
  */
 static void imager_fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
                         gboolean processed, struct imager_picture *picture) {

@@ -43,7 +43,7 @@ struct virtual_camera_options {
 struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle, and cannot be asked for again */
     int blind;           /* triggers that are acknowledged and make no picture */
-    int old;             /* pictures that are the one before, with its time stamp */
+    int old;             /* pictures that repeat the previous one, with its time stamp */
     gint64 ahead_us;     /* time stamps of pictures are this far in the future */
     gint64 late_us;      /* extra delay before a picture is sent */
     int odd;             /* pictures that say they are narrower than they are */
@@ -55,7 +55,7 @@ struct virtual_camera_faults {
 
     /* GigE Vision alone. */
     double loss;        /* part of the packets of pictures that is lost on the way */
-    gboolean no_resend; /* what is asked for again does not come */
+    gboolean no_resend; /* requested packets are not sent again */
     gboolean unplugged; /* nothing comes through */
     int mtu;            /* larger packets do not get through; 0: all do */
 

@@ -66,8 +66,8 @@ void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, i
                 *to++ = (guint8)(values[i] >> 8);
         }
         break;
-    case PACKED: /* GigE Vision's own: the high eight bits of two pixels, what is left of both
-                    between them */
+    case PACKED: /* GigE Vision's own: the high eight bits of two pixels, with the low bits of both
+                  * between them */
         for (gsize i = 0; i + 1 < n; i += 2) {
             guint low = kind->bits - 8u, rest = (1u << low) - 1;
             *to++ = (guint8)(values[i] >> low);

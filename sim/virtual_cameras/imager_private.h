@@ -103,7 +103,7 @@ struct imager_xml {
     const char *endianness; /* as GenICam spells it */
 };
 
-struct imager_transport {                      /* what the file of a bus has of its own */
+struct imager_transport {                      /* the parts of the file that depend on the bus */
     const char *space, *endianness, *features; /* names separated by spaces */
     void (*add)(struct imager_xml *xml);
 };

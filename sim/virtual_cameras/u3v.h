@@ -1,8 +1,8 @@
 /*
  * A virtual USB3 Vision camera behind umockdev's usbfs, which Aravis speaks to by libusb as to the
  * kernel's: a control channel of registers and a stream channel of leaders, payloads and trailers,
- * on bulk endpoints, with a GenICam file that it serves itself. Pictures come from whoever makes
- * it, exposures take their time, in a thread of its own. A process sees it only after
+ * on bulk endpoints, with a GenICam file that it serves itself. The creator supplies its pictures;
+ * exposures take their real time, in a thread of its own. A process sees it only after
  * testbed_enter().
  *
  * Any thread may call these functions, except new, free, plug and unplug.
@@ -24,7 +24,7 @@ VirtualUsb *virtual_u3v_usb(VirtualU3v *camera); /* for faults of the bus */
 
 void virtual_u3v_fail(VirtualU3v *camera, const struct virtual_camera_faults *faults);
 
-/* It lives by the cable: when plugged in again, all registers are as they were at first. */
+/* The cable powers it: when it is plugged in again, all registers are as they were at first. */
 void virtual_u3v_unplug(VirtualU3v *camera);
 void virtual_u3v_plug(VirtualU3v *camera);
 

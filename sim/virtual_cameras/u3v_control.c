@@ -3,10 +3,10 @@
 #include <errno.h>
 #include <string.h>
 
-/* What a command and an answer begin with: prefix, flags or status, command, length, number. */
+/* The head of a command and of an answer: prefix, flags or status, command, length, number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
-#define RESPONSE_MS 200 /* as slow as this it may be; a busy computer is */
+#define RESPONSE_MS 200 /* the longest time that an answer may take, as on a busy computer */
 #define ALIGNMENT   3   /* sizes of transfers are multiples of 2 to this */
 #define SUPER_SPEED 8
 
@@ -121,7 +121,7 @@ static guint u3v_control_obey(VirtualU3v *camera, enum command command, const gu
     return status;
 }
 
-/* One command at a time: an answer that nobody fetched is lost. */
+/* One command at a time: an answer that was not fetched is lost. */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n) {
     guint size = n >= HEADER_SIZE ? (guint)u3v_get(data + 8, 2) : 0, answer_size = 0;
     if (n < HEADER_SIZE || n > U3V_MAX_TRANSFER || u3v_get(data, 4) != PREFIX ||

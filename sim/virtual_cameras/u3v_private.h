@@ -64,7 +64,7 @@ struct VirtualU3v {
     guint8 answer[U3V_MAX_TRANSFER];
     int answer_size;           /* 0: none waits */
     gint64 answer_us;          /* when it may be read */
-    struct imager_picture out; /* what is being sent; its data is a copy */
+    struct imager_picture out; /* the picture being sent; its data is a copy */
     enum u3v_phase phase;
     gsize sent; /* of its payload */
     gboolean headless, tailless, stunted, hollow;
@@ -101,4 +101,4 @@ int u3v_answer(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN: none */
 /* u3v_stream.c */
 extern const struct imager_bus u3v_bus;
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN: nothing to send */
-void u3v_drop(VirtualU3v *camera);                          /* what is not sent yet */
+void u3v_drop(VirtualU3v *camera);                          /* drops data not sent yet */

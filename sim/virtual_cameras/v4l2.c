@@ -286,7 +286,7 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
     return ENOTTY;
 }
 
-/* As when a program ends without a word: its stream ends, and its buffers go. */
+/* As when a program ends without closing it: its stream ends, and its buffers are freed. */
 static void virtual_v4l2_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
                                      gpointer user) {
     VirtualV4l2 *camera = user;
@@ -354,7 +354,7 @@ void virtual_v4l2_plug(VirtualV4l2 *camera, int number) {
     camera->node = g_strdup_printf("/dev/video%d", number);
     g_autofree char *usb = add_usb_chain(camera);
     g_autofree char *sysfs = g_strdup_printf("%s/video4linux/video%d", usb, number);
-    /* With a content, the node is a file, which can be mapped. */
+    /* If it is given a content, the node is a regular file, which can be mapped. */
     g_autofree char *text =
         g_strdup_printf("P: %s\nN: video%d=00\nE: SUBSYSTEM=video4linux\nE: DEVNAME=/dev/video%d\n"
                         "A: name=Virtual camera\\n\nL: device=../../../%s\n",

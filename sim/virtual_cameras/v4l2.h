@@ -16,14 +16,14 @@ typedef struct VirtualV4l2 VirtualV4l2;
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-enum virtual_v4l2_stamp { /* what its time stamps are of, and which flag they carry */
+enum virtual_v4l2_stamp { /* the moment that its time stamps mark, and the flag that they carry */
                           VIRTUAL_V4L2_START,      /* the exposure's start, flagged so */
                           VIRTUAL_V4L2_FIRST_DATA, /* the first data, flagged as the start: what
                                                       uvcvideo does */
                           VIRTUAL_V4L2_END,        /* the data's end, flagged so */
 };
 
-enum { /* of the controls it has otherwise */
+enum { /* controls that it lacks */
        VIRTUAL_V4L2_NO_EXPOSURE = 1,
        VIRTUAL_V4L2_NO_GAIN = 2,
        VIRTUAL_V4L2_NO_WHITE_BALANCE = 4,
@@ -62,14 +62,14 @@ void virtual_v4l2_plug(VirtualV4l2 *camera, int number);
 
 enum virtual_v4l2_fault { /* holds until set otherwise; for frames that begin from now on */
                           VIRTUAL_V4L2_WELL,
-                          VIRTUAL_V4L2_ERROR_FLAG,    /* half of the data, and the error flag */
-                          VIRTUAL_V4L2_SHORT,         /* half of the data, and no flag */
-                          VIRTUAL_V4L2_FUTURE,        /* stamps are 100 ms ahead */
-                          VIRTUAL_V4L2_FROZEN,        /* the picture before, as a new one */
-                          VIRTUAL_V4L2_SILENT,        /* no frames */
-                          VIRTUAL_V4L2_OTHER_CLOCK,   /* stamps of an unknown clock */
-                          VIRTUAL_V4L2_NO_BANDWIDTH,  /* refuses to stream for lack of it */
-                          VIRTUAL_V4L2_DISOBEYS,      /* controls keep other values than were set */
+                          VIRTUAL_V4L2_ERROR_FLAG,   /* half of the data, and the error flag */
+                          VIRTUAL_V4L2_SHORT,        /* half of the data, and no flag */
+                          VIRTUAL_V4L2_FUTURE,       /* stamps are 100 ms ahead */
+                          VIRTUAL_V4L2_FROZEN,       /* repeats the previous picture as a new one */
+                          VIRTUAL_V4L2_SILENT,       /* no frames */
+                          VIRTUAL_V4L2_OTHER_CLOCK,  /* stamps of an unknown clock */
+                          VIRTUAL_V4L2_NO_BANDWIDTH, /* refuses to stream for lack of it */
+                          VIRTUAL_V4L2_DISOBEYS,     /* controls keep other values than were set */
                           VIRTUAL_V4L2_STREAM_BREAKS, /* taking a frame fails, once */
 };
 void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);

@@ -116,8 +116,8 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     shot.start_us = camera->first_us + (gint64)shot.number * interval;
     if (!sleep_until(camera, stream, shot.start_us))
         return FALSE;
-    /* As many sensors, it takes a new setting with the frame after the next. By itself it would
-     * expose and amplify as it likes. */
+    /* Like many sensors, it applies a new setting to the frame after the next. In automatic mode it
+     * chooses exposure and gain itself. */
     if (camera->exposure_us == 0 || camera->changed_us + interval <= shot.start_us) {
         gboolean by_hand = v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
         gint64 set_us = 100 * v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);

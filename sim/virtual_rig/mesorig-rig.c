@@ -23,7 +23,7 @@ static const GOptionEntry entries[] = {
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
      "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 

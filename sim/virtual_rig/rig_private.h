@@ -1,4 +1,4 @@
-/* What the parts of a virtual rig share: rig.c has cameras of GigE Vision and USB3 Vision and
+/* Shared by the parts of a virtual rig: rig.c has cameras of GigE Vision and USB3 Vision and
  * Modbus, rig_usb.c the rest of USB, and V4L2. */
 #pragma once
 
@@ -41,8 +41,8 @@ struct vision_camera { /* on the network or on USB */
 
 struct VirtualRig {
     Config *config;
-    char **usb; /* which are on USB */
-    char **u3v; /* which cameras are USB3 Vision's */
+    char **usb; /* names of the devices on USB */
+    char **u3v; /* names of the USB3 Vision cameras */
     World *world;
     GString *text;
     GArray *devices; /* of struct virtual_rig_device */

@@ -9,14 +9,13 @@ static const char *const kinds[] = {"flat",    "weave", "brushed", "brick", "pea
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
     {"kind", OPTION_CHOICE, NULL, 0, 0, NULL, kinds, AT(kind), "what lies on the turntable"},
-    {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed),
-     "what its irregularities are drawn from"},
+    {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed), "seed of its irregularities"},
     {"width_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(width_mm), "size along x"},
     {"height_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(height_mm), "size along y"},
     {"base_mm", OPTION_DOUBLE, "mm", 0, 100, "1", NULL, AT(base_mm),
      "height of the structure's deepest points above the turntable's top"},
     {"relief_mm", OPTION_DOUBLE, "mm", 0, 100, "3", NULL, AT(relief_mm),
-     "depth of the structure, roughly"},
+     "approximate depth of the structure"},
     {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
      "nothing of the sample may be higher: the reference plane"},
     {"period_mm", OPTION_DOUBLE, "mm", 0.1, 1000, "6.25", NULL, AT(period_mm),
@@ -234,7 +233,7 @@ static gboolean sample_check_options(const struct config_section *section,
     return good;
 }
 
-/* A mesh that leaves its place would make wrong data, not an error, later on. */
+/* A mesh outside its bounds would cause wrong data later on, not an error. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            Mistakes *mistakes) {

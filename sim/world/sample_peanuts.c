@@ -78,7 +78,7 @@ static void tray(struct vertex *vertex, gconstpointer data) {
         vertex->albedo[k] *= (float)(1 + 0.25 * grain);
 }
 
-/* For lying on each other a peanut is its two lobes. */
+/* For contact between them, a peanut is modelled as its two lobes. */
 struct lobe {
     double x, y, z, r;
 };

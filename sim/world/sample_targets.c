@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* What lamps are calibrated with: thin posts on a light plate, glossy balls on a dark one. */
+/* Targets for calibrating lamps: thin posts on a light plate, glossy balls on a dark one. */
 
 #define POST_SIDES  128
 #define BALL_AROUND 160

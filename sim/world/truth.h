@@ -54,7 +54,7 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
 void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                float *ret_distance_mm, guint8 *ret_edge);
 
-/* How many of the given laser positions (arc angle, laser) light the surface point each texel
+/* Number of the given laser positions (arc angle, laser) that light the surface point each texel
  * shows. */
 void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen);

@@ -43,7 +43,7 @@ struct world_sensor {
 };
 void world_sensor(const World *world, int camera, struct world_sensor *ret);
 
-/* True positions, degrees; devices add their own errors before they say so here. */
+/* True positions, degrees; devices have added their own errors already. */
 void world_set_turntable(World *world, double deg);
 void world_set_arc(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);

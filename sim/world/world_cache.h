@@ -1,7 +1,7 @@
 /*
  * A cache of the parts of a picture, within a limit of memory: the least recently used part is
- * evicted first. Values are functions of their keys alone, so that what is in the cache never shows
- * in a picture.
+ * evicted first. Values are functions of their keys alone, so that the state of the cache never
+ * affects a picture.
  *
  * Any thread. A value that two threads ask for is made once, by the first, while the other waits;
  * nothing is locked while a value is made.

@@ -8,7 +8,7 @@ enum cached { /* apart from those of world_light.c */
               CACHED_LASER_LIST,
 };
 
-/* What a sweep adds to a pixel: amplitude times the profile at (sweep − angle)/σ. */
+/* The contribution of a sweep to a pixel: amplitude times the profile at (sweep − angle)/σ. */
 struct share {
     float angle; /* in σ of the profile, from the list's first angle */
     float amplitude;
@@ -56,7 +56,7 @@ static gpointer make_vertices(const struct cache_key *key, gconstpointer data, g
     return lit;
 }
 
-struct laser_light { /* what a list is made with */
+struct laser_light { /* the input of a list */
     const World *world;
     const struct optics_camera *camera;
     struct optics_laser laser;
@@ -72,7 +72,8 @@ static void world_laser_add_share(struct laser_light *light, double angle, doubl
         g_array_append_val(light->shares, share);
 }
 
-/* Light by one bounce is smooth: once a pixel, from the vertex nearest to its first sample. */
+/* Light after one bounce is smooth: it is added once per pixel, from the vertex nearest to its
+ * first sample. */
 static void add_bounces(struct laser_light *light, const struct view *view) {
     const struct scene *scene = &light->world->scene;
     guint i = 0;

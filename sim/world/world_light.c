@@ -28,7 +28,8 @@ struct light_pose world_light_pose(const World *world, gboolean fixed, double ar
                                world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0, FALSE};
 }
 
-/* By the angle between the two where that will do, to the last bit as without an arc's errors. */
+/* By the angle between the two where that suffices, bit-identical to a world without errors of the
+ * arc. */
 static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
                                    gboolean point) {
     if (pose.fixed)

@@ -392,8 +392,8 @@ static gboolean load_section(World *world, const struct world_options *all,
         if (section->name && classes[i].n < classes[i].max)
             classes[i].load(world, all, section, mistakes);
         else if (section->name)
-            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL, "more than %d of a kind",
-                           classes[i].max);
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                           "there are more than %d sections of this class", classes[i].max);
         else
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
                            section->class_name);

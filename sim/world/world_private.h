@@ -53,7 +53,7 @@ struct World {
     double turntable_deg, arc_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
-    int laser_place[WORLD_MAX_LASERS]; /* whose place each is mounted at */
+    int laser_place[WORLD_MAX_LASERS]; /* the laser at whose place each is mounted */
 };
 
 /* world_load.c: fills a zeroed world from its file; on failure the world may be half full. */
@@ -105,9 +105,9 @@ static inline guint64 world_bits(double value) {
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* Where light comes from, seen from the sample. What depends on it depends on the angle between arc
- * and turntable alone, unless the arc's axis is not the turntable's. What is fixed turns against
- * the turntable alone. */
+/* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
+ * between arc and turntable alone, unless the arc's axis differs from the turntable's; those for
+ * fixed lights depend on the turntable alone. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad 0 where it does not matter */
     gboolean fixed;

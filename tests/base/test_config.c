@@ -129,8 +129,8 @@ static const struct wrong wrong_files[] = {
     {"[rig]\nwords\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig]: neither \"key = value\" nor a [section]"},
     {"[rig]\n= 3\n", CONFIG_ERROR_SYNTAX,
-     "r.conf:2: [rig]: what stands before '=' is not a key: letters, digits, '_', '-' and '.' make "
-     "one"},
+     "r.conf:2: [rig]: the text before '=' is not a key: a key has only letters, digits, '_', '-' "
+     "and '.'"},
     {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX, "r.conf:3: not UTF-8"},
     {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX, "r.conf:2: a control character (1)"},
 };

@@ -97,7 +97,7 @@ static void test_empty(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Picture) picture = read_empty(0, NULL, NULL);
     g_assert_null(board_find(picture, &f.board, FALSE, &error));
-    g_assert_cmpstr(error->message, ==, "no board is to be seen");
+    g_assert_cmpstr(error->message, ==, "no board is visible");
 }
 
 static void test_mirrored(void) {

@@ -220,7 +220,7 @@ static void bad_pairs(void) {
     refused(&changed, 2, 5, TRANSFER_ERROR_TOO_FEW, "one exposure only");
     changed = pairs;
     changed.lit[1].second = changed.lit[1].first;
-    refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "one picture twice");
+    refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "the same picture twice");
     changed = pairs;
     changed.lit[1].second = pairs.lit[3].first;
     refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "warm up");

@@ -15,7 +15,7 @@
 
 /* Properties of every material. Arrays belong to the material or its model. */
 struct material_info {
-    char *label;      /* to tell it from others: the file's or the session's name, or a method's */
+    char *label; /* distinguishes it from others: the file's or the session's name, or a method's */
     const char *kind; /* "btf", or the name of its codec */
     const struct btf_layout *layout;
     gint64 bytes; /* as a renderer holds it; the BTF in halves */
@@ -33,18 +33,18 @@ struct codec_job {
 /* What encode() found. The caller sets all to 0 and frees levels. */
 struct codec_result {
     GPtrArray *levels; /* models, with a free function: the BTF's own, then its mip levels */
-    int clusters, components, grid; /* those that there are; components: terms, lobes, … a texel */
-    double error;       /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of what the file gives back */
-    double exact_error; /* the same before numbers were rounded for the file */
+    int clusters, components, grid; /* the numbers used; components: terms, lobes, … */
+    double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of the values read back from the file */
+    double exact_error;     /* the same before numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ|; −1: the codec does not know it */
-    gboolean packed;        /* the file is what counts as its size, not what is drawn */
+    gboolean packed;        /* its size is that of the file, not that in a renderer */
 };
 
 struct codec;
 
 /* One point of a curve of error against size. */
 struct codec_point {
-    const char *series; /* of one codec there may be several */
+    const char *series; /* a codec may have several */
     char *label;  /* distinguishes the sizes of a codec, as in "8 clusters"; the callee takes it */
     gint64 bytes; /* as a renderer holds it */
     double error; /* relative RMS; −1: the callee measures model */
@@ -63,7 +63,7 @@ struct codec {
      * options, without "--". Those that are not given take their fallback, without one 0. */
     const struct option *options;
     gsize options_size;
-    /* What contradicts what, as a sentence without a full stop; NULL: nothing. May be NULL. */
+    /* How options contradict each other, a sentence without a full stop; NULL: not. May be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded;      /* keeps to --memory */

@@ -6,7 +6,7 @@
 #include "material.h"
 
 struct compare_sums {
-    double error; /* ‖A − B‖_F / ‖A‖_F of R, G, B; of what A is black in: 0, or ∞ */
+    double error; /* ‖A − B‖_F / ‖A‖_F of R, G, B; where A is black: 0, or ∞ */
     double luminance_error; /* mean of |Y_A − Y_B| (Meseth et al. 2003, Table 1) */
     double delta_e;         /* mean CIEDE2000, white being the diffuser of pipeline.h */
 };

@@ -42,26 +42,25 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
                            double *ret_error, GError **error);
 
 /*
- * Exact: W_i are the unit eigenvectors of AᵀA, in double precision, E_i = A·W_i. That the Gram
- * matrix has the squares of the singular values costs half of the digits, and leaves those down to
- * 1e-8 of the largest: halves have 5e-4. Columns that do not fit are asked for again and again,
- * n_views/fit/2 + 2 times each or so.
+ * Exact: W_i are the unit eigenvectors of AᵀA, in double precision, E_i = A·W_i. The Gram matrix
+ * has the squares of the singular values, so that those down to 1e-8 of the largest are found;
+ * halves need 5e-4. Columns that do not fit are asked for repeatedly, about n_views/fit/2 + 2 times
+ * each.
  *
- * Randomised, asking for each column twice, and with a target now and then thrice: the range of Aᵀ
- * is that of its sketch (Halko, Martinsson and Tropp 2011, algorithm 4.1 for Aᵀ, in whose place of
- * a Gaussian Ω is a matrix of one random sign a row in a random one of 16384 columns: Clarkson and
- * Woodruff 2013), (SA)ᵀ of n_views × 16384. A is projected onto the first n_terms right singular
- * vectors of SA, and up to 8 more where there is memory for them; those are turned to what is best
- * within their span (their §5.1), in double precision, and the last left out. The seed is fixed.
+ * Randomised, asking for each column twice, or with a target sometimes three times: the range of Aᵀ
+ * is that of its sketch (Halko, Martinsson and Tropp 2011, algorithm 4.1 for Aᵀ; instead of a
+ * Gaussian Ω, a matrix with one random sign per row, in one of 16384 columns at random: Clarkson
+ * and Woodruff 2013), (SA)ᵀ of n_views × 16384. A is projected onto the first n_terms right
+ * singular vectors of SA, and up to 8 more where there is memory for them; the best n_terms vectors
+ * within their span are then found in double precision (their §5.1). The seed is fixed.
  */
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {
-    gsize memory; /* for columns beside the result, of which one is held at least; 0:
-                     EIGENMAPS_MEMORY */
-    double
-        target; /* 0, or the error to reach: n_terms is then the most there may be, and becomes
-                   the fewest with which it is; if it cannot be, the error says how near it came */
+    gsize memory;  /* for columns beside the result, at least one of which is held; 0:
+                    * EIGENMAPS_MEMORY */
+    double target; /* 0, or the error to reach: n_terms is then the maximum, and becomes the least
+                    * number that reaches it, if any does */
     enum eigenmaps_method method;
 };
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define TERMS      4           /* unless --components or --error says them */
+#define TERMS      4           /* unless --components or --error gives the number */
 #define CURVE_MOST 16          /* terms of a curve */
 #define ROWS       ((gsize)64) /* texels read at a time, so that what is written stays in the cache */
 
@@ -62,7 +62,7 @@ static const struct option eigenmaps_codec_table[] = {
      .min = 1,
      .max = G_MAXDOUBLE,
      .offset = offsetof(struct eigenmaps_codec_options, components),
-     .help = "eigen-maps, 4 if not given; with --error at most"},
+     .help = "eigen-maps, 4 if not given; with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct eigenmaps_codec_options, error),
@@ -161,8 +161,8 @@ static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *r
         }
 }
 
-/* Maps are in the order of what they explain, so that the last ones are left out one power of two
- * after the other. */
+/* Maps are in the order of the variance they explain, so that the last ones are left out, by powers
+ * of two. */
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                       const struct work *work, CodecPoint tell, gpointer data,
                                       GError **error) {
@@ -190,7 +190,7 @@ static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct bt
 const struct codec eigenmaps_codec = {
     .name = "eigenmaps",
     .title = "eigen-maps",
-    .help = "eigen-maps, as few as explain most (Wang et al. 2005)",
+    .help = "eigen-maps: a few maps that all views share (Wang et al. 2005)",
     .options = eigenmaps_codec_table,
     .options_size = sizeof(struct eigenmaps_codec_options),
     .bounded = TRUE,

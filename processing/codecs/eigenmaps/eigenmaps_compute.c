@@ -32,8 +32,8 @@ float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **er
     return ret;
 }
 
-/* Columns as doubles, CHUNK rows at a time: AᵀA in floats would lose what the last eigen-maps
- * explain. to: n_columns × CHUNK. Returns how many rows there were. */
+/* Columns as doubles, CHUNK rows at a time: AᵀA in floats would lose the last eigen-maps. to:
+ * n_columns × CHUNK. Returns how many rows there were. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
     gsize n = MIN(CHUNK, rows - from);
     for (int c = 0; c < n_columns; c++)

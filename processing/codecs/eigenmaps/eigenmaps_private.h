@@ -15,7 +15,7 @@ struct eigenmaps_job {
     gsize fit; /* columns that fit into memory, at least 1 */
 };
 
-/* A column, or an error if there is anything in it that is not a number. */
+/* A column, or an error if a value in it is not a number. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error);
 
@@ -29,9 +29,9 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
 /* The upper half of an n × n matrix becomes the eigenvectors, in columns by ascending values. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
 
-/* The fewest terms of n (all of them if target is 0), at least 1, that leave no more than the
- * target. squares: what each holds, descending; rest: what all leave. *ret_error is what they
- * leave. */
+/* The fewest terms of n (all of them if target is 0), at least 1, with an error of at most the
+ * target. squares: the squared norm of each, descending; rest: that of the remainder of all.
+ * *ret_error is their error. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error);
 
 /* Weights of maps->n_terms terms from rows of n_views, each with its largest entry made positive;

@@ -23,8 +23,8 @@ struct eigenmaps_randomised {
     double squares[SEGMENTS];
     float *sketch;      /* n_views × SKETCH */
     double all;         /* ‖A‖² */
-    double *directions; /* n_views × n_views: rows, by what the sketch has of them */
-    double *values;     /* n_views: how much that is, squared */
+    double *directions; /* n_views × n_views: rows, in descending order of values */
+    double *values;     /* n_views: squared norm of each in the sketch */
     int found;          /* columns of z */
     float *z;           /* found × rows: A times the first directions */
     float *factors;     /* found × slots */
@@ -179,7 +179,7 @@ static void gram_segment(int segment, gpointer data) {
     }
 }
 
-/* What is best within the directions found: eigenvectors of ZᵀZ, in columns. */
+/* The best directions within those found: eigenvectors of ZᵀZ, in columns. */
 static gboolean eigenmaps_randomised_solve(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->found;
     const gsize square = (gsize)n * (gsize)n;
@@ -234,7 +234,7 @@ static void eigenmaps_randomised_take(struct eigenmaps_randomised *r) {
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
 }
 
-/* The sketch's values are near enough to begin with; then those of A within what was found count.
+/* The sketch's values suffice at first; then those of A in the directions found are used.
  */
 static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, double *ret_error,
                                             GError **error) {

@@ -162,7 +162,7 @@ static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *re
         ret[i] = sums[i % COLOURS][i / COLOURS];
 }
 
-/* The same with lights left out: a problem of its own. there: n_lights. */
+/* The same with lights left out, as a separate problem. there: n_lights. */
 static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
                             float *ret) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;

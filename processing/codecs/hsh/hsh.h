@@ -2,8 +2,8 @@
  * Hemispherical harmonics (HSH) of a BTF, as Relight and RTIViewer use them for RTI sets: for each
  * measured view, texel and colour, a sum of n = 4, 9 or 16 basis functions of the light,
  *   f(l) = Σ_{i=0..n−1} c_i H_i(l)                          (Gautron et al. 2004 eq. 5, 6)
- * Values hold n·l (pipeline.h): nothing multiplies them by it again. f may be negative between
- * the measured lights.
+ * Values hold n·l (pipeline.h): they are not multiplied by it again. f may be negative between the
+ * measured lights.
  *
  * The basis is that of Gautron et al. 2004: associated Legendre polynomials P_l^m without
  * Condon–Shortley phase, shifted from [−1, 1] to the hemisphere by x = 2 cos θ − 1,
@@ -60,11 +60,11 @@ void hsh_free(struct hsh *hsh); /* NULL is ignored */
 /* H_0 … H_{n_terms − 1} in a direction: a unit vector in the sample frame. */
 void hsh_basis(const float light[3], int n_terms, float *ret);
 
-/* Least squares over all lights of each view, texel and colour; where lights are too few or lie
- * badly, of all solutions the one of least norm, which is the f of least ∫ f² dω. A value counts
- * where none of its colours is NaN; infinite ones are refused. What has no value at all becomes
- * black. The result holds what the file gives back, halves, and does not depend on the number of
- * threads. Stage "fit". Errors: DATA_ERROR_INVALID, G_IO_ERROR_CANCELLED. */
+/* Least squares over all lights of each view, texel and colour; where the lights do not determine
+ * the solution, that of least norm, which has the least ∫ f² dω. A value counts where none of its
+ * colours is NaN; infinite ones are refused. A texel of a view without any value becomes black. The
+ * result holds what the file gives back, halves, and does not depend on the number of threads.
+ * Stage "fit". Errors: DATA_ERROR_INVALID, G_IO_ERROR_CANCELLED. */
 struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
                         GError **error);
 

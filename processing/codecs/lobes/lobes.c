@@ -58,7 +58,7 @@ struct lobes_run {
     struct lobes_start *start;
     float *views, *lights; /* × 3, unit vectors */
     float *polynomial;     /* A⁺: POLYNOMIAL × n_lights */
-    int n_blocks, *done;   /* of each block of texels whether it is */
+    int n_blocks, *done;   /* done: whether each block of texels is fitted */
 };
 
 /* X of least norm that minimises ‖A X − B‖², with the row (lx², ly², lx ly, lx, ly, 1) of A for
@@ -253,7 +253,7 @@ static void lobes_fit_block(int block, gpointer data) {
     g_atomic_int_set(&run->done[block], 1);
 }
 
-/* Takes what the checkpoint has, and registers what it is to save from now on. */
+/* Takes the checkpoint's arrays, and registers those to save from now on. */
 static void lobes_resume(struct lobes_run *run) {
     Checkpoint *checkpoint = run->options->checkpoint;
     const struct lobes *lobes = run->lobes;

@@ -1,8 +1,8 @@
 /*
  * Analytic models of a BTF, fitted texel by texel: a few numbers per texel instead of a table. All
  * are of luminance Y = 0.2126 R + 0.7152 G + 0.0722 B, times a colour; ⟨x⟩ is max(x, 0). l and v
- * are unit vectors to light and view in the sample frame. Values hold n·l (pipeline.h): nothing is
- * to be multiplied by it again.
+ * are unit vectors to light and view in the sample frame. Values hold n·l (pipeline.h): they are
+ * not multiplied by it again.
  *
  * Models of each view on its own ("reflectance fields"), to be interpolated between views:
  *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i           (Meseth et al. 2003 eq. 1)
@@ -84,9 +84,9 @@ struct lobes_options {
 void lobes_free(struct lobes *lobes); /* NULL is ignored */
 
 /* Least squares in luminance over all lights (and views). Values of the BTF that are NaN are left
- * out of the fit; infinite ones are refused. What has no value at all becomes black. The result
- * holds what the file gives back, halves, and does not depend on the number of threads.
- * Stage "fit". */
+ * out of the fit; infinite ones are refused. Texels without any value become black. The result
+ * holds what the file gives back, halves, and does not depend on the number of threads. Stage
+ * "fit". */
 struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_options *options,
                             GError **error);
 

@@ -28,7 +28,7 @@ static float polynomial(const float *c, const float l[3]) {
            c[4] * l[1] + c[5];
 }
 
-/* What a microfacet model says of the half vector h = (hx, hy, hn) in the frame (t, b, n):
+/* A microfacet model's distribution at the half vector h = (hx, hy, hn) in the frame (t, b, n):
  *   Ward        exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn))
  *   Ashikhmin   hn^((U hx² + V hy²) / (1 − hn²)) = exp(q (U hx² + V hy²)), q = ln hn / (1 − hn²)
  * At the normal, where q is 0/0, the exponent is −(U hx² + V hy²) / 2. */

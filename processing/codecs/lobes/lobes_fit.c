@@ -12,14 +12,14 @@
 #define LN2        0.69314718F
 #define TINY       1e-20F
 
-/* What the solver needs of all samples at one point. */
+/* The sums over all samples that the solver needs at one point. */
 struct normal {
     lanes cost;
     lanes gradient[P];             /* Jᵀr */
     lanes matrix[P * (P + 1) / 2]; /* JᵀJ, lower half row by row */
 };
 
-/* What is the same for all samples. */
+/* Values common to all samples. */
 struct prepared_lobe {
     lanes d[3], s, n;
 };
@@ -50,7 +50,7 @@ int lobes_fit_parameters(const struct lobes_fit *fit) {
     }
 }
 
-/* p: g = s d with ‖d‖ = 1, and log n. s is what the lobe gives along d, whatever n is. */
+/* p: g = s d with ‖d‖ = 1, and log n. s is the lobe's value along d, for every n. */
 LANES_INLINE void prepare_lobe(const lanes *p, struct prepared_lobe *ret) {
     const lanes squares = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
     ret->s = lanes_sqrt(lanes_max(squares, lanes_all(TINY)));
@@ -179,7 +179,7 @@ LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, 
     return q * (x + y);
 }
 
-/* What stands before the distribution, and its logarithm's derivatives by n·l and n·v. */
+/* The factor of the distribution, and the derivatives of its logarithm by n·l and n·v. */
 LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl, lanes *ret_nl,
                             lanes *ret_nv) {
     const lanes least = lanes_all(LEAST_VIEW), seen = lanes_max(nv, least);
@@ -401,7 +401,7 @@ struct state {
     gint64 all_steps;
 };
 
-/* A lane gets the next problem, whose first point is taken whatever it is. */
+/* A lane gets the next problem, whose first point is accepted unconditionally. */
 static void lobes_fit_load(struct state *state, int lane) {
     const int problem = state->next < state->n_problems ? state->next++ : -1;
     const float *row = state->rows + (gsize)MAX(problem, 0) * (gsize)state->samples;
@@ -432,7 +432,7 @@ static void lobes_fit_store(struct state *state, int lane) {
     state->all_steps += state->steps[lane];
 }
 
-/* Takes what was tried where it is better, and says where that was all. */
+/* Accepts the tried points that are better; returns which problems have ended. */
 LANES_INLINE lane_bits accept(struct state *state) {
     const int n = state->n;
     const lane_bits better = state->tried.cost < state->at.cost;

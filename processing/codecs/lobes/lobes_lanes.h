@@ -8,7 +8,7 @@
 typedef float lanes __attribute__((vector_size(4 * LANES)));
 typedef gint32 lane_bits __attribute__((vector_size(4 * LANES))); /* of a comparison: −1 or 0 */
 
-/* Whatever calls them is compiled for more than one processor, and they with it. */
+/* Inlined into callers that are compiled for more than one processor. */
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 LANES_INLINE lanes lanes_all(float value) {
@@ -37,7 +37,7 @@ LANES_INLINE lanes lanes_log2(lanes x) {
     return __builtin_convertvector(exponent, lanes) + t * series;
 }
 
-/* Clamped to 2^±50: smaller ones would, squared, be numbers that processors are slow with. */
+/* Clamped to 2^±50: squares of smaller ones would be denormal, with which processors are slow. */
 LANES_INLINE lanes lanes_exp2(lanes x) {
     const lanes magic = lanes_all(12582912.0F); /* 1.5 · 2²³: what is added to it is rounded */
     x = lanes_max(lanes_min(x, lanes_all(50)), lanes_all(-50));

@@ -11,8 +11,8 @@
 
 #define LOBES_MAX_LEVELS LPCA_MAX_LEVELS
 
-/* Level 0 as lobes_compute() has it, and all others down to one texel; how many, or 0 with an
- * error. A checkpoint holds level 0 alone. */
+/* Level 0 as lobes_compute() has it, and all others down to one texel. Returns their number, or 0
+ * with an error. A checkpoint holds level 0 alone. */
 int lobes_compute_levels(const struct btf_matrix *btf, const struct lobes_options *options,
                          struct lobes *ret_levels[LOBES_MAX_LEVELS], GError **error);
 

@@ -1,4 +1,4 @@
-/* What the files of lobes.h share. */
+/* Shared by the files of lobes.h. */
 #pragma once
 
 #include "base/direction.h"
@@ -34,11 +34,11 @@ int lobes_fit_parameters(const struct lobes_fit *fit);
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 
-/* Where to begin: n × parameters for n rows. */
+/* Initial values: n × parameters for n rows. */
 struct lobes_start;
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
 void lobes_start_free(struct lobes_start *start);
-/* variant 0 … lobes_start_variants() − 1: where there are several, the best end counts. */
+/* variant 0 … lobes_start_variants() − 1: where there are several, the best result is kept. */
 int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);

@@ -108,7 +108,7 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* Principal directions beside the diffuse one: where most is left above the surroundings. */
+/* Principal directions besides the diffuse one: where the value exceeds its surroundings most. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;

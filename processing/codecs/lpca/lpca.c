@@ -8,7 +8,7 @@
 
 #define COLOURS     3
 #define LARGEST_Q   127
-#define LEAST_LIGHT 1e-3F /* of the brightest, what steps of a dark light are made for */
+#define LEAST_LIGHT 1e-3F /* of the brightest: lower bound of a light's step */
 
 static const char *const kinds[] = {"float", "half", "8bit", "8bit-weights", "packed"};
 

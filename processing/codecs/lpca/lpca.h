@@ -5,12 +5,12 @@
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
  * The w_i span the same space as the texels' coordinates along the principal axes of their cluster
- * in a reduced space, and the E_i are the best for these weights in all dimensions, so that both
- * follow from reading the BTF twice. For packed ones, as in the paper, w_i(x) =
- * ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, which reads it once more. E_{0,k} is the mean of cluster k, with
- * weight 1 (§4 of the paper leaves it out of its sum). Values hold n·l already. The E_{i,k}, i ≥ 1,
- * are orthonormal and in order of what they explain, so that leaving out the last ones is again the
- * best with fewer; those a cluster has no use for are 0.
+ * in a reduced space, and the E_i are the best for these weights in all dimensions, so that reading
+ * the BTF twice gives both. For packed ones, as in the paper, w_i(x) = ⟨B(x) − E_{0,k(x)},
+ * E_{i,k(x)}⟩, which reads it once more. E_{0,k} is the mean of cluster k, with weight 1 (§4 of the
+ * paper leaves it out of its sum). Values hold n·l already. The E_{i,k}, i ≥ 1, are orthonormal and
+ * in order of the variance they explain, so that leaving out the last ones is optimal with fewer;
+ * those that a cluster does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -27,7 +27,7 @@
  * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
  * float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()), texel_mm,
  * reference_mm (double), mesorig.grid (int) where there is an n_grid, and mesorig.colours (string)
- * = "log" where they are that, see below.
+ * = "log" for decorrelated colours, see below.
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
  * each with a scale of its own, and those of a light with one more: under grazing light all is
@@ -37,8 +37,8 @@
  * channels: the integers lie in halves, without loss. Else all scales are 1.
  *
  * Decorrelated colours (LPCA_LOG): in place of R, G, B the sums are of ln(Y + ε), (R − Y)/(Y + ε),
- * (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET: what is dark
- * then counts as much as what is bright.
+ * (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET: dark values
+ * then count as much as bright ones.
  */
 #pragma once
 
@@ -87,7 +87,7 @@ struct lpca_nearest {
 
 struct lpca_options {
     int n_clusters, n_components;
-    double target; /* 0, or the error to reach: n_components is then the most it may take */
+    double target; /* 0, or the error to reach: n_components is then the maximum */
     struct work work;
     enum lpca_colours colours;
     gint64 memory;           /* 0, or bytes that may be used beside the BTF's values */
@@ -104,9 +104,9 @@ void lpca_free(struct lpca *lpca); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 
 /* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
- * Clusters that nothing needs are left out: a constant material has one. Bytes do not depend on the
- * number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if it is to be
- * packed, and "check" if errors are measured. With a target it is computed for 1, 2, 4, …
+ * Clusters that are not needed are left out: a constant material has one. Bytes do not depend on
+ * the number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if it is to
+ * be packed, and "check" if errors are measured. With a target it is computed for 1, 2, 4, …
  * components until the target is reached; if it cannot be, the error says how near it came.
  *
  * With a team every rank calls this, btf->values being the rows of its part of the texels alone

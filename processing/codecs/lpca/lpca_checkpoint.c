@@ -4,7 +4,7 @@
 
 #include "btf/btf_checkpoint.h"
 
-#define KEPT_FORM 1 /* raised when what is kept changes */
+#define KEPT_FORM 1 /* raised when the content of the checkpoint changes */
 
 static const char *const names[] = {
     [LPCA_KEPT_MEAN] = "lpca.mean",       [LPCA_KEPT_AXES] = "lpca.axes",
@@ -14,7 +14,7 @@ static const char *const names[] = {
     [LPCA_KEPT_SQUARES] = "lpca.squares",
 };
 
-/* What the file of each stage holds. */
+/* The arrays in the file of each stage. */
 #define KEPT(what) (1U << LPCA_KEPT_##what)
 static const guint kept_by[] = {
     [LPCA_REDUCING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(AXES),
@@ -53,7 +53,7 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     }
 }
 
-/* Whether the state that was found is of this call, and the file holds all that its stage needs. */
+/* Whether the state in the file belongs to this call, with all arrays of its stage. */
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;
@@ -64,7 +64,7 @@ static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *fo
         found->stage < LPCA_REDUCING || found->stage > LPCA_MADE)
         return FALSE;
     like.state = *found;
-    /* Cut off between clustering and refining there are no eigen-BRDFs yet, nor blocks of them. */
+    /* If it was stopped between clustering and refining, there are no eigen-BRDFs yet. */
     const guint begun = KEPT(BRDFS) | KEPT(SQUARES);
     const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_REFINING ? begun : 0);
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
@@ -143,7 +143,7 @@ void lpca_leave(struct lpca_run *run) {
     g_clear_pointer(&run->done, g_free);
 }
 
-/* What a whole one is kept as. */
+/* An array of a complete local PCA, as it is kept. */
 struct piece {
     const char *name;
     gpointer values;

@@ -7,7 +7,7 @@
 #define PATIENCE                                                                                   \
     2 /* number of consecutive tries with more clusters that may bring no improvement */
 
-/* How far a choice is; in the checkpoint as it is. */
+/* The state of a choice, byte by byte in the checkpoint. */
 struct choice {
     struct lpca_target target;
     gint32 clusters, worse;            /* to be tried next, and how often that did not help */
@@ -78,19 +78,19 @@ static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GEr
     g_autofree char *size = g_format_size((guint64)takes);
     g_autofree char *limit =
         g_format_size((guint64)(target->bytes > 0 ? target->bytes : raw_bytes(choosing->btf)));
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached within %s%s: what came nearest is %.3g %%, by "
-                "%d %s of %d %s, which take %s; allow a larger error (that of the values as they "
-                "are, with the capture's noise)",
-                100 * target->error, limit, target->bytes > 0 ? "" : ", which the BTF itself takes",
-                100 * nearest->error, nearest->n_clusters,
-                nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
-                nearest->n_components == 1 ? "component" : "components", size);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "an error of %.3g %% is not reached within %s%s: the nearest is %.3g %%, by %d %s of %d "
+        "%s, which take %s; allow a larger error (the values contain the capture's noise)",
+        100 * target->error, limit, target->bytes > 0 ? "" : ", which the BTF itself takes",
+        100 * nearest->error, nearest->n_clusters,
+        nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
+        nearest->n_components == 1 ? "component" : "components", size);
     return NULL;
 }
 
-/* Tries choice->clusters clusters. What is kept of the choice changes only once the try is over.
- * Limits of memory end the search where something was found already. */
+/* Tries choice->clusters clusters. The saved choice changes only once the try is over. Limits of
+ * memory end the search where something was found already. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;
@@ -168,7 +168,7 @@ static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     return FALSE;
 }
 
-/* A size may hold more components than a material has a use for. */
+/* A size may hold more components than a material needs. */
 static struct lpca *without_unused(struct lpca *lpca) {
     int c = lpca->n_components;
     while (c > 1 && !lpca_choose_is_used(lpca, c))

@@ -1,5 +1,5 @@
-/* How many clusters and components: the smallest local PCA that is good enough, or the best one
- * that is small enough. */
+/* Chooses the numbers of clusters and components: the smallest local PCA that is good enough, or
+ * the best one that is small enough. */
 #pragma once
 
 #include "lpca.h"
@@ -12,8 +12,8 @@ struct lpca_target {
     int n_grid; /* of the eigen-BRDFs whose size counts, see resample.h; or 0 */
 };
 
-/* Tries 1, 2, 4, … clusters, as long as that helps. options says all but clusters, components and
- * target. With an error the smallest that reaches it (and is not too large); else the best. The
- * result is LPCA_FLOAT. An error of what cannot be says how near it came. */
+/* Tries 1, 2, 4, … clusters, as long as that helps. options gives all but clusters, components and
+ * target. With a target error: the smallest that reaches it within the size; else the best. The
+ * result is LPCA_FLOAT. If none reaches the target, the error gives the nearest. */
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_target *target, GError **error);

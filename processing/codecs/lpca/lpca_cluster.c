@@ -195,7 +195,7 @@ static void lpca_cluster_collect(struct lpca_reduced *reduced) {
         g_array_append_val((GArray *)g_ptr_array_index(reduced->members, reduced->labels[i]), i);
 }
 
-/* A cluster that lost all its rows takes the worst of them, if that is any use. */
+/* A cluster that lost all its rows takes the row with the largest error, if that helps. */
 static void lpca_cluster_refill(struct lpca_reduced *reduced, float *errors) {
     for (int k = 0; k < reduced->k; k++) {
         int worst = 0;
@@ -252,8 +252,8 @@ static void exact_axes(const struct lpca_reduced *reduced, const float *rows, in
                    sizeof(float) * (gsize)r);
 }
 
-/* What is made of a cluster's axes A: nothing; the exact ones; or better ones by POWER_STEPS of
- * subspace iteration, A ← orth (A RᵀR), which costs less than the covariance. */
+/* How a cluster's axes A are found: not at all; exactly; or improved by POWER_STEPS of subspace
+ * iteration, A ← orth (A RᵀR), which costs less than the covariance. */
 enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
 
 struct update {
@@ -392,7 +392,7 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
         lpca_cluster_keep(reduced, 0, G_MAXDOUBLE);
         lpca_enter(run, LPCA_CLUSTERING);
     }
-    if (run) { /* as the run's file has it, if it has; what is seeded is kept from now on */
+    if (run) { /* from the run's file, if it is there; seeds are saved from now on */
         reduced->k = run->state.k;
         lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
     }

@@ -76,7 +76,7 @@ struct stage {
     gpointer data;
 };
 
-/* What was read amiss does not count as done. */
+/* A block that was not read does not count as done. */
 static void stage_block(int block, gpointer data) {
     const struct stage *stage = data;
     struct lpca_run *run = stage->run;
@@ -123,10 +123,10 @@ struct sample {
     float *rows;    /* n × d, minus their mean */
     float *gram;    /* n × n, lower half */
     int found;      /* axes */
-    float *vectors; /* found × n: of the Gram matrix, by what they hold */
+    float *vectors; /* found × n: of the Gram matrix, in descending order */
 };
 
-/* Drawn, for a regular choice would follow the weave. In a team each reads what it has. */
+/* Random: a regular choice would follow the weave. In a team each rank reads its own texels. */
 static int *draw_texels(const struct lpca_run *run, int n) {
     int *texels = g_new0(int, run->n);
     GRand *random = g_rand_new_with_seed(SEED);
@@ -373,8 +373,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
-    /* Thrice as it is, with what is rotated, and two that are rounded, each with its whole numbers.
-     */
+    /* Three unrounded copies, the rotated one included, and two rounded ones with integers. */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
     /* Copied to be written. */
@@ -393,13 +392,13 @@ static char *format_need(gint64 bytes) {
     return g_format_size((guint64)((bytes + step - 1) / step * step));
 }
 
-/* FALSE with an error, which says what would do. */
+/* FALSE with an error that says what memory suffices. */
 static gboolean lpca_compute_check_memory(const struct btf_matrix *btf,
                                           const struct lpca_options *options, GError **error) {
     const gint64 least = lpca_memory(btf, options);
     if (options->memory <= 0 || least <= options->memory)
         return TRUE;
-    /* Given that much, a BTF that is smaller would not stay in a file. */
+    /* With that limit, a smaller BTF would not stay in a file. */
     const gint64 values = btf_matrix_bytes(&btf->layout);
     g_autofree char *need = format_need(least + (values <= least ? values : 0));
     g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
@@ -435,7 +434,7 @@ static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
     return what == NULL && lpca_compute_check_memory(btf, options, error);
 }
 
-/* What came from a file was looked at when it was read. */
+/* Values from a file were checked when they were read. */
 static gboolean lpca_compute_check_values(const struct lpca_run *run, GError **error) {
     const gsize d = (gsize)run->d, n = (gsize)(run->end - run->first) * d;
     for (gsize i = 0; run->btf->values && i < n; i++)

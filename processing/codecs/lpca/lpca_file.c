@@ -242,7 +242,8 @@ static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, co
     for (int i = 0; i < n; i++) {
         if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
             clusters[i] != floorf(clusters[i]))
-            return lpca_file_format_error(path, error, "a texel is of a cluster that is not there");
+            return lpca_file_format_error(path, error,
+                                          "a texel names a cluster that does not exist");
         lpca->clusters[i] = (int)clusters[i];
     }
     return TRUE;
@@ -328,7 +329,7 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
         if (!(packed->scales[i] > 0))
             return lpca_file_format_error(path, error, "a scale is not above 0");
     if (!packed->scales || !lpca_packed_read_parts(lpca, file))
-        return lpca_file_format_error(path, error, "what is packed is missing or damaged");
+        return lpca_file_format_error(path, error, "the packed data is missing or damaged");
     lpca->scales = lpca_ones(n);
     lpca->weight_scales = lpca_ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
     lpca->weights = g_try_new(float, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);

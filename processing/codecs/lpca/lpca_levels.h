@@ -1,4 +1,4 @@
-/* Mip levels of a local PCA: each is one of its own, of the BTF with half the texels each way. */
+/* Mip levels of a local PCA: each level is a local PCA of the BTF with half the texels each way. */
 #pragma once
 
 #include "lpca.h"
@@ -12,5 +12,5 @@ struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf);
  * them, are named "mip<n>.clusters", "mip<n>.weights" and so on. */
 gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, GError **error);
 
-/* Reads all of them: how many, 1 at least; 0 with an error. */
+/* Reads all of them. Returns their number; 0 with an error. */
 int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error);

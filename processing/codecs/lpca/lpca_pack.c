@@ -60,7 +60,7 @@ static gsize dimensions(const struct lpca *lpca) {
     return btf_layout_values(&lpca->layout);
 }
 
-/* S of each table, what an error in it counts for: the root of Σ_x w_i(x)², of a mean of Σ_x 1. */
+/* S of each table, the weight of its errors: the root of Σ_x w_i(x)², for a mean that of Σ_x 1. */
 static float *lpca_pack_find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
@@ -129,7 +129,7 @@ static void principal(const float *sums, int n, float *ret) {
     exr_half_to_floats(ret, halves, (gsize)n * (gsize)n);
 }
 
-/* Rows become orthonormal by Gram and Schmidt, each as little other than it was as can be. */
+/* Rows become orthonormal by Gram and Schmidt, each changed as little as possible. */
 static void lpca_pack_orthonormalise(float *rows, int n, int length) {
     for (int i = 0; i < n; i++) {
         float *row = rows + (gsize)i * (gsize)length;
@@ -301,7 +301,7 @@ static gboolean lpca_pack_is_used(const float *values, gsize n, double step) {
     return FALSE;
 }
 
-/* Components without a number that counts are of no use, in all clusters. */
+/* Components whose numbers are 0 in all clusters are dropped. */
 static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
@@ -315,7 +315,7 @@ static int used_components(const struct lpca_packer *packer, double step) {
     return 1;
 }
 
-/* How many axes of views and lights have a number. */
+/* How many axes of views and lights have a number other than 0. */
 static void used_axes(const struct lpca_packer *packer, int components, double step, int *ret_views,
                       int *ret_lights) {
     const struct lpca *lpca = packer->lpca;

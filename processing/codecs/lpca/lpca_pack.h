@@ -3,10 +3,10 @@
  *
  * After Tucker: every dimension of the table of eigen-BRDFs is rotated to its own principal axes
  * (views, lights, colours; they lie in the file); weights are pictures, and a cosine transform
- * rotates them. Rotations keep lengths, so that one step rounds everything where its error costs
- * the same: E_i is first multiplied with S_i = (Σ w_i²)^½ over its cluster, the mean with the
- * square root of the cluster's texels. Most of what is left is 0, and noise of a capture is mostly
- * lost. The whole numbers are coded by xz, small ones in a byte.
+ * rotates them. Rotations keep lengths, so that rounding with one step has the same effect on all
+ * values: E_i is first multiplied with S_i = (Σ w_i²)^½ over its cluster, the mean with the square
+ * root of the cluster's texels. Most of what is left is 0, and noise of a capture is mostly lost.
+ * The whole numbers are coded by xz, small ones in a byte.
  *
  * On disk: the parts of lpca.h but for "weights", "scales", "means" and "E…", and mesorig.quantise
  * = "packed", mesorig.step (double) of "clusters"; further
@@ -15,8 +15,8 @@
  *   part "light_axes"       likewise; "colour_axes" is 3 × 3, float. Rows are orthonormal once
  *                           Gram and Schmidt have seen them in this order
  *   parts "tables", "maps"  channel "BITS", float, height 1: bytes of an xz stream, four a pixel,
- *                           not numbers; mesorig.bytes (int) of them are it. What is in it: a byte
- *                           each number n, 2n or −2n − 1, 255 for what is larger, and 4 bytes
+ *                           not numbers; the first mesorig.bytes (int) count. They have a byte a
+ *                           number n, 2n or −2n − 1, 255 for a larger one, and 4 bytes
  *                           (low first) each of those, less 255. Tables: axes of view v and light l
  *                           by (v + 3)(l + 3), then v; each for colours, for tables of all
  * clusters. Maps: component by component, by x + y, then x.
@@ -25,10 +25,10 @@
 
 #include "lpca.h"
 
-/* Beside LPCA_MAX_COMPONENTS, which others have: what a packed one may have. */
+/* Limit of components of a packed local PCA; others have LPCA_MAX_COMPONENTS. */
 #define LPCA_MAX_PACKED 512
 
-/* What does not depend on the step: made once, rounded as often as needed. */
+/* The part that does not depend on the step: made once, rounded as often as needed. */
 struct lpca_packer;
 struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads); /* LPCA_FLOAT, RGB */
 void lpca_packer_free(struct lpca_packer *packer);                           /* NULL is ignored */
@@ -41,19 +41,19 @@ struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
  * chosen; 0 for a black material. */
 double lpca_mean_size(const struct lpca *lpca);
 
-/* Bytes of what lpca_write() writes, tried where temporary files are; 0 with an error.
+/* Size of the file that lpca_write() writes, found by writing a temporary one; 0 with an error.
  * LPCA_PACKED. */
 gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error);
 
 /* One cluster of as many components as it takes: the coarsest step that reaches the error of
- * target, or the finest that fits into its bytes (of the file); the other fields of target are not
- * used but for n_components (at most; 0: LPCA_MAX_PACKED). lpca->error is set. An error of what
- * cannot be says how near it came. */
+ * target, or the finest that fits into its bytes (of the file); of the other fields of target only
+ * n_components is used (at most; 0: LPCA_MAX_PACKED). lpca->error is set. If the target is not
+ * reached, the error gives the nearest. */
 struct lpca_target;
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
                        const struct lpca_target *target, GError **error);
 
-/* What a renderer draws: clustered by what components hold, at most LPCA_MAX_COMPONENTS of them;
- * LPCA_FLOAT. Of one cluster alone. */
+/* The form for a renderer, with clusters found in the components, at most LPCA_MAX_COMPONENTS of
+ * them; LPCA_FLOAT. From one cluster only. */
 struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
                           GError **error);

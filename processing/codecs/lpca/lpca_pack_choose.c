@@ -9,13 +9,13 @@
 #include <unistd.h>
 
 #define FIRST  64  /* components that are tried first */
-#define ENOUGH 0.7 /* of the error to reach may be made by leaving out components */
-#define COARSE 4.0 /* steps, relative to what values are on average */
+#define ENOUGH 0.7 /* of the target error may come from leaving out components */
+#define COARSE 4.0 /* steps, relative to the average size of values */
 #define FINE   1e-4
 #define TRIES  12    /* times that a step is looked for */
-#define CLOSE  0.995 /* of what is asked for is good enough */
+#define CLOSE  0.995 /* of the target is good enough */
 
-/* How far it is; in the checkpoint as it is. */
+/* The state of the search, byte by byte in the checkpoint. */
 struct packing {
     struct lpca_target target;
     gint32 n, made;      /* components in work; whether they are there, unrounded */
@@ -201,7 +201,7 @@ static struct lpca *lpca_pack_choose_find(struct search *search, GError **error)
         const double left = exact ? exact->error : 0;
         search->packing =
             (struct packing){.target = *search->target, .n = MIN(2 * n, search->most)};
-        if (search->options->checkpoint) /* what was kept of these components goes */
+        if (search->options->checkpoint) /* drops the saved state of these components */
             lpca_drop_whole(search->options->checkpoint, "exact");
         if (failed) {
             g_propagate_error(error, g_steal_pointer(&failed));
@@ -213,8 +213,8 @@ static struct lpca *lpca_pack_choose_find(struct search *search, GError **error)
             continue;
         if (target->error > 0) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "an error of %.3g %% is not reached: %d components alone make %.3g %%, "
-                        "rounded %.3g %%; allow a larger one",
+                        "an error of %.3g %% is not reached: %d components give %.3g %% without "
+                        "rounding and %.3g %% with it; allow a larger error",
                         100 * target->error, n, 100 * left,
                         100 * (isfinite(search->nearest) ? search->nearest : left));
             return NULL;

@@ -5,7 +5,7 @@
 #include "lpca_pack.h"
 #include "lpca_private.h"
 
-/* What a packed file holds. */
+/* The content of a packed file. */
 struct lpca_packed {
     double step;
     int n_views, n_lights; /* axes kept; as the file has them, not yet straight */

@@ -36,7 +36,7 @@ struct lpca_reduced {
     int n, r;
     const float *rows;                  /* n × r */
     const struct lpca_options *options; /* threads, progress, cancellable, team */
-    struct lpca_run *run;               /* whose state is kept; or NULL */
+    struct lpca_run *run;               /* the run whose state is kept; or NULL */
     int k, c;                           /* asked for; k is lowered to what is of use */
     int *labels;                        /* n */
     float *means;                       /* k × r */
@@ -52,7 +52,7 @@ void lpca_reduced_clear(struct lpca_reduced *reduced);
 void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels, int from, int end,
                           float *weights);
 
-/* How far lpca_compute() is; what is kept of it (lpca_options.checkpoint) depends on that. */
+/* The stage of lpca_compute(); the content of its checkpoint depends on it. */
 enum lpca_stage {
     LPCA_BEGUN,
     LPCA_REDUCING, /* some blocks of rows */
@@ -70,10 +70,10 @@ struct lpca_state {
     gint32 c, k;         /* components in work, clusters that are left */
     gint32 iteration;    /* to be done next */
     gint32 few, enough;  /* components that do not reach the target, and that do; 0: not known */
-    gint32 unused;       /* for doubles to lie where they would anyway */
+    gint32 unused;       /* padding, so that the doubles are aligned */
     double target;       /* of the call */
     double before;       /* the last iteration's sum */
-    double error;        /* of what is made; −1: not known */
+    double error;        /* of the result so far; −1: not known */
     double enough_error; /* error with that many components */
 };
 

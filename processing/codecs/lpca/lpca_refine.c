@@ -25,7 +25,7 @@ struct refine {
     struct lpca *lpca;                  /* its weights are first P, then W */
     gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; else W follows from P */
     double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
-    double *rotations; /* c × c a cluster: PᵀP, then what makes W of P; at last Σ w wᵀ, then Uᵀ */
+    double *rotations; /* c × c a cluster: PᵀP, then the matrix P → W; at last Σ w wᵀ, then Uᵀ */
     double *residual; /* two per cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
     double *sums;     /* two a block: likewise of R, G, B */
 };
@@ -184,7 +184,7 @@ static void solve_cluster(const struct refine *refine, int k) {
                 cblas_dsdot(d, sums + (gsize)i * (gsize)d, 1, axes + (gsize)j * (gsize)d, 1);
     memcpy(solved, onto, sizeof(double) * square);
     solve_products(inverted, solved, c);
-    /* 2 ⟨X, WE⟩ − ‖WE‖²: a small fault of W counts in its square. */
+    /* 2 ⟨X, WE⟩ − ‖WE‖²: an error of W counts with its square. */
     double *missing = refine->residual + (gsize)(2 * k);
     g_autofree double *half = g_new(double, square);
     cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, rotation, c, solved, c, 0,
@@ -323,7 +323,7 @@ static gboolean sum_views(struct refine *refine, GError **error) {
 }
 
 /* The relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster, which saves reading
- * everything once more; but where next to nothing is missing, that is not told from rounding. */
+ * everything once more; but a very small error is lost in rounding. */
 static void sum_error(struct refine *refine) {
     double missing = 0, sum = 0, all = 0;
     for (int k = 0; k < refine->lpca->n_clusters; k++) {

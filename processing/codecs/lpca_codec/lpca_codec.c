@@ -44,13 +44,13 @@ static const struct option lpca_codec_table[] = {
      .min = 1,
      .max = LPCA_MAX_PACKED,
      .offset = offsetof(struct lpca_codec_options, components),
-     .help = "eigen-BRDFs of a cluster, 8 if not given, more than 64 of packed ones alone; with "
-             "--error or --size at most"},
+     .help = "eigen-BRDFs of a cluster, 8 if not given (more than 64 only if packed); with --error "
+             "or --size the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct lpca_codec_options, error),
-     .help = "as small as reaches this error of the whole BTF: components, and clusters unless -k "
-             "says them"},
+     .help = "the smallest that reaches this error of the whole BTF: chooses components, and "
+             "clusters unless -k gives them"},
     {.name = "size",
      .type = OPTION_BYTES,
      .offset = offsetof(struct lpca_codec_options, size),
@@ -70,8 +70,8 @@ static const struct option lpca_codec_table[] = {
      .fallback = "half",
      .choices = lpca_codec_quantise,
      .offset = offsetof(struct lpca_codec_options, quantise),
-     .help = "numbers in the file; 8bit is of eigen-BRDFs alone; packed, with --error or --size, "
-             "is smallest, and unpacked to be drawn"},
+     .help = "numbers in the file; 8bit applies to eigen-BRDFs only; packed, with --error or "
+             "--size, is smallest, and is unpacked to be drawn"},
     {.name = "colours",
      .type = OPTION_CHOICE,
      .fallback = "rgb",
@@ -81,7 +81,7 @@ static const struct option lpca_codec_table[] = {
     {NULL},
 };
 
-/* What contradicts what among the options. */
+/* Contradictions among the options. */
 static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
@@ -99,15 +99,14 @@ static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     return NULL;
 }
 
-/* How often rounding has asked for another error, and for which; the checkpoint keeps it. */
+/* How often rounding has required another error, and which; the checkpoint keeps it. */
 struct rounding {
     gint64 times;
     double target;
 };
 
-/* A local PCA of as many clusters and components as options ask for, or as the error or the size
- * asked for needs; put on a grid, if one is asked for, and rounded. ret: its errors before and
- * after. */
+/* A local PCA of as many clusters and components as options ask for, or as the requested error or
+ * size needs; resampled to a grid if requested, and rounded. ret: its errors before and after. */
 static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
@@ -131,8 +130,9 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
     return g_steal_pointer(&lpca);
 }
 
-/* Errors add in squares: what rounding adds is taken off the error that the next one is to reach,
- * e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows `rounding`. */
+/* Errors add in squares: the error added by rounding is subtracted from the target of the next
+ * attempt, e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows
+ * `rounding`. */
 static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf, struct lpca_options *options,
                                        struct codec_result *ret, GError **error) {
@@ -164,11 +164,12 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
     if (checkpoint)
         checkpoint_drop(checkpoint, "rounding");
     if (ok && !reached)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; "
-                    "quantise less or use more clusters",
-                    100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
-                    100 * ret->exact_error);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "an error of %.3g %% is not reached: with rounding%s it is %.3g %%, without %.3g %%; "
+            "quantise less or use more clusters",
+            100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
+            100 * ret->exact_error);
     return lpca;
 }
 
@@ -215,8 +216,8 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
-/* Computes, packs or chooses by the options; without an error or a size to keep to, COMPONENTS
- * components. What the BTF's values take counts as memory used. */
+/* Computes, packs or chooses by the options; without a target error or size, COMPONENTS components.
+ * The memory of the BTF's values counts, too. */
 static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   const struct codec_job *job, struct codec_result *ret,
                                   GError **error) {

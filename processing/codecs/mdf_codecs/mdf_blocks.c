@@ -102,8 +102,8 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
             mdf_blocks_fit(&block, values);
-            /* The first end must be the larger one: the card takes six values else. Equal ends are
-             * read as six too, of which the first is that end. */
+            /* The first end must be the larger one: otherwise the card takes six values, as it does
+             * for equal ends; the first of these is that end. */
             const gboolean swap = block.ends[0] < block.ends[1];
             const gboolean same = block.ends[0] == block.ends[1];
             guint64 bits = 0;

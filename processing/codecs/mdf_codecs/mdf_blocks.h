@@ -24,8 +24,8 @@ int mdf_blocks_across(int n);
 /* Bytes of all blocks of width × height texels. */
 gsize mdf_blocks_bytes(int width, int height);
 
-/* depth: height × width, from least to deepest. Ends and indices are found in alternation, each
- * best for the other. */
+/* depth: height × width, from least to deepest. Ends and indices are optimised in turn, each with
+ * the other fixed. */
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret);
 void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,

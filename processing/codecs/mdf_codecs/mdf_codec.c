@@ -4,7 +4,7 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-#define TERMS 8 /* unless --components or --error says them */
+#define TERMS 8 /* unless --components or --error gives the number */
 
 struct mdf_codec_maps_options {
     int components; /* 0: not given */
@@ -17,7 +17,7 @@ static const struct option mdf_codec_maps_table[] = {
      .min = 1,
      .max = MDF_FACTORS_MAX_TERMS,
      .offset = offsetof(struct mdf_codec_maps_options, components),
-     .help = "maps, 8 if not given; with --error at most"},
+     .help = "maps, 8 if not given; with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct mdf_codec_maps_options, error),
@@ -92,8 +92,8 @@ static const struct option mdf_codec_views_table[] = {
     {NULL},
 };
 
-/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of what
- * the file gives back. */
+/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of the
+ * values read back from the file. */
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;

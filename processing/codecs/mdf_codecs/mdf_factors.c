@@ -8,8 +8,8 @@
 #include <string.h>
 
 #define MOST_MAP 255
-#define ROUNDS   6    /* of what the factors say of unseen texels */
-#define LEAST    1e-9 /* of the largest eigenvalue: below it there is nothing */
+#define ROUNDS   6    /* of estimating unseen texels from the factors */
+#define LEAST    1e-9 /* of the largest eigenvalue: smaller ones count as 0 */
 #define WIDER    1.25 /* maps tried at a time, as a factor, on the way to a target */
 
 void mdf_factors_free(struct mdf_factors *factors) {
@@ -73,7 +73,7 @@ static float *mdf_factors_project(const struct factoring *f, int n) {
     return maps;
 }
 
-/* Unseen texels become what the first n factors make of them: d(x, v) = Σ_i V_i(v) M_i(x). */
+/* Unseen texels get the values of the first n factors: d(x, v) = Σ_i V_i(v) M_i(x). */
 static void impute(struct factoring *f, int n) {
     const gsize texels = (gsize)f->n_texels;
     g_autofree float *maps = mdf_factors_project(f, n);
@@ -89,7 +89,7 @@ static void impute(struct factoring *f, int n) {
 }
 
 /* Centres the rows and finds their principal views, and, where texels are unseen, does so ROUNDS
- * times with what the round before makes of those. */
+ * times with the previous round's values of those. */
 static gboolean mdf_factors_prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
                                     GError **error) {
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;

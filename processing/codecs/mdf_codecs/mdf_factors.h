@@ -5,10 +5,10 @@
  *
  *   depth(x, v) ≈ W_0(v) + Σ_{i=1..c} W_i(v) M_i(x),   M_i(x) = 0 … 255
  *
- * A height field seen along v is, to first order, its height and how that rises, each times
- * something that depends on v alone; so few maps are enough, and what they leave out is to a good
- * part the measurement's own noise. Maps are rounded to 8 bits, then the weights are fitted again
- * to the rounded ones. Texels that no laser saw take what the factors say of them.
+ * A height field seen along v is, to first order, its height and its slopes, each times a factor
+ * that depends on v alone; so a few maps suffice, and much of the remainder is noise of the
+ * measurement. Maps are rounded to 8 bits, then the weights are fitted again to the rounded ones.
+ * Texels that no laser saw get the values of the factors.
  *
  * A renderer has W(v) from a table of directions, and M(x) of four maps at one fetch: filtering
  * maps is the same as filtering depths.
@@ -45,13 +45,13 @@ void mdf_factors_free(struct mdf_factors *factors); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfFactors, mdf_factors_free)
 
 /* The first n_measured views of the table were measured, the others are mdf_table_add_grazing()'s.
- * n_terms maps; or, with target_mm > 0, as few as reach that error, n_terms at most: an error says
- * how near it came. A material without relief has one map, of 0. Any thread. */
+ * n_terms maps; or, with target_mm > 0, as few as reach that error, n_terms at most: else it fails
+ * with the least error reached. A material without relief has one map, of 0. Any thread. */
 struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_measured, int n_terms,
                                         double target_mm, GCancellable *cancellable,
                                         GError **error);
 
-/* What they give back, as raw views. */
+/* The views that the factors reconstruct, uncompressed. */
 struct mdf_table *mdf_factors_table(const struct mdf_factors *factors);
 
 /* Bytes a renderer holds: maps and weights. */

@@ -67,7 +67,7 @@ static void test_capture_refuses(void) {
     assert_has(other, "is of rig other, but this is rig small");
     g_assert_true(g_file_set_contents(path, "[rig]\nformat=mesorig-cal", -1, NULL));
     g_autofree char *cut = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
-    assert_has(cut, "not a calibration of this version");
+    assert_has(cut, "not a calibration file of this version");
     g_unlink(path);
     g_autofree char *gone = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
     assert_has(gone, "no such calibration");

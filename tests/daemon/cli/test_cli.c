@@ -412,7 +412,7 @@ static void test_compress(const char *folder) {
 /* What a BTF and an MDF say of themselves; the figures are compared in test_energy. */
 static void test_check(const char *folder) {
     static const struct step steps[] = {
-        {0, "check S --plot energy.svg", "of a light's energy come back"},
+        {0, "check S --plot energy.svg", "of a light's energy is reflected"},
         {0, "check S --plot energy.svg", "is confirmed by others"},
         {0, "check --json S", "\"largest_albedo\""},
         {0, "check --json S", "\"mdf_confirmed\""},
@@ -538,7 +538,7 @@ static void ask_pause(const char *folder) {
     g_autofree char *told = NULL;
     g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
     g_assert_cmpint(g_subprocess_get_exit_status(process), ==, 1);
-    assert_has(told, "nobody captures into");
+    assert_has(told, "no daemon captures into");
 }
 
 /* Somebody else's session leads neither to a host nor, by a link, to another file's address. */

@@ -248,8 +248,8 @@ static void test_planted(void) {
         start_planted(&fifo, i, A_FIFO);
         start_planted(&device, i, A_DEVICE);
         const gboolean quiet = g_str_has_suffix(planted[i].file, "control");
-        check(&fifo, quiet ? "nobody captures" : says[A_FIFO]);
-        check(&device, quiet ? "nobody captures" : says[A_DEVICE]);
+        check(&fifo, quiet ? "no daemon captures" : says[A_FIFO]);
+        check(&device, quiet ? "no daemon captures" : says[A_DEVICE]);
     }
 }
 

@@ -222,7 +222,8 @@ static void test_bad(void) {
     assert_refused(dir, "file,camera\na.exr,cam30\n",
                    "the header line lacks the column lamp or laser");
     assert_refused(dir, "file,file\n", "poses.csv:1: there are two columns “file”");
-    assert_refused(dir, HEAD "a.exr,cam30\n", "poses.csv:2: it has 2 fields, the head 7");
+    assert_refused(dir, HEAD "a.exr,cam30\n",
+                   "poses.csv:2: it has 2 fields, but the header line has 7");
     assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a quote is not closed");
     assert_refused(dir, HEAD "\n#\na.exr,cam31,lamp30,,0,0,\n",
                    "poses.csv:4: camera “cam31” is not in");
@@ -240,7 +241,7 @@ static void test_bad(void) {
     assert_refused(dir, HEAD "nan.exr,cam30,lamp30,,0,0,\n",
                    "poses.csv:2: 513 of the 1024 pixels of nan.exr are not numbers");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam30,lamp30,,360,-360,\n",
-                   "poses.csv:3: it says the same of b.exr as line 2 says of a.exr");
+                   "poses.csv:3: b.exr has the same camera, angles and light as line 2, a.exr");
     assert_refused(
         dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam60,lamp30,,0,0,\nb.exr,cam30,lamp60,,0,90,\n",
         "there is no picture of camera cam60 at turntable_deg 0 under lamp lamp60 at arc_deg 90");

@@ -149,14 +149,14 @@ static void assert_refused(const char *info, const char *what) {
 static void test_bad(void) {
     static const char *const bad[][2] = {
         {"{", "it is no JSON"},
-        {"[]", "it holds no object"},
+        {"[]", "it is not a JSON object"},
         {"{}", "type is none and colorspace none; ptm or hsh with rgb or lrgb is read"},
         {"{\"type\": 3, \"colorspace\": null}", "type is none"},
         {"{\"type\": \"rbf\", \"colorspace\": \"mrgb\"}", "type is rbf and colorspace mrgb"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": \"4\"}", "width is 0"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "27}",
-         "nplanes is 27, which is no ptm in rgb"},
+         "nplanes is 27, which does not fit ptm in rgb"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "18}",
          "“materials” is expected"},
@@ -177,7 +177,7 @@ static void test_bad(void) {
     char *light = strstr(text, "0.1000]}");
     memcpy(light, "-0.100", 6);
     g_assert_true(g_file_set_contents(info, text, -1, NULL));
-    assert_refused(info, "light 4 is 0 -0.995 -0.1, which is no direction above the sample");
+    assert_refused(info, "light 4 is 0 -0.995 -0.1, which is not a direction above the sample");
     g_free(write_info("ptm", "rgb", 6, ""));
     g_unlink(gone);
     assert_refused(info, "there is no plane_2.png beside it; planes that are cut into tiles");
