@@ -348,8 +348,10 @@ static exr_result_t write_file(const char *path, struct sink *sink, struct conte
     finished = exr_finish(&context);
     if (rc == EXR_ERR_SUCCESS)
         rc = finished;
-    free(content->scratch[0]);
-    free(content->scratch[1]);
+    for (gsize i = 0; i < G_N_ELEMENTS(content->scratch); i++) {
+        free(g_steal_pointer(&content->scratch[i])); /* a file may be written again, uncompressed */
+        content->scratch_bytes[i] = 0;
+    }
     exr_write_flush(sink);
     return rc;
 }
