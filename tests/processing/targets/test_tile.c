@@ -107,7 +107,7 @@ static void wrong_tile(void) {
         assert_has(told, wrong[i].says);
     }
     g_autofree char *metres =
-        process_mesorig(2, "calibrate radiometry %s -r 0.96 -t 0.056x0.056 -o %s", path, found);
+        process_mesorig(2, "calibrate radiometry %s -r 0.96 --tile 0.056x0.056 -o %s", path, found);
     assert_has(metres, "give its width and height in mm");
     put_gamma(raw);
     g_autofree char *gamma =
