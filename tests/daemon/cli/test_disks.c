@@ -89,11 +89,11 @@ static void test_disk_full(void) {
     struct operation *whole = operator_new(NULL), *run = operator_new_in(disk, NULL);
     g_autofree char *conf = write_small_sample(run);
     g_autofree char *ballast = g_build_filename(run->directory, "ballast", NULL);
-    operator_does(whole, 0, "capture", whole->rig, conf, "-o", whole->session, NULL);
+    operator_does(whole, 0, "capture", whole->rig, conf, "-o", whole->session, "--yes", NULL);
     operator_does(whole, 0, "process", whole->session, NULL);
     g_autofree char *expected = operator_products(whole->session);
     g_autoptr(GThread) filler = g_thread_new("filler", fill_disk, run);
-    operator_does(run, 1, "capture", run->rig, conf, "-o", run->session, NULL);
+    operator_does(run, 1, "capture", run->rig, conf, "-o", run->session, "--yes", NULL);
     g_thread_join(g_steal_pointer(&filler));
     g_test_message("%s", run->err);
     assert_has(run->out, "error: disk: The disk is full: ");
