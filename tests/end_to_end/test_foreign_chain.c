@@ -561,7 +561,7 @@ static void test_radiometry(void) {
 }
 
 static void test_colour(void) {
-    g_autofree char *options = g_strdup_printf("-s 36x24 -n 36 --reference %g", PLATE_MM);
+    g_autofree char *options = g_strdup_printf("-s 36x24 --texels 36 --reference %g", PLATE_MM);
     g_autofree char *chart = import("chart", calibration, options);
     g_free(process_mesorig(0, "process %s", chart));
     calibrate("colour %s --chart %s/chart.csv -c %s -o %s", chart, folder, calibration,
