@@ -12,6 +12,10 @@
 
 /* Drivers over RTU, and what only RTU has: answers that cannot be told apart. */
 
+/* Long enough that a busy machine, too, sends an answer within the first. */
+#define TIMEOUT_MS 120
+#define LATE_MS    300
+
 /* A device of a class that only has a name and a clock, to open lines for. */
 struct opened {
     VirtualModbus *device;
@@ -34,8 +38,8 @@ static void begin_with(struct opened *opened, VirtualModbus *served, int retries
                                         .parity = 1,
                                         .stop_bits = 1,
                                         .unit = RIG_UNIT,
-                                        .timeout_ms = 40,
-                                        .late_ms = 100,
+                                        .timeout_ms = TIMEOUT_MS,
+                                        .late_ms = LATE_MS,
                                         .retries = retries};
     opened->bus = modbus_bus_get(&opened->link, &device, &error);
     g_assert_no_error(error);
@@ -57,7 +61,7 @@ static void end(struct opened *opened, gconstpointer unused) {
 static gboolean read_plain(struct opened *opened, int index, guint16 *ret, GError **error) {
     struct modbus_job job = {0};
     modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN + index, 1);
-    gboolean ok = modbus_bus_do(opened->bus, &opened->link, &job, 1500, error);
+    gboolean ok = modbus_bus_do(opened->bus, &opened->link, &job, 4500, error);
     *ret = job.requests[0].values[0];
     return ok;
 }
@@ -73,13 +77,13 @@ static void expect_plain(struct opened *opened, int index, guint16 value) {
 /* The hazard is real: libmodbus alone takes the late answer for that to the next request. */
 static void raw_is_fooled(void) {
     g_autoptr(VirtualModbus) device = modbus_rig_device(TRUE);
-    struct virtual_modbus_faults late = {.late = 1, .late_ms = 60};
+    struct virtual_modbus_faults late = {.late = 1, .late_ms = 180};
     guint16 value = 0;
     virtual_modbus_set_plain(device, 0, 111);
     virtual_modbus_set_plain(device, 1, 222);
     modbus_t *raw = modbus_new_rtu(virtual_modbus_bus(device), 115200, 'E', 8, 1);
     modbus_set_slave(raw, RIG_UNIT);
-    modbus_set_response_timeout(raw, 0, 40000);
+    modbus_set_response_timeout(raw, 0, TIMEOUT_MS * 1000);
     g_assert_cmpint(modbus_connect(raw), ==, 0);
     virtual_modbus_fail(device, &late);
     g_assert_cmpint(modbus_read_registers(raw, VIRTUAL_MODBUS_PLAIN, 1, &value), ==, -1);
@@ -91,7 +95,7 @@ static void raw_is_fooled(void) {
 }
 
 static void late_is_asked_again(struct opened *opened, gconstpointer unused) {
-    struct virtual_modbus_faults late = {.late = 1, .late_ms = 60};
+    struct virtual_modbus_faults late = {.late = 1, .late_ms = 180};
     struct modbus_counts counts;
     virtual_modbus_fail(opened->device, &late);
     expect_plain(opened, 0, 111);
@@ -102,7 +106,7 @@ static void late_is_asked_again(struct opened *opened, gconstpointer unused) {
 
 /* Without a retry the request fails; its answer must not pass for that to the next one. */
 static void late_is_not_the_next(void) {
-    static const int delays_ms[] = {45, 60, 80, 110, 130};
+    static const int delays_ms[] = {135, 180, 240, 330, 390};
     int n_late = 0;
     for (gsize i = 0; i < G_N_ELEMENTS(delays_ms); i++) {
         struct virtual_modbus_faults late = {.late = 1, .late_ms = delays_ms[i]};
@@ -127,7 +131,7 @@ static void late_is_not_the_next(void) {
 }
 
 static gpointer change_later(gpointer data) {
-    g_usleep(60000);
+    g_usleep(180000);
     virtual_modbus_set_plain(data, 0, 333);
     return NULL;
 }
@@ -136,7 +140,7 @@ static gpointer change_later(gpointer data) {
  * that is true no more. That a second answer follows gives it away. A busy machine may ask so late
  * that the line was quiet before, which happens to few of these. */
 static void very_late_is_disbelieved(struct opened *opened, gconstpointer unused) {
-    struct virtual_modbus_faults late = {.late = 1, .late_ms = 155};
+    struct virtual_modbus_faults late = {.late = 1, .late_ms = 465};
     struct modbus_counts counts = {0};
     for (int i = 0; i < 20 && counts.disbelieved < 1; i++) {
         virtual_modbus_set_plain(opened->device, 0, 111);
@@ -191,7 +195,7 @@ static void order(struct opened *opened, gconstpointer unused) {
     for (gsize i = 0; i < G_N_ELEMENTS(jobs); i++) {
         struct modbus_job job = {0};
         modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN + jobs[i].index, 1);
-        modbus_bus_start(opened->bus, &opened->link, &job, jobs[i].poll, 1500, note, text);
+        modbus_bus_start(opened->bus, &opened->link, &job, jobs[i].poll, 4500, note, text);
     }
     g_usleep(100000);
     g_assert_cmpuint(text->len, ==, 0);
@@ -200,7 +204,7 @@ static void order(struct opened *opened, gconstpointer unused) {
     g_assert_cmpstr(text->str, ==, "0 2 4 1 3 ");
     struct modbus_job job = {0};
     modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
-    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 1500, note, text);
+    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 4500, note, text);
     modbus_bus_cancel(opened->bus, text);
     conformance_pass(opened->clock, 0.05);
     g_assert_cmpuint(text->len, ==, 10);
@@ -219,7 +223,7 @@ static void waiting_does_not_count(struct opened *opened, gconstpointer unused) 
     virtual_modbus_fail(opened->device, &silent);
     struct modbus_job job = {0};
     modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
-    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 1500, note_failed, text);
+    modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 4500, note_failed, text);
     modbus_bus_start(opened->bus, &opened->link, &job, FALSE, 300, note, text);
     while (text->len < 9)
         g_main_context_iteration(NULL, TRUE);
@@ -251,7 +255,7 @@ static void in_use(void) {
                                .baud = 115200,
                                .parity = 1,
                                .stop_bits = 1,
-                               .timeout_ms = 40};
+                               .timeout_ms = TIMEOUT_MS};
     GError *error = NULL;
     int other = modbus_serial_take(link.bus);
     g_assert_cmpint(other, >=, 0);

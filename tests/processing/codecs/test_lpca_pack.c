@@ -171,7 +171,7 @@ static void test_refused(void) {
     struct lpca_target wanted = {.error = 0.01, .n_components = 8};
     g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_nonnull(strstr(error->message, "8 components alone"));
+    g_assert_nonnull(strstr(error->message, "8 components give "));
     g_clear_error(&error);
     wanted = (struct lpca_target){.bytes = 20};
     g_assert_null(lpca_pack(btf, &options, &wanted, &error));
