@@ -275,12 +275,12 @@ static void test_lies(void) {
         {deep, "nested too deeply"},
         {HEAD "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"]}", "KHR_draco"},
         {HEAD "\"extensionsRequired\": [[]]}", "extension"},
-        {HEAD "\"scenes\": [{\"nodes\": [7]}]}", "number 7 of its nodes"},
+        {HEAD "\"scenes\": [{\"nodes\": [7]}]}", "no entry 7 in its nodes"},
         {HEAD "\"scenes\": [{\"nodes\": [[]]}]}", "nodes"},
-        {HEAD "\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"children\": [0]}]}", "circle"},
+        {HEAD "\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"children\": [0]}]}", "form a cycle"},
         {HEAD "\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"children\": [1, 1]}, "
               "{\"children\": [0, 0]}]}",
-         "circle"},
+         "form a cycle"},
         {HEAD "\"meshes\": [{\"primitives\": [7]}]}", "primitive"},
         {HEAD "\"meshes\": [{\"primitives\": [{}]}]}", "no positions"},
         {HEAD ACCESSORS(VIEW("0", "6"), "5126", "1", "VEC3"), "outside its buffer view"},
@@ -320,7 +320,7 @@ static void test_refused(void) {
     refuse_square(MESH("\"attributes\": {\"POSITION\": 0, \"TEXCOORD_0\": 0}"), SCENE_ERROR_FORMAT,
                   "another type");
     refuse_square(MESH(ATTRIBUTES "}, \"indices\": 0"), SCENE_ERROR_FORMAT, "another type");
-    refuse_square(MESH(ATTRIBUTES "}, \"indices\": 99"), SCENE_ERROR_FORMAT, "number 99");
+    refuse_square(MESH(ATTRIBUTES "}, \"indices\": 99"), SCENE_ERROR_FORMAT, "entry 99");
     refuse_square(MESH(ATTRIBUTES "}, \"mode\": 9"), SCENE_ERROR_FORMAT, "mode");
     refuse_square("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{}]", SCENE_ERROR_FORMAT, "a.gltf");
     refuse_square("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0, \"scale\": [1e300, "

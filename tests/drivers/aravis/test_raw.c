@@ -130,8 +130,9 @@ static void stubborn(void) {
     static const guint32 first[VIRTUAL_PROCESSING] = {45, 1, 1, 1};
     static const guint32 neutral[VIRTUAL_PROCESSING] = {100, 0, 0, 9};
     static const char *const said[] = {
-        "*# camera eye: gamma cannot be switched off (Gamma = 0.45: its range, 0.4 to 0.9, lacks "
-        "1); "
+        "*# camera eye: gamma cannot be switched off (Gamma = 0.45: its range, 0.4 to 0.9, does "
+        "not "
+        "contain 1); "
         "values are not proportional to the light; switch it off with the maker's program*",
         "*# camera eye: lookup table cannot be switched off (LUTEnable = true: it can only be "
         "read); "
