@@ -249,3 +249,20 @@ char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error) {
         *ret_bytes = bytes;
     return got == 0 ? g_strdup(g_checksum_get_string(checksum)) : NULL;
 }
+
+void exr_scratch_swap(struct exr_scratch *scratch, void **first, size_t *first_bytes, void **second,
+                      size_t *second_bytes) {
+    const struct exr_scratch kept = *scratch;
+
+    *scratch = (struct exr_scratch){{*first, *second}, {*first_bytes, *second_bytes}};
+    *first = kept.buffers[0];
+    *second = kept.buffers[1];
+    *first_bytes = kept.bytes[0];
+    *second_bytes = kept.bytes[1];
+}
+
+void exr_scratch_clear(struct exr_scratch *scratch) {
+    free(scratch->buffers[0]);
+    free(scratch->buffers[1]);
+    *scratch = (struct exr_scratch){0};
+}

@@ -30,9 +30,7 @@ struct source {
     char message[256]; /* last error message of the library */
     gint64 reached;    /* farthest offset read */
     gboolean cancelled;
-    /* The library's, megabytes for PIZ, kept from part to part: a file has up to thousands. */
-    void *scratch[2];
-    size_t scratch_bytes[2];
+    struct exr_scratch scratch;
 };
 
 void exr_watch(ExrWatch watch, gpointer data) {
@@ -106,8 +104,7 @@ static void source_close(struct source *source) {
         exr_finish(&source->context);
     if (source->fd >= 0)
         close(source->fd);
-    free(source->scratch[0]);
-    free(source->scratch[1]);
+    exr_scratch_clear(&source->scratch);
 }
 
 /* The library keeps a pointer to source, which must not move until it is closed.
@@ -327,21 +324,6 @@ static gboolean chunk_is_sound(const struct source *source, const struct exr_par
            chunk->packed_size <= (guint64)source->size - chunk->data_offset;
 }
 
-static void lend_scratch(const struct source *source, exr_decode_pipeline_t *decode) {
-    decode->scratch_buffer_1 = source->scratch[0];
-    decode->scratch_buffer_2 = source->scratch[1];
-    decode->scratch_alloc_size_1 = source->scratch_bytes[0];
-    decode->scratch_alloc_size_2 = source->scratch_bytes[1];
-}
-
-static void take_scratch_back(struct source *source, exr_decode_pipeline_t *decode) {
-    source->scratch[0] = g_steal_pointer(&decode->scratch_buffer_1);
-    source->scratch[1] = g_steal_pointer(&decode->scratch_buffer_2);
-    source->scratch_bytes[0] = decode->scratch_alloc_size_1;
-    source->scratch_bytes[1] = decode->scratch_alloc_size_2;
-    decode->scratch_alloc_size_1 = decode->scratch_alloc_size_2 = 0;
-}
-
 static exr_result_t read_chunk(struct source *source, int index, struct exr_part *part,
                                exr_decode_pipeline_t *decode, int y, int lines, gboolean first) {
     exr_chunk_info_t chunk;
@@ -351,7 +333,8 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
         rc = first ? exr_decoding_initialize(source->context, index, &chunk, decode)
                    : exr_decoding_update(source->context, index, &chunk, decode);
     if (rc == EXR_ERR_SUCCESS && first)
-        lend_scratch(source, decode);
+        exr_scratch_swap(&source->scratch, &decode->scratch_buffer_1, &decode->scratch_alloc_size_1,
+                         &decode->scratch_buffer_2, &decode->scratch_alloc_size_2);
     if (rc == EXR_ERR_SUCCESS && !chunk_is_sound(source, part, decode, y, lines))
         rc = EXR_ERR_BAD_CHUNK_LEADER;
     decode->alloc_fn = allocate_padded;
@@ -394,7 +377,8 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
         rc = read_chunk(source, index, part, &decode, window->min.y + row,
                         MIN(step, part->height - row), row == 0);
     if (decode.context)
-        take_scratch_back(source, &decode);
+        exr_scratch_swap(&source->scratch, &decode.scratch_buffer_1, &decode.scratch_alloc_size_1,
+                         &decode.scratch_buffer_2, &decode.scratch_alloc_size_2);
     exr_decoding_destroy(source->context, &decode);
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }

@@ -70,9 +70,7 @@ struct content {
     ExrFill fill; /* NULL: all planes are there */
     gpointer data;
     GError *failed; /* of fill */
-    /* The library's, megabytes for PIZ, kept from part to part: a file has up to thousands. */
-    void *scratch[2];
-    size_t scratch_bytes[2];
+    struct exr_scratch scratch;
 };
 
 static gboolean exr_write_refuse(GError **error, const char *path, const struct exr_part *part,
@@ -253,21 +251,6 @@ static exr_result_t exr_write_pack(exr_encode_pipeline_t *encode) {
     return EXR_ERR_SUCCESS;
 }
 
-static void lend_scratch(const struct content *content, exr_encode_pipeline_t *encode) {
-    encode->scratch_buffer_1 = content->scratch[0];
-    encode->scratch_buffer_2 = content->scratch[1];
-    encode->scratch_alloc_size_1 = content->scratch_bytes[0];
-    encode->scratch_alloc_size_2 = content->scratch_bytes[1];
-}
-
-static void take_scratch_back(struct content *content, exr_encode_pipeline_t *encode) {
-    content->scratch[0] = g_steal_pointer(&encode->scratch_buffer_1);
-    content->scratch[1] = g_steal_pointer(&encode->scratch_buffer_2);
-    content->scratch_bytes[0] = encode->scratch_alloc_size_1;
-    content->scratch_bytes[1] = encode->scratch_alloc_size_2;
-    encode->scratch_alloc_size_1 = encode->scratch_alloc_size_2 = 0;
-}
-
 static exr_result_t write_part(exr_context_t context, int index, struct exr_part *part,
                                struct content *content) {
     exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
@@ -284,7 +267,9 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
         if (rc != EXR_ERR_SUCCESS)
             break;
         if (y == 0)
-            lend_scratch(content, &encode);
+            exr_scratch_swap(&content->scratch, &encode.scratch_buffer_1,
+                             &encode.scratch_alloc_size_1, &encode.scratch_buffer_2,
+                             &encode.scratch_alloc_size_2);
         /* The library requires the layout of each channel, although exr_write_pack() does not. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *channel = &encode.channels[c];
@@ -307,7 +292,8 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
             rc = exr_encoding_run(context, index, &encode);
     }
     if (encode.context)
-        take_scratch_back(content, &encode);
+        exr_scratch_swap(&content->scratch, &encode.scratch_buffer_1, &encode.scratch_alloc_size_1,
+                         &encode.scratch_buffer_2, &encode.scratch_alloc_size_2);
     exr_encoding_destroy(context, &encode);
     return rc;
 }
@@ -348,10 +334,7 @@ static exr_result_t write_file(const char *path, struct sink *sink, struct conte
     finished = exr_finish(&context);
     if (rc == EXR_ERR_SUCCESS)
         rc = finished;
-    for (gsize i = 0; i < G_N_ELEMENTS(content->scratch); i++) {
-        free(g_steal_pointer(&content->scratch[i])); /* a file may be written again, uncompressed */
-        content->scratch_bytes[i] = 0;
-    }
+    exr_scratch_clear(&content->scratch);
     exr_write_flush(sink);
     return rc;
 }
