@@ -76,11 +76,10 @@ static const struct mistake world_mistakes[] = {
 
 /* The first place where it stands is replaced; free with g_free(). */
 static char *with_mistake(const char *text, const struct mistake *mistake) {
-    const char *at = strstr(text, mistake->from);
-    if (!at)
+    g_auto(GStrv) around = g_strsplit(text, mistake->from, 2);
+    if (!around[0] || !around[1])
         g_error("the file does not have “%s”", mistake->from);
-    return g_strdup_printf("%.*s%s%s", (int)(at - text), text, mistake->to,
-                           at + strlen(mistake->from));
+    return g_strjoinv(mistake->to, around);
 }
 
 static int line_of(const char *text, const char *words) {
