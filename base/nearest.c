@@ -32,8 +32,8 @@ void nearest_consider(struct nearest *nearest, const char *name) {
     }
 }
 
-/* Of an unknown letter "-s": all options without a letter that begin with it; of "--sise=3": the
- * nearest. */
+/* For an unknown letter "-s" it names all options without a letter that begin with "s"; for
+ * "--sise=3" the option that is spelt most like it. */
 static char *nearest_options(const char *wrong, const GOptionEntry *const *tables) {
     const gboolean letter = wrong[1] != '-';
     g_autofree char *name = g_strndup(wrong + 2, strcspn(wrong + 2, "="));

@@ -1,4 +1,4 @@
-/* What the parts of the bundle adjustment share; in C and C++. */
+/* Declarations shared by the sources of the bundle adjustment, in C and C++. */
 #pragma once
 
 #include "bundle.h"

@@ -6,8 +6,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* What the mode says for the class that the caller is in: of the owner, of a group, or of others.
- */
+/* The three permission bits that apply to the caller: the owner's, the group's, or the others'. */
 static guint caller_rights(const struct bus_caller *caller, const struct stat *info) {
     if (caller->uid == info->st_uid)
         return (guint)(info->st_mode >> 6) & 7;

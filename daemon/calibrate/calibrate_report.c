@@ -50,8 +50,8 @@ static void doubt_part(GPtrArray *to, const struct calibration *calibration,
     const struct calibration_part *part = &calibration->parts[kind];
     const char *name = calibration_part_name(kind);
     const guint left_out = part->rejected->len;
-    /* Of lights single sights are left out, which have two residuals each; sweeps that are left
-     * out count as pictures, too. */
+    /* The calibration of lights rejects single sights, which have two residuals each. The laser's
+     * count of pictures includes the sweeps that were rejected. */
     const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
                         : kind == CALIBRATION_LASER ? part->pictures - (double)left_out
                                                     : part->pictures;

@@ -215,7 +215,7 @@ static void note_bytes(Capture *capture, const struct session_shot *shot,
             const double planned =
                 (double)plan_shot_bytes(&capture->conf, at, &rig->cameras[c], bits[c]);
             const int seen = capture->bytes[at->kind][c].n;
-            /* What is kept beside the frame is as planned. */
+            /* Sessions that keep exposures or laser frames, too, take the planned bytes. */
             const double is = seen > 0 && plan_bytes_vary(&rig->cameras[c]) &&
                                       !capture->conf.keep_exposures &&
                                       !capture->conf.keep_laser_frames
@@ -226,7 +226,7 @@ static void note_bytes(Capture *capture, const struct session_shot *shot,
             left += at->state == SHOT_PLANNED ? is : 0;
         }
     }
-    /* The database's own is as planned. */
+    /* The database takes the planned bytes. */
     all += MAX(capture->predicted_bytes - said, 0);
     const guint64 free_bytes = capture_free_bytes(session_path(capture->session));
     const gboolean differs = !(fabs(all / MAX(capture->expected_bytes, 1) - 1) <= BYTES_PART);

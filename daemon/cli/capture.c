@@ -151,7 +151,7 @@ static gboolean try_first(Link *link, const char *rig_path, const char *session,
         g_autoptr(GVariant) plan = NULL;
         g_auto(GVariantDict) options;
         g_variant_dict_init(&options, NULL);
-        /* What is wrong with the session comes before anything moves. */
+        /* Errors of the session file are reported before anything moves. */
         if (!link_add_text(link, &options, "session_text", session, error) ||
             !bus_rig1_call_validate_sync(link_rig(link), session, "", g_variant_dict_end(&options),
                                          &ok, &text, &plan, NULL, error))

@@ -32,7 +32,7 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     return ok ? g_steal_pointer(&plan) : NULL;
 }
 
-/* Of both files: who has made mistakes in both is told all of them. NULL: that one is right. */
+/* Joins the errors of both files, so that one run reports all mistakes. NULL: no error there. */
 static void plan_join_errors(GError *of_rig, GError *of_session, GError **error) {
     if (of_rig && of_session) {
         g_prefix_error(&of_session, "%s\n", of_rig->message);

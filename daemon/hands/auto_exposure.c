@@ -37,7 +37,7 @@ struct choice {
     GArray *lamps, *lines; /* of struct measured */
 };
 
-/* The value that n pixels reach. */
+/* The value that the n brightest pixels reach. */
 static int value_of(const Frame *frame, gsize n) {
     const gsize pixels = (gsize)frame->width * (gsize)frame->height;
     const int top = (1 << frame->bits) - 1;
@@ -52,7 +52,8 @@ static int value_of(const Frame *frame, gsize n) {
     return dn;
 }
 
-/* What n pixels reach of the range above black and dark current. */
+/* The value that the n brightest pixels reach, as a fraction of the range above black and dark
+ * current. */
 static double part_of(const struct choice *choice, int camera, const Frame *frame, gsize n) {
     const double range_dn = (1 << frame->bits) - 1 - frame->black_level;
     return (value_of(frame, n) - frame->black_level) / range_dn -
