@@ -202,11 +202,14 @@ int cameras_pictures_of(const struct cameras_work *work, int camera) {
 
 /* Fixes cameras with too few pictures so far at their pose in the rig file. */
 static void fix_unknown(struct cameras_work *work) {
+    struct bundle_camera *cameras = work->bundle.cameras;
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         const gboolean unknown = cameras_pictures_of(work, c) < LEAST_PICTURES;
         if (!work->free_boards)
-            work->bundle.cameras[c].fixed_pose = unknown;
-        work->bundle.cameras[c].fixed_lens = unknown;
+            cameras[c].fixed_pose = unknown;
+        cameras[c].fixed_lens = unknown;
+        if (!unknown) /* at one stop is enough */
+            cameras[c - cameras[c].stop].fixed_lens = FALSE;
     }
 }
 
@@ -338,6 +341,7 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
         to->known = TRUE;
     }
+    cameras_fit_arm(work, calibration, result);
     return result;
 }
 

@@ -19,6 +19,11 @@
  * lens theirs, if the loss over the pictures falls by more than twice the standard error of its
  * differences.
  *
+ * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
+ * arm's axis is fitted to the poses (swing.h). A stop at which no picture was taken, of a camera
+ * that was calibrated at two others, gets its pose from the axis; its errors are those of the nearest
+ * stop, increased by how far the calibrated stops are from the axis.
+ *
  * Errors include the scatter between pictures (bundle.h).
  *
  * Any thread, one calibration at a time.
@@ -27,6 +32,7 @@
 
 #include "board.h"
 #include "calibration/calibration.h"
+#include "geometry/swing.h"
 #include "pictures/picture.h"
 
 #define CAMERAS_ERROR cameras_error_quark()
@@ -83,6 +89,9 @@ struct cameras_result {
     /* Cross-validation of the lens models, with photographs alone: the robust RMS error with which
      * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
+    gboolean arm_known;       /* what follows: the arm's axis was fitted; */
+    struct rig_swing_fit arm; /* and */
+    guint32 predicted;        /* the cameras (bits) whose poses it gave */
     double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter between pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */

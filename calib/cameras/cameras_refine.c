@@ -28,7 +28,10 @@ double cameras_residual(const struct bundle *bundle, const struct bundle_observa
 }
 
 int cameras_n_parameters(const struct cameras_work *work) {
-    return 15 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
+    int lenses = 0;
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        lenses += work->bundle.cameras[c].stop == 0;
+    return 9 * lenses + 6 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
            (work->free_boards ? 0 : work->bundle.n_stops);
 }
 

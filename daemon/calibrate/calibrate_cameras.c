@@ -227,6 +227,37 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
     record_end(to);
 }
 
+/* The camera arm: its axis, and how far the stops are from it. */
+static void tell_arm(Record *to, const struct calibration *calibration,
+                     const struct cameras_result *result) {
+    const struct rig_swing_fit *arm = &result->arm;
+    g_autoptr(GPtrArray) predicted = g_ptr_array_new();
+    double theta_rad, phi_rad;
+    if (!result->arm_known)
+        return;
+    rig_angles(arm->swing.axis, &theta_rad, &phi_rad);
+    record_begin(to, "arm");
+    record_double(to, "axis_theta_deg", theta_rad * 180 / G_PI);
+    record_double(to, "axis_phi_deg", phi_rad * 180 / G_PI);
+    record_double(to, "zero_deg", arm->zero_rad * 180 / G_PI);
+    record_double(to, "angle_rms_deg", arm->angle_rms_rad * 180 / G_PI);
+    record_double(to, "position_rms_mm", arm->position_rms_mm);
+    for (int c = 0; c < calibration->rig.n_cameras; c++)
+        if (result->predicted >> c & 1)
+            g_ptr_array_add(predicted, (gpointer)calibration->rig.cameras[c].name);
+    record_strings(to, "predicted", predicted);
+    record_end(to);
+    record_say(to,
+               "\n  arm: axis towards theta %.3f° phi %.3f°, through %.2f %.2f %.2f mm; zero %+.4f°; "
+               "its stops are within %.4f° and %.3f mm of that (RMS)",
+               theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
+               arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
+               arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);
+    if (predicted->len > 0)
+        record_say(to, "; %u stop%s without pictures %s placed by the axis", predicted->len,
+                   predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
+}
+
 static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *base) {
     const struct cameras_result *result = ((const struct job *)base)->result;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_CAMERAS];
@@ -240,6 +271,7 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
     if (part->rejected->len)
         record_say(to, "; %u left out", part->rejected->len);
     tell_lenses(to, base->calibration, result);
+    tell_arm(to, base->calibration, result);
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);

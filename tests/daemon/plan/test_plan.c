@@ -54,9 +54,11 @@ static struct rig_timing timing_of(double warm_up_s) {
 
     for (int i = 0; i < RIG_MAX_LAMPS; i++)
         t.lamp_warm_up_s[i] = warm_up_s;
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+    for (int i = 0; i < RIG_MAX_LASERS; i++) {
         t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
         t.laser_warm_up_s[i] = 0.1;
+    }
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
         t.readout_us[i] = 40000;
         t.min_exposure_us[i] = 10;
         t.max_exposure_us[i] = 10000000;
@@ -692,7 +694,7 @@ static struct rig_timing random_timing(GRand *rand) {
 
     t.turntable = random_motion(rand, g_rand_boolean(rand));
     t.arc = random_motion(rand, g_rand_boolean(rand));
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+    for (int i = 0; i < RIG_MAX_LASERS; i++) {
         t.lamp_warm_up_s[i] = g_rand_double_range(rand, 0, g_rand_boolean(rand) ? 0.5 : 8);
         t.laser_warm_up_s[i] = g_rand_double_range(rand, 0, 2);
         t.readout_us[i] = g_rand_int_range(rand, 0, 200000);
@@ -838,8 +840,7 @@ static void test_against_all_orders(void) {
             /* Dark frames are taken first, in the first pose; their time is in every order. */
             double ours = diary_s(shots, n, &conf, &timing);
             double dark =
-                plan->predicted_s - plan_remaining_s(shots, n, &conf, &timing,
-                                                     shots[0]->turntable_deg, shots[0]->arc_deg);
+                plan->predicted_s - plan_remaining_s(shots, n, &conf, &rig, &timing, shots[0]);
             double best = quickest_s(shots, n, 0, &conf, &timing);
             g_assert_cmpfloat(dark, >, 0);
             g_assert_cmpfloat(plan->lower_bound_s, <=, best + dark + 1e-6);
@@ -866,11 +867,10 @@ static void test_remaining(void) {
 
     for (int i = 0; i < n; i++)
         shots[i] = &plan->session.shots[i + 1];
-    double left =
-        plan_remaining_s(shots, n, &conf, &timing, shots[0]->turntable_deg, shots[0]->arc_deg);
+    double left = plan_remaining_s(shots, n, &conf, &rig, &timing, shots[0]);
     g_assert_cmpfloat(fabs(left - diary_s(shots, n, &conf, &timing)), <, 1e-6);
-    g_assert_cmpfloat(plan_remaining_s(shots, 0, &conf, &timing, 0, 0), ==, 0);
-    g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &timing, 0, 0), <, left);
+    g_assert_cmpfloat(plan_remaining_s(shots, 0, &conf, &rig, &timing, NULL), ==, 0);
+    g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &rig, &timing, NULL), <, left);
 }
 
 int main(int argc, char **argv) {
