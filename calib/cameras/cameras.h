@@ -1,11 +1,18 @@
 /*
  * Calibration of all cameras and the turntable's axis from pictures of a board that rotates with
- * the turntable, flat and tilted; or of one camera from photographs of a hand-held board.
+ * the turntable, flat and tilted; of the cameras of a rig without a turntable from pictures of a
+ * board that is laid down flat and held at several tilts; or of one camera from photographs of a
+ * hand-held board.
  *
  * Frame: z is the turntable's axis, z = 0 its top: the print of a board that lies flat is at the
  * height of its thickness. The zero of the azimuth is such that the cameras' azimuths agree with
  * the rig file's, and the turntable's angles with the commanded ones, in the mean. The scale
  * comes from the board's squares alone.
+ *
+ * Without a turntable the print of the flattest board, which must be within 5° of level by the rig
+ * file, is level at the height of its thickness. Azimuth 0 and the origin in the plane are such that
+ * the cameras see them where the rig file's do, in the mean. Errors are those relative to the flattest
+ * board.
  *
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
  * view) stay near the rig file's. Standard deviations of this prior: principal point 2 % of the
@@ -60,7 +67,8 @@ struct cameras_task {
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
     gpointer data;
-    gboolean lens_given; /* FALSE: by evidence for photographs, the rig file's for a rig */
+    gboolean no_turntable; /* the rig has none: every lay is one position of the board */
+    gboolean lens_given;   /* FALSE: by evidence for photographs, the rig file's for a rig */
     enum rig_lens lens;
 };
 

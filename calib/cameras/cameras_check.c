@@ -21,6 +21,8 @@ double cameras_tilt_rad(const struct bundle_lay *lay) {
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
     double range_deg = 0; /* of the commanded angles of a lay, the largest */
     int stops = 0;
+    if (work->task->no_turntable)
+        return TRUE;
     for (int l = 0; l < work->bundle.n_lays; l++) {
         double least = G_MAXDOUBLE, most = -G_MAXDOUBLE;
         int n = 0;
@@ -106,7 +108,7 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
             error, CAMERAS_ERROR_PICTURES,
             "all boards are parallel (at most %.1f° from flat), so that no camera "
             "sees how far away it stands: capture the board leaning, too, by 15° "
-            "to 30°, and give both sessions",
+            "to 30°, and give all sessions",
             most);
     if (least > FLAT_DEG)
         return cameras_refuse(

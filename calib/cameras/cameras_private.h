@@ -45,6 +45,10 @@ void cameras_start(struct cameras_work *work);
 gboolean cameras_start_lens(struct cameras_work *work, GError **error);
 gboolean cameras_start_lays(struct cameras_work *work, GError **error);
 gboolean cameras_start_lay(struct cameras_work *work, int lay);
+/* cameras_still.c, without a turntable: makes the flattest lay level, and fixes it; and turns and
+ * shifts the rig in the plane so that the cameras see it where the nominal ones do, in the mean. */
+gboolean cameras_level(struct cameras_work *work, GError **error);
+void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
 double cameras_median(GArray *values); /* of double; sorts the array */
 

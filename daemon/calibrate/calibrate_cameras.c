@@ -1,4 +1,5 @@
 /* calibrate cameras: cameras and turntable from captured boards, or one camera from photographs. */
+#include "base/config.h"
 #include "calibrate.h"
 #include "cameras/cameras.h"
 
@@ -38,6 +39,7 @@ struct job {
     struct cameras_result *result;
     enum rig_lens lens; /* if lens_option is given */
     GArray *pictures;   /* struct cameras_picture, one per frame */
+    gboolean turns;     /* there is a turntable in a session's rig file, or it has turned */
 };
 
 static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {
@@ -49,8 +51,14 @@ static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *f
 static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, GError **error) {
     g_autoptr(Session) session = calibrate_open(&job->base, lay, error);
     g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
-    for (guint i = 0; frames && i < frames->len; i++) {
+    g_autofree char *rig = frames ? session_text(session, "rig.conf", error) : NULL;
+    if (!rig)
+        return FALSE;
+    g_autoptr(Config) config = config_parse(rig, job->base.sessions[lay], NULL);
+    job->turns |= config && config_find(config, "axis", "turntable");
+    for (guint i = 0; i < frames->len; i++) {
         struct calibrate_frame *frame = frames->pdata[i];
+        job->turns |= frame->turntable_deg != 0;
         /* One light is enough: the first of each pose. */
         gboolean wanted = frame->camera < job->base.calibration->rig.n_cameras;
         for (guint k = 0; wanted && k < job->pictures->len; k++) {
@@ -64,7 +72,7 @@ static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, G
         frames->pdata[i] = NULL;
         cli_calibrate_cameras_add(job, frame, lay);
     }
-    return frames != NULL;
+    return TRUE;
 }
 
 static gboolean gather_photographs(struct job *job, GError **error) {
@@ -183,6 +191,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
         .read = cli_calibrate_cameras_read_picture,
         .progress = on_step,
         .data = job,
+        .no_turntable = !job->turns && !images_option,
         .lens_given = lens_option != NULL,
         .lens = job->lens,
     };
@@ -190,7 +199,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
                                                                                &task, error);
     for (int c = 0; job->result && c < base->calibration->rig.n_cameras; c++)
         keep_residuals(job, c);
-    if (job->result && !images_option)
+    if (job->result && job->turns)
         keep_turntable(job);
     if (job->result && azimuth_option)
         turn_to_board(job);
@@ -306,9 +315,9 @@ const struct command calibrate_cameras = {
     .arguments = "SESSION… --board BOARD -o FILE",
     .examples = "  mesorig calibrate cameras flat.session leaning.session -b "
                 "8x8,square=9,marker=6.75,thickness=3 -o rig.calibration\n",
-    .help = "Find out where cameras and the turntable's axis are, "
-            "from sessions of a board: one flat on the "
-            "turntable, others leaning.",
+    .help = "Find out where cameras and the axes of turntable and camera arm are, from sessions of a "
+            "board: one flat on the turntable, others leaning. Without a turntable: one session for "
+            "each position of the board, one of them flat.",
     .options = entries,
     .max = 64,
     .run = cli_calibrate_cameras_run};
