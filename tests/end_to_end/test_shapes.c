@@ -225,20 +225,25 @@ static void test_dome(void) {
     CONF("60", "2.2", "8", views, lights,                                                          \
          "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes")
 
-/* Lamps and light from targets on the turntable, as etc/demo/calibrate does it. Returns what
- * calibrate lights has told. */
+/* Lamps from posts, as etc/demo/calibrate does it. Returns what calibrate lights has told. */
+static char *calibrate_lights(const char *name, const char *shape, const char *posts_conf,
+                              const char *to) {
+    g_autofree char *posts =
+        capture(name, shape,
+                "kind=poles\nwidth_mm=84\nheight_mm=84\nbase_mm=2\ntop_mm=40\nradius_mm=1\n"
+                "places_mm=" POSTS "\n",
+                LAMPS, posts_conf, "");
+    return process_mesorig(0, "calibrate lights %s --target " DEMO "poles.conf -o %s", posts, to);
+}
+
+/* The same, and light from a tile. */
 static char *calibrate(const char *shape, const char *posts_conf, const char *tile_conf,
                        const char *to) {
     g_autofree char *posts_name = g_strdup_printf("%s_posts", shape);
     g_autofree char *tile_name = g_strdup_printf("%s_tile", shape);
-    g_autofree char *posts = NULL, *tile = NULL;
+    g_autofree char *tile = NULL;
 
-    posts = capture(posts_name, shape,
-                    "kind=poles\nwidth_mm=84\nheight_mm=84\nbase_mm=2\ntop_mm=40\nradius_mm=1\n"
-                    "places_mm=" POSTS "\n",
-                    LAMPS, posts_conf, "");
-    char *told =
-        process_mesorig(0, "calibrate lights %s --target " DEMO "poles.conf -o %s", posts, to);
+    char *told = calibrate_lights(posts_name, shape, posts_conf, to);
     tile = capture(tile_name, shape,
                    "kind=flat\nwidth_mm=60\nheight_mm=60\nbase_mm=2.2\nalbedo=0.96\n", LAMPS,
                    tile_conf, "");
@@ -512,6 +517,19 @@ static void test_still(void) {
     g_assert_cmpfloat(errors.px, <, 0.25);
     g_assert_cmpfloat(errors.px, <, 0.1 * before.px);
     g_assert_cmpfloat(errors.deg, <, 0.2);
+
+    g_autofree char *lamps_to = g_build_filename(folder, "still_lamps.calibration", NULL);
+    g_free(calibrate_lights("still_posts", "fixed_lamps", POSTS_CONF("devices=all", "devices=all"),
+                            lamps_to));
+    g_autofree char *lamps_world = g_build_filename(folder, "still_posts", "world.conf", NULL);
+    g_autoptr(World) posts = world_get(lamps_world, &error);
+    g_assert_no_error(error);
+    g_autoptr(Calibration) lamps = calibration_read(lamps_to, &error);
+    g_assert_no_error(error);
+    const double lamp_deg = worst_lamp_deg(&lamps->rig, posts);
+    g_test_message("without a turntable: worst lamp %.3f° off, %.3f° by the rig file", lamp_deg,
+                   worst_lamp_deg(&nominal, posts));
+    g_assert_cmpfloat(lamp_deg, <, 0.2);
 }
 
 int main(int argc, char **argv) {
