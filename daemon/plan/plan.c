@@ -464,6 +464,11 @@ static struct plan *plan_finish(struct plan_build *b) {
                         g_strdup("one view: what is seen from there under each light (an "
                                  "RTI set, for PTM and HSH); there will be nothing of "
                                  "other views"));
+    else if (plan_is_absent(&b->timing->turntable))
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("no turntable: %u views, where the cameras stand; there will be "
+                                        "nothing of directions between them but what is interpolated",
+                                        b->views->len));
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
                                           .n_lights = (int)b->lights->len,

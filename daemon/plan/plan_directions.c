@@ -18,8 +18,7 @@ struct candidate {
     double axis_deg;
 };
 
-/* An axis that is not there. */
-static gboolean is_absent(const struct axis_motion *motion) {
+gboolean plan_is_absent(const struct axis_motion *motion) {
     return !motion->wraps && motion->min_deg == 0 && motion->max_deg == 0;
 }
 
@@ -135,7 +134,7 @@ static int plan_directions_choose(const struct candidates *candidates, double th
             fabs(candidates->list[i].theta_deg - theta_deg) > PLAN_TOLERANCE_DEG)
             continue;
         gint64 udeg = plan_wrap(candidates->sign * (candidates->list[i].phi_udeg - phi_udeg));
-        if (candidates->limits && is_absent(candidates->limits) && is_near(udeg, theta_deg))
+        if (candidates->limits && plan_is_absent(candidates->limits) && is_near(udeg, theta_deg))
             udeg = 0;
         gboolean reached = !candidates->limits || plan_axis_reach(candidates->limits, udeg, &udeg);
         int merit = 2 * reached + (find_angle(angles, udeg, &candidates->list[i]) >= 0);
@@ -243,7 +242,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
         return no_candidate(candidates, theta_deg, phi_deg, error);
     const struct candidate *candidate = &candidates->list[d.device];
     const struct axis_motion *limits = candidates->limits;
-    if (limits && is_absent(limits) && udeg != 0) {
+    if (limits && plan_is_absent(limits) && udeg != 0) {
         plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, "views", NULL,
                        "no camera stands at theta %g° phi %g° (within %g°), and there is no [axis "
                        "turntable] in the rig file that would turn the sample before one: give the "

@@ -61,6 +61,9 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
 
 gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 
+/* An axis that the rig lacks. */
+gboolean plan_is_absent(const struct axis_motion *motion);
+
 /* The position of an axis for an angle: that in [0, 360) if the axis wraps, else the one within its
  * limits that is nearest to 0. FALSE if there is none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);

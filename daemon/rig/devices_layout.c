@@ -218,8 +218,12 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, mistakes))
         return FALSE;
     const gboolean named = devices_layout_take_name(section, rig->cameras[i].name, mistakes);
-    if (!devices_layout_read_device(section, &p, mistakes) || !named)
+    if (!devices_layout_read_device(section, &p, mistakes))
         return FALSE;
+    if (!named) {
+        options_clear(devices_camera_options, &p);
+        return FALSE;
+    }
     struct rig_camera *camera = &rig->cameras[i];
     camera->width = p.width;
     camera->height = p.height;
