@@ -103,6 +103,11 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
     }
     for (int i = 0; i < rig->n_fiducials; i++)
         rig->fiducials[i].centre_mm = rig_turn(rig->fiducials[i].centre_mm, angle_rad);
+    struct rig_swing *const swings[] = {&rig->arm, &rig->probe};
+    for (gsize i = 0; i < G_N_ELEMENTS(swings); i++) {
+        swings[i]->axis = rig_turn(swings[i]->axis, angle_rad);
+        swings[i]->centre_mm = rig_turn(swings[i]->centre_mm, angle_rad);
+    }
     double *const pairs[] = {rig->arc.tilt_rad, rig->arc.centre_mm};
     for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
         const struct vec3 turned = rig_turn(vec3(pairs[k][0], pairs[k][1], 0), angle_rad);
@@ -178,6 +183,10 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
             nominal->n_lasers);
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
+        if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
+            why = g_strdup_printf("camera %d, %s, stops at another angle of the camera arm than "
+                                  "the rig file's",
+                                  i, a->name);
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
             why = g_strdup_printf(
                 "camera %d is %s with %d × %d pixels, in the rig file %s with %d × %d", i, a->name,

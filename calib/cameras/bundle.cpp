@@ -160,16 +160,16 @@ struct MeanAzimuth final : ceres::CostFunction {
 /* The parameter blocks and the problem as Ceres wants them. */
 struct Work {
     bundle *b;
-    std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses;
+    std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses; /* stops use their first one's */
     std::vector<std::array<double, 6>> poses, lays;
     std::vector<double> angles;
-    std::vector<int> of_lay, of_stop, of_camera; /* number of observations of each */
+    std::vector<int> of_lay, of_stop, of_camera, of_lens; /* number of observations of each */
     ceres::Problem problem;
 
     explicit Work(bundle *from)
         : b(from), lenses((gsize)b->n_cameras), poses(lenses.size()), lays((gsize)b->n_lays),
           angles((gsize)b->n_stops), of_lay(lays.size()), of_stop(angles.size()),
-          of_camera(lenses.size()) {
+          of_camera(lenses.size()), of_lens(lenses.size()) {
         for (gsize i = 0; i < lenses.size(); i++) {
             const bundle_camera &c = b->cameras[i];
             std::memcpy(lenses[i].data(), c.intrinsics, sizeof c.intrinsics);
@@ -184,6 +184,10 @@ struct Work {
         add_turntable();
     }
 
+    gsize lens_of(gsize camera) const {
+        return camera - (gsize)b->cameras[camera].stop;
+    }
+
     void add_observations() {
         for (int i = 0; i < b->n_observations; i++) {
             const bundle_observation &o = b->observations[i];
@@ -192,12 +196,25 @@ struct Work {
             const gsize camera = (gsize)o.camera, stop = (gsize)o.stop,
                         lay = (gsize)b->stops[stop].lay;
             of_camera[camera]++;
+            of_lens[lens_of(camera)]++;
             of_stop[stop]++;
             of_lay[lay]++;
             problem.AddResidualBlock(
                 new Reprojection(b, &o), b->robust > 0 ? new ceres::HuberLoss(b->robust) : nullptr,
-                lenses[camera].data(), poses[camera].data(), lays[lay].data(), &angles[stop]);
+                lenses[lens_of(camera)].data(), poses[camera].data(), lays[lay].data(), &angles[stop]);
         }
+    }
+
+    void add_lens(const bundle_camera &c, double *lens) {
+        std::vector<int> unused;
+        problem.AddResidualBlock(new LensPrior(&c), nullptr, lens);
+        for (int k = 0; k < BUNDLE_INTRINSICS; k++)
+            if (!bundle_has(c.lens, k))
+                unused.push_back(k);
+        if (c.fixed_lens)
+            problem.SetParameterBlockConstant(lens);
+        else if (!unused.empty())
+            problem.SetManifold(lens, new ceres::SubsetManifold(BUNDLE_INTRINSICS, unused));
     }
 
     void add_cameras() {
@@ -206,20 +223,12 @@ struct Work {
         for (gsize i = 0; i < lenses.size(); i++) {
             const bundle_camera &c = b->cameras[i];
             const double *n = c.nominal_centre;
+            if (of_lens[i] > 0)
+                add_lens(c, lenses[i].data());
             if (of_camera[i] == 0)
                 continue;
-            problem.AddResidualBlock(new LensPrior(&c), nullptr, lenses[i].data());
             if (c.fixed_pose)
                 problem.SetParameterBlockConstant(poses[i].data());
-            std::vector<int> unused;
-            for (int k = 0; k < BUNDLE_INTRINSICS; k++)
-                if (!bundle_has(c.lens, k))
-                    unused.push_back(k);
-            if (c.fixed_lens)
-                problem.SetParameterBlockConstant(lenses[i].data());
-            else if (!unused.empty())
-                problem.SetManifold(lenses[i].data(),
-                                    new ceres::SubsetManifold(BUNDLE_INTRINSICS, unused));
             if (std::hypot(n[0], n[1]) < 0.1 * std::fabs(n[2]))
                 continue; /* the azimuth of a camera near the zenith is undetermined */
             aside.push_back(&c);
@@ -265,7 +274,7 @@ struct Work {
     void keep() {
         for (gsize i = 0; i < lenses.size(); i++) {
             bundle_camera &c = b->cameras[i];
-            std::memcpy(c.intrinsics, lenses[i].data(), sizeof c.intrinsics);
+            std::memcpy(c.intrinsics, lenses[lens_of(i)].data(), sizeof c.intrinsics);
             bundle_turn(c.rotation, poses[i].data());
             std::memcpy(c.shift, &poses[i][3], sizeof c.shift);
         }
@@ -291,7 +300,8 @@ struct Work {
             return first;
         };
         for (gsize i = 0; i < lenses.size(); i++) {
-            lens->push_back(add(lenses[i].data(), of_camera[i] > 0));
+            lens->push_back(lens_of(i) == i ? add(lenses[i].data(), of_lens[i] > 0)
+                                            : (*lens)[lens_of(i)]);
             pose->push_back(add(poses[i].data(), of_camera[i] > 0));
         }
         for (gsize i = 0; i < lays.size(); i++)

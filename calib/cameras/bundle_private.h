@@ -33,7 +33,8 @@ void bundle_turn(double rotation[9], const double omega[3]);
 gboolean bundle_has(enum rig_lens lens, int i);
 
 /* The problem at its solution, in compressed rows: two for each observation that is not rejected,
- * then those of priors. lens, pose: first column of each camera's free parameters; −1: fixed. */
+ * then those of priors. lens, pose: first column of each camera's free parameters; −1: fixed. Stops
+ * of one camera have the same lens. */
 struct bundle_linear {
     int n_rows, n_columns;
     const int *rows, *columns;

@@ -61,7 +61,7 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
     for (int i = 0; i < n; i++)
         work->bundle.n_lays = MAX(work->bundle.n_lays, task->pictures[i].lay + 1);
     work->bundle.lays = g_new0(struct bundle_lay, work->bundle.n_lays + 1);
-    work->bundle.fix_azimuth = !free_boards;
+    work->bundle.fix_azimuth = !free_boards && !task->no_turntable;
     for (int i = 0; i < n; i++) {
         const struct cameras_picture *picture = &task->pictures[i];
         const double angle_rad = RAD(picture->turntable_deg);
@@ -72,7 +72,8 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
             stop++;
         if (stop == work->bundle.n_stops)
             stops[work->bundle.n_stops++] = (struct bundle_stop){
-                picture->lay, angle_rad, angle_rad, free_boards ? 0 : RAD(ANGLE_SIGMA_DEG)};
+                picture->lay, angle_rad, angle_rad,
+                free_boards || task->no_turntable ? 0 : RAD(ANGLE_SIGMA_DEG)};
         work->seen[i].camera = picture->camera;
         work->seen[i].lay = picture->lay;
         work->seen[i].stop = stop;
@@ -202,11 +203,14 @@ int cameras_pictures_of(const struct cameras_work *work, int camera) {
 
 /* Fixes cameras with too few pictures so far at their pose in the rig file. */
 static void fix_unknown(struct cameras_work *work) {
+    struct bundle_camera *cameras = work->bundle.cameras;
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         const gboolean unknown = cameras_pictures_of(work, c) < LEAST_PICTURES;
         if (!work->free_boards)
-            work->bundle.cameras[c].fixed_pose = unknown;
-        work->bundle.cameras[c].fixed_lens = unknown;
+            cameras[c].fixed_pose = unknown;
+        cameras[c].fixed_lens = unknown;
+        if (!unknown) /* at one stop is enough */
+            cameras[c - cameras[c].stop].fixed_lens = FALSE;
     }
 }
 
@@ -297,7 +301,9 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     g_autofree char *spec = board_spec(&work->task->board);
     g_autofree char *method =
         g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
-                        work->free_boards ? "photographs" : "lays on the turntable");
+                        work->free_boards             ? "photographs"
+                        : work->task->no_turntable ? "positions, no turntable"
+                                                   : "lays on the turntable");
     g_autoptr(GPtrArray) sums = g_ptr_array_new();
     for (int i = 0; i < work->task->n_pictures; i++)
         if (work->seen[i].corners)
@@ -338,6 +344,7 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
         to->known = TRUE;
     }
+    cameras_fit_arm(work, calibration, result);
     return result;
 }
 
@@ -364,7 +371,7 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     } else {
         cameras_start(&work);
         ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
-             cameras_solve(&work, error) && cameras_check_start(&work, error) &&
+             (!task->no_turntable || cameras_level(&work, error)) && cameras_solve(&work, error) && cameras_check_start(&work, error) &&
              search_everywhere(&work, error) && cameras_check_pictures(&work, error);
     }
     if (ok)
@@ -372,6 +379,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     ok = ok && cameras_refine(&work, error) && cameras_check_majority(&work, error) &&
          (free_boards || cameras_check_pictures(&work, error)) &&
          cameras_check_result(&work, error);
+    if (ok && task->no_turntable)
+        cameras_align(&work);
     if (ok)
         result = cameras_store_result(&work);
     for (int i = 0; i < work.task->n_pictures; i++) {

@@ -1,11 +1,18 @@
 /*
  * Calibration of all cameras and the turntable's axis from pictures of a board that rotates with
- * the turntable, flat and tilted; or of one camera from photographs of a hand-held board.
+ * the turntable, flat and tilted; of the cameras of a rig without a turntable from pictures of a
+ * board that is laid down flat and held at several tilts; or of one camera from photographs of a
+ * hand-held board.
  *
  * Frame: z is the turntable's axis, z = 0 its top: the print of a board that lies flat is at the
  * height of its thickness. The zero of the azimuth is such that the cameras' azimuths agree with
  * the rig file's, and the turntable's angles with the commanded ones, in the mean. The scale
  * comes from the board's squares alone.
+ *
+ * Without a turntable the print of the flattest board, which must be within 5° of level by the rig
+ * file, is level at the height of its thickness. Azimuth 0 and the origin in the plane are such that
+ * the cameras see them where the rig file's do, in the mean. Errors are those relative to the flattest
+ * board.
  *
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
  * view) stay near the rig file's. Standard deviations of this prior: principal point 2 % of the
@@ -19,6 +26,11 @@
  * lens theirs, if the loss over the pictures falls by more than twice the standard error of its
  * differences.
  *
+ * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
+ * arm's axis is fitted to the poses (swing.h). A stop at which no picture was taken, of a camera
+ * that was calibrated at two others, gets its pose from the axis; its errors are those of the nearest
+ * stop, increased by how far the calibrated stops are from the axis.
+ *
  * Errors include the scatter between pictures (bundle.h).
  *
  * Any thread, one calibration at a time.
@@ -27,6 +39,7 @@
 
 #include "board.h"
 #include "calibration/calibration.h"
+#include "geometry/swing.h"
 #include "pictures/picture.h"
 
 #define CAMERAS_ERROR cameras_error_quark()
@@ -54,7 +67,8 @@ struct cameras_task {
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
     gpointer data;
-    gboolean lens_given; /* FALSE: by evidence for photographs, the rig file's for a rig */
+    gboolean no_turntable; /* the rig has none: every lay is one position of the board */
+    gboolean lens_given;   /* FALSE: by evidence for photographs, the rig file's for a rig */
     enum rig_lens lens;
 };
 
@@ -83,6 +97,9 @@ struct cameras_result {
     /* Cross-validation of the lens models, with photographs alone: the robust RMS error with which
      * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
+    gboolean arm_known;       /* what follows: the arm's axis was fitted; */
+    struct rig_swing_fit arm; /* and */
+    guint32 predicted;        /* the cameras (bits) whose poses it gave */
     double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter between pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */

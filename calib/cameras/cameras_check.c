@@ -21,6 +21,8 @@ double cameras_tilt_rad(const struct bundle_lay *lay) {
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
     double range_deg = 0; /* of the commanded angles of a lay, the largest */
     int stops = 0;
+    if (work->task->no_turntable)
+        return TRUE;
     for (int l = 0; l < work->bundle.n_lays; l++) {
         double least = G_MAXDOUBLE, most = -G_MAXDOUBLE;
         int n = 0;
@@ -106,7 +108,7 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
             error, CAMERAS_ERROR_PICTURES,
             "all boards are parallel (at most %.1f° from flat), so that no camera "
             "sees how far away it stands: capture the board leaning, too, by 15° "
-            "to 30°, and give both sessions",
+            "to 30°, and give all sessions",
             most);
     if (least > FLAT_DEG)
         return cameras_refuse(
@@ -118,13 +120,25 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
+gboolean cameras_is_predicted(const struct cameras_work *work, int camera) {
+    const struct rig *rig = &work->nominal;
+    int others = 0;
+    for (int i = 0; i < work->task->n_pictures; i++)
+        if (work->seen[i].camera == camera)
+            return FALSE;
+    for (int c = 0; c < rig->n_cameras; c++)
+        others += rig_camera_unit(rig, c) == rig_camera_unit(rig, camera) &&
+                  cameras_pictures_of(work, c) >= LEAST_PICTURES;
+    return others >= 2;
+}
+
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error) {
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         int all = 0;
         const int good = cameras_pictures_of(work, c);
         for (int i = 0; i < work->task->n_pictures; i++)
             all += work->seen[i].camera == c;
-        if (good < LEAST_PICTURES)
+        if (good < LEAST_PICTURES && !cameras_is_predicted(work, c))
             return cameras_refuse(
                 error, CAMERAS_ERROR_PICTURES,
                 "camera %s: the board was found in %d of its %d pictures, and at least %d "

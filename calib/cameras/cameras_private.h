@@ -35,6 +35,9 @@ gboolean cameras_refuse(GError **error, enum cameras_error code, const char *for
 void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
+/* cameras_arm.c: the camera arm's axis from the calibrated stops, and the stops without pictures. */
+void cameras_fit_arm(const struct cameras_work *work, struct calibration *calibration,
+                     struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
 
 /* cameras_start.c: initial values of cameras from the rig file, of lays from the pictures. */
@@ -42,6 +45,10 @@ void cameras_start(struct cameras_work *work);
 gboolean cameras_start_lens(struct cameras_work *work, GError **error);
 gboolean cameras_start_lays(struct cameras_work *work, GError **error);
 gboolean cameras_start_lay(struct cameras_work *work, int lay);
+/* cameras_still.c, without a turntable: makes the flattest lay level, and fixes it; and turns and
+ * shifts the rig in the plane so that the cameras see it where the nominal ones do, in the mean. */
+gboolean cameras_level(struct cameras_work *work, GError **error);
+void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
 double cameras_median(GArray *values); /* of double; sorts the array */
 
@@ -60,6 +67,9 @@ int cameras_n_parameters(const struct cameras_work *work);
 
 /* cameras_check.c: refuses results that cannot be right. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);
+/* Whether a stop of the camera arm has no pictures and gets its pose from the arm's axis, which two
+ * other stops of the camera determine. */
+gboolean cameras_is_predicted(const struct cameras_work *work, int camera);
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error);
 /* By the cameras whose pictures showed the board to the detector. */
 gboolean cameras_check_start(const struct cameras_work *work, GError **error);

@@ -28,7 +28,10 @@ double cameras_residual(const struct bundle *bundle, const struct bundle_observa
 }
 
 int cameras_n_parameters(const struct cameras_work *work) {
-    return 15 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
+    int lenses = 0;
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        lenses += work->bundle.cameras[c].stop == 0;
+    return 9 * lenses + 6 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
            (work->free_boards ? 0 : work->bundle.n_stops);
 }
 
@@ -153,10 +156,11 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     one.n_observations = (int)own->len;
     one.fix_azimuth = FALSE;
     one.robust = ROBUST;
-    one.lays[seen->lay].fixed = !work->free_boards;
+    const gboolean was_fixed = one.lays[seen->lay].fixed;
+    one.lays[seen->lay].fixed |= !work->free_boards && !work->task->no_turntable;
     const gboolean ok =
         (!work->free_boards || cameras_start_lay(work, seen->lay)) && bundle_solve(&one, NULL);
-    one.lays[seen->lay].fixed = FALSE;
+    one.lays[seen->lay].fixed = was_fixed;
     return ok;
 }
 
@@ -202,7 +206,8 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
     /* Fixes the height of lays that are flat: they define z = 0. */
     for (int l = 0; l < work->bundle.n_lays; l++) {
         struct bundle_lay *lay = &work->bundle.lays[l];
-        lay->fixed_height = !work->free_boards && cameras_tilt_rad(lay) < RAD(2);
+        lay->fixed_height = !work->free_boards && !work->task->no_turntable &&
+                            cameras_tilt_rad(lay) < RAD(2);
         if (lay->fixed_height)
             lay->place[2] = work->task->board.thickness_mm;
     }

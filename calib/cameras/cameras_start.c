@@ -23,6 +23,7 @@ void cameras_start(struct cameras_work *work) {
             .prior_sigma = {0, 0, 0.02 * c->width, 0.02 * c->width, 0.3, 0.3, 0.1, 0.003, 0.003},
             .shift = {shift.x, shift.y, shift.z},
             .nominal_centre = {centre.x, centre.y, centre.z},
+            .stop = c->stop,
             .noise = 1};
         memcpy(to->prior, to->intrinsics, sizeof to->prior);
         memcpy(to->rotation, c->rotation.m, sizeof to->rotation);

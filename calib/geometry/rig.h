@@ -11,6 +11,11 @@
  *
  * A rig may lack turntable and arc: an axis that is not there stands at 0.
  *
+ * A camera arm is an axis that carries cameras, a light probe one that carries lamps. They stop at
+ * the angles that the rig file lists. A camera (or lamp) is at each of its stops a camera (or lamp)
+ * of its own here, named NAME@ANGLE, with a position that is calibrated for itself. Stops of one
+ * device follow each other. See swing.h.
+ *
  * Pure functions over plain data: any thread.
  */
 #pragma once
@@ -20,7 +25,7 @@
 #include "base/vec.h"
 #include "lens.h"
 
-#define RIG_MAX_CAMERAS    16
+#define RIG_MAX_CAMERAS    31 /* stops counted; bit 31 of a set of cameras has other uses */
 #define RIG_MAX_LAMPS      128
 #define RIG_LEAST_RESPONSE 1e-6 /* DN/s per W/(sr m²), as in a rig file */
 #define RIG_MOST_RESPONSE  1e12
@@ -40,6 +45,9 @@ struct rig_camera {
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
     double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
+    int on_arm;      /* 1: the camera arm carries it, and this is its place with the arm at */
+    double arm_deg;
+    int stop; /* of the same camera stand so many before this one; 0: the first, or the only one */
 };
 
 /* The true rotation of the light arc: by arc angle α + zero about an axis through centre_mm,
@@ -61,6 +69,9 @@ struct rig_lamp {
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
     int fixed;        /* 1: the arc's angle does not matter to it */
+    int on_probe;     /* 1: the probe carries it, and this is its place with the probe at */
+    double probe_deg;
+    int stop; /* as a camera's */
 };
 
 /* A line laser on the light arc, or one that stands by itself (fixed), as a lamp: a sheet of light
@@ -86,6 +97,13 @@ struct rig_fiducial {
     double reflectance[3]; /* at the cameras' red, green, blue */
 };
 
+/* The axis of a camera arm, in the rig frame, or of a light probe, in the frame of its lamps: a
+ * line. Something that it carries turns about it by the arm's angle (right-handed). */
+struct rig_swing {
+    struct vec3 axis; /* unit; 0: the rig has no such axis */
+    struct vec3 centre_mm;
+};
+
 struct rig {
     char id[64]; /* identifies the rig; a calibration of another one is refused */
     struct rig_camera cameras[RIG_MAX_CAMERAS];
@@ -95,11 +113,20 @@ struct rig {
     struct rig_laser lasers[RIG_MAX_LASERS];
     int n_lasers;
     struct rig_arc arc;
+    struct rig_swing arm, probe;
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
     double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc; and */
     double arc_width_mm;  /* its width, also taken for lamps: both hide parts of pictures */
 };
+
+/* The camera whose first stop this is, and of the lamp: those with the same number are one device. */
+static inline int rig_camera_unit(const struct rig *rig, int camera) {
+    return camera - rig->cameras[camera].stop;
+}
+static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
+    return lamp - rig->lamps[lamp].stop;
+}
 
 #define RIG_ERROR rig_error_quark()
 GQuark rig_error_quark(void);

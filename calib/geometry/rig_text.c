@@ -23,6 +23,14 @@ static const struct field rig_fields[] = {
     {"arc_tilt_rad", offsetof(struct rig, arc.tilt_rad), 2, FALSE, -1, 1, TRUE},
     {"arc_centre_mm", offsetof(struct rig, arc.centre_mm), 2, FALSE, -FIELD_LARGE, FIELD_LARGE,
      TRUE},
+    {"arm_axis", offsetof(struct rig, arm.axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE,
+     TRUE, TRUE},
+    {"arm_centre_mm", offsetof(struct rig, arm.centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE,
+     TRUE, TRUE},
+    {"probe_axis", offsetof(struct rig, probe.axis), 3, FALSE, -1 - UNIT_TOLERANCE,
+     1 + UNIT_TOLERANCE, TRUE, TRUE},
+    {"probe_centre_mm", offsetof(struct rig, probe.centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE,
+     TRUE, TRUE},
     {NULL},
 };
 
@@ -47,6 +55,9 @@ static const struct field camera_fields[] = {
     {"translation_mm", CAMERA(translation_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"vignetting", CAMERA(vignetting), 1, FALSE, -1, 1},
     {"response", CAMERA(response), 1, FALSE, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE},
+    {"on_arm", CAMERA(on_arm), 1, TRUE, 0, 1, TRUE, TRUE},
+    {"arm_deg", CAMERA(arm_deg), 1, FALSE, -360, 360, TRUE, TRUE},
+    {"stop", CAMERA(stop), 1, TRUE, 0, RIG_MAX_CAMERAS - 1, TRUE, TRUE},
     {NULL},
 };
 
@@ -57,6 +68,9 @@ static const struct field lamp_fields[] = {
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
     {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, RIG_MOST_INTENSITY},
     {"fixed", LAMP(fixed), 1, TRUE, 0, 1, TRUE},
+    {"on_probe", LAMP(on_probe), 1, TRUE, 0, 1, TRUE, TRUE},
+    {"probe_deg", LAMP(probe_deg), 1, FALSE, -360, 360, TRUE, TRUE},
+    {"stop", LAMP(stop), 1, TRUE, 0, RIG_MAX_LAMPS - 1, TRUE, TRUE},
     {NULL},
 };
 
@@ -173,6 +187,14 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
         if (!is_rotation(&rig->cameras[i].rotation))
             return fields_refuse(path, rig->cameras[i].name, "rotation", error,
                                  "is not a rotation");
+    for (int i = 0; i < rig->n_cameras; i++)
+        if (rig->cameras[i].stop > (i > 0 ? rig->cameras[i - 1].stop + 1 : 0))
+            return fields_refuse(path, rig->cameras[i].name, "stop", error,
+                                 "does not follow the camera's stop before");
+    for (int i = 0; i < rig->n_lamps; i++)
+        if (rig->lamps[i].stop > (i > 0 ? rig->lamps[i - 1].stop + 1 : 0))
+            return fields_refuse(path, rig->lamps[i].name, "stop", error,
+                                 "does not follow the lamp's stop before");
     for (int i = 0; i < rig->n_lamps; i++)
         if (!is_unit(rig->lamps[i].aim))
             return fields_refuse(path, rig->lamps[i].name, "aim", error, "is not a unit vector");

@@ -25,8 +25,8 @@ GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
     g_variant_builder_init(&list.builder, G_VARIANT_TYPE("a(ssss)"));
     if (!devices)
         return g_variant_builder_end(&list.builder);
-    bus_devices_add_axis(&list, devices->turntable);
-    bus_devices_add_axis(&list, devices->arc);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        bus_devices_add_axis(&list, devices_positioner(devices, i));
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
             bus_devices_add_axis(&list, devices->sweeps[i]);
@@ -38,7 +38,8 @@ GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
         bus_devices_add(&list, &devices->banks[i]->device, health);
     }
     for (int i = 0; i < devices->geometry.n_cameras; i++)
-        bus_devices_add(&list, &devices->cameras[i]->device, "ok");
+        if (devices_is_unit(&devices->geometry, i))
+            bus_devices_add(&list, &devices->cameras[i]->device, "ok");
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
             bus_devices_add(&list, &devices->lasers[i]->device,

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "bus_errors.h"
+#include "geometry/swing.h"
 
 /* Numbers of pictures taken by hand begin here; shots of sessions have lower ones. */
 #define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)
@@ -351,7 +352,8 @@ void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *nam
     if (!rig_is_free(bus, invocation))
         return;
     for (int i = 0; i < bus->devices->geometry.n_cameras && !camera; i++)
-        if (is_named(names, bus->devices->cameras[i]->device.name, name))
+        if (devices_is_unit(&bus->devices->geometry, i) &&
+            is_named(names, bus->devices->cameras[i]->device.name, name))
             camera = bus->devices->cameras[i];
     if (!camera) {
         refuse_name(invocation, "camera", name, names);
@@ -373,12 +375,16 @@ void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char 
                         gboolean on) {
     g_autoptr(GString) names = g_string_new(NULL);
     GError *error = NULL;
+    char device[RIG_NAME];
     int i = 0;
     if (!rig_is_free(bus, invocation))
         return;
     const struct rig *rig = &bus->devices->geometry;
-    while (i < rig->n_lamps && !is_named(names, rig->lamps[i].name, name))
-        i++;
+    for (; i < rig->n_lamps; i++) { /* a lamp on the probe is one lamp at all of its stops */
+        rig_stop_device(rig->lamps[i].name, rig->lamps[i].on_probe, device);
+        if (rig_lamp_unit(rig, i) == i && is_named(names, device, name))
+            break;
+    }
     if (i == rig->n_lamps) {
         refuse_name(invocation, "lamp", name, names);
         return;
@@ -420,9 +426,9 @@ static struct hand *take_axis(Bus *bus, GDBusMethodInvocation *invocation, const
     Axis *axis = NULL;
     if (!rig_is_free(bus, invocation))
         return NULL;
-    Axis *const both[] = {bus->devices->turntable, bus->devices->arc};
-    for (int i = -2; i < bus->devices->geometry.n_lasers && !axis; i++) {
-        Axis *one = i < 0 ? both[i + 2] : bus->devices->sweeps[i];
+    for (int i = -DEVICES_POSITIONERS; i < bus->devices->geometry.n_lasers && !axis; i++) {
+        Axis *one = i < 0 ? devices_positioner(bus->devices, i + DEVICES_POSITIONERS)
+                          : bus->devices->sweeps[i];
         if (one && is_named(names, one->device.name, name))
             axis = one;
     }

@@ -1,4 +1,5 @@
 /* calibrate cameras: cameras and turntable from captured boards, or one camera from photographs. */
+#include "base/config.h"
 #include "calibrate.h"
 #include "cameras/cameras.h"
 
@@ -38,6 +39,7 @@ struct job {
     struct cameras_result *result;
     enum rig_lens lens; /* if lens_option is given */
     GArray *pictures;   /* struct cameras_picture, one per frame */
+    gboolean turns;     /* there is a turntable in a session's rig file, or it has turned */
 };
 
 static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {
@@ -49,8 +51,14 @@ static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *f
 static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, GError **error) {
     g_autoptr(Session) session = calibrate_open(&job->base, lay, error);
     g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
-    for (guint i = 0; frames && i < frames->len; i++) {
+    g_autofree char *rig = frames ? session_text(session, "rig.conf", error) : NULL;
+    if (!rig)
+        return FALSE;
+    g_autoptr(Config) config = config_parse(rig, job->base.sessions[lay], NULL);
+    job->turns |= config && config_find(config, "axis", "turntable");
+    for (guint i = 0; i < frames->len; i++) {
         struct calibrate_frame *frame = frames->pdata[i];
+        job->turns |= frame->turntable_deg != 0;
         /* One light is enough: the first of each pose. */
         gboolean wanted = frame->camera < job->base.calibration->rig.n_cameras;
         for (guint k = 0; wanted && k < job->pictures->len; k++) {
@@ -64,7 +72,7 @@ static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, G
         frames->pdata[i] = NULL;
         cli_calibrate_cameras_add(job, frame, lay);
     }
-    return frames != NULL;
+    return TRUE;
 }
 
 static gboolean gather_photographs(struct job *job, GError **error) {
@@ -183,6 +191,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
         .read = cli_calibrate_cameras_read_picture,
         .progress = on_step,
         .data = job,
+        .no_turntable = !job->turns && !images_option,
         .lens_given = lens_option != NULL,
         .lens = job->lens,
     };
@@ -190,7 +199,7 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
                                                                                &task, error);
     for (int c = 0; job->result && c < base->calibration->rig.n_cameras; c++)
         keep_residuals(job, c);
-    if (job->result && !images_option)
+    if (job->result && job->turns)
         keep_turntable(job);
     if (job->result && azimuth_option)
         turn_to_board(job);
@@ -227,6 +236,37 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
     record_end(to);
 }
 
+/* The camera arm: its axis, and how far the stops are from it. */
+static void tell_arm(Record *to, const struct calibration *calibration,
+                     const struct cameras_result *result) {
+    const struct rig_swing_fit *arm = &result->arm;
+    g_autoptr(GPtrArray) predicted = g_ptr_array_new();
+    double theta_rad, phi_rad;
+    if (!result->arm_known)
+        return;
+    rig_angles(arm->swing.axis, &theta_rad, &phi_rad);
+    record_begin(to, "arm");
+    record_double(to, "axis_theta_deg", theta_rad * 180 / G_PI);
+    record_double(to, "axis_phi_deg", phi_rad * 180 / G_PI);
+    record_double(to, "zero_deg", arm->zero_rad * 180 / G_PI);
+    record_double(to, "angle_rms_deg", arm->angle_rms_rad * 180 / G_PI);
+    record_double(to, "position_rms_mm", arm->position_rms_mm);
+    for (int c = 0; c < calibration->rig.n_cameras; c++)
+        if (result->predicted >> c & 1)
+            g_ptr_array_add(predicted, (gpointer)calibration->rig.cameras[c].name);
+    record_strings(to, "predicted", predicted);
+    record_end(to);
+    record_say(to,
+               "\n  arm: axis towards theta %.3f° phi %.3f°, through %.2f %.2f %.2f mm; zero %+.4f°; "
+               "its stops are within %.4f° and %.3f mm of that (RMS)",
+               theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
+               arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
+               arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);
+    if (predicted->len > 0)
+        record_say(to, "; %u stop%s without pictures %s placed by the axis", predicted->len,
+                   predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
+}
+
 static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *base) {
     const struct cameras_result *result = ((const struct job *)base)->result;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_CAMERAS];
@@ -240,6 +280,7 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
     if (part->rejected->len)
         record_say(to, "; %u left out", part->rejected->len);
     tell_lenses(to, base->calibration, result);
+    tell_arm(to, base->calibration, result);
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);
@@ -274,9 +315,9 @@ const struct command calibrate_cameras = {
     .arguments = "SESSION… --board BOARD -o FILE",
     .examples = "  mesorig calibrate cameras flat.session leaning.session -b "
                 "8x8,square=9,marker=6.75,thickness=3 -o rig.calibration\n",
-    .help = "Find out where cameras and the turntable's axis are, "
-            "from sessions of a board: one flat on the "
-            "turntable, others leaning.",
+    .help = "Find out where cameras and the axes of turntable and camera arm are, from sessions of a "
+            "board: one flat on the turntable, others leaning. Without a turntable: one session for "
+            "each position of the board, one of them flat.",
     .options = entries,
     .max = 64,
     .run = cli_calibrate_cameras_run};

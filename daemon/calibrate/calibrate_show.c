@@ -148,6 +148,13 @@ static int cli_calibrate_show_run(const struct call *call, GError **error) {
     show_part(to, calibration, CALIBRATION_CAMERAS);
     for (int i = 0; i < rig->n_cameras; i++)
         show_camera(to, &rig->cameras[i], &calibration->cameras[i]);
+    if (vec3_length(rig->arm.axis) > 0) {
+        double theta_rad, phi_rad;
+        rig_angles(rig->arm.axis, &theta_rad, &phi_rad);
+        record_say(to, "  arm: axis towards theta %.3f° phi %.3f°, through %.2f %.2f %.2f mm\n",
+                   theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, rig->arm.centre_mm.x,
+                   rig->arm.centre_mm.y, rig->arm.centre_mm.z);
+    }
     show_part(to, calibration, CALIBRATION_LIGHTS);
     for (int i = 0; i < rig->n_lamps; i++)
         show_lamp(to, rig, i, &calibration->lamps[i]);

@@ -194,6 +194,8 @@ static gboolean can_read_darks(Session *session, const GPtrArray *shots,
     gint64 exposures[SHOT_MAX_DARKS];
     const int n = shot_dark_exposures(conf, exposures);
     for (int c = 0; c < rig->n_cameras; c++) {
+        if (!devices_is_unit(rig, c))
+            continue; /* it has the dark frames of its first stop */
         const struct camera_format format = {.width = rig->cameras[c].width,
                                              .height = rig->cameras[c].height};
         const struct session_shot *shot = dark_before(shots, c);
@@ -247,7 +249,7 @@ static gboolean prepare_resumed(Capture *capture, GError **error) {
         return FALSE;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
         const struct session_shot *shot = dark_before(capture->shots, c);
-        if (shot && !intake_load_dark(capture->intake, shot, c, error))
+        if (shot && devices_is_unit(&capture->devices->geometry, c) && !intake_load_dark(capture->intake, shot, c, error))
             return FALSE;
     }
     return TRUE;

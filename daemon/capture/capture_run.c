@@ -481,8 +481,8 @@ static void capture_run_begin(gpointer data) {
     g_free(capture->plan_left_s);
     capture->plan_left_s = g_new(double, capture->remaining->len + 1);
     plan_left_s((const struct session_shot *const *)capture->remaining->pdata,
-                (int)capture->remaining->len, &capture->conf, &devices->timing, 0, 0,
-                capture->plan_left_s); /* where homing leaves the axes */
+                (int)capture->remaining->len, &capture->conf, &devices->geometry, &devices->timing,
+                NULL, capture->plan_left_s);
     capture_run_note_left(capture, 0, capture_now_s(capture));
     capture->left_s += plan_homing_s(&devices->geometry, &devices->timing);
     capture->left_least_s = capture->plan_left_s[0];

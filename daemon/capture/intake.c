@@ -20,6 +20,7 @@
 struct job {
     guint generation;
     const struct session_shot *shot;
+    int camera; /* the lane's, or a further stop of it */
     int sub;
     int retakes;
     double time_s;
@@ -36,7 +37,7 @@ struct complete_sweep {
     gsize bytes; /* of the sweeps; they count as waiting */
 };
 
-/* A camera's worker. Its thread owns all fields but batch, which is the main loop's. Eight sweeps
+/* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but batch, which is the main loop's. Eight sweeps
  * of 1024 × 768 that end at once take seconds to evaluate and write: a second thread (finisher)
  * does that, so that the frames that arrive meanwhile are still accepted. */
 struct lane {
@@ -70,6 +71,7 @@ struct Intake {
     struct intake_setup setup;
     struct intake_hooks hooks;
     GPtrArray *lanes;
+    int lane_of[RIG_MAX_CAMERAS];
     GAsyncQueue *finished;
     GSource *wake;
     guint generation; /* read by workers */
@@ -111,8 +113,9 @@ static void intake_describe(struct lane *lane, const struct job *job, struct int
     *file = (struct intake_file){
         .directory = setup->directory,
         .shot = job->shot,
-        .camera = lane->camera,
-        .camera_name = rig->cameras[lane->camera].name,
+        .camera = job->camera,
+        .camera_name = rig->cameras[job->camera].name,
+        .rig = rig,
         .conf = setup->conf,
         .last = job->frame,
     };
@@ -129,7 +132,7 @@ static void return_result(struct lane *lane, const struct job *job, struct intak
     finished->result = result;
     finished->result.shot = job->shot;
     finished->result.frame.shot = job->shot->id;
-    finished->result.frame.camera = lane->camera;
+    finished->result.frame.camera = job->camera;
     finished->result.frame.retakes = job->retakes;
     finished->result.frame.captured_s = job->time_s;
     g_async_queue_push(lane->intake->finished, finished);
@@ -186,11 +189,11 @@ static GArray *measure_marks(const struct lane *lane, const struct job *job, con
         return NULL;
     struct fiducial_scene scene = {
         .rig = &calibration->rig,
-        .camera = lane->camera,
+        .camera = job->camera,
         .lamp = shot->device,
         .turntable_rad = shot->turntable_deg * G_PI / 180,
         .arc_rad = shot->arc_deg * G_PI / 180,
-        .radiometry = &calibration->camera_radiometry[lane->camera],
+        .radiometry = &calibration->camera_radiometry[job->camera],
         .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
     };
     GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
@@ -200,11 +203,11 @@ static GArray *measure_marks(const struct lane *lane, const struct job *job, con
 
 /* Curvature of the sensor's response for the merge; 0 where it is within the noise of the
  * calibration. */
-static double bend_of(const struct lane *lane, const Frame *frame) {
+static double bend_of(const struct lane *lane, const struct job *job, const Frame *frame) {
     const struct calibration *calibration = lane->intake->setup.calibration;
-    if (!calibration || !calibration->noise[lane->camera].known)
+    if (!calibration || !calibration->noise[job->camera].known)
         return 0;
-    const struct transfer *t = &calibration->noise[lane->camera].transfer;
+    const struct transfer *t = &calibration->noise[job->camera].transfer;
     if (fabs(t->curvature) <= 3 * t->curvature_error)
         return 0;
     return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
@@ -224,12 +227,12 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
     struct radiance_stats stats;
     radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
-                   bend_of(lane, job->frame), merged, &stats);
+                   bend_of(lane, job, job->frame), merged, &stats);
     file.saturated = stats.saturated;
     const Frame *longest = lane->bracket[conf->n_exposures - 1];
     if (conf->n_exposures > 1)
         file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
-                                             conf->gain_db, bend_of(lane, job->frame));
+                                             conf->gain_db, bend_of(lane, job, job->frame));
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.marks = measure_marks(lane, job, merged);
     result.error = g_steal_pointer(&lane->error);
@@ -483,8 +486,13 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
     g_source_set_callback(intake->wake, intake_on_wake, intake, NULL);
     g_source_attach(intake->wake, NULL);
     intake->lanes = g_ptr_array_new_with_free_func(lane_free);
-    for (int c = 0; c < setup->devices->geometry.n_cameras; c++)
-        g_ptr_array_add(intake->lanes, lane_new(intake, c));
+    const struct rig *rig = &setup->devices->geometry;
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (devices_is_unit(rig, c)) {
+            g_ptr_array_add(intake->lanes, lane_new(intake, c));
+            for (int k = c; k < rig->n_cameras && rig_camera_unit(rig, k) == c; k++)
+                intake->lane_of[k] = (int)intake->lanes->len - 1;
+        }
     return intake;
 }
 
@@ -509,9 +517,9 @@ static void intake_flush(struct lane *lane) {
 
 void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
                   Frame *frame, int retakes, double time_s) {
-    struct lane *lane = intake->lanes->pdata[camera];
+    struct lane *lane = intake->lanes->pdata[intake->lane_of[camera]];
     struct job *job = g_new0(struct job, 1);
-    *job = (struct job){intake->generation, shot, sub, retakes, time_s, frame_ref(frame)};
+    *job = (struct job){intake->generation, shot, camera, sub, retakes, time_s, frame_ref(frame)};
     gsize bytes = job_bytes(job);
     add_bytes(intake, (gssize)bytes);
     g_ptr_array_add(lane->batch, job);
@@ -539,7 +547,7 @@ void intake_discard(Intake *intake) {
 
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error) {
-    struct lane *lane = intake->lanes->pdata[camera];
+    struct lane *lane = intake->lanes->pdata[intake->lane_of[camera]];
     const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
     const char *name = intake->setup.devices->geometry.cameras[camera].name;
     gint64 exposures[SHOT_MAX_DARKS];

@@ -6,7 +6,8 @@
  * The files, and with them the contract with processing. Every part has these attributes
  * (session_frame_path() gives the names):
  *   mesorig.camera (string), mesorig.shot (int), mesorig.turntable_deg, mesorig.arc_deg (double, as
- *   commanded), mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000";
+ *   commanded; with a camera arm or a light probe mesorig.arm_deg, mesorig.probe_deg, too),
+ *   mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000";
  * the first is shorter than planned where too much was saturated), mesorig.dark_dn (double, mean
  * dark level at the longest exposure), mesorig.saturated (int, pixels)
  *

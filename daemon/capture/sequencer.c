@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "geometry/swing.h"
 #include "intake.h"
 #include "radiance.h"
 #include "stage.h"
@@ -90,9 +91,17 @@ static double sweep_at_deg(const struct session_shot *shot, int step) {
 }
 
 static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot *shot, int sub) {
-    struct stage_goal goal = {shot->turntable_deg, shot->arc_deg, -1, -1, -1, 0};
+    const struct rig *rig = &seq->devices->geometry;
+    struct stage_goal goal = {.turntable_deg = shot->turntable_deg,
+                              .arc_deg = shot->arc_deg,
+                              .arm_deg = rig_arm_deg(rig, shot->cameras),
+                              .probe_deg =
+                                  rig_probe_deg(rig, shot->kind == SHOT_LAMP ? shot->device : -1),
+                              .lamp = -1,
+                              .laser = -1,
+                              .sweep = -1};
     if (shot->kind == SHOT_LAMP)
-        goal.lamp = shot->device;
+        goal.lamp = rig_lamp_unit(rig, shot->device);
     if (shot->kind == SHOT_SWEEP) {
         int unit = rig_laser_unit(&seq->devices->timing, shot->device);
         int step = shot_sweep_step(seq->conf, shot, sub);
@@ -314,11 +323,16 @@ static void take_again(Sequencer *seq, int camera, const GError *error) {
 
 static void on_camera(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
                       gpointer data) {
-    struct sequencer_camera *state = data;
-    Sequencer *seq = state->sequencer;
-    guint32 bit = 1u << state->camera;
-    if (seq->state != EXPOSING || !(seq->waiting & bit))
+    const struct sequencer_camera *unit = data;
+    Sequencer *seq = unit->sequencer;
+    int c = unit->camera;
+    while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
+           !(seq->waiting & 1u << c))
+        c++; /* of its stops, the one that is waited for */
+    if (seq->state != EXPOSING || c >= seq->devices->geometry.n_cameras ||
+        seq->devices->cameras[c] != camera)
         return;
+    const guint32 bit = 1u << c;
     switch (event) {
     case CAMERA_EXPOSED:
         seq->exposing &= ~bit;
@@ -326,14 +340,14 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
             advance(seq);
         break;
     case CAMERA_FRAME:
-        take_frame(seq, state->camera, frame);
+        take_frame(seq, c, frame);
         break;
     case CAMERA_FAULT:
         camera_disarm(camera); /* trigger() arms it again */
-        take_again(seq, state->camera, error);
+        take_again(seq, c, error);
         break;
     case CAMERA_REFUSED:
-        take_again(seq, state->camera, error);
+        take_again(seq, c, error);
         break;
     }
 }
@@ -363,7 +377,8 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
     seq->stage = stage_new(devices, &stage_hooks);
     for (int c = 0; c < devices->geometry.n_cameras; c++) {
         seq->states[c] = (struct sequencer_camera){.sequencer = seq, .camera = c};
-        camera_listen(devices->cameras[c], on_camera, &seq->states[c]);
+        if (devices_is_unit(&devices->geometry, c)) /* which of its stops: see on_camera() */
+            camera_listen(devices->cameras[c], on_camera, &seq->states[c]);
     }
     return seq;
 }

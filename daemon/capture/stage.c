@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_AXES (2 + RIG_MAX_LASERS)
+#define MAX_AXES (DEVICES_POSITIONERS + RIG_MAX_LASERS)
 
 struct track { /* an axis */
     Stage *stage;
@@ -135,7 +135,8 @@ static void stage_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, 
         return;
     }
     for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
-        if (stage->devices->lamps[i].bank == bank &&
+        if (rig_lamp_unit(&stage->devices->geometry, i) == i &&
+            stage->devices->lamps[i].bank == bank &&
             (index < 0 || stage->devices->lamps[i].index == index))
             stage->lamps[i] = (struct light){stage->lamps[i].asked, on, at_us};
     }
@@ -184,8 +185,8 @@ Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks) {
     Stage *stage = g_new0(Stage, 1);
     stage->devices = devices;
     stage->hooks = *hooks;
-    add_track(stage, devices->turntable);
-    add_track(stage, devices->arc);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        add_track(stage, devices_positioner(devices, i));
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         add_track(stage, devices->sweeps[i]);
         stage->lasers[i].on =
@@ -193,7 +194,8 @@ Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks) {
         laser_listen(devices->lasers[i], stage_on_laser, stage);
     }
     for (int i = 0; i < devices->geometry.n_lamps; i++)
-        stage->lamps[i].on = lamps_is_on(devices->lamps[i].bank, devices->lamps[i].index);
+        stage->lamps[i].on = rig_lamp_unit(&devices->geometry, i) == i &&
+                             lamps_is_on(devices->lamps[i].bank, devices->lamps[i].index);
     for (int i = 0; i < devices->n_banks; i++)
         lamps_listen(devices->banks[i], stage_on_lamp, stage);
     for (int i = 0; i < devices->n_interlocks; i++)
@@ -313,8 +315,10 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal) {
         if (i != goal->laser)
             switch_laser(stage, i, FALSE);
     }
-    pursue_axis(stage, devices->turntable, goal->turntable_deg);
-    pursue_axis(stage, devices->arc, goal->arc_deg);
+    const double degs[DEVICES_POSITIONERS] = {goal->turntable_deg, goal->arc_deg, goal->arm_deg,
+                                              goal->probe_deg};
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        pursue_axis(stage, devices_positioner(devices, i), degs[i]);
     if (goal->sweep >= 0)
         pursue_axis(stage, devices->sweeps[goal->sweep], goal->sweep_deg);
     if (goal->lamp >= 0)
@@ -332,10 +336,13 @@ static gboolean stands_at(const Stage *stage, Axis *axis, double deg) {
 
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us) {
     const struct devices *devices = stage->devices;
+    const double degs[DEVICES_POSITIONERS] = {goal->turntable_deg, goal->arc_deg, goal->arm_deg,
+                                              goal->probe_deg};
     *ret_at_us = 0;
-    if (!stands_at(stage, devices->turntable, goal->turntable_deg) ||
-        !stands_at(stage, devices->arc, goal->arc_deg) ||
-        (goal->sweep >= 0 && !stands_at(stage, devices->sweeps[goal->sweep], goal->sweep_deg)) ||
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        if (!stands_at(stage, devices_positioner(devices, i), degs[i]))
+            return FALSE;
+    if ((goal->sweep >= 0 && !stands_at(stage, devices->sweeps[goal->sweep], goal->sweep_deg)) ||
         !lights_are(stage->lamps, devices->geometry.n_lamps, goal->lamp) ||
         !lights_are(stage->lasers, devices->geometry.n_lasers, goal->laser))
         return FALSE;

@@ -8,8 +8,9 @@
 #include "rig/devices.h"
 
 struct stage_goal {
-    double turntable_deg, arc_deg;
-    int lamp, laser; /* which is lit; −1: none. Of a laser that is mounted by hand, its unit */
+    double turntable_deg, arc_deg, arm_deg, probe_deg;
+    int lamp, laser; /* which is lit; −1: none. Of a laser that is mounted by hand, its unit; of a
+                        lamp on the probe, its first stop */
     int sweep;       /* the laser whose sweep axis is to stand at sweep_deg; −1: none */
     double sweep_deg;
 };

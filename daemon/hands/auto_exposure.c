@@ -64,11 +64,6 @@ static gint64 choice_least_us(const struct choice *choice, int camera) {
     return MAX(choice->timing->min_exposure_us[camera], 1);
 }
 
-static Frame *choice_snap(const struct choice *choice, int camera, double us, GError **error) {
-    return hand_snap(choice->trial.link, choice->trial.rig->cameras[camera].name, llround(us),
-                     choice->trial.conf->gain_db, error);
-}
-
 /* Searches for an exposure that tells, from *us, which it sets. n_high pixels and n_low pixels are
  * what is looked at. FALSE: a device failed. ret->high is 0 if there is no light. */
 static gboolean choice_measure(const struct choice *choice, int camera, const char *light,
@@ -84,7 +79,7 @@ static gboolean choice_measure(const struct choice *choice, int camera, const ch
     *ret = (struct measured){.camera = camera, .light = light};
     for (int i = 0; i < MOST_PICTURES; i++) {
         *us = CLAMP(*us, shortest_us, MAX(longest_us, shortest_us));
-        g_autoptr(Frame) frame = choice_snap(choice, camera, *us, error);
+        g_autoptr(Frame) frame = trial_snap(&choice->trial, camera, *us, error);
         if (!frame)
             return FALSE;
         const double high = part_of(choice, camera, frame, n_high);
@@ -112,7 +107,7 @@ static gboolean take_dark(struct choice *choice, GError **error) {
     for (int i = 0; i < choice->trial.n_cameras; i++) {
         const int c = choice->trial.cameras[i];
         const struct rig_camera *shape = &choice->trial.rig->cameras[c];
-        g_autoptr(Frame) frame = choice_snap(choice, c, choice->trial.conf->auto_longest_us, error);
+        g_autoptr(Frame) frame = trial_snap(&choice->trial, c, choice->trial.conf->auto_longest_us, error);
         if (!frame)
             return FALSE;
         choice->dark[c] =
@@ -141,9 +136,9 @@ static gboolean try_lamps(struct choice *choice, GError **error) {
         return FALSE;
     for (int i = 0; i < MIN(trial->n_lamps, TRIAL_FIRST_LAMPS); i++) {
         const char *name = trial->rig->lamps[trial->lamps[i]].name;
-        if (!hand_light(trial->link, FALSE, name, TRUE, error) ||
+        if (!trial_light(trial, trial->lamps[i], TRUE, error) ||
             !measure_cameras(choice, name, FALSE, &us, choice->lamps, error) ||
-            !hand_light(trial->link, FALSE, name, FALSE, error))
+            !trial_light(trial, trial->lamps[i], FALSE, error))
             return FALSE;
     }
     return TRUE;

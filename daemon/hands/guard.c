@@ -95,8 +95,7 @@ static void judge_calibration(struct guard *guard) {
 
 static Frame *guard_snap(struct guard *guard, int camera, double exposure_us,
                          struct picture_report *ret, GError **error) {
-    Frame *frame = hand_snap(guard->trial.link, guard->trial.rig->cameras[camera].name,
-                             llround(exposure_us), guard->trial.conf->gain_db, error);
+    Frame *frame = trial_snap(&guard->trial, camera, exposure_us, error);
     if (!frame)
         return NULL;
     guard->seen[camera].bits = frame->bits;
@@ -201,17 +200,16 @@ static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **e
 }
 
 static gboolean try_lamp(struct guard *guard, int lamp, GError **error) {
-    const char *name = guard->trial.rig->lamps[lamp].name;
     const guint before = guard->fiducials->len;
     guard->n_shots++;
     guard->tried[lamp] = TRUE;
-    if (!hand_light(guard->trial.link, FALSE, name, TRUE, error))
+    if (!trial_light(&guard->trial, lamp, TRUE, error))
         return FALSE;
     for (int i = 0; i < guard->trial.n_cameras; i++)
         if (!try_camera(guard, lamp, guard->trial.cameras[i], error))
             return FALSE;
     compare_shot(guard, before);
-    return hand_light(guard->trial.link, FALSE, name, FALSE, error);
+    return trial_light(&guard->trial, lamp, FALSE, error);
 }
 
 static void judge_camera(struct guard *guard, int camera) {

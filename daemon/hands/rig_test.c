@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "geometry/swing.h"
 #include "hand_link.h"
 #include "hands.h"
 #include "picture_report.h"
@@ -78,7 +79,8 @@ static void try_axis(struct trial *trial, const char *name) {
 
 static void try_camera(struct trial *trial, int i) {
     g_autoptr(GError) error = NULL;
-    const char *name = trial->rig.cameras[i].name;
+    char name[RIG_NAME];
+    rig_stop_device(trial->rig.cameras[i].name, trial->rig.cameras[i].on_arm, name);
     g_autoptr(Frame) frame = hand_snap(trial->link, name, exposure_us, 0, &error);
     if (!frame) {
         trial_fail(trial, "camera", name, error);
@@ -104,8 +106,9 @@ static void try_light(struct trial *trial, gboolean laser, const char *name) {
     for (int i = 0; i < trial->rig.n_cameras && !error; i++) {
         if (!trial->dark_known[i])
             continue;
-        g_autoptr(Frame) frame =
-            hand_snap(trial->link, trial->rig.cameras[i].name, exposure_us, 0, &error);
+        char camera[RIG_NAME];
+        rig_stop_device(trial->rig.cameras[i].name, trial->rig.cameras[i].on_arm, camera);
+        g_autoptr(Frame) frame = hand_snap(trial->link, camera, exposure_us, 0, &error);
         if (!frame)
             break;
         const struct picture_report lit = picture_report(frame), *dark = &trial->dark[i];
@@ -152,9 +155,14 @@ static void try_all(struct trial *trial) {
         }
     }
     for (int i = 0; i < trial->rig.n_cameras; i++)
-        try_camera(trial, i);
-    for (int i = 0; i < trial->rig.n_lamps; i++)
-        try_light(trial, FALSE, trial->rig.lamps[i].name);
+        if (rig_camera_unit(&trial->rig, i) == i)
+            try_camera(trial, i);
+    for (int i = 0; i < trial->rig.n_lamps; i++) {
+        char lamp[RIG_NAME];
+        rig_stop_device(trial->rig.lamps[i].name, trial->rig.lamps[i].on_probe, lamp);
+        if (rig_lamp_unit(&trial->rig, i) == i)
+            try_light(trial, FALSE, lamp);
+    }
     if (!devices)
         return;
     GVariantIter iter;

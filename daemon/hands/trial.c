@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "geometry/rig.h"
+#include "geometry/swing.h"
 #include "hand_link.h"
 
 /* How far a device may stand from the ring that it serves; as the plan has it. */
@@ -102,8 +102,9 @@ gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_
         return TRUE;
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health)) {
-        const gboolean arc = strcmp(name, "arc") == 0, table = strcmp(name, "turntable") == 0;
-        if (strcmp(class_name, "axis") != 0 || (!arc && !table))
+        static const char *const homed[] = {"turntable", "arc", "arm", "probe", NULL};
+        const gboolean arc = strcmp(name, "arc") == 0;
+        if (strcmp(class_name, "axis") != 0 || !g_strv_contains(homed, name))
             continue;
         if (!hand_home(trial->link, name, &deg, error) ||
             (arc && !hand_move(trial->link, name, free_azimuth_deg(trial->rig, ring), &deg, error)))
@@ -112,6 +113,28 @@ gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_
             *ret_arc_deg = deg;
     }
     return TRUE;
+}
+
+Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, GError **error) {
+    const struct rig_camera *at = &trial->rig->cameras[camera];
+    char device[RIG_NAME];
+    double deg;
+
+    rig_stop_device(at->name, at->on_arm, device);
+    if (at->on_arm && !hand_move(trial->link, "arm", at->arm_deg, &deg, error))
+        return NULL;
+    return hand_snap(trial->link, device, llround(exposure_us), trial->conf->gain_db, error);
+}
+
+gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **error) {
+    const struct rig_lamp *at = &trial->rig->lamps[lamp];
+    char device[RIG_NAME];
+    double deg;
+
+    rig_stop_device(at->name, at->on_probe, device);
+    return (!on || !at->on_probe ||
+            hand_move(trial->link, "probe", at->probe_deg, &deg, error)) &&
+           hand_light(trial->link, FALSE, device, on, error);
 }
 
 double trial_rounded_us(double us) {

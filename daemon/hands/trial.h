@@ -22,11 +22,16 @@ struct trial {
 void trial_init(struct trial *trial, Link *link, const struct session_conf *conf,
                 const struct rig *rig);
 
-/* Homes turntable and arc, and turns the arc to the planned light or laser position (lasers)
+/* Homes turntable, arc, arm and probe, and turns the arc to the planned light or laser position (lasers)
  * farthest from the cameras, where it stands in no picture. An axis that the rig lacks is left out.
  * ret_arc_deg: where the arc stands now. */
 gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
                     GError **error);
+
+/* A picture of a camera, which the arm is first brought to the stop of. */
+Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, GError **error);
+/* Switches a lamp, which the probe is first brought to the stop of. */
+gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **error);
 
 /* To two digits: more of an exposure is not known. */
 double trial_rounded_us(double us);

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "geometry/swing.h"
 #include "shot_frames.h"
 
 #define DEG(rad) ((rad) * (180 / G_PI))
@@ -49,20 +50,42 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
 struct pose_plan { /* shots of some cameras in one pose */
     gint64 turn_udeg, arc_udeg;
     guint32 cameras;
-    int azimuth; /* index into azimuths */
+    gint64 probe_udeg; /* lamps of other stops of the probe have a pose of their own */
+    int azimuth;       /* index into azimuths */
     enum session_shot_state state;
     const char *note;
 };
 
+static guint pose_hash(gconstpointer key) {
+    const struct plan_pose *p = key;
+    const gint64 udeg[] = {p->turntable_udeg, p->arc_udeg, p->arm_udeg, p->probe_udeg};
+    guint hash = 0;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(udeg); i++)
+        hash = hash * 31 + g_int64_hash(&udeg[i]);
+    return hash;
+}
+
+static gboolean pose_equal(gconstpointer a, gconstpointer b) {
+    const struct plan_pose *p = a, *q = b;
+
+    return p->turntable_udeg == q->turntable_udeg && p->arc_udeg == q->arc_udeg &&
+           p->arm_udeg == q->arm_udeg && p->probe_udeg == q->probe_udeg;
+}
+
+static gint64 probe_udeg(const struct plan_build *b, enum session_shot_kind kind, int device) {
+    return llround(rig_probe_deg(b->rig, kind == SHOT_LAMP ? device : -1) * UDEG);
+}
+
 static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
                          enum session_shot_kind kind, const struct session_direction *source,
                          int device, GError **error) {
-    gint64 key = p->turn_udeg * 4 * PLAN_FULL_TURN + p->arc_udeg;
+    const struct plan_pose key = {p->turn_udeg, p->arc_udeg,
+                                  llround(rig_arm_deg(b->rig, p->cameras) * UDEG), p->probe_udeg};
     int pose = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
     if (pose < 0) {
-        struct plan_pose added = {p->turn_udeg, p->arc_udeg};
         pose = (int)b->poses->len;
-        g_array_append_val(b->poses, added);
+        g_array_append_val(b->poses, key);
         g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(pose + 1));
     }
     struct session_shot shot = {.kind = kind,
@@ -125,6 +148,8 @@ static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *fro
     struct pose_plan p = *from;
     g_autofree char *text = NULL;
 
+    if (probe_udeg(b, kind, device) != p.probe_udeg)
+        return TRUE;
     if (off_deg > PLAN_TOLERANCE_DEG) {
         p.note = text =
             g_strdup_printf("skipped: no %s stands where its light would come from", what);
@@ -165,7 +190,8 @@ static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GErro
         for (guint i = 0; i < sources[k].directions->len; i++) {
             const struct session_direction *source =
                 &g_array_index(sources[k].directions, struct session_direction, i);
-            if (g_array_index(sources[k].at, int, i) != p->azimuth)
+            if (g_array_index(sources[k].at, int, i) != p->azimuth ||
+                (!fixed && probe_udeg(b, sources[k].kind, source->device) != p->probe_udeg))
                 continue;
             if (!(fixed && p->state == SHOT_PLANNED
                       ? add_fixed_shot(b, p, sources[k].kind, source, error)
@@ -175,21 +201,22 @@ static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GErro
     return TRUE;
 }
 
-/* Positions (struct vec3), with the arc at 0, of the lights on the arc that shine at one azimuth.
- */
-static GArray *lights_at(const struct plan_build *b, int azimuth) {
+/* Positions (struct vec3), with the arc at 0, of the lights on the arc that shine at one azimuth
+ * with the probe at an angle. */
+static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) {
     GArray *positions = g_array_new(FALSE, FALSE, sizeof(struct vec3));
 
     if (g_array_index(b->azimuths, struct plan_angle, azimuth).fixed)
         return positions;
     for (guint i = 0; i < b->lights->len; i++) {
         int lamp = g_array_index(b->lights, struct session_direction, i).device;
-        if (g_array_index(b->light_at, int, i) == azimuth)
+        if (g_array_index(b->light_at, int, i) == azimuth &&
+            probe_udeg(b, SHOT_LAMP, lamp) == probe)
             g_array_append_val(positions, b->rig->lamps[lamp].position_mm);
     }
     for (guint i = 0; i < b->lasers->len; i++) {
         int laser = g_array_index(b->lasers, struct session_direction, i).device;
-        if (g_array_index(b->laser_at, int, i) == azimuth)
+        if (g_array_index(b->laser_at, int, i) == azimuth && probe_udeg(b, SHOT_SWEEP, laser) == probe)
             g_array_append_val(positions, b->rig->lasers[laser].position_mm);
     }
     return positions;
@@ -226,11 +253,14 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArr
 }
 
 static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, int azimuth,
-                         GError **error) {
-    g_autoptr(GArray) lights = lights_at(b, azimuth);
+                         gint64 probe, GError **error) {
+    g_autoptr(GArray) lights = lights_at(b, azimuth, probe);
     const struct plan_angle *at = &g_array_index(b->azimuths, struct plan_angle, azimuth);
     gint64 arc_udeg = at->fixed ? 0 : turn->udeg + at->udeg;
-    struct pose_plan p = {.turn_udeg = turn->udeg, .azimuth = azimuth, .state = SHOT_PLANNED};
+    struct pose_plan p = {.turn_udeg = turn->udeg,
+                          .azimuth = azimuth,
+                          .probe_udeg = probe,
+                          .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
         g_set_error(
@@ -250,16 +280,37 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
     return !blocked || add_blocked(b, p, lights, error);
 }
 
+/* The angles (gint64) of the probe at which the session's lights shine, and that of sweeps. */
+static GArray *probe_angles(const struct plan_build *b) {
+    GArray *angles = g_array_new(FALSE, FALSE, sizeof(gint64));
+
+    for (int i = -1; i < b->rig->n_lamps; i++) {
+        const gint64 udeg = probe_udeg(b, SHOT_LAMP, i);
+        gboolean known = FALSE;
+        for (guint k = 0; k < angles->len; k++)
+            known |= g_array_index(angles, gint64, k) == udeg;
+        if (!known)
+            g_array_append_val(angles, udeg);
+    }
+    return angles;
+}
+
 static gboolean add_poses(struct plan_build *b, GError **error) {
     struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
+    g_autoptr(GArray) probes = probe_angles(b);
 
-    for (guint t = 0; t < b->turns->len; t++)
-        dark.cameras |= g_array_index(b->turns, struct plan_angle, t).cameras;
+    /* One dark frame serves all stops of a camera. */
+    for (guint i = 0; i < b->views->len; i++)
+        dark.cameras |=
+            1u << rig_camera_unit(
+                b->rig, g_array_index(b->views, struct session_direction, i).device);
     g_array_append_val(b->shots, dark);
     for (guint t = 0; t < b->turns->len; t++)
         for (guint a = 0; a < b->azimuths->len; a++)
-            if (!add_pose(b, &g_array_index(b->turns, struct plan_angle, t), (int)a, error))
-                return FALSE;
+            for (guint k = 0; k < probes->len; k++)
+                if (!add_pose(b, &g_array_index(b->turns, struct plan_angle, t), (int)a,
+                              g_array_index(probes, gint64, k), error))
+                    return FALSE;
     return TRUE;
 }
 
@@ -333,14 +384,14 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
     g_array_append_vals(nested, b->shots->data, b->shots->len);
-    plan_order(nested, poses, n_poses, b->timing, ORDER_VIEWS);
+    plan_order(nested, poses, n_poses, b->rig, b->timing, ORDER_VIEWS);
     const double homing_s = plan_homing_s(b->rig, b->timing);
     double first_s;
-    plan->nested_s = plan_total_s(nested, b->conf, b->timing, &first_s);
+    plan->nested_s = plan_total_s(nested, b->conf, b->rig, b->timing, &first_s);
     plan->lower_bound_s =
-        homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
-    plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing, b->conf->order);
-    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing, &first_s) + homing_s + first_s;
+        homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->rig, b->timing);
+    plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
+    plan->predicted_s = plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     /* Orders are chosen by what follows their first pose: this begins with the same move. */
     plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
@@ -413,6 +464,11 @@ static struct plan *plan_finish(struct plan_build *b) {
                         g_strdup("one view: what is seen from there under each light (an "
                                  "RTI set, for PTM and HSH); there will be nothing of "
                                  "other views"));
+    else if (plan_is_absent(&b->timing->turntable))
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("no turntable: %u views, where the cameras stand; there will be "
+                                        "nothing of directions between them but what is interpolated",
+                                        b->views->len));
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
                                           .n_lights = (int)b->lights->len,
@@ -491,7 +547,7 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     b.light_at = g_array_new(FALSE, FALSE, sizeof(int));
     b.laser_at = g_array_new(FALSE, FALSE, sizeof(int));
     b.poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
-    b.pose_index = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
+    b.pose_index = g_hash_table_new_full(pose_hash, pose_equal, g_free, NULL);
     b.shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
     b.notes = owning_array(sizeof(struct plan_note), plan_clear_note);
     if (plan_add_directions(&b, &why) && plan_check_directions(&b, &why) &&

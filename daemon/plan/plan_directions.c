@@ -5,16 +5,20 @@
 #define MOST_LISTED 12
 
 /* A device for some directions: where a camera stands, or a lamp or laser with the arc at 0. fixed:
- * of lamps and lasers, that stand by themselves. */
+ * of lamps and lasers, that stand by themselves. on_arm: of cameras, that the arm stands at
+ * arm_udeg. axis_deg: where the axis that carries it stands, if axis is not NULL. */
 struct candidate {
     const char *name;
     double theta_deg;
     gint64 phi_udeg;
     gboolean fixed;
+    gboolean on_arm;
+    gint64 arm_udeg;
+    const struct axis_motion *axis;
+    double axis_deg;
 };
 
-/* An axis that is not there. */
-static gboolean is_absent(const struct axis_motion *motion) {
+gboolean plan_is_absent(const struct axis_motion *motion) {
     return !motion->wraps && motion->min_deg == 0 && motion->max_deg == 0;
 }
 
@@ -46,7 +50,10 @@ static struct candidate candidate_of(const char *name, struct vec3 position_mm, 
     rig_angles(position_mm, &theta, &phi);
     if (sin(theta) < 1e-6) /* overhead, every azimuth is as good */
         phi = 0;
-    return (struct candidate){name, DEG(theta), plan_wrap(llround(DEG(phi) * UDEG)), fixed};
+    return (struct candidate){.name = name,
+                              .theta_deg = DEG(theta),
+                              .phi_udeg = plan_wrap(llround(DEG(phi) * UDEG)),
+                              .fixed = fixed};
 }
 
 struct candidates {                  /* of one kind */
@@ -97,11 +104,14 @@ static gboolean no_candidate(const struct candidates *candidates, double theta_d
     return FALSE;
 }
 
-static int find_udeg(const GArray *angles, gint64 udeg) {
-    for (guint i = 0; i < angles->len; i++)
-        if (!g_array_index(angles, struct plan_angle, i).fixed &&
-            g_array_index(angles, struct plan_angle, i).udeg == udeg)
+/* The angle of a value with which a candidate goes: one on the arm needs it at its own stop. */
+static int find_angle(const GArray *angles, gint64 udeg, const struct candidate *candidate) {
+    for (guint i = 0; i < angles->len; i++) {
+        const struct plan_angle *angle = &g_array_index(angles, struct plan_angle, i);
+        if (!angle->fixed && angle->udeg == udeg &&
+            (!candidate->on_arm || !angle->on_arm || angle->arm_udeg == candidate->arm_udeg))
             return (int)i;
+    }
     return -1;
 }
 
@@ -124,10 +134,10 @@ static int plan_directions_choose(const struct candidates *candidates, double th
             fabs(candidates->list[i].theta_deg - theta_deg) > PLAN_TOLERANCE_DEG)
             continue;
         gint64 udeg = plan_wrap(candidates->sign * (candidates->list[i].phi_udeg - phi_udeg));
-        if (candidates->limits && is_absent(candidates->limits) && is_near(udeg, theta_deg))
+        if (candidates->limits && plan_is_absent(candidates->limits) && is_near(udeg, theta_deg))
             udeg = 0;
         gboolean reached = !candidates->limits || plan_axis_reach(candidates->limits, udeg, &udeg);
-        int merit = 2 * reached + (find_udeg(angles, udeg) >= 0);
+        int merit = 2 * reached + (find_angle(angles, udeg, &candidates->list[i]) >= 0);
         if (merit > best) {
             best = merit;
             chosen = i;
@@ -193,6 +203,20 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
+/* Whether the axis that carries a device can stop where it must. */
+static gboolean check_axis(const struct candidates *candidates, const struct candidate *c,
+                           GError **error) {
+    if (!c->axis || c->axis->wraps ||
+        (c->axis_deg >= c->axis->min_deg && c->axis_deg <= c->axis->max_deg))
+        return TRUE;
+    plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, candidates->section, NULL,
+                   "[axis %s] cannot turn to %g°, the stop of %s %s: its limits are %g° to %g°. "
+                   "Change the rings, or the stops or the limits in the rig file",
+                   c->on_arm ? "arm" : "probe", c->axis_deg, candidates->kind, c->name,
+                   c->axis->min_deg, c->axis->max_deg);
+    return FALSE;
+}
+
 /* Adds a direction and the angle that shows it. A camera at azimuth φ_c sees the sample from φ_c −
  * τ: the angle is the turntable's τ. The sample sees a lamp or laser at φ = α − τ plus its own
  * azimuth at α = 0: the angle is α − τ. */
@@ -207,6 +231,8 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
         plan_directions_choose(candidates, theta_deg, llround(phi_deg * UDEG), angles, &udeg);
     if (d.device < 0 && angle_of &&
         (d.device = fixed_anywhere(b, candidates->shot, theta_deg, phi_deg)) >= 0) {
+        if (!check_axis(candidates, &candidates->list[d.device], error))
+            return FALSE;
         const int at = fixed_angle(angles);
         g_array_append_val(angle_of, at);
         g_array_append_val(directions, d);
@@ -216,7 +242,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
         return no_candidate(candidates, theta_deg, phi_deg, error);
     const struct candidate *candidate = &candidates->list[d.device];
     const struct axis_motion *limits = candidates->limits;
-    if (limits && is_absent(limits) && udeg != 0) {
+    if (limits && plan_is_absent(limits) && udeg != 0) {
         plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, "views", NULL,
                        "no camera stands at theta %g° phi %g° (within %g°), and there is no [axis "
                        "turntable] in the rig file that would turn the sample before one: give the "
@@ -233,11 +259,17 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
                        limits->max_deg);
         return FALSE;
     }
-    int at = find_udeg(angles, udeg);
+    if (!check_axis(candidates, candidate, error))
+        return FALSE;
+    int at = find_angle(angles, udeg, candidate);
     if (at < 0) {
         struct plan_angle angle = {.udeg = udeg};
         g_array_append_val(angles, angle);
         at = (int)angles->len - 1;
+    }
+    if (candidate->on_arm) {
+        g_array_index(angles, struct plan_angle, at).on_arm = TRUE;
+        g_array_index(angles, struct plan_angle, at).arm_udeg = candidate->arm_udeg;
     }
     if (fabs(candidate->theta_deg - theta_deg) > 1e-6)
         d.note =
@@ -330,12 +362,22 @@ gboolean plan_add_directions(struct plan_build *b, GError **error) {
                                 .missing = PLAN_ERROR_NO_LASER,
                                 .sign = -1};
 
-    for (int i = 0; i < rig->n_cameras; i++)
-        cameras.list[cameras.n++] =
-            candidate_of(rig->cameras[i].name, rig_camera_centre_mm(&rig->cameras[i]), FALSE);
-    for (int i = 0; i < rig->n_lamps; i++)
-        lamps.list[lamps.n++] =
-            candidate_of(rig->lamps[i].name, rig->lamps[i].position_mm, rig->lamps[i].fixed);
+    for (int i = 0; i < rig->n_cameras; i++) {
+        const struct rig_camera *camera = &rig->cameras[i];
+        struct candidate *candidate = &cameras.list[cameras.n++];
+        *candidate = candidate_of(camera->name, rig_camera_centre_mm(camera), FALSE);
+        candidate->on_arm = camera->on_arm;
+        candidate->arm_udeg = llround(camera->arm_deg * UDEG);
+        candidate->axis = camera->on_arm ? &b->timing->arm : NULL;
+        candidate->axis_deg = camera->arm_deg;
+    }
+    for (int i = 0; i < rig->n_lamps; i++) {
+        const struct rig_lamp *lamp = &rig->lamps[i];
+        struct candidate *candidate = &lamps.list[lamps.n++];
+        *candidate = candidate_of(lamp->name, lamp->position_mm, lamp->fixed);
+        candidate->axis = lamp->on_probe ? &b->timing->probe : NULL;
+        candidate->axis_deg = lamp->probe_deg;
+    }
     for (int i = 0; i < rig->n_lasers; i++)
         lasers.list[lasers.n++] =
             candidate_of(rig->lasers[i].name, rig->lasers[i].position_mm, rig->lasers[i].fixed);

@@ -31,6 +31,7 @@ struct orderer {
     int block;                       /* that is being ordered */
     int before;                      /* the last shot of the block before, −1: none */
     const struct session_shot *dark; /* the shot before the first one, or NULL */
+    const struct rig *rig;
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;
@@ -55,8 +56,8 @@ static int compare_lamps(gconstpointer a, gconstpointer b, gpointer data) {
 static int compare_sweeps(gconstpointer a, gconstpointer b, gpointer data) {
     const struct orderer *o = data;
     guint x = *(const guint *)a, y = *(const guint *)b;
-    double s = plan_lead_s(NULL, plan_order_shot_at(o->shots, x), o->timing);
-    double t = plan_lead_s(NULL, plan_order_shot_at(o->shots, y), o->timing);
+    double s = plan_lead_s(NULL, plan_order_shot_at(o->shots, x), o->rig, o->timing);
+    double t = plan_lead_s(NULL, plan_order_shot_at(o->shots, y), o->rig, o->timing);
 
     if (s != t)
         return s > t ? -1 : 1;
@@ -102,7 +103,7 @@ static void append_sweeps(struct orderer *o, Order *order, const GArray *sweeps)
 static double first_lead_s(const struct orderer *o, const GArray *indices) {
     return indices->len
                ? plan_lead_s(NULL, plan_order_shot_at(o->shots, g_array_index(indices, guint, 0)),
-                             o->timing)
+                             o->rig, o->timing)
                : 0;
 }
 
@@ -195,23 +196,26 @@ static void order_by_lamps(struct orderer *o, Order *order, int beside) {
 }
 
 static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
-    const struct session_shot *s = plan_order_shot_at(data, *(const guint *)a);
-    const struct session_shot *t = plan_order_shot_at(data, *(const guint *)b);
+    const struct orderer *o = data;
+    const struct session_shot *s = plan_order_shot_at(o->shots, *(const guint *)a);
+    const struct session_shot *t = plan_order_shot_at(o->shots, *(const guint *)b);
+    const struct plan_pose *p = &o->moves->poses[s->pose], *q = &o->moves->poses[t->pose];
+    const gint64 apart[] = {p->turntable_udeg - q->turntable_udeg, p->arm_udeg - q->arm_udeg,
+                            p->arc_udeg - q->arc_udeg, p->probe_udeg - q->probe_udeg};
 
-    if (s->turntable_deg != t->turntable_deg)
-        return s->turntable_deg > t->turntable_deg ? 1 : -1;
-    if (s->arc_deg != t->arc_deg)
-        return s->arc_deg > t->arc_deg ? 1 : -1;
+    for (gsize i = 0; i < G_N_ELEMENTS(apart); i++)
+        if (apart[i] != 0)
+            return apart[i] > 0 ? 1 : -1;
     if (s->kind != t->kind)
         return s->kind > t->kind ? 1 : -1;
-    return compare_lamps(a, b, data);
+    return compare_lamps(a, b, o->shots);
 }
 
 static void order_nested(const struct orderer *o, Order *order) {
     for (guint i = 0; i < o->shots->len; i++)
         if (is_ours(o, i))
             g_array_append_val(order, i);
-    g_array_sort_with_data(order, compare_nested, o->shots);
+    g_array_sort_with_data(order, compare_nested, (gpointer)o);
 }
 
 /* The shots in an order, with the dark ones, which go where the first pose is, before them, and
@@ -254,10 +258,10 @@ static double plan_order_between(gconstpointer data, int from, int to) {
     if (from < 0)
         from = o->before;
     if (from < 0)
-        return plan_lead_s(o->dark, next, o->timing);
+        return plan_lead_s(o->dark, next, o->rig, o->timing);
     const struct session_shot *before = plan_order_shot_at(o->shots, (guint)from);
     double move_s = plan_move_s(o->moves, before->pose, next->pose);
-    double lead_s = plan_lead_s(before, next, o->timing);
+    double lead_s = plan_lead_s(before, next, o->rig, o->timing);
     return MAX(move_s, lead_s);
 }
 
@@ -402,9 +406,9 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     return best;
 }
 
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const struct rig *rig,
                const struct rig_timing *timing, enum session_order wanted) {
-    struct orderer o = {.shots = shots, .timing = timing, .before = -1};
+    struct orderer o = {.shots = shots, .rig = rig, .timing = timing, .before = -1};
     g_autofree int *block_of = g_new0(int, shots->len);
     const int n_blocks = block_by_mount(shots, timing, block_of);
     int visit = -1, pose = -1;

@@ -13,16 +13,19 @@
 #define PLAN_FULL_TURN ((gint64)360 * UDEG)
 
 struct plan_pose {
-    gint64 turntable_udeg, arc_udeg;
+    gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
 /* An angle that some direction needs: of the turntable, with the cameras that show a view there, or
  * the light's azimuth α − τ (no cameras). All lamps and lasers that stand by themselves have one
- * together (fixed), at which the arc, if there is one, stands at 0. */
+ * together (fixed), at which the arc, if there is one, stands at 0. Where one of the cameras is on
+ * the arm (on_arm), all of those on it are at one of its stops, arm_udeg. */
 struct plan_angle {
     gint64 udeg;
     guint32 cameras;
     gboolean fixed;
+    gboolean on_arm;
+    gint64 arm_udeg;
 };
 
 struct plan_build {
@@ -58,6 +61,9 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
 
 gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 
+/* An axis that the rig lacks. */
+gboolean plan_is_absent(const struct axis_motion *motion);
+
 /* The position of an axis for an angle: that in [0, 360) if the axis wraps, else the one within its
  * limits that is nearest to 0. FALSE if there is none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
@@ -84,7 +90,7 @@ guint64 plan_bytes(const struct plan_build *b);
  * it will lack. g_free(); NULL: none. */
 char *plan_missing(const struct session_plan *plan);
 
-/* Times of moves between poses, both axes together; tables, so that orders are tried quickly. */
+/* Times of moves between poses, all axes together; tables, so that orders are tried quickly. */
 struct plan_axis_moves {
     gboolean wraps;
     int *at;   /* row of each pose in the table */
@@ -95,7 +101,7 @@ struct plan_axis_moves {
 struct plan_moves {
     int n;
     const struct plan_pose *poses; /* borrowed */
-    struct plan_axis_moves turntable, arc;
+    struct plan_axis_moves turntable, arc, arm, probe;
 };
 
 struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
@@ -109,7 +115,11 @@ static inline double plan_axis_move_s(const struct plan_axis_moves *axis, int fr
 static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
     double turn = plan_axis_move_s(&m->turntable, from, to);
     double arc = plan_axis_move_s(&m->arc, from, to);
-    return turn > arc ? turn : arc;
+    double arm = plan_axis_move_s(&m->arm, from, to);
+    double probe = plan_axis_move_s(&m->probe, from, to);
+    double longest = turn > arc ? turn : arc;
+    longest = arm > longest ? arm : longest;
+    return probe > longest ? probe : longest;
 }
 
 /* A path through numbered elements, with a cost for every step, also for that to the first (from
@@ -137,8 +147,8 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
  * places.
  *
  * ORDER_QUICKEST: the quickest that is found. ORDER_VIEWS: that of a program that does not plan:
- * for τ, for α, for lamps, for lasers. */
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+ * for τ, for the arm, for α, for the probe, for lamps, for lasers. */
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const struct rig *rig,
                const struct rig_timing *timing, enum session_order wanted);
 
 /* From the first exposure of a shot to the end of its last. */
@@ -148,16 +158,17 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
 /* Least time between the last exposure of a shot and the first of the next one in the same pose:
  * warm-up, the sweep's way back, read-out. previous may be NULL. */
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
-                   const struct rig_timing *timing);
+                   const struct rig *rig, const struct rig_timing *timing);
 
 /* Read-out of the slowest camera of a shot. */
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 
 /* From the pose of the first shot on. ret_first_s: what the move from where homing leaves the axes,
  * at 0, into that pose adds. */
-double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig_timing *timing,
-                    double *ret_first_s);
+double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing, double *ret_first_s);
 
 /* shots[i].pose is an index into poses; see plan.h and plan_time.c for the argument. */
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
-                          const struct session_conf *conf, const struct rig_timing *timing);
+                          const struct session_conf *conf, const struct rig *rig,
+                          const struct rig_timing *timing);

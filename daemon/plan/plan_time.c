@@ -1,10 +1,11 @@
 #include "plan_private.h"
 
+#include "geometry/swing.h"
 #include "shot_frames.h"
 
 /*
  * The sequencer's time, as it is predicted. Before each picture everything is prepared at once:
- * both axes of the pose move, the lamp or laser is switched on and warms up, the sweep axis goes to
+ * all axes of the pose move, the lamp or laser is switched on and warms up, the sweep axis goes to
  * its first step; frames of the previous picture are read out meanwhile. All of this begins when
  * the last exposure of the previous picture has ended. A lamp that is still on from the previous
  * shot stays on and is warm. Within a bracket only read-out is waited for, within a sweep read-out
@@ -53,40 +54,66 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
 
 /* The laser's own sweep is taken to have ended where this one does: the way back is the same. */
 static double light_s(const struct session_shot *previous, const struct session_shot *shot,
-                      const struct rig_timing *timing) {
+                      const struct rig *rig, const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)
         return MAX(
             timing->laser_warm_up_s[shot->device],
             axis_move_time_s(&timing->sweep[shot->device], middle_deg(shot), shot->sweep_from_deg));
     if (shot->kind == SHOT_DARK ||
-        (previous && previous->kind == SHOT_LAMP && previous->device == shot->device))
+        (previous && previous->kind == SHOT_LAMP &&
+         rig_lamp_unit(rig, previous->device) == rig_lamp_unit(rig, shot->device)))
         return 0;
     return timing->lamp_warm_up_s[shot->device];
 }
 
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
-                   const struct rig_timing *timing) {
+                   const struct rig *rig, const struct rig_timing *timing) {
     double readout_s = previous ? plan_readout_s(previous, timing) : 0;
 
-    return MAX(light_s(previous, shot, timing), readout_s);
+    return MAX(light_s(previous, shot, rig, timing), readout_s);
+}
+
+static struct plan_pose pose_of(const struct session_shot *shot, const struct rig *rig) {
+    const int lamp = shot->kind == SHOT_LAMP ? shot->device : -1;
+
+    return (struct plan_pose){llround(shot->turntable_deg * UDEG), llround(shot->arc_deg * UDEG),
+                              llround(rig_arm_deg(rig, shot->cameras) * UDEG),
+                              llround(rig_probe_deg(rig, lamp) * UDEG)};
+}
+
+/* All axes move at once. */
+static double pose_move_s(const struct plan_pose *from, const struct plan_pose *to,
+                          const struct rig_timing *timing) {
+    const struct {
+        const struct axis_motion *motion;
+        gint64 from, to;
+    } axes[] = {{&timing->turntable, from->turntable_udeg, to->turntable_udeg},
+                {&timing->arc, from->arc_udeg, to->arc_udeg},
+                {&timing->arm, from->arm_udeg, to->arm_udeg},
+                {&timing->probe, from->probe_udeg, to->probe_udeg}};
+    double longest_s = 0;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        longest_s = MAX(longest_s, axis_move_time_s(axes[i].motion, (double)axes[i].from / UDEG,
+                                                    (double)axes[i].to / UDEG));
+    return longest_s;
 }
 
 void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
-                 const struct rig_timing *timing, double turntable_deg, double arc_deg,
-                 double *ret_left_s) {
+                 const struct rig *rig, const struct rig_timing *timing,
+                 const struct session_shot *from, double *ret_left_s) {
     const struct session_shot *previous = NULL;
+    struct plan_pose at = from ? pose_of(from, rig) : (struct plan_pose){0};
 
     for (int i = 0; i < n; i++) {
         ret_left_s[i] = 0;
         if (shots[i]->state != SHOT_PLANNED)
             continue;
-        double turn = axis_move_time_s(&timing->turntable, turntable_deg, shots[i]->turntable_deg);
-        double arc = axis_move_time_s(&timing->arc, arc_deg, shots[i]->arc_deg);
-        double lead = plan_lead_s(previous, shots[i], timing);
-        ret_left_s[i] = MAX(lead, MAX(turn, arc)) + plan_shot_s(shots[i], conf, timing);
+        const struct plan_pose to = pose_of(shots[i], rig);
+        double lead = plan_lead_s(previous, shots[i], rig, timing);
+        ret_left_s[i] = MAX(lead, pose_move_s(&at, &to, timing)) + plan_shot_s(shots[i], conf, timing);
         previous = shots[i];
-        turntable_deg = previous->turntable_deg;
-        arc_deg = previous->arc_deg;
+        at = to;
     }
     ret_left_s[n] = previous ? plan_readout_s(previous, timing) : 0;
     for (int i = n - 1; i >= 0; i--)
@@ -94,16 +121,17 @@ void plan_left_s(const struct session_shot *const *shots, int n, const struct se
 }
 
 double plan_remaining_s(const struct session_shot *const *shots, int n,
-                        const struct session_conf *conf, const struct rig_timing *timing,
-                        double turntable_deg, double arc_deg) {
+                        const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing, const struct session_shot *from) {
     g_autofree double *left_s = g_new(double, n + 1);
 
-    plan_left_s(shots, n, conf, timing, turntable_deg, arc_deg, left_s);
+    plan_left_s(shots, n, conf, rig, timing, from, left_s);
     return left_s[0];
 }
 
 double plan_homing_s(const struct rig *rig, const struct rig_timing *timing) {
-    double longest_s = MAX(timing->turntable.homing_s, timing->arc.homing_s);
+    double longest_s = MAX(MAX(timing->turntable.homing_s, timing->arc.homing_s),
+                           MAX(timing->arm.homing_s, timing->probe.homing_s));
 
     for (int i = 0; i < rig->n_lasers; i++)
         longest_s = MAX(longest_s, timing->sweep[i].homing_s);
@@ -111,8 +139,8 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing) {
 }
 
 /* ret_first_s: of the first move, from where homing leaves the axes. */
-double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig_timing *timing,
-                    double *ret_first_s) {
+double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing, double *ret_first_s) {
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, shots->len);
     const struct session_shot *first = NULL;
 
@@ -121,10 +149,9 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
         if (!first && list[i]->state == SHOT_PLANNED)
             first = list[i];
     }
-    const double total_s = first ? plan_remaining_s(list, (int)shots->len, conf, timing,
-                                                    first->turntable_deg, first->arc_deg)
-                                 : 0;
-    *ret_first_s = plan_remaining_s(list, (int)shots->len, conf, timing, 0, 0) - total_s;
+    const double total_s =
+        first ? plan_remaining_s(list, (int)shots->len, conf, rig, timing, first) : 0;
+    *ret_first_s = plan_remaining_s(list, (int)shots->len, conf, rig, timing, NULL) - total_s;
     return total_s;
 }
 
@@ -161,9 +188,9 @@ static double quickest_into(const struct plan_moves *moves, int pose, const int 
 
 /* l of a shot. */
 static double least_lead(const struct session_shot *shot, const struct plan_moves *moves,
-                         const struct rig_timing *timing, const int *with_lamp, double into_s,
+                         const struct rig *rig, const struct rig_timing *timing, const int *with_lamp, double into_s,
                          double readout_s) {
-    double warm_s = light_s(NULL, shot, timing);
+    double warm_s = light_s(NULL, shot, rig, timing);
 
     if (shot->kind == SHOT_SWEEP || warm_s <= MAX(into_s, readout_s))
         return MAX(warm_s, readout_s);
@@ -174,7 +201,7 @@ static double least_lead(const struct session_shot *shot, const struct plan_move
     return MIN(MAX(warm_s, readout_s), MAX(from_same_s, readout_s));
 }
 
-static void bound_poses(GPtrArray *shots, const struct plan_moves *moves,
+static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const struct rig *rig,
                         const struct rig_timing *timing, double readout_s,
                         struct pose_bound *bounds) {
     g_autofree int *used = g_new0(int, moves->n);
@@ -184,7 +211,7 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves,
         const struct session_shot *shot = shots->pdata[i];
         used[shot->pose]++;
         if (shot->kind == SHOT_LAMP)
-            lamps[shot->device * moves->n + shot->pose]++;
+            lamps[rig_lamp_unit(rig, shot->device) * moves->n + shot->pose]++;
     }
     for (int p = 0; p < moves->n; p++)
         if (used[p])
@@ -193,8 +220,10 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves,
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         struct pose_bound *b = &bounds[shot->pose];
-        const int *with_lamp = shot->kind == SHOT_LAMP ? lamps + shot->device * moves->n : NULL;
-        double lead = least_lead(shot, moves, timing, with_lamp, b->into_s, readout_s);
+        const int *with_lamp = shot->kind == SHOT_LAMP
+                                   ? lamps + rig_lamp_unit(rig, shot->device) * moves->n
+                                   : NULL;
+        double lead = least_lead(shot, moves, rig, timing, with_lamp, b->into_s, readout_s);
         b->sum_s += lead;
         b->largest_s = MAX(b->largest_s, lead);
         b->extra_s = MIN(b->extra_s, MAX(0, MAX(b->into_s, readout_s) - lead));
@@ -202,7 +231,8 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves,
 }
 
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
-                          const struct session_conf *conf, const struct rig_timing *timing) {
+                          const struct session_conf *conf, const struct rig *rig,
+                          const struct rig_timing *timing) {
     g_autoptr(GPtrArray) lit = g_ptr_array_new(); /* shots that have a pose of their own */
     double total_s = 0, readout_s = G_MAXDOUBLE, spared_s = 0;
 
@@ -219,7 +249,7 @@ double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_po
         return 0;
     struct plan_moves *moves = plan_moves_new(poses, n_poses, timing);
     g_autofree struct pose_bound *bounds = g_new0(struct pose_bound, n_poses);
-    bound_poses(lit, moves, timing, readout_s, bounds);
+    bound_poses(lit, moves, rig, timing, readout_s, bounds);
     for (int p = 0; p < n_poses; p++) {
         total_s += bounds[p].sum_s + bounds[p].extra_s;
         spared_s = MAX(spared_s, bounds[p].largest_s + bounds[p].extra_s);

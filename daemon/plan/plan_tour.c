@@ -57,15 +57,20 @@ struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
                                   const struct rig_timing *timing) {
     struct plan_moves *moves = g_new0(struct plan_moves, 1);
     g_autofree gint64 *turn = g_new0(gint64, n), *arc = g_new0(gint64, n);
+    g_autofree gint64 *arm = g_new0(gint64, n), *probe = g_new0(gint64, n);
 
     for (int i = 0; i < n; i++) {
         turn[i] = poses[i].turntable_udeg;
         arc[i] = poses[i].arc_udeg;
+        arm[i] = poses[i].arm_udeg;
+        probe[i] = poses[i].probe_udeg;
     }
     *moves = (struct plan_moves){.n = n,
                                  .poses = poses,
                                  .turntable = axis_moves(turn, n, &timing->turntable),
-                                 .arc = axis_moves(arc, n, &timing->arc)};
+                                 .arc = axis_moves(arc, n, &timing->arc),
+                                 .arm = axis_moves(arm, n, &timing->arm),
+                                 .probe = axis_moves(probe, n, &timing->probe)};
     return moves;
 }
 
@@ -76,22 +81,33 @@ void plan_moves_free(struct plan_moves *moves) {
     g_free(moves->turntable.s);
     g_free(moves->arc.at);
     g_free(moves->arc.s);
+    g_free(moves->arm.at);
+    g_free(moves->arm.s);
+    g_free(moves->probe.at);
+    g_free(moves->probe.s);
     g_free(moves);
 }
 
-/* A pose sorted by the row it is in, then by where it stands in the row. */
+/* A pose sorted by the stops of arm and probe, by the row it is in, then by where it stands in the
+ * row. */
 struct cell {
-    gint64 row, column;
+    gint64 arm, probe, row, column;
     int pose;
 };
 
 enum rows { ROWS_OF_ARC, ROWS_OF_TURNTABLE, ROWS_OF_LIGHT, N_ROWS };
 
+static gboolean same_row(const struct cell *x, const struct cell *y) {
+    return x->arm == y->arm && x->probe == y->probe && x->row == y->row;
+}
+
 static int compare_cells(gconstpointer a, gconstpointer b) {
     const struct cell *x = a, *y = b;
 
-    if (x->row != y->row)
-        return x->row > y->row ? 1 : -1;
+    if (!same_row(x, y))
+        return x->arm != y->arm       ? (x->arm > y->arm ? 1 : -1)
+               : x->probe != y->probe ? (x->probe > y->probe ? 1 : -1)
+                                      : (x->row > y->row ? 1 : -1);
     if (x->column != y->column)
         return x->column > y->column ? 1 : -1;
     return x->pose - y->pose;
@@ -120,7 +136,7 @@ static void plan_tour_append_row(struct tour *t, const struct cell *row, int k) 
         t->order[t->n++] = row[((best_start + i * best_step) % k + k) % k].pose;
 }
 
-/* ROWS_OF_LIGHT: along a row both axes turn together, so that the light stands still as the sample
+/* ROWS_OF_LIGHT: along a row turntable and arc turn together, so that the light stands still as the sample
  * sees it. */
 static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows) {
     g_autofree struct cell *cells = g_new(struct cell, n);
@@ -128,18 +144,18 @@ static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows
     for (int i = 0; i < n; i++) {
         gint64 turn = t->moves->poses[poses[i]].turntable_udeg;
         gint64 arc = t->moves->poses[poses[i]].arc_udeg;
+        gint64 arm = t->moves->poses[poses[i]].arm_udeg;
+        gint64 probe = t->moves->poses[poses[i]].probe_udeg;
         gboolean wraps = t->moves->turntable.wraps || t->moves->arc.wraps;
-        if (rows == ROWS_OF_ARC)
-            cells[i] = (struct cell){arc, turn, poses[i]};
-        else if (rows == ROWS_OF_TURNTABLE)
-            cells[i] = (struct cell){turn, arc, poses[i]};
-        else
-            cells[i] = (struct cell){wraps ? plan_wrap(arc - turn) : arc - turn, turn, poses[i]};
+        gint64 light = wraps ? plan_wrap(arc - turn) : arc - turn;
+        gint64 row = rows == ROWS_OF_ARC ? arc : rows == ROWS_OF_TURNTABLE ? turn : light;
+        cells[i] =
+            (struct cell){arm, probe, row, rows == ROWS_OF_TURNTABLE ? arc : turn, poses[i]};
     }
     qsort(cells, (gsize)n, sizeof *cells, compare_cells);
     t->n = 0;
     for (int i = 0, k; i < n; i += k) {
-        for (k = 1; i + k < n && cells[i + k].row == cells[i].row; k++)
+        for (k = 1; i + k < n && same_row(&cells[i + k], &cells[i]); k++)
             ;
         plan_tour_append_row(t, cells + i, k);
     }

@@ -89,7 +89,9 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
         Axis **axis;
         struct axis_motion *motion; /* limits 0 to 0 if there is no such axis */
     } axes[] = {{layout->turntable, &devices->turntable, &devices->timing.turntable},
-                {layout->arc, &devices->arc, &devices->timing.arc}};
+                {layout->arc, &devices->arc, &devices->timing.arc},
+                {layout->arm, &devices->arm, &devices->timing.arm},
+                {layout->probe, &devices->probe, &devices->timing.probe}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
         if (!axes[i].section)
@@ -190,6 +192,10 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
 
     for (int i = 0; i < layout->geometry.n_cameras; i++) {
         const struct config_section *section = layout->cameras[i];
+        if (!devices_is_unit(&layout->geometry, i)) {
+            devices->cameras[i] = devices->cameras[i - 1];
+            continue;
+        }
         gconstpointer driver = drivers_find(section, error);
         if (driver)
             devices->cameras[i] = camera_open_begin(driver, section, keys, devices->clock, error);
@@ -198,7 +204,8 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
     }
     for (int i = 0; i < layout->geometry.n_cameras; i++) {
         const struct camera_format *format = &devices->cameras[i]->format;
-        if (!camera_open_finish(devices->cameras[i], error))
+        if (devices_is_unit(&layout->geometry, i) &&
+            !camera_open_finish(devices->cameras[i], error))
             return devices_fail_at(layout->cameras[i], error);
         if (!devices_check_format(format, &layout->geometry.cameras[i], layout->cameras[i], error))
             return FALSE;
@@ -271,10 +278,11 @@ void devices_close(struct devices *devices) {
     for (int i = 0; i < RIG_MAX_LASERS; i++)
         if (is_first_sweep(devices, i))
             axis_close(devices->sweeps[i]);
-    axis_close(devices->arc);
-    axis_close(devices->turntable);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        axis_close(devices_positioner(devices, i));
     for (int i = 0; i < RIG_MAX_CAMERAS; i++)
-        camera_close(devices->cameras[i]);
+        if (devices_is_unit(&devices->geometry, i))
+            camera_close(devices->cameras[i]);
     for (int i = 0; i < devices->n_interlocks; i++)
         interlock_close(devices->interlocks[i]);
     interlock_close(devices->guard);
@@ -312,8 +320,9 @@ static gboolean is_simulated(const struct device *device) {
 }
 
 gboolean devices_are_simulated(const struct devices *devices) {
-    gboolean all = is_simulated((const struct device *)devices->turntable) &&
-                   is_simulated((const struct device *)devices->arc);
+    gboolean all = TRUE;
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        all &= is_simulated((const struct device *)devices_positioner(devices, i));
     for (int i = 0; i < devices->geometry.n_cameras; i++)
         all &= is_simulated(&devices->cameras[i]->device);
     for (int i = 0; i < devices->n_banks; i++)
@@ -343,8 +352,8 @@ gboolean devices_make_safe(struct devices *devices, GError **error) {
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (is_first_sweep(devices, i))
             devices_stop(devices->sweeps[i], &collected);
-    devices_stop(devices->arc, &collected);
-    devices_stop(devices->turntable, &collected);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        devices_stop(devices_positioner(devices, i), &collected);
     if (!collected)
         return TRUE;
     g_propagate_error(error, collected);
@@ -360,7 +369,6 @@ static void devices_add_safety(GVariantBuilder *list, const struct device *devic
 
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret) {
     GVariantBuilder list;
-    const Axis *const axes[] = {devices->arc, devices->turntable};
     *ret = DEVICE_SAFE;
     g_variant_builder_init(&list, G_VARIANT_TYPE("a(sss)"));
     for (int i = 0; i < devices->geometry.n_lasers; i++)
@@ -373,9 +381,11 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
         if (is_first_sweep(devices, i) && devices->sweeps[i])
             devices_add_safety(&list, &devices->sweeps[i]->device, axis_safety(devices->sweeps[i]),
                                ret);
-    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
-        if (axes[i])
-            devices_add_safety(&list, &axes[i]->device, axis_safety(axes[i]), ret);
+    for (int i = DEVICES_POSITIONERS - 1; i >= 0; i--) {
+        const Axis *axis = devices_positioner(devices, i);
+        if (axis)
+            devices_add_safety(&list, &axis->device, axis_safety(axis), ret);
+    }
     return g_variant_builder_end(&list);
 }
 
@@ -386,7 +396,7 @@ struct answer {
 };
 
 struct securing {
-    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS + 2]; /* in order of requests */
+    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS + DEVICES_POSITIONERS]; /* in order of requests */
     int n;
     gboolean too_late;
 };
@@ -460,10 +470,9 @@ static void devices_unlisten(struct devices *devices) {
     }
     for (int i = 0; i < devices->n_banks; i++)
         lamps_listen(devices->banks[i], NULL, NULL);
-    if (devices->arc)
-        axis_listen(devices->arc, NULL, NULL);
-    if (devices->turntable)
-        axis_listen(devices->turntable, NULL, NULL);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        if (devices_positioner(devices, i))
+            axis_listen(devices_positioner(devices, i), NULL, NULL);
 }
 
 gboolean devices_secure(struct devices *devices, GError **error) {
@@ -477,8 +486,8 @@ gboolean devices_secure(struct devices *devices, GError **error) {
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (is_first_sweep(devices, i))
             secure_axis(devices->sweeps[i], &securing);
-    secure_axis(devices->arc, &securing);
-    secure_axis(devices->turntable, &securing);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        secure_axis(devices_positioner(devices, i), &securing);
     /* The classes keep deadlines of their own; this one is for a rig whose clock does not run. */
     guint timer = g_timeout_add(SECURE_MS, on_too_late, &securing);
     while (!is_answered(&securing) && !securing.too_late)

@@ -3,12 +3,16 @@
  * geometry (geometry/rig.h) that the same sections give. The visible arrays of drivers are in
  * devices.c.
  *
- * Sections: [rig]; [axis turntable] and [axis arc], which a rig may lack, and one axis a laser
- * sweep; [lamps BANK] and a [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME];
+ * Sections: [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], which a rig may lack,
+ * and one axis a laser sweep; [lamps BANK] and a [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME];
  * [interlock NAME] and [mark NAME], optional.
  *
  * A lamp or laser with phi_deg stands by itself at that azimuth, one without is carried by the arc.
  * An axis that is not there stands at 0.
+ *
+ * A camera with arm_deg is carried by the arm, a lamp with probe_deg by the probe. In geometry and
+ * timing each of their stops is a camera or lamp like any other (geometry/rig.h); all of them are
+ * the same device.
  *
  * A [laser NAME] with mount_of is not a device but a further mount position of the unit that it
  * names, where an operator mounts it by hand. In geometry and timing it is a laser like any other.
@@ -27,7 +31,7 @@
 
 /* Speeds and delays of the devices, for the prediction of times. Indices as in struct rig. */
 struct rig_timing {
-    struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
+    struct axis_motion turntable, arc, arm, probe, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
     double laser_warm_up_s[RIG_MAX_LASERS];
     guint32 mounts[RIG_MAX_LASERS]; /* bit set: the laser sections that are further mount positions
@@ -49,8 +53,8 @@ struct devices {
     Clock *clock;
     struct rig geometry; /* nominal, from the rig file */
     struct rig_timing timing;
-    Axis *turntable, *arc;            /* NULL: the rig has none */
-    Camera *cameras[RIG_MAX_CAMERAS]; /* as geometry.cameras */
+    Axis *turntable, *arc, *arm, *probe; /* NULL: the rig has none */
+    Camera *cameras[RIG_MAX_CAMERAS];    /* as geometry.cameras; one at several stops */
     LampBank *banks[DEVICES_MAX_BANKS];
     int n_banks;
     struct {
@@ -69,9 +73,22 @@ struct devices {
     double calibration_days;
 };
 
+/* The axes that are no laser's sweep: turntable, arc, arm, probe. NULL: the rig has none. */
+#define DEVICES_POSITIONERS 4
+static inline Axis *devices_positioner(const struct devices *devices, int i) {
+    Axis *const all[DEVICES_POSITIONERS] = {devices->turntable, devices->arc, devices->arm,
+                                            devices->probe};
+    return all[i];
+}
+
 /* The position that an axis last reported; 0 for NULL, an axis that the rig lacks. */
 static inline double devices_axis_deg(Axis *axis) {
     return axis ? axis_position_deg(axis) : 0;
+}
+
+/* Whether a camera of the geometry is a device of its own: not a further stop of one before. */
+static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
+    return rig->cameras[camera].stop == 0;
 }
 
 /* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error

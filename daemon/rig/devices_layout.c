@@ -1,155 +1,12 @@
 #include "devices_private.h"
 
 #include "base/nearest.h"
+#include "devices_options.h"
+#include "geometry/swing.h"
 
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-#define MAX_KEYS 32
-
-struct rig_fields {
-    char *id, *calibration;
-    int clock;
-    double calibration_days, arc_radius_mm, arc_width_mm;
-};
-
-static const char *const clock_choices[] = {"real", "virtual", NULL};
-
-#define RIG(member) G_STRUCT_OFFSET(struct rig_fields, member)
-static const struct option rig_options[] = {
-    {"id", OPTION_STRING, .offset = RIG(id),
-     .help = "Name of this rig; a calibration of another one is refused"},
-    {"clock", OPTION_CHOICE, .fallback = "real", .choices = clock_choices, .offset = RIG(clock),
-     .help = "Virtual time jumps to the next event; for simulated devices only"},
-    {"calibration", OPTION_STRING, .fallback = "", .offset = RIG(calibration),
-     .help = "The rig's calibration file, relative to this file; without it, the geometry and "
-             "light of this file are used"},
-    {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
-     .help = "Age from which an old calibration of a part causes a warning"},
-    {"arc_radius_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = RIG(arc_radius_mm),
-     .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
-    {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, "0", .offset = RIG(arc_width_mm),
-     .help = "Width of the light arc with its lamps, and of lamps and cameras that stand by "
-             "themselves; it determines what they hide from a camera or a lamp"},
-    {NULL},
-};
-
-struct place_fields { /* of a lamp, camera or laser */
-    char *bank, *sweep, *mount_of;
-    int index, width, height;
-    double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
-    double k1, k2, k3, p1, p2, vignetting;
-};
-
-#define PLACE(member) G_STRUCT_OFFSET(struct place_fields, member)
-#define THETA                                                                                      \
-    {                                                                                              \
-        "theta_deg", OPTION_DOUBLE, "degrees", 0, 89.9,                                            \
-            .offset = PLACE(theta_deg), .help = "Elevation it stands at, from straight above"      \
-    }
-#define DISTANCE                                                                                   \
-    {                                                                                              \
-        "distance_mm", OPTION_DOUBLE, "mm", 1, 100000,                                             \
-            .offset = PLACE(distance_mm),                                                          \
-            .help = "Distance from the middle of the turntable's top, which it points at"          \
-    }
-#define AZIMUTH                                                                                    \
-    {                                                                                              \
-        "phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "0",                                       \
-            .offset = PLACE(phi_deg),                                                              \
-            .help =                                                                                \
-                "Azimuth it stands at by itself, counter-clockwise seen from above; without it "   \
-                "the arc carries it"                                                               \
-    }
-
-static const struct option lamp_options[] = {
-    {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
-    {"index", OPTION_INT, NULL, 0, 1023, .offset = PLACE(index),
-     .help = "Its number there, from 0"},
-    THETA,
-    AZIMUTH,
-    DISTANCE,
-    {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
-     .help = "Its intensity falls with this power of the cosine of the angle from its axis"},
-    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
-     .help = "Radiant intensity along its axis"},
-    {NULL},
-};
-
-static const struct option camera_options[] = {
-    THETA,
-    {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
-     .help = "Azimuth it stands at, counter-clockwise seen from above; for a camera overhead, its "
-             "rotation"},
-    DISTANCE,
-    {"width", OPTION_INT, "px", 1, 65536, .offset = PLACE(width), .help = "Width of its pictures"},
-    {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
-     .help = "Height of its pictures"},
-    {"focal_px", OPTION_DOUBLE, "px", 1, 1e6, .offset = PLACE(focal_px), .help = "Focal length"},
-    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1",
-     .offset = PLACE(response), .help = "Counts a second for a radiance of one, at no gain"},
-    {"k1", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k1), .help = "Radial distortion"},
-    {"k2", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k2), .help = "Radial distortion"},
-    {"k3", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k3), .help = "Radial distortion"},
-    {"p1", OPTION_DOUBLE, NULL, -10, 10, "0", .offset = PLACE(p1), .help = "Tangential distortion"},
-    {"p2", OPTION_DOUBLE, NULL, -10, 10, "0", .offset = PLACE(p2), .help = "Tangential distortion"},
-    {"vignetting", OPTION_DOUBLE, NULL, 0, 0.99, "0", .offset = PLACE(vignetting),
-     .help = "Part of the response that is lost in the corners"},
-    {NULL},
-};
-
-static const struct option laser_options[] = {
-    {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
-    {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
-     .help = "The laser that is mounted here by hand; such a section gives only its place"},
-    THETA,
-    AZIMUTH,
-    DISTANCE,
-    {NULL},
-};
-
-static const struct option mount_options[] = {
-    {"mount_of", OPTION_STRING, .offset = PLACE(mount_of),
-     .help = "The laser that is mounted here by hand"},
-    THETA,
-    AZIMUTH,
-    DISTANCE,
-    {NULL},
-};
-
-struct mark_fields {
-    double x_mm, y_mm, z_mm, radius_mm;
-    struct option_doubles reflectance;
-};
-
-#define MARK(member) G_STRUCT_OFFSET(struct mark_fields, member)
-static const struct option mark_place_options[] = {
-    {"x_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(x_mm),
-     .help = "Its middle, with the turntable at 0"},
-    {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm), .help = "Its middle"},
-    {"z_mm", OPTION_DOUBLE, "mm", -1000, 1000, "0", .offset = MARK(z_mm),
-     .help = "Its face, above the turntable's top"},
-    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm), .help = "Of its face"},
-    {"reflectance", OPTION_DOUBLES, NULL, 0.01, 2, "0.9", .offset = MARK(reflectance),
-     .help = "Of its face, one value or three for red, green and blue"},
-    {NULL},
-};
-
-const struct option *devices_section_options(const char *class_name) {
-    static const struct {
-        const char *class_name;
-        const struct option *options;
-    } tables[] = {{"rig", rig_options},
-                  {"lamp", lamp_options},
-                  {"camera", camera_options},
-                  {"laser", laser_options},
-                  {"mark", mark_place_options}};
-
-    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
-        if (g_str_equal(class_name, tables[i].class_name))
-            return tables[i].options;
-    return NULL;
-}
 
 static const char **devices_layout_names_of(const struct option *options, const char *first) {
     GPtrArray *names = g_ptr_array_new();
@@ -198,7 +55,7 @@ static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistake
         return layout->has_all_sections
                    ? config_lacks(mistakes, layout->config, "there is no section [rig]")
                    : FALSE;
-    if (!options_read(&(struct option_target){rig_options, &fields}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){devices_rig_options, &fields}, 1, section, NULL, mistakes))
         return FALSE;
     gboolean ok = *fields.id && strlen(fields.id) < sizeof layout->geometry.id;
     if (ok)
@@ -211,13 +68,19 @@ static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistake
                             "must be given: there is an [axis arc]");
     layout->geometry.arc_radius_mm = fields.arc_radius_mm;
     layout->geometry.arc_width_mm = fields.arc_width_mm;
+    if (layout->arm)
+        layout->geometry.arm.axis =
+            rig_direction(RAD(fields.arm_axis_theta_deg), RAD(fields.arm_axis_phi_deg));
+    if (layout->probe)
+        layout->geometry.probe.axis =
+            rig_direction(RAD(fields.probe_axis_theta_deg), RAD(fields.probe_axis_phi_deg));
     layout->virtual_clock = fields.clock == 1;
     layout->calibration_days = fields.calibration_days;
     if (*fields.calibration) {
         g_autofree char *folder = g_path_get_dirname(config_path(layout->config));
         layout->calibration_path = g_canonicalize_filename(fields.calibration, folder);
     }
-    options_clear(rig_options, &fields);
+    options_clear(devices_rig_options, &fields);
     return ok;
 }
 
@@ -263,6 +126,89 @@ static gboolean devices_layout_take_carrier(const struct layout *layout,
                : FALSE;
 }
 
+/* Checks the angles at which an axis stops with what a section describes. */
+static gboolean check_stops(const struct layout *layout, const struct config_section *section,
+                            const char *key, const struct config_section *axis, const char *name,
+                            const struct option_doubles *stops, Mistakes *mistakes) {
+    if (!axis)
+        return layout->has_all_sections
+                   ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, key,
+                                    "there is no section [axis %s] that would carry it", name)
+                   : FALSE;
+    for (int i = 0; i < stops->n; i++)
+        for (int k = 0; k < i; k++)
+            if (stops->values[i] == stops->values[k])
+                return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                                      "%g is given twice: name each stop once", stops->values[i]);
+    return TRUE;
+}
+
+/* The name of a stop, and whether it is above the turntable. */
+static gboolean take_stop(const struct config_section *section, const char *key, double deg,
+                          struct vec3 position_mm, char to[RIG_NAME], Mistakes *mistakes) {
+    g_autofree char *name = g_strdup_printf("%s@%g", section->name, deg);
+
+    if (strlen(name) >= RIG_NAME)
+        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                              "the name of its stop, %s, has more than %d bytes: give it a shorter "
+                              "name",
+                              name, RIG_NAME - 1);
+    g_strlcpy(to, name, RIG_NAME);
+    return position_mm.z > 0 ||
+           config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                          "at %g° it would stand below the turntable's top; check the axis's "
+                          "direction in [rig]",
+                          deg);
+}
+
+/* Makes its stops, one after the other, of a camera as it stands with the arm at 0. */
+static gboolean add_camera_stops(struct layout *layout, const struct config_section *section, int i,
+                                 const struct option_doubles *stops, Mistakes *mistakes) {
+    struct rig *rig = &layout->geometry;
+    const struct rig_camera at_0 = rig->cameras[i];
+    gboolean ok = check_stops(layout, section, "arm_deg", layout->arm, "arm", stops, mistakes);
+
+    for (int k = 0; ok && k < stops->n; k++) {
+        if (k > 0 && !count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, mistakes))
+            return FALSE;
+        struct rig_camera *camera = &rig->cameras[i + k];
+        *camera = at_0;
+        camera->on_arm = 1;
+        camera->arm_deg = stops->values[k];
+        camera->stop = k;
+        rig_swing_camera(&rig->arm, RAD(camera->arm_deg), camera);
+        layout->cameras[i + k] = section;
+        ok = take_stop(section, "arm_deg", camera->arm_deg, rig_camera_centre_mm(camera),
+                       camera->name, mistakes);
+    }
+    return ok;
+}
+
+static gboolean add_lamp_stops(struct layout *layout, const struct config_section *section, int i,
+                               const struct option_doubles *stops, Mistakes *mistakes) {
+    struct rig *rig = &layout->geometry;
+    const struct rig_lamp at_0 = rig->lamps[i];
+    gboolean ok = check_stops(layout, section, "probe_deg", layout->probe, "probe", stops, mistakes);
+
+    for (int k = 0; ok && k < stops->n; k++) {
+        if (k > 0 && !count_up(&rig->n_lamps, RIG_MAX_LAMPS, section, mistakes))
+            return FALSE;
+        struct rig_lamp *lamp = &rig->lamps[i + k];
+        *lamp = at_0;
+        lamp->on_probe = 1;
+        lamp->probe_deg = stops->values[k];
+        lamp->stop = k;
+        lamp->position_mm = rig_swing_point(&rig->probe, RAD(lamp->probe_deg), at_0.position_mm);
+        lamp->aim = rig_swing_direction(&rig->probe, RAD(lamp->probe_deg), at_0.aim);
+        layout->lamps[i + k] = section;
+        layout->lamp_bank[i + k] = layout->lamp_bank[i];
+        layout->lamp_index[i + k] = layout->lamp_index[i];
+        ok = take_stop(section, "probe_deg", lamp->probe_deg, lamp->position_mm, lamp->name,
+                       mistakes);
+    }
+    return ok;
+}
+
 static gboolean read_camera(struct layout *layout, const struct config_section *section,
                             Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
@@ -272,8 +218,12 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, mistakes))
         return FALSE;
     const gboolean named = devices_layout_take_name(section, rig->cameras[i].name, mistakes);
-    if (!devices_layout_read_device(section, &p, mistakes) || !named)
+    if (!devices_layout_read_device(section, &p, mistakes))
         return FALSE;
+    if (!named) {
+        options_clear(devices_camera_options, &p);
+        return FALSE;
+    }
     struct rig_camera *camera = &rig->cameras[i];
     camera->width = p.width;
     camera->height = p.height;
@@ -295,7 +245,10 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
             row[0] = turned.x, row[1] = turned.y, row[2] = turned.z;
         }
     layout->cameras[i] = section;
-    return TRUE;
+    const gboolean ok = !config_value(section, "arm_deg", NULL) ||
+                        add_camera_stops(layout, section, i, &p.arm_deg, mistakes);
+    options_clear(devices_camera_options, &p);
+    return ok;
 }
 
 static int find_section(const struct config_section *const *sections, int n, const char *name) {
@@ -337,7 +290,7 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
     layout->lamps[i] = section;
     layout->lamp_bank[i] = -1;
     const gboolean named = devices_layout_take_name(section, rig->lamps[i].name, mistakes);
-    if (!options_read(&(struct option_target){lamp_options, &p}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){devices_lamp_options, &p}, 1, section, NULL, mistakes))
         return FALSE;
     const gboolean carried =
         devices_layout_take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes);
@@ -346,14 +299,23 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
     rig->lamps[i].aim = vec3_scale(vec3_unit(rig->lamps[i].position_mm), -1);
     rig->lamps[i].exponent = p.exponent;
     rig->lamps[i].intensity = p.intensity;
-    options_clear(lamp_options, &p);
-    return named && carried && wired;
+    const gboolean stops = !config_value(section, "probe_deg", NULL) ||
+                           add_lamp_stops(layout, section, i, &p.probe_deg, mistakes);
+    options_clear(devices_lamp_options, &p);
+    return named && carried && wired && stops;
+}
+
+/* An axis whose name says what it is for. */
+static gboolean devices_layout_is_positioner(const struct layout *layout,
+                                             const struct config_section *axis) {
+    return axis == layout->turntable || axis == layout->arc || axis == layout->arm ||
+           axis == layout->probe;
 }
 
 static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mistakes *mistakes) {
     const struct config_section *axis = config_find(layout->config, "axis", sweep);
 
-    if (axis && axis != layout->turntable && axis != layout->arc) {
+    if (axis && !devices_layout_is_positioner(layout, axis)) {
         layout->sweeps[i] = axis;
         return TRUE;
     }
@@ -399,7 +361,7 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
     const gboolean named = devices_layout_take_name(section, laser->name, mistakes);
     const gboolean mounted = config_value(section, "mount_of", NULL) != NULL;
     if (!(mounted
-              ? options_read(&(struct option_target){mount_options, &p}, 1, section, NULL, mistakes)
+              ? options_read(&(struct option_target){devices_mount_options, &p}, 1, section, NULL, mistakes)
               : devices_layout_read_device(section, &p, mistakes)))
         return FALSE;
     const gboolean wired = mounted ? wire_mount(layout, i, p.mount_of, mistakes)
@@ -412,7 +374,7 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
         laser->axis = rig_turn(vec3(0, 1, 0), RAD(p.phi_deg));
         laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
     }
-    options_clear(laser_options, &p);
+    options_clear(devices_laser_options, &p);
     return ok;
 }
 
@@ -425,7 +387,7 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
     if (!count_up(&rig->n_fiducials, RIG_MAX_FIDUCIALS, section, mistakes))
         return FALSE;
     const gboolean named = devices_layout_take_name(section, rig->fiducials[i].name, mistakes);
-    if (!options_read(&(struct option_target){mark_place_options, &p}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){devices_mark_options, &p}, 1, section, NULL, mistakes))
         return FALSE;
     gboolean ok = p.reflectance.n == 1 || p.reflectance.n == 3;
     if (!ok)
@@ -436,7 +398,7 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
     rig->fiducials[i].radius_mm = p.radius_mm;
     for (int k = 0; ok && k < 3; k++)
         rig->fiducials[i].reflectance[k] = p.reflectance.values[p.reflectance.n == 3 ? k : 0];
-    options_clear(mark_place_options, &p);
+    options_clear(devices_mark_options, &p);
     return ok && named;
 }
 
@@ -447,6 +409,10 @@ static gboolean take_section(struct layout *layout, const struct config_section 
             layout->turntable = section;
         if (g_str_equal(section->name, "arc"))
             layout->arc = section;
+        if (g_str_equal(section->name, "arm"))
+            layout->arm = section;
+        if (g_str_equal(section->name, "probe"))
+            layout->probe = section;
         return devices_layout_read_device(section, NULL, mistakes);
     }
     if (g_str_equal(section->class_name, "lamps")) {
@@ -512,6 +478,12 @@ static gboolean devices_layout_uses(const struct layout *layout,
     for (int i = 0; i < layout->geometry.n_lasers; i++)
         if (layout->sweeps[i] == axis)
             return TRUE;
+    for (int i = 0; i < layout->geometry.n_cameras; i++)
+        if (axis == layout->arm && layout->geometry.cameras[i].on_arm)
+            return TRUE;
+    for (int i = 0; i < layout->geometry.n_lamps; i++)
+        if (axis == layout->probe && layout->geometry.lamps[i].on_probe)
+            return TRUE;
     return axis == layout->turntable || axis == layout->arc;
 }
 
@@ -536,8 +508,9 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
         if (lasers && layout->has_all_sections && g_str_equal(section->class_name, "axis") &&
             !devices_layout_uses(layout, section))
             config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
-                           "nothing uses this axis: it is neither turntable nor arc, and no laser "
-                           "names it as its sweep");
+                           "nothing uses this axis: it is neither turntable nor arc, no laser "
+                           "names it as its sweep, and it is no [axis arm] with cameras that have "
+                           "arm_deg, nor [axis probe] with lamps that have probe_deg");
         /* Virtual time would run ahead of a real device. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
             drivers_by_name(section))

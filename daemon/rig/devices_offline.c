@@ -169,9 +169,20 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
     *ret_geometry = layout.geometry;
     gboolean ok = offline_axis(layout.turntable, &ret_timing->turntable, assumed, error) &&
                   offline_axis(layout.arc, &ret_timing->arc, assumed, error) &&
+                  offline_axis(layout.arm, &ret_timing->arm, assumed, error) &&
+                  offline_axis(layout.probe, &ret_timing->probe, assumed, error) &&
                   offline_lights(&layout, ret_timing, assumed, error);
-    for (int i = 0; i < layout.geometry.n_cameras && ok; i++)
-        ok = offline_camera(layout.cameras[i], i, ret_timing, assumed, error);
+    for (int i = 0; i < layout.geometry.n_cameras && ok; i++) {
+        if (devices_is_unit(&layout.geometry, i)) {
+            ok = offline_camera(layout.cameras[i], i, ret_timing, assumed, error);
+            continue;
+        }
+        ret_timing->trigger_us[i] = ret_timing->trigger_us[i - 1];
+        ret_timing->readout_us[i] = ret_timing->readout_us[i - 1];
+        ret_timing->min_exposure_us[i] = ret_timing->min_exposure_us[i - 1];
+        ret_timing->max_exposure_us[i] = ret_timing->max_exposure_us[i - 1];
+        ret_timing->bits[i] = ret_timing->bits[i - 1];
+    }
     layout_clear(&layout);
     return ok;
 }

@@ -10,8 +10,9 @@ struct layout {
     gboolean virtual_clock;
     char *calibration_path; /* absolute; NULL: none is named */
     double calibration_days;
-    const struct config_section *turntable, *arc;
+    const struct config_section *turntable, *arc, *arm, *probe;
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
+    /* Stops of one camera or lamp have its section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
     int unit[RIG_MAX_LASERS]; /* index of the laser unit that is mounted here */

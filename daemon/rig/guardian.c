@@ -29,9 +29,12 @@ static gboolean is_real(const struct device *device) {
 }
 
 gboolean guardian_is_needed(const struct devices *devices) {
-    gboolean real = (devices->turntable && is_real(&devices->turntable->device)) ||
-                    (devices->arc && is_real(&devices->arc->device));
+    gboolean real = FALSE;
 
+    for (int i = 0; i < DEVICES_POSITIONERS; i++) {
+        const Axis *axis = devices_positioner(devices, i);
+        real |= axis && is_real(&axis->device);
+    }
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         real |= is_real(&devices->lasers[i]->device) || is_real(&devices->sweeps[i]->device);
     for (int i = 0; i < devices->n_banks; i++)

@@ -8,7 +8,7 @@
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
 enum stall_kind { STALL_REPORTED, STALL_SILENT };
-enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_SWEEP };
+enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_ARM, PART_PROBE, PART_SWEEP };
 
 struct sim_axis {
     char *world_path, *part_name;
@@ -38,7 +38,7 @@ static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
      "World file whose part this axis moves; none: it moves nothing"},
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
-     "What it moves: turntable, arc, or a laser's name for its sweep; default: the axis's own "
+     "What it moves: turntable, arc, arm, probe, or a laser's name for its sweep; default: the axis's own "
      "name"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "60", "120"),
     {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),
@@ -107,6 +107,10 @@ static void update_world(struct sim_axis *sim, double off_deg) {
         world_set_turntable(sim->world, deg);
     else if (sim->part == PART_ARC)
         world_set_arc(sim->world, deg);
+    else if (sim->part == PART_ARM)
+        world_set_arm(sim->world, deg);
+    else if (sim->part == PART_PROBE)
+        world_set_probe(sim->world, deg);
     else if (sim->part == PART_SWEEP)
         world_set_sweep(sim->world, sim->laser, deg);
 }
@@ -286,6 +290,8 @@ static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
     sim->laser = world_find_laser(sim->world, name);
     sim->part = g_str_equal(name, "turntable") ? PART_TURNTABLE
                 : g_str_equal(name, "arc")     ? PART_ARC
+                : g_str_equal(name, "arm")     ? PART_ARM
+                : g_str_equal(name, "probe")   ? PART_PROBE
                 : sim->laser >= 0              ? PART_SWEEP
                                                : PART_NONE;
     if (sim->part != PART_NONE)

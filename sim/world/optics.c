@@ -93,6 +93,15 @@ struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3
     return v3_mad(arc->centre_mm, 1, optics_arc_direction(arc, angle, p));
 }
 
+struct v3 optics_swing_direction(const struct optics_swing *swing, double angle, struct v3 v) {
+    return spin(v, swing->axis, angle + swing->zero);
+}
+
+struct v3 optics_swing_point(const struct optics_swing *swing, double angle, struct v3 p) {
+    struct v3 turned = optics_swing_direction(swing, angle, v3_minus(p, swing->centre_mm));
+    return v3_mad(turned, 1, swing->centre_mm);
+}
+
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm) {
     struct v3 way = v3_minus(point_mm, lamp->position_mm);
     double r2 = v3_dot(way, way), cosine = v3_dot(way, lamp->aim) / sqrt(r2);

@@ -79,6 +79,14 @@ void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y)
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
 
+/* An axis that carries cameras or lamps: a line, about which they turn by its angle and a zero. */
+struct optics_swing {
+    struct v3 axis, centre_mm; /* axis: unit */
+    double zero;
+};
+struct v3 optics_swing_direction(const struct optics_swing *swing, double angle, struct v3 v);
+struct v3 optics_swing_point(const struct optics_swing *swing, double angle, struct v3 p);
+
 struct optics_lamp {
     struct v3 position_mm, aim; /* aim: unit */
     double exponent, intensity; /* W·sr⁻¹ */

@@ -14,11 +14,12 @@ static void truth_give(struct v3 v, double ret[3]) {
 }
 
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
-    truth_give(world_eye_mm(world, camera, turntable_deg), ret);
+    const struct optics_camera at = world_camera_at(world, camera, world->arm_deg);
+    truth_give(world_eye_mm(&at, turntable_deg), ret);
 }
 
 void truth_camera(World *world, int camera, struct truth_camera *ret) {
-    const struct optics_camera *from = &world->cameras[camera];
+    const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     *ret = (struct truth_camera){.focal_px = from->focal_px,
                                  .centre_px = {from->centre_x_px, from->centre_y_px},
                                  .k1 = from->k1,
@@ -33,7 +34,7 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
 
 /* Newton's method on the viewing rays of pixels, the same rays that render the pictures. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
-    const struct optics_camera *from = &world->cameras[camera];
+    const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     const struct v3 to =
         v3_norm(v3_minus(v3(point_mm[0], point_mm[1], point_mm[2]), from->centre_mm));
     double *xy = ret_xy_px;
@@ -59,10 +60,24 @@ void truth_arc(World *world, struct truth_arc *ret) {
     truth_give(world->arc.centre_mm, ret->centre_mm);
 }
 
+static void give_swing(const struct optics_swing *from, struct truth_swing *ret) {
+    ret->zero_deg = from->zero * 180 / G_PI;
+    truth_give(from->axis, ret->axis);
+    truth_give(from->centre_mm, ret->centre_mm);
+}
+
+void truth_arm(World *world, struct truth_swing *ret) {
+    give_swing(&world->arm, ret);
+}
+
+void truth_probe(World *world, struct truth_swing *ret) {
+    give_swing(&world->probe, ret);
+}
+
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]) {
     struct optics_lamp at =
-        world_lamp_at(world, lamp, world_light_pose(world, world->lamp_fixed[lamp], arc_deg, 0));
+        world_lamp_at(world, lamp, world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0));
     truth_give(at.position_mm, ret_position_mm);
     if (ret_aim)
         truth_give(at.aim, ret_aim);
@@ -71,7 +86,7 @@ void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour) {
     struct optics_lamp at =
-        world_lamp_at(world, lamp, world_light_pose(world, world->lamp_fixed[lamp], arc_deg, 0));
+        world_lamp_at(world, lamp, world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0));
     struct v3 p = v3(point_mm[0], point_mm[1], point_mm[2]);
     double level = v3_norm(v3_minus(at.position_mm, p)).z, xy[2];
     truth_project(world, camera, point_mm, xy);
@@ -107,7 +122,8 @@ struct raster {
 static void raster_init(struct raster *raster, World *world, int camera, double turntable_deg,
                         const struct truth_grid *grid, int fine) {
     *raster = (struct raster){.world = world, .grid = grid, .fine = fine};
-    raster->eye = world_eye_mm(world, camera, turntable_deg);
+    const struct optics_camera at = world_camera_at(world, camera, world->arm_deg);
+    raster->eye = world_eye_mm(&at, turntable_deg);
     raster->n = grid->width * fine;
     raster->points = g_new(struct v3, raster->n);
     raster->rays = g_new(struct v3, raster->n);
@@ -243,7 +259,7 @@ static void add_reflectance(const struct raster *raster, const struct lamp_light
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb) {
     struct light_pose pose =
-        world_light_pose(world, world->lamp_fixed[lamp], arc_deg, turntable_deg);
+        world_lamp_pose(world, lamp, arc_deg, world->probe_deg, turntable_deg);
     struct cache_entry *bounce = world_bounce(world, lamp, pose);
     struct lamp_light light = {world_lamp_at(world, lamp, pose), bounce->value};
     struct raster raster;

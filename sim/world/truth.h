@@ -1,6 +1,7 @@
 /*
  * The tests' door to the simulated world's own truth: exact distances and reflectances by ray
  * tracing. In a library of its own (mesorig_truth) that only tests and the demo's report link to.
+ * Camera arm and light probe are where world_set_arm() and world_set_probe() have put them.
  */
 #pragma once
 
@@ -31,6 +32,15 @@ struct truth_arc {       /* how it truly turns, rig frame */
     double centre_mm[3]; /* where it goes through z = 0 */
 };
 void truth_arc(World *world, struct truth_arc *ret);
+
+/* A camera arm, in the rig frame, or a light probe, in the frame of its lamps. */
+struct truth_swing {
+    double zero_deg;     /* added to its angle */
+    double axis[3];      /* unit; what is carried turns counter-clockwise about it */
+    double centre_mm[3]; /* a point of the axis */
+};
+void truth_arm(World *world, struct truth_swing *ret);
+void truth_probe(World *world, struct truth_swing *ret);
 
 /* Where lamp and laser sheet truly are with the arc at an angle (backlash and position errors
  * aside), rig frame. ret_aim may be NULL. */

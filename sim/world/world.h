@@ -1,7 +1,7 @@
 /*
  * The simulated world: one physical truth that all simulated devices read and change, so that
  * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc or
- * standing by themselves, cameras; described by a world file (world.conf(5) has every key).
+ * standing by themselves, cameras; cameras may be carried by an arm, lamps by a probe, each an axis; described by a world file (world.conf(5) has every key).
  *
  * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
  * written again, so that an error made there does not cancel.
@@ -16,7 +16,7 @@
 
 #include <gio/gio.h>
 
-#define WORLD_MAX_CAMERAS 16
+#define WORLD_MAX_CAMERAS 31
 #define WORLD_MAX_LAMPS   128
 #define WORLD_MAX_LASERS  16
 
@@ -46,6 +46,8 @@ void world_sensor(const World *world, int camera, struct world_sensor *ret);
 /* True positions, degrees; devices have added their own errors already. */
 void world_set_turntable(World *world, double deg);
 void world_set_arc(World *world, double deg);
+void world_set_arm(World *world, double deg);
+void world_set_probe(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
 
 /* A laser is taken off and mounted, sweep and all, where another of the file stands; its own place
@@ -61,7 +63,7 @@ double world_lamp_warm_up_s(const World *world);
 void world_set_laser(World *world, int laser, gboolean on);
 
 struct world_state {
-    double turntable_deg, arc_deg;
+    double turntable_deg, arc_deg, arm_deg, probe_deg;
     double sweep_deg[WORLD_MAX_LASERS]; /* by place, as laser_on */
     float lamp_output[WORLD_MAX_LAMPS]; /* 0 … 1, of nominal, at time_us */
     gboolean laser_on[WORLD_MAX_LASERS];

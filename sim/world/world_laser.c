@@ -26,7 +26,7 @@ struct laser_list {
 struct laser_job {
     World *world;
     int camera, laser;
-    double turntable_deg;
+    double arm_deg, turntable_deg;
     struct light_pose pose;
 };
 
@@ -144,7 +144,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
                                       world_bits(job->pose.relative_rad),
                                       world_bits(job->pose.turntable_rad)}};
     struct cache_entry *vertices = cache_get(world->cache, &vertices_key, make_vertices, job);
-    struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
+    struct cache_entry *entry = world_view(world, job->camera, job->arm_deg, job->turntable_deg);
     const struct view *view = entry->value;
     g_autoptr(GArray) shares = g_array_sized_new(FALSE, FALSE, sizeof(struct share), view->n * 4);
     struct laser_light light = {
@@ -209,11 +209,12 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
         g_once_init_leave(&filled, 1);
     }
     struct laser_job job = {
-        world, camera, laser, state->turntable_deg,
+        world, camera, laser, state->arm_deg, state->turntable_deg,
         world_light_pose(world, world->laser_fixed[laser], state->arc_deg, state->turntable_deg)};
     double turntable_rad = world_relative_rad(state->turntable_deg, 0);
     struct cache_key key = {{CACHED_LASER_LIST | (guint64)camera << 8 | (guint64)laser << 16,
-                             world_bits(turntable_rad), world_bits(job.pose.relative_rad), 0}};
+                             world_bits(turntable_rad), world_bits(job.pose.relative_rad),
+                             world_carried_bits(world->camera_on_arm[camera], state->arm_deg)}};
     struct cache_entry *entry = cache_get(world->cache, &key, make_list, &job);
     const struct laser_list *list = entry->value;
     double sigma = world->lasers[laser].sigma;

@@ -28,6 +28,18 @@ struct light_pose world_light_pose(const World *world, gboolean fixed, double ar
                                world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0, FALSE};
 }
 
+struct light_pose world_lamp_pose(const World *world, int lamp, double arc_deg, double probe_deg,
+                                  double turntable_deg) {
+    struct light_pose pose =
+        world_light_pose(world, world->lamp_fixed[lamp], arc_deg, turntable_deg);
+    pose.probe_deg = world->lamp_on_probe[lamp] ? probe_deg : 0;
+    return pose;
+}
+
+guint64 world_carried_bits(gboolean carried, double deg) {
+    return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
+}
+
 /* By the angle between the two where that suffices, bit-identical to a world without errors of the
  * arc. */
 static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
@@ -44,6 +56,11 @@ static struct v3 world_light_place(const World *world, struct light_pose pose, s
 
 struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose) {
     struct optics_lamp at = world->lamps[lamp];
+    if (world->lamp_on_probe[lamp]) {
+        const double angle = RAD(pose.probe_deg);
+        at.position_mm = optics_swing_point(&world->probe, angle, at.position_mm);
+        at.aim = optics_swing_direction(&world->probe, angle, at.aim);
+    }
     at.position_mm = world_light_place(world, pose, at.position_mm, TRUE);
     at.aim = world_light_place(world, pose, at.aim, FALSE);
     return at;
@@ -57,21 +74,34 @@ struct optics_laser world_laser_at(const World *world, int laser, struct light_p
     return at;
 }
 
-struct v3 world_eye_mm(const World *world, int camera, double turntable_deg) {
-    double angle = -RAD(whole_turn(turntable_deg));
-    return v3_turn_z(world->cameras[camera].centre_mm, cos(angle), sin(angle));
+struct optics_camera world_camera_at(const World *world, int camera, double arm_deg) {
+    struct optics_camera at = world->cameras[camera];
+    const double angle = RAD(arm_deg);
+    if (!world->camera_on_arm[camera])
+        return at;
+    at.centre_mm = optics_swing_point(&world->arm, angle, at.centre_mm);
+    at.right = optics_swing_direction(&world->arm, angle, at.right);
+    at.down = optics_swing_direction(&world->arm, angle, at.down);
+    at.forward = optics_swing_direction(&world->arm, angle, at.forward);
+    return at;
 }
 
-struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px,
+struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg) {
+    double angle = -RAD(whole_turn(turntable_deg));
+    return v3_turn_z(camera->centre_mm, cos(angle), sin(angle));
+}
+
+struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,
                     double y_px) {
     double angle = -RAD(whole_turn(turntable_deg));
-    return v3_turn_z(optics_ray(&world->cameras[camera], x_px, y_px), cos(angle), sin(angle));
+    return v3_turn_z(optics_ray(camera, x_px, y_px), cos(angle), sin(angle));
 }
 
 struct view_job {
     const World *world;
     int camera;
-    double turntable_deg;
+    struct optics_camera at; /* the camera as it stands */
+    double arm_deg, turntable_deg;
     const struct spread *spread;
     struct v3 *rays; /* of one picture row, as what follows */
     struct surface *surfaces;
@@ -104,8 +134,8 @@ static void world_light_add_pixel(const struct view_job *job, int x, int y, GArr
                 world_light_add_point(points, &surfaces[i], colour, pixel);
         return;
     }
-    struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
-    struct v3 ray = world_ray(job->world, job->camera, job->turntable_deg, x, y);
+    struct v3 eye = world_eye_mm(&job->at, job->turntable_deg);
+    struct v3 ray = world_ray(&job->at, job->turntable_deg, x, y);
     struct surface table;
     gboolean seen;
     scene_trace(&job->world->scene, eye, NULL, &ray, 1, &table, &seen);
@@ -120,6 +150,8 @@ static void trace_row(const struct view_job *job, int y) {
     guint64 sample = sample_hash(world_bits((double)low[0] + (double)high[1])) ^
                      sample_hash(world_bits((double)low[1] - (double)high[0] + (double)high[2]));
     struct sample_random random = {sample_hash(world_bits(whole_turn(job->turntable_deg)) + sample +
+                                               world_carried_bits(job->world->camera_on_arm[job->camera],
+                                                            job->arm_deg) +
                                                (guint64)job->camera * 8191 +
                                                (guint64)y * 0x9e3779b97f4a7c15u)};
     double at[2 * MOST_SAMPLES];
@@ -132,10 +164,10 @@ static void trace_row(const struct view_job *job, int y) {
         if (camera->blur_px > 0)
             spread_pixel(job->spread, &random, aa, at);
         for (int i = 0; i < aa * aa; i++)
-            job->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, x + at[2 * i],
-                                       y + at[2 * i + 1]);
+            job->rays[k++] =
+                world_ray(&job->at, job->turntable_deg, x + at[2 * i], y + at[2 * i + 1]);
     }
-    struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    struct v3 eye = world_eye_mm(&job->at, job->turntable_deg);
     scene_trace(&job->world->scene, eye, NULL, job->rays, k, job->surfaces, job->hit);
 }
 
@@ -164,7 +196,7 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     gsize before = sizeof(struct view) + points->len * sizeof(struct point);
     *ret_bytes = before + n_pixels * sizeof(float);
     struct view *view = g_malloc(*ret_bytes);
-    view->eye_mm = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    view->eye_mm = world_eye_mm(&job->at, job->turntable_deg);
     view->n = points->len;
     view->weights = memcpy((char *)view + before, weights, n_pixels * sizeof(float));
     if (points->len)
@@ -172,10 +204,14 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     return view;
 }
 
-struct cache_entry *world_view(World *world, int camera, double turntable_deg) {
-    struct view_job job = {.world = world, .camera = camera, .turntable_deg = turntable_deg};
-    struct cache_key key = {
-        {CACHED_VIEW, (guint64)camera, world_bits(whole_turn(turntable_deg)), 0}};
+struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg) {
+    struct view_job job = {.world = world,
+                           .camera = camera,
+                           .at = world_camera_at(world, camera, arm_deg),
+                           .arm_deg = arm_deg,
+                           .turntable_deg = turntable_deg};
+    struct cache_key key = {{CACHED_VIEW, (guint64)camera, world_bits(whole_turn(turntable_deg)),
+                             world_carried_bits(world->camera_on_arm[camera], arm_deg)}};
     return cache_get(world->cache, &key, make_view, &job);
 }
 
@@ -223,7 +259,8 @@ static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsi
 
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose) {
     struct bounce_job job = {world, lamp, pose};
-    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp, world_bits(pose.relative_rad),
+    const guint64 probe = world_carried_bits(world->lamp_on_probe[lamp], pose.probe_deg);
+    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp ^ probe, world_bits(pose.relative_rad),
                              world_bits(pose.turntable_rad)}};
     return cache_get(world->cache, &key, make_bounce, &job);
 }
@@ -240,7 +277,7 @@ float world_bounce_at(const World *world, const float *bounce, const struct surf
 struct picture_job {
     World *world;
     int camera, lamp;
-    double turntable_deg;
+    double arm_deg, turntable_deg;
     struct light_pose pose;
 };
 
@@ -253,7 +290,7 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
     struct light_pose pose = job->pose;
     struct optics_lamp lamp = world_lamp_at(world, job->lamp, pose);
     struct cache_entry *bounce = world_bounce(world, job->lamp, pose);
-    struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
+    struct cache_entry *entry = world_view(world, job->camera, job->arm_deg, job->turntable_deg);
     const struct view *view = entry->value;
     struct surface surfaces[SCENE_BATCH];
     guint8 blocked[SCENE_BATCH];
@@ -280,13 +317,15 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
     return picture;
 }
 
-struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
-                                       double arc_deg) {
+struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
+                                       const struct world_state *state) {
     struct picture_job job = {
-        world, camera, lamp, turntable_deg,
-        world_light_pose(world, world->lamp_fixed[lamp], arc_deg, turntable_deg)};
+        world, camera, lamp, state->arm_deg, state->turntable_deg,
+        world_lamp_pose(world, lamp, state->arc_deg, state->probe_deg, state->turntable_deg)};
+    const guint64 arm = world_carried_bits(world->camera_on_arm[camera], state->arm_deg);
+    const guint64 probe = world_carried_bits(world->lamp_on_probe[lamp], state->probe_deg);
     struct cache_key key = {{CACHED_PICTURE | (guint64)camera << 8 | (guint64)lamp << 16,
-                             world_bits(whole_turn(turntable_deg)),
-                             world_bits(job.pose.relative_rad), 0}};
+                             world_bits(whole_turn(state->turntable_deg)),
+                             world_bits(job.pose.relative_rad), arm ^ (probe << 1 | probe >> 63)}};
     return cache_get(world->cache, &key, world_light_make_picture, &job);
 }

@@ -12,6 +12,8 @@ struct world_options {
     gboolean noise;
     double arc_zero_deg, arc_tilt_deg, arc_mm;
     double camera_mm, camera_deg, lamp_mm, lamp_deg, lamp_pct, laser_mm, laser_deg;
+    double arm_axis_theta_deg, arm_axis_phi_deg, arm_zero_deg, arm_tilt_deg, arm_mm;
+    double probe_axis_theta_deg, probe_axis_phi_deg, probe_zero_deg, probe_tilt_deg, probe_mm;
     double warm_up_s, warm_up_start, drift_pct, drift_period_s;
     double table_albedo, table_radius_mm;
 };
@@ -33,6 +35,26 @@ static const struct option world_table[] = {
      "standard deviation of the lean of the light arc's axis, towards x and towards y"},
     {"arc_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(arc_mm),
      "standard deviation of where the light arc's axis stands, along x and along y"},
+    {"arm_axis_theta_deg", OPTION_DOUBLE, "deg", 0, 180, "90", NULL, AT(arm_axis_theta_deg),
+     "direction of the camera arm's axis, from the zenith"},
+    {"arm_axis_phi_deg", OPTION_DOUBLE, "deg", -360, 360, "90", NULL, AT(arm_axis_phi_deg),
+     "its azimuth"},
+    {"arm_zero_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(arm_zero_deg),
+     "standard deviation of where the camera arm's angle 0 truly is"},
+    {"arm_tilt_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(arm_tilt_deg),
+     "standard deviation of its axis's direction, towards each of two sides"},
+    {"arm_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(arm_mm),
+     "standard deviation of where its axis is, along x, y and z"},
+    {"probe_axis_theta_deg", OPTION_DOUBLE, "deg", 0, 180, "90", NULL, AT(probe_axis_theta_deg),
+     "the same of the light probe"},
+    {"probe_axis_phi_deg", OPTION_DOUBLE, "deg", -360, 360, "90", NULL, AT(probe_axis_phi_deg),
+     "its azimuth; of a probe on the arc, with the arc at 0"},
+    {"probe_zero_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(probe_zero_deg),
+     "standard deviation of where the light probe's angle 0 truly is"},
+    {"probe_tilt_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(probe_tilt_deg),
+     "standard deviation of its axis's direction, towards each of two sides"},
+    {"probe_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(probe_mm),
+     "standard deviation of where its axis is, along x, y and z"},
     {"camera_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(camera_mm),
      "standard deviation of the cameras' positions from where they should be, each axis"},
     {"camera_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(camera_deg),
@@ -66,6 +88,7 @@ static const struct option world_table[] = {
 struct camera_options {
     struct optics_camera optics;
     int cfa;
+    gboolean on_arm;
     double theta_deg, phi_deg, distance_mm, focal_scale;
     struct option_doubles offset_mm, turn_deg, centre_px, colour;
 };
@@ -78,6 +101,8 @@ static const struct option camera_table[] = {
     {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg), "azimuth"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "650", NULL, AT(distance_mm),
      "from the origin, which it looks at"},
+    {"on_arm", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_arm),
+     "the camera arm carries it; it stands as said with the arm at 0"},
     {"width", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.width), "columns"},
     {"height", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.height), "rows"},
     {"focal_px", OPTION_DOUBLE, "px", 10, 1e6, "1664", NULL, AT(optics.focal_px),
@@ -120,7 +145,7 @@ static const struct option camera_table[] = {
 
 struct lamp_options {
     struct optics_lamp optics;
-    gboolean dead;
+    gboolean dead, on_probe;
     double theta_deg, phi_deg, distance_mm, scale;
     struct option_doubles offset_mm, aim_deg;
 };
@@ -132,6 +157,8 @@ static const struct option lamp_table[] = {
      "azimuth it stands at by itself; without it the arc carries it"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "500", NULL, AT(distance_mm),
      "from the origin, which it is aimed at"},
+    {"on_probe", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_probe),
+     "the light probe carries it; it stands as said with the probe at 0"},
     {"exponent", OPTION_DOUBLE, NULL, 0, 100, "2", NULL, AT(optics.exponent),
      "intensity falls with the cosine of the angle to the aim to this power"},
     {"intensity", OPTION_DOUBLE, "W/sr", 0, 1e6, "40", NULL, AT(optics.intensity), "along its aim"},
@@ -239,6 +266,7 @@ static gboolean load_camera(World *world, const struct world_options *all,
         struct v3 turn =
             v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from.turn_deg));
         optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
+        world->camera_on_arm[world->n_cameras] = from.on_arm;
         world->camera_names[world->n_cameras++] = g_strdup(section->name);
     }
     options_clear(camera_table, &from);
@@ -277,6 +305,7 @@ static gboolean load_lamp(World *world, const struct world_options *all,
         lamp->intensity = MAX(lamp->intensity, 0);
         world->power[world->n_lamps].dead = from.dead;
         world->lamp_fixed[world->n_lamps] = config_value(section, "phi_deg", NULL) != NULL;
+        world->lamp_on_probe[world->n_lamps] = from.on_probe;
         world->lamp_names[world->n_lamps++] = g_strdup(section->name);
     }
     options_clear(lamp_table, &from);
@@ -423,6 +452,20 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
+/* An axis that carries cameras or lamps, with its deviations from where it is meant to be. */
+static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
+                                    double phi_deg, double zero_deg, double tilt_deg,
+                                    double off_mm) {
+    struct sample_random random = device_random(all, letter, 0);
+    struct v3 up, across, out = world_load_on_arc(theta_deg, phi_deg, &up, &across);
+    struct optics_swing swing = {.zero = RAD(zero_deg * deviate(&random))};
+    struct v3 lean = deviate3(&random);
+    out = v3_mad(up, RAD(tilt_deg) * lean.x, v3_mad(across, RAD(tilt_deg) * lean.y, out));
+    swing.axis = v3_norm(out);
+    swing.centre_mm = v3_mad(deviate3(&random), off_mm, v3(0, 0, 0));
+    return swing;
+}
+
 gboolean world_load(World *world, const char *path, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(Config) config = config_load_checked(path, mistakes);
@@ -447,6 +490,10 @@ gboolean world_load(World *world, const char *path, GError **error) {
     optics_arc_lean(arc, RAD(all.arc_tilt_deg * lean.x), RAD(all.arc_tilt_deg * lean.y));
     arc->centre_mm = v3(all.arc_mm * aside.x, all.arc_mm * aside.y, 0);
     arc->crooked = all.arc_tilt_deg > 0 || all.arc_mm > 0;
+    world->arm = swing_of(&all, 'm', all.arm_axis_theta_deg, all.arm_axis_phi_deg, all.arm_zero_deg,
+                          all.arm_tilt_deg, all.arm_mm);
+    world->probe = swing_of(&all, 'p', all.probe_axis_theta_deg, all.probe_axis_phi_deg,
+                            all.probe_zero_deg, all.probe_tilt_deg, all.probe_mm);
     gsize n = 0;
     const struct config_section *sections = config_sections(config, &n);
     gboolean all_sections = config_has_all_sections(config);

@@ -36,6 +36,7 @@ struct World {
     struct mesh *mesh;
     struct scene scene;
     struct optics_arc arc;
+    struct optics_swing arm, probe;
     struct optics_camera cameras[WORLD_MAX_CAMERAS];
     struct optics_lamp lamps[WORLD_MAX_LAMPS];
     struct optics_laser lasers[WORLD_MAX_LASERS];
@@ -43,6 +44,7 @@ struct World {
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
     gboolean lamp_fixed[WORLD_MAX_LAMPS], laser_fixed[WORLD_MAX_LASERS]; /* not on the arc */
+    gboolean camera_on_arm[WORLD_MAX_CAMERAS], lamp_on_probe[WORLD_MAX_LAMPS];
     int supersample;
     gboolean noise;
     guint64 noise_seed;
@@ -50,7 +52,7 @@ struct World {
     Cache *cache;
 
     GMutex lock; /* of what follows */
-    double turntable_deg, arc_deg, sweep_deg[WORLD_MAX_LASERS];
+    double turntable_deg, arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
     int laser_place[WORLD_MAX_LASERS]; /* the laser at whose place each is mounted */
@@ -105,20 +107,29 @@ static inline guint64 world_bits(double value) {
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
+/* The part of a cache's key that tells where an axis stands that carries something; else 0. */
+guint64 world_carried_bits(gboolean carried, double deg);
+
 /* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
  * between arc and turntable alone, unless the arc's axis differs from the turntable's; those for
  * fixed lights depend on the turntable alone. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad 0 where it does not matter */
     gboolean fixed;
+    double probe_deg; /* of lamps on the probe, else 0 */
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
+struct light_pose world_lamp_pose(const World *world, int lamp, double arc_deg, double probe_deg,
+                                  double turntable_deg);
 struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose);
 struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose);
 
-struct v3 world_eye_mm(const World *world, int camera, double turntable_deg);
-struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px, double y_px);
+/* A camera as it stands with the arm at an angle. */
+struct optics_camera world_camera_at(const World *world, int camera, double arm_deg);
+struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg);
+struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,
+                    double y_px);
 
 /* A part of a pixel's area, packed: a view has as many as pixels times samples, a session many
  * views. Directions are folded octahedra, shares of one are whole numbers; what that rounds lies
@@ -131,14 +142,14 @@ struct point {
     guint32 triangle, pixel;
 };
 
-/* What a camera sees at a turntable angle; without the sky, and turntable by whole pixels. */
+/* What a camera sees at an angle of arm and turntable; without the sky, and turntable by whole pixels. */
 struct view {
     struct v3 eye_mm;
     const float *weights; /* of each of a pixel's points: DN·s⁻¹ per W·sr⁻¹·m⁻², area included */
     guint n;
     struct point points[];
 };
-struct cache_entry *world_view(World *world, int camera, double turntable_deg);
+struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg);
 
 /* world_point.c: all three colours unpack to the pixel's. */
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
@@ -165,8 +176,8 @@ float world_bounce_at(const World *world, const float *bounce, const struct surf
                       enum cfa_colour colour);
 
 /* DN·s⁻¹, width × height, for a lamp at full output. */
-struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
-                                       double arc_deg);
+struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
+                                       const struct world_state *state);
 
 /* world_laser.c: adds DN·s⁻¹ of a laser at a sweep angle. */
 void world_add_laser(World *world, int camera, int laser, const struct world_state *state,

@@ -1,3 +1,4 @@
+#include "geometry/swing.h"
 #include "plan/plan.h"
 
 #include <locale.h>
@@ -54,9 +55,11 @@ static struct rig_timing timing_of(double warm_up_s) {
 
     for (int i = 0; i < RIG_MAX_LAMPS; i++)
         t.lamp_warm_up_s[i] = warm_up_s;
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+    for (int i = 0; i < RIG_MAX_LASERS; i++) {
         t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
         t.laser_warm_up_s[i] = 0.1;
+    }
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
         t.readout_us[i] = 40000;
         t.min_exposure_us[i] = 10;
         t.max_exposure_us[i] = 10000000;
@@ -579,6 +582,16 @@ static void test_dome(void) {
     conf = conf_of("[views]\nrings=40:1:100.3\n[lights]\ndevices=all\n");
     g_autoptr(Plan) near = build(&conf, &rig, &timing);
     g_assert_cmpfloat(near->session.views[0].turntable_deg, ==, 0);
+    rig.n_cameras = 2;
+    rig.cameras[1] = rig.cameras[0];
+    g_strlcpy(rig.cameras[1].name, "other", RIG_NAME);
+    rig_camera_look_at(&rig.cameras[1], at_mm(20, 30, 650), vec3(0, 0, 0));
+    session_conf_clear(&conf);
+    conf = conf_of("[views]\ndevices=all\n[lights]\ndevices=all\n");
+    g_autoptr(Plan) still = build(&conf, &rig, &timing);
+    g_assert_true(g_str_has_prefix(still->notes->pdata[still->notes->len - 1],
+                                   "no turntable: 2 views"));
+    rig.n_cameras = 1;
     session_conf_clear(&conf);
     conf = conf_of("[views]\nrings=40:2:100\n[lights]\ndevices=all\n");
     assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "there is no [axis turntable]");
@@ -677,6 +690,93 @@ static void test_arc_and_fixed_lamps(void) {
     g_assert_cmpint(plan->session.n_shots, ==, 4);
 }
 
+/* A camera that stands still and one at four stops of an arm: every view gets every light once, with
+ * the arm where its camera is; and the order spares moves of the arm. */
+static void test_arm(void) {
+    g_auto(SessionConf) conf =
+        conf_of("[views]\nrings=15:8; 25:8; 35:8; 45:8; 55:8\n[lights]\ndevices=all\n");
+    struct rig rig = four_cameras();
+    struct rig_timing timing = timing_of(0.25);
+    int seen[40][16] = {{0}}, moves = 0;
+    double arm_deg = -1;
+
+    timing.arc = (struct axis_motion){0};
+    timing.arm = (struct axis_motion){0, 40, FALSE, 10, 20, 0, 500};
+    rig.n_cameras = 5;
+    rig.cameras[0].on_arm = FALSE;
+    for (int c = 1; c < 5; c++) {
+        rig.cameras[c] = (struct rig_camera){
+            .width = 160, .height = 160, .on_arm = TRUE, .arm_deg = 10 * c, .stop = c - 1};
+        g_snprintf(rig.cameras[c].name, RIG_NAME, "arm@%d", 10 * c);
+        rig_camera_look_at(&rig.cameras[c], at_mm(15 + 10 * c, 0, 650), vec3(0, 0, 0));
+    }
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_assert_cmpint(plan->session.n_views, ==, 40);
+    g_assert_cmpint(plan->session.n_shots, ==, 1 + 8 * 4 * 16); /* the still one joins the others */
+    g_assert_cmpint((int)plan->session.shots[0].cameras, ==, 3); /* a dark frame of each device */
+    for (int i = 1; i < plan->session.n_shots; i++) {
+        const struct session_shot *shot = &plan->session.shots[i];
+        const double at_deg = rig_arm_deg(&rig, shot->cameras);
+        moves += at_deg != arm_deg;
+        arm_deg = at_deg;
+        for (int c = 1; c < 5; c++)
+            g_assert_true(!(shot->cameras & 1u << c) || at_deg == rig.cameras[c].arm_deg);
+        for (int v = 0; v < 40; v++) {
+            const struct session_direction *view = &plan->session.views[v];
+            seen[v][shot->source] += view->turntable_deg == shot->turntable_deg &&
+                                     (shot->cameras >> view->device & 1) != 0;
+        }
+    }
+    for (int v = 0; v < 40; v++)
+        for (int l = 0; l < 16; l++)
+            g_assert_cmpint(seen[v][l], ==, 1);
+    g_assert_cmpint(moves, ==, 4);
+    g_assert_cmpfloat(plan->predicted_s, >=, plan->lower_bound_s);
+    g_assert_cmpfloat(plan->predicted_s, <, 1.05 * plan->lower_bound_s);
+    g_assert_cmpfloat(plan->predicted_s, <, 0.9 * plan->nested_s);
+
+    timing.arm.max_deg = 30;
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "[axis arm] cannot turn to 40");
+}
+
+/* One lamp at three stops of a probe on the arc: each light from its own stop; the lamp that is on
+ * stays on while the probe moves. */
+static void test_probe(void) {
+    g_auto(SessionConf) conf =
+        conf_of("[views]\nrings=30:4\n[lights]\nrings=15:4:45; 45:4:45; 75:4:45\n");
+    struct rig rig = rig_of(demo_theta_deg, 5);
+    struct rig_timing timing = timing_of(20);
+
+    timing.probe = (struct axis_motion){0, 60, FALSE, 30, 60, 0, 200};
+    rig.n_lamps = 3;
+    for (int l = 0; l < 3; l++) {
+        const double theta_deg = 15 + 30 * l;
+        rig.lamps[l] = (struct rig_lamp){.position_mm = at_mm(theta_deg, 0, 500),
+                                         .aim = vec3_scale(at_mm(theta_deg, 0, 1), -1),
+                                         .on_probe = TRUE,
+                                         .probe_deg = 30 * l,
+                                         .stop = l};
+        g_snprintf(rig.lamps[l].name, RIG_NAME, "lamp@%d", 30 * l);
+    }
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_assert_cmpint(plan->session.n_lights, ==, 12);
+    g_assert_cmpint(plan->session.n_shots, ==, 1 + 4 * 12);
+    for (int i = 1; i < plan->session.n_shots; i++) {
+        const struct session_shot *shot = &plan->session.shots[i];
+        const struct session_direction *light = &plan->session.lights[shot->source];
+        const struct vec3 at = rig_turn(rig.lamps[shot->device].position_mm,
+                                        RAD(shot->arc_deg - shot->turntable_deg));
+        const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 500);
+        g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
+        g_assert_cmpfloat(vec3_length(vec3_sub(at, towards)), <, 1e-3);
+        g_assert_cmpfloat(rig_probe_deg(&rig, shot->device), ==, 30 * shot->device);
+    }
+    /* It warms up once. */
+    g_assert_cmpfloat(plan->predicted_s, <, 20 + 48 * 4);
+    timing.probe.max_deg = 50;
+    assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "[axis probe] cannot turn to 60");
+}
+
 static struct axis_motion random_motion(GRand *rand, gboolean wraps) {
     return (struct axis_motion){wraps ? 0 : -400,
                                 wraps ? 360 : 400,
@@ -692,7 +792,7 @@ static struct rig_timing random_timing(GRand *rand) {
 
     t.turntable = random_motion(rand, g_rand_boolean(rand));
     t.arc = random_motion(rand, g_rand_boolean(rand));
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+    for (int i = 0; i < RIG_MAX_LASERS; i++) {
         t.lamp_warm_up_s[i] = g_rand_double_range(rand, 0, g_rand_boolean(rand) ? 0.5 : 8);
         t.laser_warm_up_s[i] = g_rand_double_range(rand, 0, 2);
         t.readout_us[i] = g_rand_int_range(rand, 0, 200000);
@@ -838,8 +938,7 @@ static void test_against_all_orders(void) {
             /* Dark frames are taken first, in the first pose; their time is in every order. */
             double ours = diary_s(shots, n, &conf, &timing);
             double dark =
-                plan->predicted_s - plan_remaining_s(shots, n, &conf, &timing,
-                                                     shots[0]->turntable_deg, shots[0]->arc_deg);
+                plan->predicted_s - plan_remaining_s(shots, n, &conf, &rig, &timing, shots[0]);
             double best = quickest_s(shots, n, 0, &conf, &timing);
             g_assert_cmpfloat(dark, >, 0);
             g_assert_cmpfloat(plan->lower_bound_s, <=, best + dark + 1e-6);
@@ -866,11 +965,10 @@ static void test_remaining(void) {
 
     for (int i = 0; i < n; i++)
         shots[i] = &plan->session.shots[i + 1];
-    double left =
-        plan_remaining_s(shots, n, &conf, &timing, shots[0]->turntable_deg, shots[0]->arc_deg);
+    double left = plan_remaining_s(shots, n, &conf, &rig, &timing, shots[0]);
     g_assert_cmpfloat(fabs(left - diary_s(shots, n, &conf, &timing)), <, 1e-6);
-    g_assert_cmpfloat(plan_remaining_s(shots, 0, &conf, &timing, 0, 0), ==, 0);
-    g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &timing, 0, 0), <, left);
+    g_assert_cmpfloat(plan_remaining_s(shots, 0, &conf, &rig, &timing, NULL), ==, 0);
+    g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &rig, &timing, NULL), <, left);
 }
 
 int main(int argc, char **argv) {
@@ -891,6 +989,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/plan/dome", test_dome);
     g_test_add_func("/plan/fixed-lamps", test_fixed_lamps);
     g_test_add_func("/plan/arc-and-fixed-lamps", test_arc_and_fixed_lamps);
+    g_test_add_func("/plan/arm", test_arm);
+    g_test_add_func("/plan/probe", test_probe);
     g_test_add_func("/plan/views-first", test_views_first);
     g_test_add_func("/plan/random", test_random);
     g_test_add_func("/plan/all-orders", test_against_all_orders);

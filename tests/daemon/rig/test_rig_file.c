@@ -5,6 +5,7 @@
 
 #include <glib/gstdio.h>
 #include <locale.h>
+#include <math.h>
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
@@ -183,6 +184,76 @@ static void test_shapes(void) {
         g_assert_cmpfloat_with_epsilon(theta, 30 * G_PI / 180, 1e-9);
         g_assert_cmpfloat_with_epsilon(
             phi, lamps[i].phi_deg * G_PI / 180 + (lamps[i].fixed ? 0 : 1), 1e-9);
+        g_unlink(path);
+    }
+}
+
+/* About an axis at azimuth 90 the arm lowers a camera at azimuth 0, past the zenith, too; about one at
+ * azimuth 0 it moves it aside. */
+static void test_arm(void) {
+    static const struct {
+        const char *rig;
+        double theta_deg[3], phi_deg[3]; /* at −40, 0 and 30 */
+    } arms[] = {{"", {25, 15, 45}, {180, 0, 0}},
+                {"arm_axis_theta_deg = 0\n", {15, 15, 15}, {320, 0, 30}}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(arms); i++) {
+        g_autoptr(GError) error = NULL;
+        struct rig rig;
+        g_autofree char *text = g_strconcat(
+            "[rig]\nid = r\n", arms[i].rig,
+            "[axis arm]\ndriver=sim-axis\n[camera a]\ndriver=sim-camera\nworld=w.conf\ntheta_deg=15\n"
+            "phi_deg=0\narm_deg=-40;0;30\ndistance_mm=500\nwidth=4\nheight=4\nfocal_px=100\n" CAMERA
+                LAMP "phi_deg=70\n",
+            NULL);
+        g_autofree char *path = written(text);
+        g_assert_true(devices_read_geometry(path, &rig, &error));
+        g_assert_no_error(error);
+        g_assert_cmpint(rig.n_cameras, ==, 4);
+        for (int c = 0; c < 3; c++) {
+            static const char *const names[] = {"a@-40", "a@0", "a@30"};
+            const struct rig_camera *camera = &rig.cameras[c];
+            const struct vec3 at = rig_camera_centre_mm(camera);
+            double theta, phi, x, y;
+            rig_angles(at, &theta, &phi);
+            g_assert_cmpstr(camera->name, ==, names[c]);
+            g_assert_cmpint(rig_camera_unit(&rig, c), ==, 0);
+            g_assert_cmpfloat_with_epsilon(theta, RAD(arms[i].theta_deg[c]), 1e-9);
+            g_assert_cmpfloat_with_epsilon(remainder(phi - RAD(arms[i].phi_deg[c]), 2 * G_PI), 0,
+                                           1e-9);
+            g_assert_cmpfloat_with_epsilon(vec3_length(at), 500, 1e-9);
+            g_assert_true(rig_project(camera, vec3(0, 0, 0), &x, &y)); /* still at the middle */
+            g_assert_cmpfloat(hypot(x - 1.5, y - 1.5), <, 1e-9);
+        }
+        g_assert_cmpint(rig_camera_unit(&rig, 3), ==, 3);
+        g_unlink(path);
+    }
+}
+
+static void test_bad_arms(void) {
+    static const struct {
+        const char *rig, *camera, *says;
+    } bad[] = {
+        {"", "arm_deg=0;10\n", "there is no section [axis arm]"},
+        {"[axis arm]\ndriver=sim-axis\n", "", "nothing uses this axis"},
+        {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;10;0\n", "is given twice"},
+        {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;100\n", "below the turntable's top"},
+        {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;x\n", "arm_deg"},
+        {"[axis arm]\ndriver=sim-axis\n",
+         "arm_deg=1;2;3;4;5;6;7;8;9;10;11;12;13;14;15;16;17;18;19;20;21;22;23;24;25;26;27;28;29;30;31;32\n",
+         "there may be 31"},
+        {"[axis probe]\ndriver=sim-axis\n", "", "nothing uses this axis"},
+    };
+
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_autoptr(GError) error = NULL;
+        struct rig rig;
+        g_autofree char *text =
+            g_strconcat("[rig]\nid = r\n", bad[i].rig, LAMP "phi_deg=70\n" CAMERA, bad[i].camera, NULL);
+        g_autofree char *path = written(text);
+        g_assert_false(devices_read_geometry(path, &rig, &error));
+        g_test_message("%s", error->message);
+        g_assert_nonnull(strstr(error->message, bad[i].says));
         g_unlink(path);
     }
 }
@@ -400,6 +471,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig-file/bad", test_bad_files);
     g_test_add_func("/rig-file/missing", test_missing);
     g_test_add_func("/rig-file/shapes", test_shapes);
+    g_test_add_func("/rig-file/arm", test_arm);
+    g_test_add_func("/rig-file/bad-arms", test_bad_arms);
     g_test_add_func("/rig-file/truncated", test_truncated);
     g_test_add_func("/rig-file/open", test_open);
     g_test_add_func("/rig-file/safety", test_safety);

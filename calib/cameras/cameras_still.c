@@ -1,0 +1,102 @@
+/* The frame of a rig without a turntable: level by a board, in the plane by the rig file. */
+#include "cameras_private.h"
+
+#include <string.h>
+
+#define MOST_TILT_RAD (5 * (G_PI / 180)) /* of a board that lies flat, by the nominal cameras */
+
+gboolean cameras_level(struct cameras_work *work, GError **error) {
+    struct bundle_lay *flat = &work->bundle.lays[0];
+    for (int l = 1; l < work->bundle.n_lays; l++)
+        if (cameras_tilt_rad(&work->bundle.lays[l]) < cameras_tilt_rad(flat))
+            flat = &work->bundle.lays[l];
+    if (cameras_tilt_rad(flat) > MOST_TILT_RAD)
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "no board lies flat: by the rig file the flattest is tilted by %.1f°. Without a "
+            "turntable it says what is level: capture it lying where samples lie, and give that "
+            "session, too",
+            cameras_tilt_rad(flat) * 180 / G_PI);
+    const double azimuth = atan2(flat->rotation[3], flat->rotation[0]); /* of the board's x axis */
+    const double level[9] = {cos(azimuth), -sin(azimuth), 0, sin(azimuth), cos(azimuth), 0, 0, 0, 1};
+    memcpy(flat->rotation, level, sizeof level);
+    flat->place[2] = work->task->board.thickness_mm;
+    flat->fixed = TRUE;
+    return TRUE;
+}
+
+/* Where the viewing ray of a pixel meets the plane z = 0. */
+static struct vec3 on_plane(const struct rig_camera *camera, double x_px, double y_px) {
+    const struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x_px, y_px);
+    return vec3_add(eye, vec3_scale(ray, -eye.z / ray.z));
+}
+
+/* The turn about z and the shift that bring points p_i of the plane next to q_i: least squares of
+ * |Rz(a) p_i + d − q_i|, a = atan2(Σ p_i × q_i, Σ p_i · q_i) of both less their means.
+ * q_i are four points around the origin, p_i where the calibrated cameras see the plane in the pixels
+ * in which the nominal ones see q_i: that is well determined, unlike the cameras' own positions. */
+static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
+    const struct board *board = &work->task->board;
+    const double r = board->columns * board->square_mm / 2;
+    const struct vec3 around[4] = {{r, 0, 0}, {0, r, 0}, {-r, 0, 0}, {0, -r, 0}};
+    struct vec3 p_sum = {0, 0, 0}, q_sum = {0, 0, 0};
+    double across = 0, along = 0;
+    int n = 0;
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        for (int i = 0; i < 4; i++) {
+            const struct rig_camera *nominal = &work->nominal.cameras[c];
+            struct rig_camera camera = *nominal;
+            double x, y;
+            cameras_take_camera(&camera, &work->bundle.cameras[c]);
+            if (work->bundle.cameras[c].fixed_pose || !rig_project(nominal, around[i], &x, &y))
+                continue;
+            const struct vec3 p = on_plane(&camera, x, y), q = around[i];
+            p_sum = vec3_add(p_sum, p);
+            q_sum = vec3_add(q_sum, q);
+            across += p.x * q.y - p.y * q.x;
+            along += p.x * q.x + p.y * q.y;
+            n++;
+        }
+    if (n == 0)
+        return 0;
+    across -= (p_sum.x * q_sum.y - p_sum.y * q_sum.x) / n;
+    along -= (p_sum.x * q_sum.x + p_sum.y * q_sum.y) / n;
+    const double angle = atan2(across, along);
+    *ret_off = vec3_scale(vec3_sub(q_sum, rig_turn(p_sum, angle)), 1.0 / n);
+    return angle;
+}
+
+/* p' = Rz(a) p + d: R' = R Rz(−a), t' = t − R' d. */
+void cameras_align(struct cameras_work *work) {
+    struct bundle *b = &work->bundle;
+    struct vec3 off = vec3(0, 0, 0);
+    const double angle = fit_plane(work, &off);
+    for (int c = 0; c < b->n_cameras; c++) {
+        struct bundle_camera *camera = &b->cameras[c];
+        if (camera->fixed_pose)
+            continue;
+        for (int i = 0; i < 3; i++) {
+            double *row = camera->rotation + 3 * i;
+            const struct vec3 turned = rig_turn(vec3(row[0], row[1], row[2]), angle);
+            row[0] = turned.x;
+            row[1] = turned.y;
+            camera->shift[i] -= turned.x * off.x + turned.y * off.y;
+        }
+    }
+    for (int l = 0; l < b->n_lays; l++) {
+        struct bundle_lay *lay = &b->lays[l];
+        const struct vec3 at = rig_turn(vec3(lay->place[0], lay->place[1], 0), angle);
+        const struct vec3 normal = rig_turn(
+            vec3(lay->rotation[2], lay->rotation[5], lay->rotation[8]), angle);
+        for (int k = 0; k < 3; k++) {
+            const struct vec3 column = rig_turn(
+                vec3(lay->rotation[k], lay->rotation[3 + k], lay->rotation[6 + k]), angle);
+            lay->rotation[k] = column.x;
+            lay->rotation[3 + k] = column.y;
+        }
+        lay->place[0] = at.x + off.x;
+        lay->place[1] = at.y + off.y;
+        /* h is where the print's plane meets the z axis, which is another line now. */
+        lay->place[2] += (normal.x * off.x + normal.y * off.y) / normal.z;
+    }
+}

@@ -1,0 +1,150 @@
+#include "devices_options.h"
+
+#include "devices.h"
+
+#include <string.h>
+
+static const char *const clock_choices[] = {"real", "virtual", NULL};
+
+#define RIG(member) G_STRUCT_OFFSET(struct rig_fields, member)
+const struct option devices_rig_options[] = {
+    {"id", OPTION_STRING, .offset = RIG(id),
+     .help = "Name of this rig; a calibration of another one is refused"},
+    {"clock", OPTION_CHOICE, .fallback = "real", .choices = clock_choices, .offset = RIG(clock),
+     .help = "Virtual time jumps to the next event; for simulated devices only"},
+    {"calibration", OPTION_STRING, .fallback = "", .offset = RIG(calibration),
+     .help = "The rig's calibration file, relative to this file; without it, the geometry and "
+             "light of this file are used"},
+    {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
+     .help = "Age from which an old calibration of a part causes a warning"},
+    {"arc_radius_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = RIG(arc_radius_mm),
+     .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
+    {"arm_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
+     .offset = RIG(arm_axis_theta_deg),
+     .help = "Direction of the axis of [axis arm], which carries cameras and goes through the "
+             "middle of the turntable's top: its angle from straight above; 90 is level"},
+    {"arm_axis_phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "90", .offset = RIG(arm_axis_phi_deg),
+     .help = "Its azimuth. Seen from where it points to, the arm turns counter-clockwise: about an "
+             "axis at azimuth 90 it lowers a camera at azimuth 0"},
+    {"probe_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
+     .offset = RIG(probe_axis_theta_deg),
+     .help = "The same of [axis probe], which carries lamps"},
+    {"probe_axis_phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "90",
+     .offset = RIG(probe_axis_phi_deg),
+     .help = "Its azimuth; of a probe on the arc, with the arc at 0"},
+    {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, "0", .offset = RIG(arc_width_mm),
+     .help = "Width of the light arc with its lamps, and of lamps and cameras that stand by "
+             "themselves; it determines what they hide from a camera or a lamp"},
+    {NULL},
+};
+
+#define PLACE(member) G_STRUCT_OFFSET(struct place_fields, member)
+#define THETA                                                                                      \
+    {                                                                                              \
+        "theta_deg", OPTION_DOUBLE, "degrees", 0, 89.9,                                            \
+            .offset = PLACE(theta_deg), .help = "Elevation it stands at, from straight above"      \
+    }
+#define DISTANCE                                                                                   \
+    {                                                                                              \
+        "distance_mm", OPTION_DOUBLE, "mm", 1, 100000,                                             \
+            .offset = PLACE(distance_mm),                                                          \
+            .help = "Distance from the middle of the turntable's top, which it points at"          \
+    }
+#define AZIMUTH                                                                                    \
+    {                                                                                              \
+        "phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "0",                                       \
+            .offset = PLACE(phi_deg),                                                              \
+            .help =                                                                                \
+                "Azimuth it stands at by itself, counter-clockwise seen from above; without it "   \
+                "the arc carries it"                                                               \
+    }
+
+const struct option devices_lamp_options[] = {
+    {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
+    {"index", OPTION_INT, NULL, 0, 1023, .offset = PLACE(index),
+     .help = "Its number there, from 0"},
+    THETA,
+    AZIMUTH,
+    DISTANCE,
+    {"probe_deg", OPTION_DOUBLES, "degrees", -360, 360, "0", .offset = PLACE(probe_deg),
+     .help = "Angles at which [axis probe], which carries it, stops; theta_deg and phi_deg are with "
+             "that axis at 0. Each stop is a lamp NAME@ANGLE; without this key it stands still"},
+    {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
+     .help = "Its intensity falls with this power of the cosine of the angle from its axis"},
+    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
+     .help = "Radiant intensity along its axis"},
+    {NULL},
+};
+
+const struct option devices_camera_options[] = {
+    THETA,
+    {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
+     .help = "Azimuth it stands at, counter-clockwise seen from above; for a camera overhead, its "
+             "rotation"},
+    DISTANCE,
+    {"arm_deg", OPTION_DOUBLES, "degrees", -360, 360, "0", .offset = PLACE(arm_deg),
+     .help = "Angles at which [axis arm], which carries it, stops; theta_deg and phi_deg are with "
+             "that axis at 0. Each stop is a camera NAME@ANGLE; without this key it stands still"},
+    {"width", OPTION_INT, "px", 1, 65536, .offset = PLACE(width), .help = "Width of its pictures"},
+    {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
+     .help = "Height of its pictures"},
+    {"focal_px", OPTION_DOUBLE, "px", 1, 1e6, .offset = PLACE(focal_px), .help = "Focal length"},
+    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1",
+     .offset = PLACE(response), .help = "Counts a second for a radiance of one, at no gain"},
+    {"k1", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k1), .help = "Radial distortion"},
+    {"k2", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k2), .help = "Radial distortion"},
+    {"k3", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k3), .help = "Radial distortion"},
+    {"p1", OPTION_DOUBLE, NULL, -10, 10, "0", .offset = PLACE(p1), .help = "Tangential distortion"},
+    {"p2", OPTION_DOUBLE, NULL, -10, 10, "0", .offset = PLACE(p2), .help = "Tangential distortion"},
+    {"vignetting", OPTION_DOUBLE, NULL, 0, 0.99, "0", .offset = PLACE(vignetting),
+     .help = "Part of the response that is lost in the corners"},
+    {NULL},
+};
+
+const struct option devices_laser_options[] = {
+    {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
+    {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
+     .help = "The laser that is mounted here by hand; such a section gives only its place"},
+    THETA,
+    AZIMUTH,
+    DISTANCE,
+    {NULL},
+};
+
+const struct option devices_mount_options[] = {
+    {"mount_of", OPTION_STRING, .offset = PLACE(mount_of),
+     .help = "The laser that is mounted here by hand"},
+    THETA,
+    AZIMUTH,
+    DISTANCE,
+    {NULL},
+};
+
+#define MARK(member) G_STRUCT_OFFSET(struct mark_fields, member)
+const struct option devices_mark_options[] = {
+    {"x_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(x_mm),
+     .help = "Its middle, with the turntable at 0"},
+    {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm), .help = "Its middle"},
+    {"z_mm", OPTION_DOUBLE, "mm", -1000, 1000, "0", .offset = MARK(z_mm),
+     .help = "Its face, above the turntable's top"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm), .help = "Of its face"},
+    {"reflectance", OPTION_DOUBLES, NULL, 0.01, 2, "0.9", .offset = MARK(reflectance),
+     .help = "Of its face, one value or three for red, green and blue"},
+    {NULL},
+};
+
+const struct option *devices_section_options(const char *class_name) {
+    static const struct {
+        const char *class_name;
+        const struct option *options;
+    } tables[] = {{"rig", devices_rig_options},
+                  {"lamp", devices_lamp_options},
+                  {"camera", devices_camera_options},
+                  {"laser", devices_laser_options},
+                  {"mark", devices_mark_options}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+        if (g_str_equal(class_name, tables[i].class_name))
+            return tables[i].options;
+    return NULL;
+}
