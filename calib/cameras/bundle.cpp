@@ -199,9 +199,10 @@ struct Work {
             of_lens[lens_of(camera)]++;
             of_stop[stop]++;
             of_lay[lay]++;
-            problem.AddResidualBlock(
-                new Reprojection(b, &o), b->robust > 0 ? new ceres::HuberLoss(b->robust) : nullptr,
-                lenses[lens_of(camera)].data(), poses[camera].data(), lays[lay].data(), &angles[stop]);
+            problem.AddResidualBlock(new Reprojection(b, &o),
+                                     b->robust > 0 ? new ceres::HuberLoss(b->robust) : nullptr,
+                                     lenses[lens_of(camera)].data(), poses[camera].data(),
+                                     lays[lay].data(), &angles[stop]);
         }
     }
 

@@ -30,7 +30,7 @@ struct bundle_camera {
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
     double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
-    int stop; /* the lens is that of the camera so many before this one; 0: its own */
+    int stop;     /* the lens is that of the camera so many before this one; 0: its own */
     double noise; /* factor by which the sigmas of its observations are too small */
     /* Out: fx … p2, ω, shift, k4, k5, k6, the order of enum calibration_camera_parameter; 0 where
      * fixed. */

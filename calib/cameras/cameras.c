@@ -71,9 +71,9 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
                (stops[stop].lay != picture->lay || stops[stop].commanded_rad != angle_rad))
             stop++;
         if (stop == work->bundle.n_stops)
-            stops[work->bundle.n_stops++] = (struct bundle_stop){
-                picture->lay, angle_rad, angle_rad,
-                free_boards || task->no_turntable ? 0 : RAD(ANGLE_SIGMA_DEG)};
+            stops[work->bundle.n_stops++] =
+                (struct bundle_stop){picture->lay, angle_rad, angle_rad,
+                                     free_boards || task->no_turntable ? 0 : RAD(ANGLE_SIGMA_DEG)};
         work->seen[i].camera = picture->camera;
         work->seen[i].lay = picture->lay;
         work->seen[i].stop = stop;
@@ -294,16 +294,17 @@ void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
 
-static struct cameras_result *cameras_store_result(struct cameras_work *work) {
+/* arm: NULL if the rig has none, or its axis is not determined. */
+static struct cameras_result *cameras_store_result(struct cameras_work *work,
+                                                   const struct rig_swing_fit *arm) {
     struct calibration *calibration = work->calibration;
     struct cameras_result *result = cameras_new_result(work);
     GPtrArray *rejected = g_ptr_array_new_with_free_func(g_free);
     g_autofree char *spec = board_spec(&work->task->board);
-    g_autofree char *method =
-        g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
-                        work->free_boards             ? "photographs"
-                        : work->task->no_turntable ? "positions, no turntable"
-                                                   : "lays on the turntable");
+    g_autofree char *method = g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
+                                              work->free_boards          ? "photographs"
+                                              : work->task->no_turntable ? "positions, no turntable"
+                                                                         : "lays on the turntable");
     g_autoptr(GPtrArray) sums = g_ptr_array_new();
     for (int i = 0; i < work->task->n_pictures; i++)
         if (work->seen[i].corners)
@@ -344,7 +345,11 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work) {
         to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
         to->known = TRUE;
     }
-    cameras_fit_arm(work, calibration, result);
+    result->arm_known = arm != NULL;
+    if (arm) {
+        result->arm = *arm;
+        cameras_place_stops(work, calibration, result);
+    }
     return result;
 }
 
@@ -355,6 +360,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
                                           GError **error) {
     struct cameras_work work;
     struct cameras_result *result = NULL;
+    struct rig_swing_fit arm;
+    gboolean arm_known = FALSE;
     const int blas_threads = openblas_get_num_threads();
     if (!free_boards && !board_check_upright(&task->board, error))
         return NULL;
@@ -371,8 +378,9 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     } else {
         cameras_start(&work);
         ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
-             (!task->no_turntable || cameras_level(&work, error)) && cameras_solve(&work, error) && cameras_check_start(&work, error) &&
-             search_everywhere(&work, error) && cameras_check_pictures(&work, error);
+             (!task->no_turntable || cameras_level(&work, error)) && cameras_solve(&work, error) &&
+             cameras_check_start(&work, error) && search_everywhere(&work, error) &&
+             cameras_check_pictures(&work, error);
     }
     if (ok)
         fix_unknown(&work);
@@ -381,8 +389,9 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
          cameras_check_result(&work, error);
     if (ok && task->no_turntable)
         cameras_align(&work);
+    ok = ok && cameras_fit_arm(&work, &arm_known, &arm, error);
     if (ok)
-        result = cameras_store_result(&work);
+        result = cameras_store_result(&work, arm_known ? &arm : NULL);
     for (int i = 0; i < work.task->n_pictures; i++) {
         g_free(work.seen[i].name);
         g_free(work.seen[i].checksum);

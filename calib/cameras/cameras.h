@@ -10,9 +10,9 @@
  * comes from the board's squares alone.
  *
  * Without a turntable the print of the flattest board, which must be within 5° of level by the rig
- * file, is level at the height of its thickness. Azimuth 0 and the origin in the plane are such that
- * the cameras see them where the rig file's do, in the mean. Errors are those relative to the flattest
- * board.
+ * file, is level at the height of its thickness. Azimuth 0 and the origin in the plane are such
+ * that the cameras see them where the rig file's do, in the mean. Errors are those relative to the
+ * flattest board.
  *
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
  * view) stay near the rig file's. Standard deviations of this prior: principal point 2 % of the
@@ -28,8 +28,8 @@
  *
  * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
  * arm's axis is fitted to the poses (swing.h). A stop at which no picture was taken, of a camera
- * that was calibrated at two others, gets its pose from the axis; its errors are those of the nearest
- * stop, increased by how far the calibrated stops are from the axis.
+ * that was calibrated at two others, gets its pose from the axis; its errors are those of the
+ * nearest stop, increased by how far the calibrated stops are from the axis.
  *
  * Errors include the scatter between pictures (bundle.h).
  *
@@ -97,9 +97,9 @@ struct cameras_result {
     /* Cross-validation of the lens models, with photographs alone: the robust RMS error with which
      * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
-    gboolean arm_known;       /* what follows: the arm's axis was fitted; */
-    struct rig_swing_fit arm; /* and */
-    guint32 predicted;        /* the cameras (bits) whose poses it gave */
+    gboolean arm_known;                /* what follows: the arm's axis was fitted; */
+    struct rig_swing_fit arm;          /* and */
+    guint32 predicted;                 /* the cameras (bits) whose poses it gave */
     double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter between pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */

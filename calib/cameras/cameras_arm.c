@@ -4,7 +4,9 @@
 
 #include <string.h>
 
-#define RAD(deg) ((deg) * (G_PI / 180))
+#define RAD(deg)      ((deg) * (G_PI / 180))
+#define MOST_OFF_DEG  1  /* of the stops from a turn about the axis, RMS */
+#define MOST_LEAN_DEG 20 /* of the axis from the rig file's */
 
 /* The calibrated stop of the same camera whose angle is nearest; −1: there is none. */
 static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
@@ -44,15 +46,41 @@ static void predict(struct calibration *calibration, int camera, int from,
     errors->residual_rms_px = 0;
 }
 
-void cameras_fit_arm(const struct cameras_work *work, struct calibration *calibration,
-                     struct cameras_result *result) {
+gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
+                         struct rig_swing_fit *ret, GError **error) {
+    g_autofree struct rig *rig = g_memdup2(&work->nominal, sizeof work->nominal);
+    guint32 known = 0;
+    for (int c = 0; c < rig->n_cameras; c++) {
+        cameras_take_camera(&rig->cameras[c], &work->bundle.cameras[c]);
+        known |= cameras_pictures_of(work, c) > 0 ? 1u << c : 0;
+    }
+    *ret_known = rig_swing_fit(rig, known, &work->nominal, ret);
+    if (!*ret_known)
+        return TRUE;
+    if (ret->angle_rms_rad > RAD(MOST_OFF_DEG))
+        return cameras_refuse(
+            error, CAMERAS_ERROR_FIT,
+            "the stops of the camera arm do not turn about one axis by the angles of the rig file: "
+            "they "
+            "are %.2g° from that (RMS). Does [axis arm] move, and are its steps_per_deg right?",
+            ret->angle_rms_rad * 180 / G_PI);
+    const double off_deg =
+        acos(CLAMP(vec3_dot(ret->swing.axis, work->nominal.arm.axis), -1, 1)) * 180 / G_PI;
+    return off_deg < MOST_LEAN_DEG ||
+           cameras_refuse(
+               error, CAMERAS_ERROR_FIT,
+               "the camera arm turns about an axis that is %.0f° from that of the rig file: "
+               "check [rig] arm_axis_theta_deg and arm_axis_phi_deg, and the sign of "
+               "steps_per_deg of [axis arm]",
+               off_deg);
+}
+
+void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
+                         struct cameras_result *result) {
     struct rig *rig = &calibration->rig;
     guint32 known = 0;
     for (int c = 0; c < rig->n_cameras; c++)
-        known |= calibration->cameras[c].points > 0 ? 1u << c : 0;
-    result->arm_known = rig_swing_fit(rig, known, &work->nominal, &result->arm);
-    if (!result->arm_known)
-        return;
+        known |= cameras_pictures_of(work, c) > 0 ? 1u << c : 0;
     rig->arm = result->arm.swing;
     for (int c = 0; c < rig->n_cameras; c++) {
         const int from = known >> c & 1 ? -1 : nearest_stop(rig, known, c);

@@ -35,9 +35,13 @@ gboolean cameras_refuse(GError **error, enum cameras_error code, const char *for
 void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
-/* cameras_arm.c: the camera arm's axis from the calibrated stops, and the stops without pictures. */
-void cameras_fit_arm(const struct cameras_work *work, struct calibration *calibration,
-                     struct cameras_result *result);
+/* cameras_arm.c: the camera arm's axis from the stops with pictures; known: there are enough. FALSE:
+ * they do not turn about one axis, or not about the rig file's. */
+gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
+                         struct rig_swing_fit *ret, GError **error);
+/* Takes the axis over, and places the stops without pictures by it. */
+void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
+                         struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
 
 /* cameras_start.c: initial values of cameras from the rig file, of lays from the pictures. */

@@ -206,8 +206,8 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
     /* Fixes the height of lays that are flat: they define z = 0. */
     for (int l = 0; l < work->bundle.n_lays; l++) {
         struct bundle_lay *lay = &work->bundle.lays[l];
-        lay->fixed_height = !work->free_boards && !work->task->no_turntable &&
-                            cameras_tilt_rad(lay) < RAD(2);
+        lay->fixed_height =
+            !work->free_boards && !work->task->no_turntable && cameras_tilt_rad(lay) < RAD(2);
         if (lay->fixed_height)
             lay->place[2] = work->task->board.thickness_mm;
     }

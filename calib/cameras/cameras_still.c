@@ -18,7 +18,8 @@ gboolean cameras_level(struct cameras_work *work, GError **error) {
             "session, too",
             cameras_tilt_rad(flat) * 180 / G_PI);
     const double azimuth = atan2(flat->rotation[3], flat->rotation[0]); /* of the board's x axis */
-    const double level[9] = {cos(azimuth), -sin(azimuth), 0, sin(azimuth), cos(azimuth), 0, 0, 0, 1};
+    const double level[9] = {
+        cos(azimuth), -sin(azimuth), 0, sin(azimuth), cos(azimuth), 0, 0, 0, 1};
     memcpy(flat->rotation, level, sizeof level);
     flat->place[2] = work->task->board.thickness_mm;
     flat->fixed = TRUE;
@@ -33,8 +34,9 @@ static struct vec3 on_plane(const struct rig_camera *camera, double x_px, double
 
 /* The turn about z and the shift that bring points p_i of the plane next to q_i: least squares of
  * |Rz(a) p_i + d − q_i|, a = atan2(Σ p_i × q_i, Σ p_i · q_i) of both less their means.
- * q_i are four points around the origin, p_i where the calibrated cameras see the plane in the pixels
- * in which the nominal ones see q_i: that is well determined, unlike the cameras' own positions. */
+ * q_i are four points around the origin, p_i where the calibrated cameras see the plane in the
+ * pixels in which the nominal ones see q_i: that is well determined, unlike the cameras' own
+ * positions. */
 static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     const struct board *board = &work->task->board;
     const double r = board->columns * board->square_mm / 2;
@@ -86,11 +88,11 @@ void cameras_align(struct cameras_work *work) {
     for (int l = 0; l < b->n_lays; l++) {
         struct bundle_lay *lay = &b->lays[l];
         const struct vec3 at = rig_turn(vec3(lay->place[0], lay->place[1], 0), angle);
-        const struct vec3 normal = rig_turn(
-            vec3(lay->rotation[2], lay->rotation[5], lay->rotation[8]), angle);
+        const struct vec3 normal =
+            rig_turn(vec3(lay->rotation[2], lay->rotation[5], lay->rotation[8]), angle);
         for (int k = 0; k < 3; k++) {
-            const struct vec3 column = rig_turn(
-                vec3(lay->rotation[k], lay->rotation[3 + k], lay->rotation[6 + k]), angle);
+            const struct vec3 column =
+                rig_turn(vec3(lay->rotation[k], lay->rotation[3 + k], lay->rotation[6 + k]), angle);
             lay->rotation[k] = column.x;
             lay->rotation[3 + k] = column.y;
         }

@@ -10,6 +10,36 @@
 
 static const struct vec3 up = {0, 0, 1};
 
+double rig_arm_deg(const struct rig *rig, guint32 cameras) {
+    int first = -1;
+
+    for (int c = 0; c < rig->n_cameras; c++) {
+        if (!rig->cameras[c].on_arm)
+            continue;
+        if (cameras & 1u << c)
+            return rig->cameras[c].arm_deg;
+        first = first < 0 ? c : first;
+    }
+    return first < 0 ? 0 : rig->cameras[first].arm_deg;
+}
+
+double rig_probe_deg(const struct rig *rig, int lamp) {
+    if (lamp >= 0 && rig->lamps[lamp].on_probe)
+        return rig->lamps[lamp].probe_deg;
+    for (int i = 0; i < rig->n_lamps; i++)
+        if (rig->lamps[i].on_probe)
+            return rig->lamps[i].probe_deg;
+    return 0;
+}
+
+void rig_stop_device(const char *name, int is_carried, char ret[RIG_NAME]) {
+    char *at;
+
+    g_strlcpy(ret, name, RIG_NAME);
+    if (is_carried && (at = strrchr(ret, '@')))
+        *at = 0;
+}
+
 void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm) {
     struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
     struct vec3 right = vec3_cross(forward, up);

@@ -120,13 +120,23 @@ struct rig {
     double arc_width_mm;  /* its width, also taken for lamps: both hide parts of pictures */
 };
 
-/* The camera whose first stop this is, and of the lamp: those with the same number are one device. */
+/* The camera whose first stop this is, and of the lamp: those with the same number are one device.
+ */
 static inline int rig_camera_unit(const struct rig *rig, int camera) {
     return camera - rig->cameras[camera].stop;
 }
 static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
     return lamp - rig->lamps[lamp].stop;
 }
+
+/* Where the arm stands while a set of cameras (bits) takes pictures: all of them that it carries
+ * have the same angle. Without one of those, at the first stop of the rig; 0 if there is no arm. */
+double rig_arm_deg(const struct rig *rig, guint32 cameras);
+/* The same for the probe and a lamp; −1: none. */
+double rig_probe_deg(const struct rig *rig, int lamp);
+
+/* The name of the device that a camera or lamp NAME@ANGLE is a stop of, of at most RIG_NAME. */
+void rig_stop_device(const char *name, int is_carried, char ret[RIG_NAME]);
 
 #define RIG_ERROR rig_error_quark()
 GQuark rig_error_quark(void);

@@ -36,36 +36,6 @@ void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct ri
     camera->translation_mm = vec3_scale(mat3_mul_vec(&camera->rotation, centre), -1);
 }
 
-double rig_arm_deg(const struct rig *rig, guint32 cameras) {
-    int first = -1;
-
-    for (int c = 0; c < rig->n_cameras; c++) {
-        if (!rig->cameras[c].on_arm)
-            continue;
-        if (cameras & 1u << c)
-            return rig->cameras[c].arm_deg;
-        first = first < 0 ? c : first;
-    }
-    return first < 0 ? 0 : rig->cameras[first].arm_deg;
-}
-
-double rig_probe_deg(const struct rig *rig, int lamp) {
-    if (lamp >= 0 && rig->lamps[lamp].on_probe)
-        return rig->lamps[lamp].probe_deg;
-    for (int i = 0; i < rig->n_lamps; i++)
-        if (rig->lamps[i].on_probe)
-            return rig->lamps[i].probe_deg;
-    return 0;
-}
-
-void rig_stop_device(const char *name, int is_carried, char ret[RIG_NAME]) {
-    char *at;
-
-    g_strlcpy(ret, name, RIG_NAME);
-    if (is_carried && (at = strrchr(ret, '@')))
-        *at = 0;
-}
-
 /* S v = R_kᵀ (R_j v). */
 static struct vec3 turned(const struct rig_camera *j, const struct rig_camera *k, struct vec3 v) {
     return mat3_mul_transposed(&k->rotation, mat3_mul_vec(&j->rotation, v));

@@ -16,22 +16,13 @@ struct vec3 rig_swing_direction(const struct rig_swing *swing, double angle_rad,
 /* Moves a camera as its arm does that turns on by an angle. */
 void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct rig_camera *camera);
 
-/* Where the arm stands while a set of cameras (bits) takes pictures: all of them that it carries
- * have the same angle. Without one of those, at the first stop of the rig; 0 if there is no arm. */
-double rig_arm_deg(const struct rig *rig, guint32 cameras);
-/* The same for the probe and a lamp; −1: none. */
-double rig_probe_deg(const struct rig *rig, int lamp);
-
-/* The name of the device that a camera or lamp NAME@ANGLE is a stop of, of at most RIG_NAME. */
-void rig_stop_device(const char *name, int is_carried, char ret[RIG_NAME]);
-
 /* The axis as a least squares fit to the poses of its stops, and how far they are from it. */
 struct rig_swing_fit {
     struct rig_swing swing;
-    int n_pairs;             /* of stops of one camera */
-    double angle_rms_rad;    /* between the rotations of pairs and those about the axis, */
-    double position_rms_mm;  /* and between the centres of their cameras */
-    double zero_rad;         /* by which the cameras stand on from the nominal ones, in the mean */
+    int n_pairs;            /* of stops of one camera */
+    double angle_rms_rad;   /* between the rotations of pairs and those about the axis, */
+    double position_rms_mm; /* and between the centres of their cameras */
+    double zero_rad;        /* by which the cameras stand on from the nominal ones, in the mean */
 };
 
 /* The axis that the poses of an arm's cameras tell: of those that are known (bits), every pair of

@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include "bus_errors.h"
-#include "geometry/swing.h"
 
 /* Numbers of pictures taken by hand begin here; shots of sessions have lower ones. */
 #define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)

@@ -256,12 +256,13 @@ static void tell_arm(Record *to, const struct calibration *calibration,
             g_ptr_array_add(predicted, (gpointer)calibration->rig.cameras[c].name);
     record_strings(to, "predicted", predicted);
     record_end(to);
-    record_say(to,
-               "\n  arm: axis towards theta %.3f° phi %.3f°, through %.2f %.2f %.2f mm; zero %+.4f°; "
-               "its stops are within %.4f° and %.3f mm of that (RMS)",
-               theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
-               arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
-               arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);
+    record_say(
+        to,
+        "\n  arm: axis towards theta %.3f° phi %.3f°, through %.2f %.2f %.2f mm; zero %+.4f°; "
+        "its stops are within %.4f° and %.3f mm of that (RMS)",
+        theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
+        arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
+        arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);
     if (predicted->len > 0)
         record_say(to, "; %u stop%s without pictures %s placed by the axis", predicted->len,
                    predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
@@ -315,9 +316,10 @@ const struct command calibrate_cameras = {
     .arguments = "SESSION… --board BOARD -o FILE",
     .examples = "  mesorig calibrate cameras flat.session leaning.session -b "
                 "8x8,square=9,marker=6.75,thickness=3 -o rig.calibration\n",
-    .help = "Find out where cameras and the axes of turntable and camera arm are, from sessions of a "
-            "board: one flat on the turntable, others leaning. Without a turntable: one session for "
-            "each position of the board, one of them flat.",
+    .help =
+        "Find out where cameras and the axes of turntable and camera arm are, from sessions of a "
+        "board: one flat on the turntable, others leaning. Without a turntable: one session for "
+        "each position of the board, one of them flat.",
     .options = entries,
     .max = 64,
     .run = cli_calibrate_cameras_run};

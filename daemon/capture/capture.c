@@ -249,7 +249,8 @@ static gboolean prepare_resumed(Capture *capture, GError **error) {
         return FALSE;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
         const struct session_shot *shot = dark_before(capture->shots, c);
-        if (shot && devices_is_unit(&capture->devices->geometry, c) && !intake_load_dark(capture->intake, shot, c, error))
+        if (shot && devices_is_unit(&capture->devices->geometry, c) &&
+            !intake_load_dark(capture->intake, shot, c, error))
             return FALSE;
     }
     return TRUE;
@@ -387,9 +388,12 @@ static char *doing_now(const Capture *capture) {
         return g_strdup_printf("dark frames, %d of %d", sub + 1, n);
     const char *source =
         shot->kind == SHOT_LAMP ? rig->lamps[shot->device].name : rig->lasers[shot->device].name;
-    return g_strdup_printf("%s at turntable %g°, arc %g°: %s %d of %d", source, shot->turntable_deg,
-                           shot->arc_deg, shot->kind == SHOT_LAMP ? "exposure" : "step", sub + 1,
-                           n);
+    g_autofree char *arm = capture->devices->arm
+                               ? g_strdup_printf(", arm %g°", rig_arm_deg(rig, shot->cameras))
+                               : g_strdup("");
+    return g_strdup_printf("%s at turntable %g°, arc %g°%s: %s %d of %d", source,
+                           shot->turntable_deg, shot->arc_deg, arm,
+                           shot->kind == SHOT_LAMP ? "exposure" : "step", sub + 1, n);
 }
 
 void capture_get_status(Capture *capture, struct capture_status *ret) {

@@ -37,9 +37,10 @@ struct complete_sweep {
     gsize bytes; /* of the sweeps; they count as waiting */
 };
 
-/* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but batch, which is the main loop's. Eight sweeps
- * of 1024 × 768 that end at once take seconds to evaluate and write: a second thread (finisher)
- * does that, so that the frames that arrive meanwhile are still accepted. */
+/* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but
+ * batch, which is the main loop's. Eight sweeps of 1024 × 768 that end at once take seconds to
+ * evaluate and write: a second thread (finisher) does that, so that the frames that arrive
+ * meanwhile are still accepted. */
 struct lane {
     Intake *intake;
     int camera;

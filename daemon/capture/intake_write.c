@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "exr/exr.h"
-#include "geometry/swing.h"
 #include "intake.h"
 #include "radiance.h"
 
@@ -46,9 +45,9 @@ static struct exr_part *part_new(const struct intake_file *file, const char *nam
     if (vec3_length(file->rig->arm.axis) > 0)
         exr_set_double(part, "mesorig.arm_deg", rig_arm_deg(file->rig, file->shot->cameras));
     if (vec3_length(file->rig->probe.axis) > 0)
-        exr_set_double(part, "mesorig.probe_deg",
-                       rig_probe_deg(file->rig, file->shot->kind == SHOT_LAMP ? file->shot->device
-                                                                              : -1));
+        exr_set_double(
+            part, "mesorig.probe_deg",
+            rig_probe_deg(file->rig, file->shot->kind == SHOT_LAMP ? file->shot->device : -1));
     exr_set_string(part, "mesorig.cfa", cfa_name(frame->cfa));
     exr_set_string(part, "mesorig.exposures_us", exposures->str);
     exr_set_double(part, "mesorig.dark_dn", file->dark_dn);

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "geometry/swing.h"
 #include "intake.h"
 #include "radiance.h"
 #include "stage.h"

@@ -79,7 +79,7 @@ static gboolean choice_measure(const struct choice *choice, int camera, const ch
     *ret = (struct measured){.camera = camera, .light = light};
     for (int i = 0; i < MOST_PICTURES; i++) {
         *us = CLAMP(*us, shortest_us, MAX(longest_us, shortest_us));
-        g_autoptr(Frame) frame = trial_snap(&choice->trial, camera, *us, error);
+        g_autoptr(Frame) frame = trial_snap(&choice->trial, camera, *us, FALSE, error);
         if (!frame)
             return FALSE;
         const double high = part_of(choice, camera, frame, n_high);
@@ -107,7 +107,8 @@ static gboolean take_dark(struct choice *choice, GError **error) {
     for (int i = 0; i < choice->trial.n_cameras; i++) {
         const int c = choice->trial.cameras[i];
         const struct rig_camera *shape = &choice->trial.rig->cameras[c];
-        g_autoptr(Frame) frame = trial_snap(&choice->trial, c, choice->trial.conf->auto_longest_us, error);
+        g_autoptr(Frame) frame =
+            trial_snap(&choice->trial, c, choice->trial.conf->auto_longest_us, TRUE, error);
         if (!frame)
             return FALSE;
         choice->dark[c] =

@@ -95,7 +95,7 @@ static void judge_calibration(struct guard *guard) {
 
 static Frame *guard_snap(struct guard *guard, int camera, double exposure_us,
                          struct picture_report *ret, GError **error) {
-    Frame *frame = trial_snap(&guard->trial, camera, exposure_us, error);
+    Frame *frame = trial_snap(&guard->trial, camera, exposure_us, FALSE, error);
     if (!frame)
         return NULL;
     guard->seen[camera].bits = frame->bits;

@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "geometry/swing.h"
 #include "hand_link.h"
 #include "hands.h"
 #include "picture_report.h"

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "geometry/swing.h"
+#include "geometry/rig.h"
 #include "hand_link.h"
 
 /* How far a device may stand from the ring that it serves; as the plan has it. */
@@ -115,13 +115,14 @@ gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_
     return TRUE;
 }
 
-Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, GError **error) {
+Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, gboolean dark,
+                  GError **error) {
     const struct rig_camera *at = &trial->rig->cameras[camera];
     char device[RIG_NAME];
     double deg;
 
     rig_stop_device(at->name, at->on_arm, device);
-    if (at->on_arm && !hand_move(trial->link, "arm", at->arm_deg, &deg, error))
+    if (at->on_arm && !dark && !hand_move(trial->link, "arm", at->arm_deg, &deg, error))
         return NULL;
     return hand_snap(trial->link, device, llround(exposure_us), trial->conf->gain_db, error);
 }
@@ -132,8 +133,7 @@ gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **
     double deg;
 
     rig_stop_device(at->name, at->on_probe, device);
-    return (!on || !at->on_probe ||
-            hand_move(trial->link, "probe", at->probe_deg, &deg, error)) &&
+    return (!on || !at->on_probe || hand_move(trial->link, "probe", at->probe_deg, &deg, error)) &&
            hand_light(trial->link, FALSE, device, on, error);
 }
 

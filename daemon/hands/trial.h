@@ -22,14 +22,16 @@ struct trial {
 void trial_init(struct trial *trial, Link *link, const struct session_conf *conf,
                 const struct rig *rig);
 
-/* Homes turntable, arc, arm and probe, and turns the arc to the planned light or laser position (lasers)
- * farthest from the cameras, where it stands in no picture. An axis that the rig lacks is left out.
- * ret_arc_deg: where the arc stands now. */
+/* Homes turntable, arc, arm and probe, and turns the arc to the planned light or laser position
+ * (lasers) farthest from the cameras, where it stands in no picture. An axis that the rig lacks is
+ * left out. ret_arc_deg: where the arc stands now. */
 gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
                     GError **error);
 
-/* A picture of a camera, which the arm is first brought to the stop of. */
-Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, GError **error);
+/* A picture of a camera, which the arm is first brought to the stop of; a dark one wherever it is.
+ */
+Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, gboolean dark,
+                  GError **error);
 /* Switches a lamp, which the probe is first brought to the stop of. */
 gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **error);
 

@@ -2,7 +2,6 @@
 
 #include <string.h>
 
-#include "geometry/swing.h"
 #include "shot_frames.h"
 
 #define DEG(rad) ((rad) * (180 / G_PI))
@@ -216,7 +215,8 @@ static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) 
     }
     for (guint i = 0; i < b->lasers->len; i++) {
         int laser = g_array_index(b->lasers, struct session_direction, i).device;
-        if (g_array_index(b->laser_at, int, i) == azimuth && probe_udeg(b, SHOT_SWEEP, laser) == probe)
+        if (g_array_index(b->laser_at, int, i) == azimuth &&
+            probe_udeg(b, SHOT_SWEEP, laser) == probe)
             g_array_append_val(positions, b->rig->lasers[laser].position_mm);
     }
     return positions;
@@ -257,10 +257,8 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
     g_autoptr(GArray) lights = lights_at(b, azimuth, probe);
     const struct plan_angle *at = &g_array_index(b->azimuths, struct plan_angle, azimuth);
     gint64 arc_udeg = at->fixed ? 0 : turn->udeg + at->udeg;
-    struct pose_plan p = {.turn_udeg = turn->udeg,
-                          .azimuth = azimuth,
-                          .probe_udeg = probe,
-                          .state = SHOT_PLANNED};
+    struct pose_plan p = {
+        .turn_udeg = turn->udeg, .azimuth = azimuth, .probe_udeg = probe, .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
         g_set_error(
@@ -301,9 +299,8 @@ static gboolean add_poses(struct plan_build *b, GError **error) {
 
     /* One dark frame serves all stops of a camera. */
     for (guint i = 0; i < b->views->len; i++)
-        dark.cameras |=
-            1u << rig_camera_unit(
-                b->rig, g_array_index(b->views, struct session_direction, i).device);
+        dark.cameras |= 1u << rig_camera_unit(
+                            b->rig, g_array_index(b->views, struct session_direction, i).device);
     g_array_append_val(b->shots, dark);
     for (guint t = 0; t < b->turns->len; t++)
         for (guint a = 0; a < b->azimuths->len; a++)
@@ -391,7 +388,8 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
     plan->lower_bound_s =
         homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->rig, b->timing);
     plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
-    plan->predicted_s = plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
+    plan->predicted_s =
+        plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     /* Orders are chosen by what follows their first pose: this begins with the same move. */
     plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
@@ -465,10 +463,11 @@ static struct plan *plan_finish(struct plan_build *b) {
                                  "RTI set, for PTM and HSH); there will be nothing of "
                                  "other views"));
     else if (plan_is_absent(&b->timing->turntable))
-        g_ptr_array_add(plan->notes,
-                        g_strdup_printf("no turntable: %u views, where the cameras stand; there will be "
-                                        "nothing of directions between them but what is interpolated",
-                                        b->views->len));
+        g_ptr_array_add(
+            plan->notes,
+            g_strdup_printf("no turntable: %u views, where the cameras stand; there will be "
+                            "nothing of directions between them but what is interpolated",
+                            b->views->len));
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
                                           .n_lights = (int)b->lights->len,

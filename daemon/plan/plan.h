@@ -7,12 +7,12 @@
  * position, so what is planned is a set of poses (τ, α), each with its shots. Cameras on an arm and
  * lamps on a probe have views and lights at each of their stops, so that with these axes poses are
  * (τ, α, β, γ), β and γ being the angles of arm and probe; a pose without a camera of the arm is
- * taken with the arm at the first stop of the rig, one without a lamp of the probe likewise. An axis
- * that the rig lacks stands at 0, and its struct rig_timing has the limits 0 to 0. Lamps that stand by
- * themselves give all lights of all views only if they look alike from all angles of the turntable
- * that the views need; shots under a light that no lamp gives are skipped. All axes move together.
- * All orders make the same exposures; they differ in the moves. The order is chosen by predicted
- * time.
+ * taken with the arm at the first stop of the rig, one without a lamp of the probe likewise. An
+ * axis that the rig lacks stands at 0, and its struct rig_timing has the limits 0 to 0. Lamps that
+ * stand by themselves give all lights of all views only if they look alike from all angles of the
+ * turntable that the views need; shots under a light that no lamp gives are skipped. All axes move
+ * together. All orders make the same exposures; they differ in the moves. The order is chosen by
+ * predicted time.
  *
  * Predicted time counts what the sequencer does: before a shot everything is prepared at once (both
  * axes, lamp or laser and its warm-up, the sweep's first step) while frames are read out; a lamp
@@ -162,8 +162,9 @@ void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int 
                     double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
 
 /* Predicted time of those of the shots that are still planned, in this order and from the pose of a
- * shot, or, if from is NULL, from where homing leaves the axes, at 0; for the time left. ret_left_s (n + 1): what is left before each of them, when the last exposure
- * of the one before has ended, and after the last one. plan_remaining_s: the first of these. */
+ * shot, or, if from is NULL, from where homing leaves the axes, at 0; for the time left. ret_left_s
+ * (n + 1): what is left before each of them, when the last exposure of the one before has ended,
+ * and after the last one. plan_remaining_s: the first of these. */
 void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
                  const struct rig *rig, const struct rig_timing *timing,
                  const struct session_shot *from, double *ret_left_s);

@@ -1,6 +1,5 @@
 #include "plan_private.h"
 
-#include "geometry/swing.h"
 #include "shot_frames.h"
 
 /*
@@ -111,7 +110,8 @@ void plan_left_s(const struct session_shot *const *shots, int n, const struct se
             continue;
         const struct plan_pose to = pose_of(shots[i], rig);
         double lead = plan_lead_s(previous, shots[i], rig, timing);
-        ret_left_s[i] = MAX(lead, pose_move_s(&at, &to, timing)) + plan_shot_s(shots[i], conf, timing);
+        ret_left_s[i] =
+            MAX(lead, pose_move_s(&at, &to, timing)) + plan_shot_s(shots[i], conf, timing);
         previous = shots[i];
         at = to;
     }
@@ -188,8 +188,8 @@ static double quickest_into(const struct plan_moves *moves, int pose, const int 
 
 /* l of a shot. */
 static double least_lead(const struct session_shot *shot, const struct plan_moves *moves,
-                         const struct rig *rig, const struct rig_timing *timing, const int *with_lamp, double into_s,
-                         double readout_s) {
+                         const struct rig *rig, const struct rig_timing *timing,
+                         const int *with_lamp, double into_s, double readout_s) {
     double warm_s = light_s(NULL, shot, rig, timing);
 
     if (shot->kind == SHOT_SWEEP || warm_s <= MAX(into_s, readout_s))
@@ -220,9 +220,8 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const 
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         struct pose_bound *b = &bounds[shot->pose];
-        const int *with_lamp = shot->kind == SHOT_LAMP
-                                   ? lamps + rig_lamp_unit(rig, shot->device) * moves->n
-                                   : NULL;
+        const int *with_lamp =
+            shot->kind == SHOT_LAMP ? lamps + rig_lamp_unit(rig, shot->device) * moves->n : NULL;
         double lead = least_lead(shot, moves, rig, timing, with_lamp, b->into_s, readout_s);
         b->sum_s += lead;
         b->largest_s = MAX(b->largest_s, lead);

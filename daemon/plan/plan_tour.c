@@ -136,8 +136,8 @@ static void plan_tour_append_row(struct tour *t, const struct cell *row, int k) 
         t->order[t->n++] = row[((best_start + i * best_step) % k + k) % k].pose;
 }
 
-/* ROWS_OF_LIGHT: along a row turntable and arc turn together, so that the light stands still as the sample
- * sees it. */
+/* ROWS_OF_LIGHT: along a row turntable and arc turn together, so that the light stands still as the
+ * sample sees it. */
 static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows) {
     g_autofree struct cell *cells = g_new(struct cell, n);
 
@@ -149,8 +149,7 @@ static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows
         gboolean wraps = t->moves->turntable.wraps || t->moves->arc.wraps;
         gint64 light = wraps ? plan_wrap(arc - turn) : arc - turn;
         gint64 row = rows == ROWS_OF_ARC ? arc : rows == ROWS_OF_TURNTABLE ? turn : light;
-        cells[i] =
-            (struct cell){arm, probe, row, rows == ROWS_OF_TURNTABLE ? arc : turn, poses[i]};
+        cells[i] = (struct cell){arm, probe, row, rows == ROWS_OF_TURNTABLE ? arc : turn, poses[i]};
     }
     qsort(cells, (gsize)n, sizeof *cells, compare_cells);
     t->n = 0;

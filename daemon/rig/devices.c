@@ -396,7 +396,8 @@ struct answer {
 };
 
 struct securing {
-    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS + DEVICES_POSITIONERS]; /* in order of requests */
+    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS +
+                          DEVICES_POSITIONERS]; /* in order of requests */
     int n;
     gboolean too_late;
 };

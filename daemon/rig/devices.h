@@ -4,8 +4,8 @@
  * devices.c.
  *
  * Sections: [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], which a rig may lack,
- * and one axis a laser sweep; [lamps BANK] and a [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME];
- * [interlock NAME] and [mark NAME], optional.
+ * and one axis a laser sweep; [lamps BANK] and a [lamp NAME] for each lamp in it; [camera NAME];
+ * [laser NAME]; [interlock NAME] and [mark NAME], optional.
  *
  * A lamp or laser with phi_deg stands by itself at that azimuth, one without is carried by the arc.
  * An axis that is not there stands at 0.

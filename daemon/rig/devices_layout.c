@@ -55,7 +55,8 @@ static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistake
         return layout->has_all_sections
                    ? config_lacks(mistakes, layout->config, "there is no section [rig]")
                    : FALSE;
-    if (!options_read(&(struct option_target){devices_rig_options, &fields}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){devices_rig_options, &fields}, 1, section, NULL,
+                      mistakes))
         return FALSE;
     gboolean ok = *fields.id && strlen(fields.id) < sizeof layout->geometry.id;
     if (ok)
@@ -188,7 +189,8 @@ static gboolean add_lamp_stops(struct layout *layout, const struct config_sectio
                                const struct option_doubles *stops, Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
     const struct rig_lamp at_0 = rig->lamps[i];
-    gboolean ok = check_stops(layout, section, "probe_deg", layout->probe, "probe", stops, mistakes);
+    gboolean ok =
+        check_stops(layout, section, "probe_deg", layout->probe, "probe", stops, mistakes);
 
     for (int k = 0; ok && k < stops->n; k++) {
         if (k > 0 && !count_up(&rig->n_lamps, RIG_MAX_LAMPS, section, mistakes))
@@ -290,7 +292,8 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
     layout->lamps[i] = section;
     layout->lamp_bank[i] = -1;
     const gboolean named = devices_layout_take_name(section, rig->lamps[i].name, mistakes);
-    if (!options_read(&(struct option_target){devices_lamp_options, &p}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){devices_lamp_options, &p}, 1, section, NULL,
+                      mistakes))
         return FALSE;
     const gboolean carried =
         devices_layout_take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes);
@@ -360,9 +363,9 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
     struct rig_laser *laser = &rig->lasers[i];
     const gboolean named = devices_layout_take_name(section, laser->name, mistakes);
     const gboolean mounted = config_value(section, "mount_of", NULL) != NULL;
-    if (!(mounted
-              ? options_read(&(struct option_target){devices_mount_options, &p}, 1, section, NULL, mistakes)
-              : devices_layout_read_device(section, &p, mistakes)))
+    if (!(mounted ? options_read(&(struct option_target){devices_mount_options, &p}, 1, section,
+                                 NULL, mistakes)
+                  : devices_layout_read_device(section, &p, mistakes)))
         return FALSE;
     const gboolean wired = mounted ? wire_mount(layout, i, p.mount_of, mistakes)
                                    : wire_laser(layout, i, p.sweep, mistakes);
@@ -387,7 +390,8 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
     if (!count_up(&rig->n_fiducials, RIG_MAX_FIDUCIALS, section, mistakes))
         return FALSE;
     const gboolean named = devices_layout_take_name(section, rig->fiducials[i].name, mistakes);
-    if (!options_read(&(struct option_target){devices_mark_options, &p}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){devices_mark_options, &p}, 1, section, NULL,
+                      mistakes))
         return FALSE;
     gboolean ok = p.reflectance.n == 1 || p.reflectance.n == 3;
     if (!ok)

@@ -27,8 +27,7 @@ const struct option devices_rig_options[] = {
      .help = "Its azimuth. Seen from where it points to, the arm turns counter-clockwise: about an "
              "axis at azimuth 90 it lowers a camera at azimuth 0"},
     {"probe_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
-     .offset = RIG(probe_axis_theta_deg),
-     .help = "The same of [axis probe], which carries lamps"},
+     .offset = RIG(probe_axis_theta_deg), .help = "The same of [axis probe], which carries lamps"},
     {"probe_axis_phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "90",
      .offset = RIG(probe_axis_phi_deg),
      .help = "Its azimuth; of a probe on the arc, with the arc at 0"},
@@ -67,8 +66,9 @@ const struct option devices_lamp_options[] = {
     AZIMUTH,
     DISTANCE,
     {"probe_deg", OPTION_DOUBLES, "degrees", -360, 360, "0", .offset = PLACE(probe_deg),
-     .help = "Angles at which [axis probe], which carries it, stops; theta_deg and phi_deg are with "
-             "that axis at 0. Each stop is a lamp NAME@ANGLE; without this key it stands still"},
+     .help =
+         "Angles at which [axis probe], which carries it, stops; theta_deg and phi_deg are with "
+         "that axis at 0. Each stop is a lamp NAME@ANGLE; without this key it stands still"},
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
      .help = "Its intensity falls with this power of the cosine of the angle from its axis"},
     {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),

@@ -18,8 +18,8 @@ struct place_fields { /* of a lamp, camera or laser */
     double k1, k2, k3, p1, p2, vignetting;
     struct option_doubles arm_deg, probe_deg; /* stops */
 };
-extern const struct option devices_lamp_options[], devices_camera_options[], devices_laser_options[],
-    devices_mount_options[];
+extern const struct option devices_lamp_options[], devices_camera_options[],
+    devices_laser_options[], devices_mount_options[];
 
 struct mark_fields {
     double x_mm, y_mm, z_mm, radius_mm;

@@ -38,7 +38,8 @@ static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
      "World file whose part this axis moves; none: it moves nothing"},
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
-     "What it moves: turntable, arc, arm, probe, or a laser's name for its sweep; default: the axis's own "
+     "What it moves: turntable, arc, arm, probe, or a laser's name for its sweep; default: the "
+     "axis's own "
      "name"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "60", "120"),
     {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),

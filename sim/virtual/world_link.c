@@ -12,12 +12,24 @@ static const struct {
     {"laser ", WORLD_PART_LASER, world_find_laser},
 };
 
+static const struct {
+    const char *name;
+    enum world_part_kind kind;
+    void (*turn)(World *world, double deg);
+} axes[] = {
+    {"turntable", WORLD_PART_TURNTABLE, world_set_turntable},
+    {"arc", WORLD_PART_ARC, world_set_arc},
+    {"arm", WORLD_PART_ARM, world_set_arm},
+    {"probe", WORLD_PART_PROBE, world_set_probe},
+};
+
 static gboolean virtual_world_link_find(const World *world, const char *name,
                                         struct world_part *ret) {
-    if (strcmp(name, "turntable") == 0 || strcmp(name, "arc") == 0) {
-        ret->kind = *name == 't' ? WORLD_PART_TURNTABLE : WORLD_PART_ARC;
-        return TRUE;
-    }
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        if (strcmp(name, axes[i].name) == 0) {
+            ret->kind = axes[i].kind;
+            return TRUE;
+        }
     for (gsize i = 0; i < G_N_ELEMENTS(named); i++) {
         if (!g_str_has_prefix(name, named[i].prefix))
             continue;
@@ -32,7 +44,8 @@ gboolean world_part_find(World *world, const char *name, struct world_part *ret,
     struct world_part part = {0};
     if (!virtual_world_link_find(world, name, &part)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "the world has no \"%s\"; give turntable or arc, or sweep, lamp or laser and a "
+                    "the world has no \"%s\"; give turntable, arc, arm or probe, or sweep, lamp or "
+                    "laser and a "
                     "name in the world file",
                     name);
         return FALSE;
@@ -55,10 +68,9 @@ void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us)
 }
 
 void world_part_turn(const struct world_part *part, double deg) {
-    if (part->kind == WORLD_PART_TURNTABLE)
-        world_set_turntable(part->world, deg);
-    else if (part->kind == WORLD_PART_ARC)
-        world_set_arc(part->world, deg);
-    else if (part->kind == WORLD_PART_SWEEP)
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        if (part->kind == axes[i].kind)
+            axes[i].turn(part->world, deg);
+    if (part->kind == WORLD_PART_SWEEP)
         world_set_sweep(part->world, part->index, deg);
 }

@@ -14,6 +14,8 @@ enum world_part_kind {
     WORLD_PART_NONE, /* not connected: switching and turning do nothing */
     WORLD_PART_TURNTABLE,
     WORLD_PART_ARC,
+    WORLD_PART_ARM,
+    WORLD_PART_PROBE,
     WORLD_PART_SWEEP, /* of a laser */
     WORLD_PART_LAMP,
     WORLD_PART_LASER,
@@ -25,13 +27,13 @@ struct world_part {
     int index;
 };
 
-/* name: "turntable", "arc", "sweep NAME", "lamp NAME" or "laser NAME", with the names of the world
- * file. */
+/* name: "turntable", "arc", "arm", "probe", "sweep NAME", "lamp NAME" or "laser NAME", with the
+ * names of the world file. */
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
 void world_part_clear(struct world_part *part); /* of zeroes is allowed */
 
 /* Lamps and lasers; the others ignore it. at_us: when the contact closed or opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 
-/* Turntable, arc and sweeps; the others ignore it. */
+/* Turntable, arc, arm, probe and sweeps; the others ignore it. */
 void world_part_turn(const struct world_part *part, double deg);

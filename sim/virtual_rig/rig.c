@@ -99,10 +99,12 @@ World *rig_world(VirtualRig *rig, const struct config_section *section, GError *
     return find_world(rig, section, error) ? rig->world : NULL;
 }
 
-/* An axis moves the turntable, the arc, or the sweep of the laser it is named after. */
+/* An axis moves the turntable, the arc, the arm, the probe, or the sweep of the laser it is named
+ * after. */
 char *rig_axis_part(const struct config_section *section) {
     const char *part = rig_part(section);
-    gboolean sweep = !g_str_equal(part, "turntable") && !g_str_equal(part, "arc");
+    static const char *const others[] = {"turntable", "arc", "arm", "probe", NULL};
+    gboolean sweep = !g_strv_contains(others, part);
     return g_strconcat(sweep ? "sweep " : "", part, NULL);
 }
 

@@ -258,8 +258,7 @@ static void add_reflectance(const struct raster *raster, const struct lamp_light
 
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb) {
-    struct light_pose pose =
-        world_lamp_pose(world, lamp, arc_deg, world->probe_deg, turntable_deg);
+    struct light_pose pose = world_lamp_pose(world, lamp, arc_deg, world->probe_deg, turntable_deg);
     struct cache_entry *bounce = world_bounce(world, lamp, pose);
     struct lamp_light light = {world_lamp_at(world, lamp, pose), bounce->value};
     struct raster raster;

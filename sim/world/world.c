@@ -186,12 +186,11 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
 
 void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
-    *ret = (struct world_state){
-        .turntable_deg = world->turntable_deg,
-        .arc_deg = world->arc_deg,
-        .arm_deg = world->arm_deg,
-        .probe_deg = world->probe_deg,
-        .time_us = start_us};
+    *ret = (struct world_state){.turntable_deg = world->turntable_deg,
+                                .arc_deg = world->arc_deg,
+                                .arm_deg = world->arm_deg,
+                                .probe_deg = world->probe_deg,
+                                .time_us = start_us};
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
@@ -218,8 +217,7 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
         float output = state->lamp_output[i];
         if (!rate || !(output > 0))
             continue;
-        struct cache_entry *entry =
-            world_lamp_picture(world, camera, i, state);
+        struct cache_entry *entry = world_lamp_picture(world, camera, i, state);
         const float *picture = entry->value;
         for (gsize k = 0; k < n; k++)
             rate[k] += output * picture[k];

@@ -1,7 +1,8 @@
 /*
  * The simulated world: one physical truth that all simulated devices read and change, so that
  * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc or
- * standing by themselves, cameras; cameras may be carried by an arm, lamps by a probe, each an axis; described by a world file (world.conf(5) has every key).
+ * standing by themselves, cameras; cameras may be carried by an arm, lamps by a probe, each an
+ * axis; described by a world file (world.conf(5) has every key).
  *
  * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
  * written again, so that an error made there does not cancel.

@@ -209,7 +209,11 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
         g_once_init_leave(&filled, 1);
     }
     struct laser_job job = {
-        world, camera, laser, state->arm_deg, state->turntable_deg,
+        world,
+        camera,
+        laser,
+        state->arm_deg,
+        state->turntable_deg,
         world_light_pose(world, world->laser_fixed[laser], state->arc_deg, state->turntable_deg)};
     double turntable_rad = world_relative_rad(state->turntable_deg, 0);
     struct cache_key key = {{CACHED_LASER_LIST | (guint64)camera << 8 | (guint64)laser << 16,

@@ -149,11 +149,10 @@ static void trace_row(const struct view_job *job, int y) {
     const float *low = job->world->scene.low, *high = job->world->scene.high;
     guint64 sample = sample_hash(world_bits((double)low[0] + (double)high[1])) ^
                      sample_hash(world_bits((double)low[1] - (double)high[0] + (double)high[2]));
-    struct sample_random random = {sample_hash(world_bits(whole_turn(job->turntable_deg)) + sample +
-                                               world_carried_bits(job->world->camera_on_arm[job->camera],
-                                                            job->arm_deg) +
-                                               (guint64)job->camera * 8191 +
-                                               (guint64)y * 0x9e3779b97f4a7c15u)};
+    struct sample_random random = {
+        sample_hash(world_bits(whole_turn(job->turntable_deg)) + sample +
+                    world_carried_bits(job->world->camera_on_arm[job->camera], job->arm_deg) +
+                    (guint64)job->camera * 8191 + (guint64)y * 0x9e3779b97f4a7c15u)};
     double at[2 * MOST_SAMPLES];
     for (int i = 0; i < aa * aa; i++) {
         const int row_of = i / aa;
@@ -320,7 +319,11 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
 struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
                                        const struct world_state *state) {
     struct picture_job job = {
-        world, camera, lamp, state->arm_deg, state->turntable_deg,
+        world,
+        camera,
+        lamp,
+        state->arm_deg,
+        state->turntable_deg,
         world_lamp_pose(world, lamp, state->arc_deg, state->probe_deg, state->turntable_deg)};
     const guint64 arm = world_carried_bits(world->camera_on_arm[camera], state->arm_deg);
     const guint64 probe = world_carried_bits(world->lamp_on_probe[lamp], state->probe_deg);

@@ -142,7 +142,8 @@ struct point {
     guint32 triangle, pixel;
 };
 
-/* What a camera sees at an angle of arm and turntable; without the sky, and turntable by whole pixels. */
+/* What a camera sees at an angle of arm and turntable; without the sky, and turntable by whole
+ * pixels. */
 struct view {
     struct v3 eye_mm;
     const float *weights; /* of each of a pixel's points: DN·s⁻¹ per W·sr⁻¹·m⁻², area included */

@@ -1,5 +1,5 @@
-/* The axis of a camera arm from the poses of its stops, which are computed here with quaternions: about
- * a direction a by an angle b, (cos b/2, a sin b/2). */
+/* The axis of a camera arm from the poses of its stops, which are computed here with quaternions:
+ * about a direction a by an angle b, (cos b/2, a sin b/2). */
 #include "geometry/swing.h"
 
 #include <math.h>
@@ -16,8 +16,8 @@ static struct vec3 about(struct vec3 axis, double angle, struct vec3 v) {
 
 static const double stops_deg[] = {-10, 0, 25, 60};
 
-/* Two cameras at four stops each about an axis that is not where it was meant to be. noise: of their
- * poses, mm and rad. */
+/* Two cameras at four stops each about an axis that is not where it was meant to be. noise: of
+ * their poses, mm and rad. */
 static struct rig rig_about(struct vec3 axis, struct vec3 centre, double zero_rad, double noise,
                             GRand *rand) {
     struct rig rig = {.n_cameras = 8};
@@ -28,8 +28,9 @@ static struct rig rig_about(struct vec3 axis, struct vec3 centre, double zero_ra
         const struct vec3 from = c < 4 ? vec3(150, 20, 600) : vec3(300, -30, 500);
         struct vec3 eye = vec3_add(centre, about(axis, angle, vec3_sub(from, centre)));
         struct vec3 to = vec3_add(centre, about(axis, angle, vec3_sub(vec3(0, 0, 0), centre)));
-        const struct vec3 off = vec3(g_rand_double_range(rand, -1, 1), g_rand_double_range(rand, -1, 1),
-                                     g_rand_double_range(rand, -1, 1));
+        const struct vec3 off =
+            vec3(g_rand_double_range(rand, -1, 1), g_rand_double_range(rand, -1, 1),
+                 g_rand_double_range(rand, -1, 1));
         eye = vec3_add(eye, vec3_scale(off, noise));
         /* Its own up turns with it. */
         const struct vec3 forward = vec3_unit(vec3_sub(to, eye));

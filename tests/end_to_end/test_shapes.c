@@ -33,7 +33,11 @@ static char *read_text(const char *path) {
     return text;
 }
 
-enum deviating { NOTHING, LAMPS, CAMERAS }; /* from the rig file; what else the world has is exact */
+enum deviating {
+    NOTHING,
+    LAMPS,
+    CAMERAS
+}; /* from the rig file; what else the world has is exact */
 
 static gboolean deviates(const char *key, enum deviating what) {
     const gboolean lamp = g_str_has_prefix(key, "lamp") || g_str_has_prefix(key, "arc") ||
@@ -219,8 +223,7 @@ static void test_dome(void) {
     "-21.4;-19.6;24;20.5;-23.5;12;24.4;18.7;24;-18.1;24.5;12;0.3;8.4;20;-5.7;-13.5;5;12.4;2.6;5;"  \
     "-15.7;4.1;5"
 
-#define POSTS_CONF(views, lights)                                                                  \
-    CONF("60", "20", "8", views, lights, "exposures_us=2000;8000")
+#define POSTS_CONF(views, lights) CONF("60", "20", "8", views, lights, "exposures_us=2000;8000")
 #define TILE_CONF(views, lights)                                                                   \
     CONF("60", "2.2", "8", views, lights,                                                          \
          "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes")
@@ -260,7 +263,8 @@ static double worst_lamp_deg(const struct rig *rig, World *world) {
         double at[3];
         world_set_probe(world, rig->lamps[i].probe_deg);
         truth_lamp(world, world_lamp(world, rig, i), 0, at, NULL);
-        const struct vec3 truth = vec3(at[0], at[1], at[2]), found = rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0);
+        const struct vec3 truth = vec3(at[0], at[1], at[2]),
+                          found = rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0);
         worst =
             MAX(worst, DEG * atan2(vec3_length(vec3_cross(truth, found)), vec3_dot(truth, found)));
     }
@@ -271,9 +275,8 @@ static void test_fixed_lamps(void) {
     g_autofree char *to = g_build_filename(folder, "rig.calibration", NULL);
     g_autoptr(GError) error = NULL;
 
-    g_autofree char *told =
-        calibrate("fixed_lamps", POSTS_CONF("rings=35:2;55:2", "devices=all"),
-                  TILE_CONF("rings=15:2;35:2;55:2;75:2", "devices=all"), to);
+    g_autofree char *told = calibrate("fixed_lamps", POSTS_CONF("rings=35:2;55:2", "devices=all"),
+                                      TILE_CONF("rings=15:2;35:2;55:2;75:2", "devices=all"), to);
     g_assert_null(strstr(told, "arc: ")); /* there is none */
     g_autofree char *more = g_strdup_printf(" -c %s", to);
     g_autofree char *session = capture("weave", "fixed_lamps", NULL, LAMPS,
@@ -309,11 +312,10 @@ static void test_probe(void) {
     g_free(calibrate("probe", POSTS_CONF("rings=20:1;40:1;60:1", PROBE_LIGHTS("4")),
                      TILE_CONF("rings=20:2;40:2;60:2", PROBE_LIGHTS("2")), to));
     g_autofree char *more = g_strdup_printf(" -c %s", to);
-    g_autofree char *session =
-        capture("probe_weave", "probe", NULL, LAMPS,
-                CONF("50", "2.2", "16", "rings=20:2;40:2;60:2", PROBE_LIGHTS("4"),
-                     "exposures_us=4000;16000"),
-                more);
+    g_autofree char *session = capture("probe_weave", "probe", NULL, LAMPS,
+                                       CONF("50", "2.2", "16", "rings=20:2;40:2;60:2",
+                                            PROBE_LIGHTS("4"), "exposures_us=4000;16000"),
+                                       more);
     g_autofree char *world_path = g_build_filename(folder, "probe_weave", "world.conf", NULL);
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
@@ -342,12 +344,12 @@ static void test_probe(void) {
          "exposures_us=8000")
 
 struct camera_errors { /* the worst of several cameras */
-    double mm, deg; /* of position and viewing direction */
-    double px;      /* of where points of a sample of 50 mm are seen */
+    double mm, deg;    /* of position and viewing direction */
+    double px;         /* of where points of a sample of 50 mm are seen */
 };
 
-/* The turn and the shift in the plane z = 0 from the found rig to the true world: least squares over
- * the points at which the cameras, as found, see four marks of the world. */
+/* The turn and the shift in the plane z = 0 from the found rig to the true world: least squares
+ * over the points at which the cameras, as found, see four marks of the world. */
 static double plane_turn(const struct rig *rig, World *world, struct vec3 *ret_off) {
     double px = 0, py = 0, qx = 0, qy = 0, across = 0, along = 0, n = 0;
 
@@ -369,9 +371,9 @@ static double plane_turn(const struct rig *rig, World *world, struct vec3 *ret_o
     return turn;
 }
 
-/* Of those cameras in a set of bits, beside where they truly are. The rig's azimuth 0 is free: it is
- * compared after a turn about z that brings the mean azimuths together; without a turntable (still)
- * the origin is free, too, in x and y. */
+/* Of those cameras in a set of bits, beside where they truly are. The rig's azimuth 0 is free: it
+ * is compared after a turn about z that brings the mean azimuths together; without a turntable
+ * (still) the origin is free, too, in x and y. */
 static struct camera_errors camera_errors(const struct rig *rig, World *world, guint32 of,
                                           gboolean still) {
     struct camera_errors worst = {0};
@@ -384,10 +386,10 @@ static struct camera_errors camera_errors(const struct rig *rig, World *world, g
         const struct vec3 found = rig_camera_centre_mm(&rig->cameras[c]);
         world_set_arm(world, rig->cameras[c].arm_deg);
         truth_camera(world, world_camera(world, rig, c), &truth[c]);
-        turn += remainder(atan2(truth[c].centre_mm[1], truth[c].centre_mm[0]) -
-                              atan2(found.y, found.x),
-                          2 * G_PI) /
-                n;
+        turn +=
+            remainder(atan2(truth[c].centre_mm[1], truth[c].centre_mm[0]) - atan2(found.y, found.x),
+                      2 * G_PI) /
+            n;
     }
     if (still)
         turn = plane_turn(rig, world, &off);
@@ -400,16 +402,15 @@ static struct camera_errors camera_errors(const struct rig *rig, World *world, g
         const struct vec3 to = rig_turn(vec3(row[0], row[1], row[2]), turn);
         const struct vec3 forward =
             vec3(truth[c].forward[0], truth[c].forward[1], truth[c].forward[2]);
-        worst.mm =
-            MAX(worst.mm, vec3_length(vec3_sub(at, vec3(centre[0], centre[1], centre[2]))));
+        worst.mm = MAX(worst.mm, vec3_length(vec3_sub(at, vec3(centre[0], centre[1], centre[2]))));
         worst.deg = MAX(worst.deg, DEG * vec3_length(vec3_cross(to, forward)));
         world_set_arm(world, camera->arm_deg);
         for (int i = 0; i < 9; i++) {
             const struct vec3 p = vec3(25 * (i % 3 - 1), 25 * (i / 3 - 1), 2.2);
             const struct vec3 truly = vec3_add(rig_turn(p, turn), off);
             double x, y, xy[2];
-            truth_project(world, world_camera(world, rig, c), (double[3]){truly.x, truly.y, truly.z},
-                          xy);
+            truth_project(world, world_camera(world, rig, c),
+                          (double[3]){truly.x, truly.y, truly.z}, xy);
             g_assert_true(rig_project(camera, p, &x, &y));
             worst.px = MAX(worst.px, hypot(x - xy[0], y - xy[1]));
         }
@@ -424,23 +425,23 @@ static void test_arm(void) {
     g_autoptr(GError) error = NULL;
 
     g_free(process_mesorig(0, "board %s --board " BOARD " --pixels 0.8888888888888888", board));
-    g_autofree char *flat = capture(
-        "flat", "arm", BOARD_PLATE "turn_deg=3\noffset_mm=1;-2\n", CAMERAS, BOARD_CONF, "");
+    g_autofree char *flat =
+        capture("flat", "arm", BOARD_PLATE "turn_deg=3\noffset_mm=1;-2\n", CAMERAS, BOARD_CONF, "");
     g_autofree char *leaning =
         capture("leaning", "arm",
                 BOARD_PLATE "tilt_deg=20\ntilt_towards_deg=100\nturn_deg=63\noffset_mm=1;0\n",
                 CAMERAS, BOARD_CONF, "");
-    g_autofree char *told = process_mesorig(0, "calibrate cameras %s %s --board " BOARD " -o %s",
-                                            flat, leaning, to);
+    g_autofree char *told =
+        process_mesorig(0, "calibrate cameras %s %s --board " BOARD " -o %s", flat, leaning, to);
     assert_has(told, "1 stop without pictures is placed by the axis");
     g_autoptr(Calibration) found = calibration_read(to, &error);
     g_assert_no_error(error);
 
     g_autofree char *more = g_strdup_printf(" -c %s", to);
-    g_autofree char *session = capture(
-        "arm_weave", "arm", NULL, CAMERAS,
-        CONF("50", "2.2", "16", "rings=15:2;25:2;55:2;75:2", "devices=all", "exposures_us=4000;16000"),
-        more);
+    g_autofree char *session = capture("arm_weave", "arm", NULL, CAMERAS,
+                                       CONF("50", "2.2", "16", "rings=15:2;25:2;55:2;75:2",
+                                            "devices=all", "exposures_us=4000;16000"),
+                                       more);
     g_autofree char *world_path = g_build_filename(folder, "arm_weave", "world.conf", NULL);
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
@@ -455,22 +456,31 @@ static void test_arm(void) {
     const double axis_deg = DEG * vec3_length(vec3_cross(rig->arm.axis, axis));
     const struct vec3 between =
         vec3_sub(rig->arm.centre_mm, vec3(arm.centre_mm[0], arm.centre_mm[1], arm.centre_mm[2]));
-    const double axis_mm = vec3_length(vec3_sub(between, vec3_scale(axis, vec3_dot(between, axis))));
+    const double axis_mm =
+        vec3_length(vec3_sub(between, vec3_scale(axis, vec3_dot(between, axis))));
+    struct rig meant;
+    struct rig_swing_fit fit;
+    g_assert_true(devices_read_geometry(DEMO "arm/rig.conf", &meant, &error));
+    g_assert_true(rig_swing_fit(rig, ~(1u << left_out), &meant, &fit));
+    const double zero_deg = DEG * fit.zero_rad - arm.zero_deg;
     g_free(process_mesorig(0, "process %s", session));
     const struct errors calibrated = btf_errors(session, world_path, 16, 2);
     g_free(process_mesorig(0, "process %s -c nominal", session));
     const struct errors nominal = btf_errors(session, world_path, 16, 2);
-    g_test_message("camera arm: stops at worst %.3f mm, %.4f°, %.3f px off, the one without pictures "
-                   "%.3f mm, %.4f°, %.3f px; axis %.4f° and %.3f mm; BTF %.2f %% / %.1f %% (95th "
-                   "percentile) of the truth calibrated, %.1f %% / %.1f %% by the rig file",
-                   seen.mm, seen.deg, seen.px, placed.mm, placed.deg, placed.px, axis_deg, axis_mm,
-                   calibrated.median, calibrated.p95, nominal.median, nominal.p95);
+    g_test_message(
+        "camera arm: stops at worst %.3f mm, %.4f°, %.3f px off, the one without pictures "
+        "%.3f mm, %.4f°, %.3f px; axis %.4f° and %.3f mm, zero %.4f° (%.4f°); BTF %.2f %% / %.1f "
+        "%% (95th "
+        "percentile) of the truth calibrated, %.1f %% / %.1f %% by the rig file",
+        seen.mm, seen.deg, seen.px, placed.mm, placed.deg, placed.px, axis_deg, axis_mm, zero_deg,
+        arm.zero_deg, calibrated.median, calibrated.p95, nominal.median, nominal.p95);
     g_assert_cmpfloat(seen.px, <, 0.3);
     g_assert_cmpfloat(seen.mm, <, 0.8);
     g_assert_cmpfloat(placed.px, <, 0.6);
     g_assert_cmpfloat(placed.mm, <, 0.5);
     g_assert_cmpfloat(axis_deg, <, 0.06);
     g_assert_cmpfloat(axis_mm, <, 0.3);
+    g_assert_cmpfloat(fabs(zero_deg), <, 0.08); /* cameras stand 0.3 mm off, which is 0.03° */
     g_assert_cmpfloat(calibrated.median, <, 2.5);
     g_assert_cmpfloat(calibrated.median, <, 0.4 * nominal.median);
 }
@@ -494,13 +504,13 @@ static void test_still(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(lays); i++) {
         g_autofree char *name = g_strdup_printf("still_board%d", (int)i);
         g_autofree char *plate = g_strconcat(BOARD_PLATE, lays[i], NULL);
-        g_autofree char *session =
-            capture(name, "fixed_lamps", plate, CAMERAS,
-                    CONF("72", "3", "8", "devices=all", "devices=lamp30_2", "exposures_us=8000"), "");
+        g_autofree char *session = capture(
+            name, "fixed_lamps", plate, CAMERAS,
+            CONF("72", "3", "8", "devices=all", "devices=lamp30_2", "exposures_us=8000"), "");
         g_string_append_printf(sessions, "%s ", session);
     }
-    g_autofree char *told = process_mesorig(0, "calibrate cameras %s--board " BOARD " -o %s",
-                                            sessions->str, to);
+    g_autofree char *told =
+        process_mesorig(0, "calibrate cameras %s--board " BOARD " -o %s", sessions->str, to);
     g_autoptr(Calibration) found = calibration_read(to, &error);
     g_assert_no_error(error);
     g_autofree char *world_path = g_build_filename(folder, "still_board0", "world.conf", NULL);
@@ -511,9 +521,10 @@ static void test_still(void) {
     g_assert_true(devices_read_geometry(rig_path, &nominal, &error));
     const struct camera_errors errors = camera_errors(&found->rig, world, ~0u, TRUE);
     const struct camera_errors before = camera_errors(&nominal, world, ~0u, TRUE);
-    g_test_message("without a turntable: cameras at worst %.3f mm, %.4f°, %.3f px off; by the rig file "
-                   "%.3f mm, %.4f°, %.3f px",
-                   errors.mm, errors.deg, errors.px, before.mm, before.deg, before.px);
+    g_test_message(
+        "without a turntable: cameras at worst %.3f mm, %.4f°, %.3f px off; by the rig file "
+        "%.3f mm, %.4f°, %.3f px",
+        errors.mm, errors.deg, errors.px, before.mm, before.deg, before.px);
     g_assert_cmpfloat(errors.px, <, 0.25);
     g_assert_cmpfloat(errors.px, <, 0.1 * before.px);
     g_assert_cmpfloat(errors.deg, <, 0.2);

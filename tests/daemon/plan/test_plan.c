@@ -1,4 +1,3 @@
-#include "geometry/swing.h"
 #include "plan/plan.h"
 
 #include <locale.h>
@@ -589,8 +588,8 @@ static void test_dome(void) {
     session_conf_clear(&conf);
     conf = conf_of("[views]\ndevices=all\n[lights]\ndevices=all\n");
     g_autoptr(Plan) still = build(&conf, &rig, &timing);
-    g_assert_true(g_str_has_prefix(still->notes->pdata[still->notes->len - 1],
-                                   "no turntable: 2 views"));
+    g_assert_true(
+        g_str_has_prefix(still->notes->pdata[still->notes->len - 1], "no turntable: 2 views"));
     rig.n_cameras = 1;
     session_conf_clear(&conf);
     conf = conf_of("[views]\nrings=40:2:100\n[lights]\ndevices=all\n");
@@ -690,8 +689,8 @@ static void test_arc_and_fixed_lamps(void) {
     g_assert_cmpint(plan->session.n_shots, ==, 4);
 }
 
-/* A camera that stands still and one at four stops of an arm: every view gets every light once, with
- * the arm where its camera is; and the order spares moves of the arm. */
+/* A camera that stands still and one at four stops of an arm: every view gets every light once,
+ * with the arm where its camera is; and the order spares moves of the arm. */
 static void test_arm(void) {
     g_auto(SessionConf) conf =
         conf_of("[views]\nrings=15:8; 25:8; 35:8; 45:8; 55:8\n[lights]\ndevices=all\n");
@@ -764,8 +763,8 @@ static void test_probe(void) {
     for (int i = 1; i < plan->session.n_shots; i++) {
         const struct session_shot *shot = &plan->session.shots[i];
         const struct session_direction *light = &plan->session.lights[shot->source];
-        const struct vec3 at = rig_turn(rig.lamps[shot->device].position_mm,
-                                        RAD(shot->arc_deg - shot->turntable_deg));
+        const struct vec3 at =
+            rig_turn(rig.lamps[shot->device].position_mm, RAD(shot->arc_deg - shot->turntable_deg));
         const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 500);
         g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
         g_assert_cmpfloat(vec3_length(vec3_sub(at, towards)), <, 1e-3);
@@ -968,7 +967,8 @@ static void test_remaining(void) {
     double left = plan_remaining_s(shots, n, &conf, &rig, &timing, shots[0]);
     g_assert_cmpfloat(fabs(left - diary_s(shots, n, &conf, &timing)), <, 1e-6);
     g_assert_cmpfloat(plan_remaining_s(shots, 0, &conf, &rig, &timing, NULL), ==, 0);
-    g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &rig, &timing, NULL), <, left);
+    g_assert_cmpfloat(plan_remaining_s(shots + n / 2, n - n / 2, &conf, &rig, &timing, NULL), <,
+                      left);
 }
 
 int main(int argc, char **argv) {

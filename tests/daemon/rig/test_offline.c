@@ -8,7 +8,7 @@
 
 static void test_as_opened(void) {
     static const char *const rigs[] = {"rig.conf", "dome/rig.conf", "fixed_lamps/rig.conf",
-                                        "arm/rig.conf", "probe/rig.conf"};
+                                       "arm/rig.conf", "probe/rig.conf"};
 
     for (gsize i = 0; i < G_N_ELEMENTS(rigs); i++) {
         g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/demo", rigs[i], NULL);

@@ -188,8 +188,8 @@ static void test_shapes(void) {
     }
 }
 
-/* About an axis at azimuth 90 the arm lowers a camera at azimuth 0, past the zenith, too; about one at
- * azimuth 0 it moves it aside. */
+/* About an axis at azimuth 90 the arm lowers a camera at azimuth 0, past the zenith, too; about one
+ * at azimuth 0 it moves it aside. */
 static void test_arm(void) {
     static const struct {
         const char *rig;
@@ -202,7 +202,8 @@ static void test_arm(void) {
         struct rig rig;
         g_autofree char *text = g_strconcat(
             "[rig]\nid = r\n", arms[i].rig,
-            "[axis arm]\ndriver=sim-axis\n[camera a]\ndriver=sim-camera\nworld=w.conf\ntheta_deg=15\n"
+            "[axis arm]\ndriver=sim-axis\n[camera "
+            "a]\ndriver=sim-camera\nworld=w.conf\ntheta_deg=15\n"
             "phi_deg=0\narm_deg=-40;0;30\ndistance_mm=500\nwidth=4\nheight=4\nfocal_px=100\n" CAMERA
                 LAMP "phi_deg=70\n",
             NULL);
@@ -240,7 +241,8 @@ static void test_bad_arms(void) {
         {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;100\n", "below the turntable's top"},
         {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;x\n", "arm_deg"},
         {"[axis arm]\ndriver=sim-axis\n",
-         "arm_deg=1;2;3;4;5;6;7;8;9;10;11;12;13;14;15;16;17;18;19;20;21;22;23;24;25;26;27;28;29;30;31;32\n",
+         "arm_deg=1;2;3;4;5;6;7;8;9;10;11;12;13;14;15;16;17;18;19;20;21;22;23;24;25;26;27;28;29;30;"
+         "31;32\n",
          "there may be 31"},
         {"[axis probe]\ndriver=sim-axis\n", "", "nothing uses this axis"},
     };
@@ -248,8 +250,8 @@ static void test_bad_arms(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
         struct rig rig;
-        g_autofree char *text =
-            g_strconcat("[rig]\nid = r\n", bad[i].rig, LAMP "phi_deg=70\n" CAMERA, bad[i].camera, NULL);
+        g_autofree char *text = g_strconcat("[rig]\nid = r\n", bad[i].rig,
+                                            LAMP "phi_deg=70\n" CAMERA, bad[i].camera, NULL);
         g_autofree char *path = written(text);
         g_assert_false(devices_read_geometry(path, &rig, &error));
         g_test_message("%s", error->message);
