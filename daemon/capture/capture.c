@@ -393,10 +393,9 @@ static char *doing_now(const Capture *capture) {
 void capture_get_status(Capture *capture, struct capture_status *ret) {
     g_free(capture->doing);
     capture->doing = doing_now(capture);
-    int sub, n;
     *ret = (struct capture_status){
         .state = capture->state,
-        .shot = sequencer_shot(capture->sequencer, &sub, &n),
+        .shot = sequencer_last_shot(capture->sequencer),
         .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
         .prompt = waits_for_somebody(capture) ? capture->reason : NULL,
         .doing = capture->doing,
