@@ -62,8 +62,9 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
     const struct vec3 eye = rig_camera_centre_mm(camera);
     struct plan_footprint ret = {.n = 0};
     for (int i = 0; i < PLAN_FOOTPRINT * PLAN_FOOTPRINT; i++) {
-        const double x_px = (i % PLAN_FOOTPRINT + 0.5) / PLAN_FOOTPRINT * camera->width - 0.5;
-        const double y_px = (i / PLAN_FOOTPRINT + 0.5) / PLAN_FOOTPRINT * camera->height - 0.5;
+        const int column = i % PLAN_FOOTPRINT, row = i / PLAN_FOOTPRINT;
+        const double x_px = (column + 0.5) / PLAN_FOOTPRINT * camera->width - 0.5;
+        const double y_px = (row + 0.5) / PLAN_FOOTPRINT * camera->height - 0.5;
         const struct vec3 ray = rig_pixel_ray(camera, x_px, y_px);
         const double along = (conf->grid.reference_mm - eye.z) / ray.z;
         if (along > 0)

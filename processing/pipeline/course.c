@@ -163,7 +163,7 @@ static double course_slower(const Course *course, const struct time_left_task *t
 }
 
 double course_left_s(Course *course) {
-    g_autofree struct time_left_task *tasks = g_new(struct time_left_task, course->n_tasks + 1);
+    g_autofree struct time_left_task *tasks = g_new0(struct time_left_task, course->n_tasks + 1);
     int left[TIME_LEFT_STAGES] = {0}, made[TIME_LEFT_STAGES] = {0}, running = 0, waiting = 0;
     for (int i = 0; i < course->n_tasks; i++) {
         const struct course_task *task = &course->tasks[i];

@@ -180,10 +180,17 @@ static void test_rates(void) {
     g_assert_true(g_file_set_contents(path, "\1\2not a key file", -1, NULL));
     g_assert_false(time_left_rates_load(&read));
     g_assert_cmpfloat(read.unit_s[TIME_LEFT_BTF], >, 0);
+    g_autofree char *folder = g_path_get_dirname(path);
+    g_assert_cmpint(g_unlink(path), ==, 0);
+    g_assert_cmpint(g_rmdir(folder), ==, 0);
+    g_assert_cmpint(g_rmdir(g_get_user_cache_dir()), ==, 0);
 }
 
 int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, G_TEST_OPTION_ISOLATE_DIRS, NULL);
+    g_autofree char *cache = g_dir_make_tmp("mesorig-cache-XXXXXX", NULL);
+    g_assert_nonnull(cache);
+    g_setenv("XDG_CACHE_HOME", cache, TRUE);
+    g_test_init(&argc, &argv, NULL);
     g_test_add_func("/time-left/recorded", test_recorded);
     g_test_add_func("/time-left/rings", test_rings);
     g_test_add_func("/time-left/order", test_order);
