@@ -42,6 +42,14 @@ gboolean device_init(struct device *device, const struct driver_info *info,
         g_free(priv);
         return FALSE;
     }
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    if (info->check)
+        info->check(priv, section, mistakes);
+    if (!mistakes_report(mistakes, error)) {
+        options_clear(info->options, priv);
+        g_free(priv);
+        return FALSE;
+    }
     device->info = info;
     device->name = g_strdup(section->name ? section->name : section->class_name);
     device->who = g_strdup_printf("%s %s", info->class_name, device->name);

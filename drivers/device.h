@@ -48,6 +48,10 @@ struct driver_info {
     const char *help;             /* one sentence */
     const struct option *options; /* of the priv struct; ends with a NULL name */
     gsize priv_size; /* allocated zeroed, filled from the options, freed by the class */
+    /* May be NULL: adds what is wrong with the options of a section together, or with other files
+     * that they name, as far as it is known without the device. Nothing is opened before every
+     * section of the rig file was checked; a driver's open() need not check it again. */
+    void (*check)(gconstpointer options, const struct config_section *section, Mistakes *mistakes);
 };
 
 /* The known state of a device that was commanded off or to stop. */

@@ -1,9 +1,9 @@
 /* Small pictures of a session, as PNG in memory. */
 #include "archive.h"
 
+#include "base/png_bytes.h"
 #include "btf/btf.h"
 
-#include <cairo.h>
 #include <math.h>
 #include <string.h>
 
@@ -22,15 +22,10 @@ struct shown {
     float *rgb;
 };
 
-static unsigned srgb(float value) {
+static guint8 srgb(float value) {
     const float v = value > 0 ? MIN(value, 1.0F) : 0; /* also of NaN */
     const float curved = v <= 0.0031308F ? 12.92F * v : 1.055F * powf(v, 1 / 2.4F) - 0.055F;
-    return (unsigned)lrintf(255 * curved);
-}
-
-static cairo_status_t append(void *data, const unsigned char *bytes, unsigned length) {
-    g_byte_array_append(data, bytes, length);
-    return CAIRO_STATUS_SUCCESS;
+    return (guint8)lrintf(255 * curved);
 }
 
 static void add_picture(struct archive *archive, const struct shown *shown, float top,
@@ -40,14 +35,12 @@ static void add_picture(struct archive *archive, const struct shown *shown, floa
     const int square = (shown->width + MOST_WIDE - 1) / MOST_WIDE;
     const int times = MAX(1, WIDE / shown->width);
     const int width = MAX(1, shown->width / square), height = MAX(1, shown->height / square);
-    cairo_surface_t *surface =
-        cairo_image_surface_create(CAIRO_FORMAT_RGB24, width * times, height * times);
-    guint8 *to = cairo_image_surface_get_data(surface);
-    const int stride = cairo_image_surface_get_stride(surface);
+    g_autofree guint8 *rgb =
+        g_new(guint8, (gsize)COLOURS * (gsize)(width * times) * (gsize)(height * times));
+    guint8 *to = rgb;
     for (int y = 0; y < height * times; y++)
         for (int x = 0; x < width * times; x++) {
             float sum[COLOURS] = {0, 0, 0};
-            guint32 pixel = 0;
             for (int k = 0; k < square * square; k++) {
                 const gsize row = (gsize)MIN(y / times * square + k / square, shown->height - 1);
                 const gsize column = (gsize)MIN(x / times * square + k % square, shown->width - 1);
@@ -55,24 +48,17 @@ static void add_picture(struct archive *archive, const struct shown *shown, floa
                     sum[c] += shown->rgb[COLOURS * (row * (gsize)shown->width + column) + c];
             }
             for (int c = 0; c < COLOURS; c++)
-                pixel = pixel << 8 | srgb(sum[c] / ((float)(square * square) * top));
-            memcpy(to + (gsize)y * (gsize)stride + 4 * (gsize)x, &pixel, sizeof pixel);
+                *to++ = srgb(sum[c] / ((float)(square * square) * top));
         }
-    cairo_surface_mark_dirty(surface);
-    GByteArray *png = g_byte_array_new();
-    const gboolean ok =
-        cairo_surface_write_to_png_stream(surface, append, png) == CAIRO_STATUS_SUCCESS;
-    cairo_surface_destroy(surface);
-    if (!ok) {
-        g_byte_array_unref(png);
+    GBytes *png = png_bytes(rgb, width * times, height * times, NULL);
+    if (!png)
         return;
-    }
     struct archive_picture *picture = g_new0(struct archive_picture, 1);
     va_list arguments;
     va_start(arguments, format);
     picture->caption = g_strdup_vprintf(format, arguments);
     va_end(arguments);
-    picture->png = g_byte_array_free_to_bytes(png);
+    picture->png = png;
     g_ptr_array_add(archive->pictures, picture);
 }
 

@@ -49,3 +49,46 @@ GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
                         interlock_is_closed(devices->interlocks[i]) ? "closed" : "open");
     return g_variant_builder_end(&list.builder);
 }
+
+GVariant *bus_pose(const struct devices *devices, const struct session_shot *shot) {
+    const char *kind = "", *name = "";
+    if (shot && shot->kind == SHOT_LAMP) {
+        kind = "lamp";
+        name = devices->geometry.lamps[shot->device].name;
+    } else if (shot && shot->kind == SHOT_SWEEP) {
+        kind = "laser";
+        name = devices->geometry.lasers[shot->device].name;
+    } else if (shot) {
+        kind = "dark";
+    }
+    return g_variant_new("(ddss)", shot ? shot->turntable_deg : 0.0, shot ? shot->arc_deg : 0.0,
+                         kind, name);
+}
+
+static void bus_devices_add_place(GVariantBuilder *to, const char *class_name, const char *name,
+                                  struct vec3 position_mm, gboolean carried) {
+    double theta_rad, phi_rad;
+    rig_angles(position_mm, &theta_rad, &phi_rad);
+    g_variant_builder_add(to, "(ssddb)", class_name, name, theta_rad * 180 / G_PI,
+                          phi_rad * 180 / G_PI, carried);
+}
+
+GVariant *bus_places(const struct devices *devices) {
+    GVariantBuilder to;
+    g_variant_builder_init(&to, G_VARIANT_TYPE("a(ssddb)"));
+    if (!devices)
+        return g_variant_builder_end(&to);
+    const struct rig *rig = &devices->geometry;
+    for (int i = 0; i < rig->n_cameras; i++)
+        bus_devices_add_place(&to, "camera", rig->cameras[i].name,
+                              rig_camera_centre_mm(&rig->cameras[i]), FALSE);
+    for (int i = 0; i < rig->n_lamps; i++)
+        bus_devices_add_place(&to, "lamp", rig->lamps[i].name,
+                              rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0),
+                              !rig->lamps[i].fixed);
+    for (int i = 0; i < rig->n_lasers; i++)
+        bus_devices_add_place(&to, "laser", rig->lasers[i].name,
+                              rig_laser_position_mm(&rig->arc, &rig->lasers[i], 0),
+                              !rig->lasers[i].fixed);
+    return g_variant_builder_end(&to);
+}

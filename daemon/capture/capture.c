@@ -401,6 +401,7 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
     capture->doing = doing_now(capture);
     *ret = (struct capture_status){
         .state = capture->state,
+        .shot = sequencer_last_shot(capture->sequencer),
         .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
         .prompt = waits_for_somebody(capture) ? capture->reason : NULL,
         .doing = capture->doing,

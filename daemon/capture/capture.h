@@ -29,9 +29,11 @@ enum capture_state {
 
 struct capture_status {
     enum capture_state state;
-    const char *reason;       /* of a pause; NULL otherwise */
-    const char *prompt;       /* the same, if it asks for something to be done; else NULL */
-    const char *doing;        /* in a few words, for people */
+    const char *reason; /* of a pause; NULL otherwise */
+    const char *prompt; /* the same, if it asks for something to be done; else NULL */
+    const char *doing;  /* in a few words, for people */
+    /* That is taken, or was taken last; NULL: none yet. Until the main loop runs. */
+    const struct session_shot *shot;
     int shots, shots_done;    /* of the whole session, those from before a resume counted */
     gint64 frames, retakes;   /* camera frames accepted and refused since started */
     double elapsed_s, left_s; /* on the rig's clock; left_s predicted */

@@ -57,8 +57,7 @@ struct Capture {
     double clock_saved_s;
     double predicted_s, lower_bound_s;
     struct { /* of frames of each kind (enum session_shot_kind) and camera: their bytes on disk */
-        double sum;
-        int n;
+        double sum, planned;
     } bytes[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
     double predicted_bytes; /* by the plan */
     double expected_bytes;  /* of the whole session, as last said */

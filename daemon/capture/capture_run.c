@@ -193,16 +193,21 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
-/* Frames of a kind and camera take what those seen did, on average. */
+/* Frames of a kind and camera differ from what was planned as much as those seen did. */
 static void note_bytes(Capture *capture, const struct session_shot *shot,
                        const struct session_frame *frames, int n) {
     const struct rig *rig = &capture->devices->geometry;
     const int *bits = capture->devices->timing.bits;
+    struct plan_footprint footprints[RIG_MAX_CAMERAS];
     double all = 0, left = 0, said = 0;
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (plan_bytes_vary(&rig->cameras[c]))
+            footprints[c] = plan_footprint(&capture->conf, &rig->cameras[c]);
     for (int i = 0; i < n; i++) {
         const int c = frames[i].camera;
         capture->bytes[shot->kind][c].sum += (double)frames[i].bytes;
-        capture->bytes[shot->kind][c].n++;
+        capture->bytes[shot->kind][c].planned +=
+            (double)plan_shot_bytes(&capture->conf, rig, shot, c, bits[c], &footprints[c]);
     }
     /* After 1, 2, 4, 8 … shots of this run. */
     if ((capture->committed & (capture->committed - 1)) != 0)
@@ -213,13 +218,13 @@ static void note_bytes(Capture *capture, const struct session_shot *shot,
             if (!(at->cameras & 1u << c))
                 continue;
             const double planned =
-                (double)plan_shot_bytes(&capture->conf, at, &rig->cameras[c], bits[c]);
-            const int seen = capture->bytes[at->kind][c].n;
+                (double)plan_shot_bytes(&capture->conf, rig, at, c, bits[c], &footprints[c]);
+            const double seen = capture->bytes[at->kind][c].planned;
             /* Sessions that keep exposures or laser frames, too, take the planned bytes. */
             const double is = seen > 0 && plan_bytes_vary(&rig->cameras[c]) &&
                                       !capture->conf.keep_exposures &&
                                       !capture->conf.keep_laser_frames
-                                  ? capture->bytes[at->kind][c].sum / seen
+                                  ? planned * capture->bytes[at->kind][c].sum / seen
                                   : planned;
             all += is;
             said += planned;

@@ -34,8 +34,8 @@ struct Sequencer {
     enum state state;
     gboolean pausing;
     const GPtrArray *shots;
-    guint next; /* index of the shot after the one under way */
-    const struct session_shot *shot;
+    guint next;                                  /* index of the shot after the one under way */
+    const struct session_shot *shot, *last_shot; /* last_shot: the same, or the last one */
     int sub, n_subs;
     guint32 pending;  /* cameras still to be triggered for this picture */
     guint32 exposing; /* triggered; the lamp must stay on */
@@ -128,7 +128,7 @@ static struct stage_goal goal_after(const Sequencer *seq) {
 static gboolean begin_shot(Sequencer *seq) {
     if (seq->next >= seq->shots->len)
         return FALSE;
-    seq->shot = seq->shots->pdata[seq->next++];
+    seq->shot = seq->last_shot = seq->shots->pdata[seq->next++];
     seq->sub = 0;
     seq->n_subs = shot_n_frames(seq->conf, seq->shot);
     seq->pending = seq->shot->cameras;
@@ -424,6 +424,10 @@ void sequencer_poke(Sequencer *seq) {
 
 const Interlock *sequencer_open_interlock(const Sequencer *seq) {
     return stage_open_interlock(seq->stage);
+}
+
+const struct session_shot *sequencer_last_shot(const Sequencer *seq) {
+    return seq->last_shot;
 }
 
 const struct session_shot *sequencer_shot(const Sequencer *seq, int *ret_sub, int *ret_n) {

@@ -44,5 +44,8 @@ gboolean sequencer_stop(Sequencer *sequencer, GError **error);
 
 const Interlock *sequencer_open_interlock(const Sequencer *sequencer);
 
+/* The shot under way, or the one before; NULL: none was begun. Borrowed from the shots. */
+const struct session_shot *sequencer_last_shot(const Sequencer *sequencer);
+
 /* The shot under way, or NULL; and which of its pictures. */
 const struct session_shot *sequencer_shot(const Sequencer *sequencer, int *ret_sub, int *ret_n);

@@ -2,6 +2,7 @@
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
+#include "command/watching.h"
 #include "commands.h"
 #include "info.h"
 #include "plan/report.h"
@@ -45,8 +46,11 @@ static void tell_status(Record *to, BusRig1 *rig) {
         record_say(to, "to do      %s\n", prompt);
     else if (*reason)
         record_say(to, "reason     %s\n", reason);
+    g_autofree char *pose = watching_pose(rig);
     if (*doing)
         record_say(to, "doing      %s\n", doing);
+    if (pose)
+        record_say(to, "pose       %s\n", pose);
     record_say(to, "rig        %s\n", bus_rig1_get_rig_path(rig));
     if (bus_rig1_get_shots(rig) > 0)
         tell_progress(to, rig);
@@ -69,12 +73,20 @@ static int run_status(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
+static gboolean no_pictures;
+static const GOptionEntry watch_entries[] = {
+    {"no-pictures", 0, 0, G_OPTION_ARG_NONE, &no_pictures,
+     "Do not show the cameras' last pictures in the terminal", NULL},
+    {NULL},
+};
+
 static int run_watch(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);
     if (!link)
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, FALSE);
+    monitor_watch(monitor, !no_pictures);
     const enum monitor_end end = monitor_run(monitor, TRUE);
     if (end == MONITOR_LOST && bus_rig1_get_shots(link_rig(link)) == 0)
         return CLI_FAILED;
@@ -142,14 +154,15 @@ static int run_safe(const struct call *call, GError **error) {
     return CLI_FAILED;
 }
 
-#define CONTROL(name_, run_, help_)                                                                \
+#define CONTROL(name_, run_, help_, ...)                                                           \
     {                                                                                              \
         .name = (name_), .arguments = "[DIR]", .examples = "  mesorig " name_ "\n",                \
-        .help = (help_), .daemon = TRUE, .max = 1, .run = (run_)                                   \
+        .help = (help_), .daemon = TRUE, .max = 1, .run = (run_), __VA_ARGS__                      \
     }
 
 const struct command cli_status = CONTROL("status", run_status, "Show what the rig does.");
-const struct command cli_watch = CONTROL("watch", run_watch, "Follow a capture until it ends.");
+const struct command cli_watch =
+    CONTROL("watch", run_watch, "Follow a capture until it ends.", .options = watch_entries);
 const struct command cli_pause = CONTROL("pause", run_request, "Pause after the shot under way.");
 const struct command cli_continue =
     CONTROL("continue", run_request, "Go on after a pause or a fault.");

@@ -3,6 +3,7 @@
 #include "cli.h"
 #include "plan/report.h"
 #include "progress.h"
+#include "watching.h"
 
 #include <glib-unix.h>
 #include <signal.h>
@@ -17,6 +18,7 @@ struct Monitor {
     gboolean control, patient;
     GMainLoop *loop;
     Progress *progress;
+    Watching *watching; /* NULL: the bar alone */
     enum monitor_end end;
     gboolean ended;
     int interrupts;
@@ -61,6 +63,8 @@ void monitor_status(Record *to, BusRig1 *rig) {
     record_double(to, "elapsed_s", bus_rig1_get_elapsed(rig));
     record_double(to, "left_s", bus_rig1_get_left(rig));
     record_int(to, "predicted_end", (gint64)bus_rig1_get_predicted_end(rig));
+    g_autofree char *pose = watching_pose(rig);
+    record_string(to, "pose", pose ? pose : "");
 }
 
 static char *retakes_text(BusRig1 *rig) {
@@ -120,6 +124,8 @@ static void cli_monitor_show(Monitor *monitor) {
         record_print(record, TRUE);
     } else if (bus_rig1_get_shots(rig) > 0) {
         g_autofree char *text = progress_text(monitor);
+        if (monitor->watching)
+            watching_show(monitor->watching);
         progress_show(monitor->progress, fraction(rig), text, news);
     }
 }
@@ -296,12 +302,17 @@ void monitor_free(Monitor *monitor) {
         g_source_remove(monitor->signal_ids[i]);
     g_clear_handle_id(&monitor->enter_id, g_source_remove);
     g_clear_handle_id(&monitor->check_id, g_source_remove);
+    watching_free(monitor->watching);
     progress_free(monitor->progress);
     g_main_loop_unref(monitor->loop);
     g_free(monitor->shown_state);
     g_free(monitor->reason);
     g_free(monitor->prompt);
     g_free(monitor);
+}
+
+void monitor_watch(Monitor *monitor, gboolean pictures) {
+    monitor->watching = watching_new(link_rig(monitor->link), monitor->progress, pictures);
 }
 
 void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {

@@ -21,6 +21,9 @@ Monitor *monitor_new(Link *link, gboolean control);
 void monitor_free(Monitor *monitor);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 
+/* Shows the pose, too, and on request the cameras' last pictures (watching.h). */
+void monitor_watch(Monitor *monitor, gboolean pictures);
+
 enum monitor_answer {
     ANSWER_ELSEWHERE, /* mesorig continue, in another terminal */
     ANSWER_ENTER,     /* that, or the Enter key of this terminal, if there is one */

@@ -16,6 +16,8 @@ struct Progress {
     gboolean tty, utf8, drawn;
     int told; /* tenths, printed last where output is not a terminal */
     gint64 shown_us;
+    char *above;                  /* what is to stand above the bar */
+    int above_lines, above_drawn; /* lines of it; and of those on the terminal */
 };
 
 Progress *progress_new(const char *what) {
@@ -31,6 +33,27 @@ void progress_end(Progress *progress) {
     if (progress->drawn)
         fputc('\n', stderr);
     progress->drawn = FALSE;
+    progress->above_drawn = 0;
+}
+
+/* Of the bar, and of what stands above it. */
+static void progress_erase(Progress *progress) {
+    if (progress->drawn)
+        fputs("\r\033[K", stderr);
+    if (progress->drawn && progress->above_drawn > 0)
+        fprintf(stderr, "\033[%dA\033[J", progress->above_drawn);
+    progress->drawn = FALSE;
+    progress->above_drawn = 0;
+}
+
+void progress_set_above(Progress *progress, const char *text, int lines) {
+    if (!progress->tty || cli_json || g_strcmp0(text, progress->above) == 0)
+        return;
+    progress_erase(progress);
+    g_free(progress->above);
+    progress->above = g_strdup(text);
+    progress->above_lines = lines;
+    progress->shown_us = 0;
 }
 
 void progress_free(Progress *progress) {
@@ -38,6 +61,7 @@ void progress_free(Progress *progress) {
         return;
     progress_end(progress);
     g_free(progress->what);
+    g_free(progress->above);
     g_free(progress);
 }
 
@@ -70,6 +94,11 @@ static void cli_progress_draw(Progress *progress, double fraction, const char *t
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
     /* Past g_printerr(), which replaces control characters. */
+    if (progress->above_drawn == 0 && progress->above_lines > 0) {
+        progress_erase(progress);
+        fputs(progress->above, stderr);
+        progress->above_drawn = progress->above_lines;
+    }
     fputs("\r", stderr);
     g_printerr("%s", cut);
     fputs("\033[K", stderr);
@@ -99,9 +128,7 @@ void progress_line(Progress *progress, const char *format, ...) {
     va_start(arguments, format);
     g_autofree char *text = g_strdup_vprintf(format, arguments);
     va_end(arguments);
-    if (progress->drawn)
-        fputs("\r\033[K", stderr);
+    progress_erase(progress);
     g_print("%s\n", text);
-    progress->drawn = FALSE;
     fflush(stdout);
 }

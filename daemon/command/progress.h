@@ -16,5 +16,9 @@ void progress_end(Progress *progress);
  * bar. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
+/* What is drawn above the bar from the next time on, on a terminal alone: whole lines, each no
+ * longer than the terminal is wide. */
+void progress_set_above(Progress *progress, const char *text, int lines);
+
 /* A line of its own on standard output, above the bar. Not printed with --json. */
 void progress_line(Progress *progress, const char *format, ...) G_GNUC_PRINTF(2, 3);

@@ -1,22 +1,12 @@
 #include "picture_report.h"
 
-#include <cairo.h>
 #include <math.h>
-#include <poll.h>
-#include <string.h>
-#include <sys/ioctl.h>
-#include <termios.h>
-#include <unistd.h>
 
+#include "base/png_bytes.h"
 #include "capture/thumbnail.h"
 #include "exr/exr.h"
 
-#define DARK_PART   (1.0 / 256)
-#define ASK_WAIT_MS 200
-/* Size of a terminal's cell if it does not report one: for the size of a sixel picture. */
-#define CELL_WIDTH  8
-#define CELL_HEIGHT 16
-#define LEVELS      6 /* of each colour in a sixel picture */
+#define DARK_PART (1.0 / 256)
 
 struct picture_report picture_report(const Frame *frame) {
     struct picture_report ret = {0};
@@ -99,24 +89,12 @@ void picture_report_tell(Record *to, const char *camera, const Frame *frame,
 
 static gboolean write_png(const char *path, const Frame *frame, GError **error) {
     int width = 0, height = 0;
+    gsize length = 0;
     g_autofree guint8 *rgb = NULL;
     thumbnail_make_sized(frame, G_MAXINT16, &width, &height, &rgb);
-    cairo_surface_t *surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height);
-    guint8 *to = cairo_image_surface_get_data(surface);
-    const int stride = cairo_image_surface_get_stride(surface);
-    for (int y = 0; to && y < height; y++)
-        for (int x = 0; x < width; x++) {
-            const guint8 *from = &rgb[((gsize)y * (gsize)width + (gsize)x) * 3];
-            const guint32 value = (guint32)from[0] << 16 | (guint32)from[1] << 8 | from[2];
-            memcpy(to + (gsize)y * (gsize)stride + (gsize)x * 4, &value, sizeof value);
-        }
-    cairo_surface_mark_dirty(surface);
-    const cairo_status_t status = cairo_surface_write_to_png(surface, path);
-    cairo_surface_destroy(surface);
-    if (status != CAIRO_STATUS_SUCCESS)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "%s: cannot be written: %s", path,
-                    cairo_status_to_string(status));
-    return status == CAIRO_STATUS_SUCCESS;
+    g_autoptr(GBytes) png = png_bytes(rgb, width, height, error);
+    const char *bytes = png ? g_bytes_get_data(png, &length) : NULL;
+    return png && g_file_set_contents(path, bytes, (gssize)length, error);
 }
 
 static gboolean write_exr(const char *path, const char *camera, const Frame *frame,
@@ -145,107 +123,4 @@ gboolean picture_write(const char *path, const char *camera, const Frame *frame,
                 "%s: pictures are written as PNG or OpenEXR; give a name that ends in .png or .exr",
                 path);
     return FALSE;
-}
-
-/* The primary device attributes (DA1): "ESC [ ? 6 2 ; 4 ; … c", where 4 stands for sixels. */
-static gboolean has_sixels(void) {
-    struct termios before, raw;
-    char answer[128] = "";
-    gsize n = 0;
-    if (tcgetattr(STDIN_FILENO, &before) != 0)
-        return FALSE;
-    raw = before;
-    raw.c_lflag &= ~(tcflag_t)(ICANON | ECHO);
-    tcsetattr(STDIN_FILENO, TCSANOW, &raw);
-    struct pollfd input = {.fd = STDIN_FILENO, .events = POLLIN};
-    if (write(STDOUT_FILENO, "\033[c", 3) == 3)
-        while (n < sizeof answer - 1 && !strchr(answer, 'c') && poll(&input, 1, ASK_WAIT_MS) > 0) {
-            const gssize got = read(STDIN_FILENO, answer + n, sizeof answer - 1 - n);
-            if (got <= 0)
-                break;
-            n += (gsize)got;
-            answer[n] = '\0';
-        }
-    tcsetattr(STDIN_FILENO, TCSANOW, &before);
-    return g_regex_match_simple("^\\x1b\\[\\?\\d+(;\\d+)*;4(;\\d+)*c", answer, 0, 0);
-}
-
-enum picture_way picture_way(void) {
-    if (!isatty(STDOUT_FILENO) || !g_get_charset(NULL))
-        return PICTURE_NOT;
-    return isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp() && has_sixels()
-               ? PICTURE_SIXEL
-               : PICTURE_BLOCKS;
-}
-
-void picture_terminal_size(int *ret_columns, int *ret_lines) {
-    struct winsize size;
-    const gboolean known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-    *ret_columns = known ? size.ws_col : 80;
-    *ret_lines = known && size.ws_row > 0 ? size.ws_row : 24;
-}
-
-/* Two pixels a cell, in 24-bit colours: the upper half block over a background. */
-static void append_blocks(GString *to, const guint8 *rgb, int width, int height) {
-    for (int y = 0; y < height; y += 2) {
-        for (int x = 0; x < width; x++) {
-            const guint8 *up = &rgb[((gsize)y * (gsize)width + (gsize)x) * 3];
-            const guint8 *low = y + 1 < height ? up + (gsize)width * 3 : up;
-            g_string_append_printf(to, "\033[38;2;%d;%d;%dm\033[48;2;%d;%d;%dm▀", up[0], up[1],
-                                   up[2], low[0], low[1], low[2]);
-        }
-        g_string_append(to, "\033[0m\n");
-    }
-}
-
-/* Sixels: bands of six rows, each drawn once for every colour that it has. */
-static void append_sixels(GString *to, const guint8 *rgb, int width, int height) {
-    g_string_append_printf(to, "\033Pq\"1;1;%d;%d", width, height);
-    for (int c = 0; c < LEVELS * LEVELS * LEVELS; c++)
-        g_string_append_printf(to, "#%d;2;%d;%d;%d", c, c / (LEVELS * LEVELS) * 100 / (LEVELS - 1),
-                               c / LEVELS % LEVELS * 100 / (LEVELS - 1),
-                               c % LEVELS * 100 / (LEVELS - 1));
-    g_autofree guint8 *bits = g_new(guint8, width);
-    for (int top = 0; top < height; top += 6) {
-        for (int c = 0; c < LEVELS * LEVELS * LEVELS; c++) {
-            gboolean any = FALSE;
-            memset(bits, 0, (gsize)width);
-            for (int y = top; y < MIN(top + 6, height); y++)
-                for (int x = 0; x < width; x++) {
-                    const guint8 *p = &rgb[((gsize)y * (gsize)width + (gsize)x) * 3];
-                    const int r = (p[0] * (LEVELS - 1) + 127) / 255,
-                              g = (p[1] * (LEVELS - 1) + 127) / 255,
-                              b = (p[2] * (LEVELS - 1) + 127) / 255;
-                    if ((r * LEVELS + g) * LEVELS + b != c)
-                        continue;
-                    bits[x] |= (guint8)(1 << (y - top));
-                    any = TRUE;
-                }
-            if (!any)
-                continue;
-            g_string_append_printf(to, "#%d", c);
-            for (int x = 0; x < width; x++)
-                g_string_append_c(to, (char)(63 + bits[x]));
-            g_string_append_c(to, '$');
-        }
-        g_string_append_c(to, '-');
-    }
-    g_string_append(to, "\033\\\n");
-}
-
-char *picture_text(const Frame *frame, enum picture_way way, int columns, int lines) {
-    GString *text = g_string_new(NULL);
-    const gboolean blocks = way == PICTURE_BLOCKS;
-    const int across = MAX(columns, 1) * (blocks ? 1 : CELL_WIDTH);
-    const int down = MAX(lines, 1) * (blocks ? 2 : CELL_HEIGHT);
-    /* The longer side that fits both ways. */
-    const double wide = across * MAX(1.0, (double)frame->height / frame->width);
-    const double high = down * MAX(1.0, (double)frame->width / frame->height);
-    int width = 0, height = 0;
-    g_autofree guint8 *rgb = NULL;
-    if (way == PICTURE_NOT)
-        return g_string_free(text, FALSE);
-    thumbnail_make_sized(frame, MAX((int)MIN(wide, high), 1), &width, &height, &rgb);
-    (blocks ? append_blocks : append_sixels)(text, rgb, width, height);
-    return g_string_free(text, FALSE);
 }

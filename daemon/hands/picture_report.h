@@ -1,4 +1,4 @@
-/* Exposure and focus of a camera's frame, and the frame on a terminal. */
+/* Exposure and focus of a camera's frame, and the frame as a file. */
 #pragma once
 
 #include "command/record.h"
@@ -28,15 +28,3 @@ void picture_report_tell(Record *to, const char *camera, const Frame *frame,
 /* Writes the file: .png 8 bits for people (sRGB, white at the 99th percentile), .exr what the
  * sensor gave, in DN. */
 gboolean picture_write(const char *path, const char *camera, const Frame *frame, GError **error);
-
-enum picture_way { PICTURE_NOT, PICTURE_BLOCKS, PICTURE_SIXEL };
-
-/* How standard output can show pictures: asks the terminal, for 0.2 s at most. PICTURE_NOT if it is
- * none, or shows no UTF-8. */
-enum picture_way picture_way(void);
-
-/* The frame as text for a terminal, at most so many columns wide and lines high; g_free(). */
-char *picture_text(const Frame *frame, enum picture_way way, int columns, int lines);
-
-/* The size of the terminal at standard output; 80 × 24 where it does not say. */
-void picture_terminal_size(int *ret_columns, int *ret_lines);

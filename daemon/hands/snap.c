@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <unistd.h>
 
+#include "capture/thumbnail.h"
+#include "command/picture.h"
 #include "hand_link.h"
 #include "hands.h"
 #include "picture_report.h"
@@ -57,9 +59,12 @@ static Link *look_begin(const struct call *call, GError **error) {
 }
 
 static void show(const Frame *frame, enum picture_way way) {
-    int columns, lines;
-    picture_terminal_size(&columns, &lines);
-    g_autofree char *text = picture_text(frame, way, columns, lines - TEXT_LINES);
+    int columns, lines, width = 0, height = 0;
+    g_autofree guint8 *rgb = NULL;
+    picture_terminal_size(STDOUT_FILENO, &columns, &lines);
+    thumbnail_make_sized(frame, G_MAXINT16, &width, &height, &rgb);
+    g_autofree char *text =
+        picture_text(rgb, width, height, way, columns, lines - TEXT_LINES, NULL, NULL);
     fputs(text, stdout); /* past g_print(), which replaces control characters */
 }
 
@@ -74,7 +79,7 @@ static int run_snap(const struct call *call, GError **error) {
         return CLI_FAILED;
     const struct picture_report report = picture_report(frame);
     if (!cli_json)
-        show(frame, picture_way());
+        show(frame, picture_way(STDOUT_FILENO));
     picture_report_tell(call->record, camera, frame, &report);
     if (output) {
         record_string(call->record, "file", output);
@@ -113,7 +118,7 @@ static int run_live(const struct call *call, GError **error) {
     g_autoptr(Link) link = look_begin(call, error);
     if (!link)
         return error && *error ? CLI_FAILED : CLI_USAGE;
-    const enum picture_way way = cli_json ? PICTURE_NOT : picture_way();
+    const enum picture_way way = cli_json ? PICTURE_NOT : picture_way(STDOUT_FILENO);
     gboolean ended = FALSE, good = TRUE;
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         g_unix_signal_add(numbers[i], on_signal, &ended);

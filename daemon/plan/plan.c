@@ -453,7 +453,7 @@ static struct plan *plan_finish(struct plan_build *b) {
             g_array_index(b->shots, struct session_shot, 0).cameras & 1u << c) {
             g_ptr_array_add(plan->notes,
                             g_strdup("frames of more than 256² pixels are compressed, and how far "
-                                     "depends on what they show: disk space may be a third more; "
+                                     "depends on what they show: disk space may be a sixth more; "
                                      "the capture tells better after its first shots"));
             break;
         }

@@ -147,11 +147,21 @@ void plan_free(struct plan *plan); /* NULL is ignored */
 typedef struct plan Plan;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)
 
-/* Disk space that one camera's part of a shot takes, kept frames and row included. Where it varies,
- * since pictures so large are compressed and it depends on what they show, it may be a third off.
- */
-guint64 plan_shot_bytes(const struct session_conf *conf, const struct session_shot *shot,
-                        const struct rig_camera *camera, int bits);
+/* Points of the reference plane that a camera's pixels show, on a grid over its picture. */
+#define PLAN_FOOTPRINT 16
+struct plan_footprint {
+    struct vec3 points_mm[PLAN_FOOTPRINT * PLAN_FOOTPRINT]; /* rig frame */
+    int n;
+};
+struct plan_footprint plan_footprint(const struct session_conf *conf,
+                                     const struct rig_camera *camera);
+
+/* Disk space that one camera's part of a shot takes, kept frames and row included. Pictures for
+ * which plan_bytes_vary() is true are compressed: they take what their noise needs, and by what
+ * they show a sixth more or less. footprint is the camera's. */
+guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
+                        const struct session_shot *shot, int camera, int bits,
+                        const struct plan_footprint *footprint);
 gboolean plan_bytes_vary(const struct rig_camera *camera);
 
 /* How long the axes take to home, all at once. */

@@ -2,6 +2,8 @@
 #include "plan_private.h"
 #include "shot_frames.h"
 
+#include <math.h>
+
 /* Of an uncompressed scan line: its row in the table of offsets, its number and size, and in a file
  * of several parts the number of its part. */
 #define LINE_BYTES      16
@@ -15,49 +17,131 @@
 #define DIRECTION_BYTES 50
 #define FRAME_BYTES     230
 
+#define RAD(deg) ((deg) * (G_PI / 180))
+
 #define HALF_BITS 11 /* integers that a half holds exactly */
 
-/* Files of more pixels are compressed (intake_write.c). The compressed share depends on noise and
- * texture; these shares were measured on the demo's weave at 384² and 640² pixels, where lamp
- * frames were 0.79 and 0.70, sweeps 0.24 and 0.26, dark frames 0.27 and 0.25, raw ones 0.34 and
- * 0.30. */
-#define SMALL_PIXELS  (256 * 256)
-#define LEFT_OF_LAMP  0.745
-#define LEFT_OF_SWEEP 0.25
-#define LEFT_OF_DARK  0.26
-#define LEFT_OF_RAW   0.32
+/* Files of more pixels are compressed (intake_write.c), as PIZ does it: each block of 32 rows has a
+ * table of codes of its own, and its values take what their noise needs. So a file takes
+ *     values · (surroundings + (lit − surroundings) · share) + blocks · table
+ * bytes, where share is the part of the pixels that shows the sample (lamp) or that the laser's
+ * line passes (sweep): what is not lit holds little. The constants are least squares over captures
+ * of six simulated materials (woven, brick, brushed, peanuts, ridges, a bare plate) at 384² to
+ * 1280² pixels: docs/speed.md has the errors. */
+#define SMALL_PIXELS (256 * 256)
+#define BLOCK_ROWS   32
+#define NOISE_BITS   12 /* of the cameras of those captures */
+
+struct packing {              /* of a pixel of a part */
+    double surroundings, lit; /* bytes */
+    double table;             /* bytes of a block */
+    double bit;               /* bytes less for each bit that a camera has fewer */
+};
+static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
+                            packed_sweep = {0.60, 10.14, 2430, 0},
+                            packed_dark = {0.87, 0.87, 2540, 0.22},
+                            packed_raw = {0.96, 0.96, 4900, 0.115};
+/* Dark pixels of a lamp's frame take more the finer the level is that was subtracted from them:
+ * bytes for each doubling of the dark frames' number, to eight, after which a half holds no more.
+ */
+#define DARK_DIGITS 0.13
+#define DARK_FRAMES 4 /* of those captures */
+#define MOST_DIGITS 8
+/* The mean of one or two dark frames has no digits that a float keeps in its lower half. */
+static const struct packing packed_short_dark = {0.49, 0.49, 1500, 0.11};
 
 struct kind {
     int parts, channels, value_bytes;
-    int head_bytes; /* attributes of a part */
-    double left;    /* of the values, where files are compressed; 1: they never are */
+    int head_bytes;                /* attributes of a part */
+    const struct packing *packing; /* NULL: never compressed */
 };
 
-static guint64 file_bytes(const struct rig_camera *camera, const struct kind *kind) {
+/* The points of the reference plane that pixels show; beyond the horizon there are none. */
+struct plan_footprint plan_footprint(const struct session_conf *conf,
+                                     const struct rig_camera *camera) {
+    const struct vec3 eye = rig_camera_centre_mm(camera);
+    struct plan_footprint ret = {.n = 0};
+    for (int i = 0; i < PLAN_FOOTPRINT * PLAN_FOOTPRINT; i++) {
+        const int column = i % PLAN_FOOTPRINT, row = i / PLAN_FOOTPRINT;
+        const double x_px = (column + 0.5) / PLAN_FOOTPRINT * camera->width - 0.5;
+        const double y_px = (row + 0.5) / PLAN_FOOTPRINT * camera->height - 0.5;
+        const struct vec3 ray = rig_pixel_ray(camera, x_px, y_px);
+        const double along = (conf->grid.reference_mm - eye.z) / ray.z;
+        if (along > 0)
+            ret.points_mm[ret.n++] = vec3_add(eye, vec3_scale(ray, along));
+    }
+    return ret;
+}
+
+/* Part of the picture that shows the sample with its margin; of a sweep, what the line passes of
+ * that, and of the face around it where the session says that the line is seen there. */
+static double plan_lit_share(const struct session_conf *conf, const struct rig *rig,
+                             const struct session_shot *shot,
+                             const struct plan_footprint *footprint) {
+    const double x_mm = conf->grid.width_mm / 2 + conf->sweep_margin_mm;
+    const double y_mm = conf->grid.height_mm / 2 + conf->sweep_margin_mm;
+    const gboolean sweep = shot->kind == SHOT_SWEEP;
+    struct rig_plane sheets[2] = {0};
+    int n = 0;
+    for (int i = 0; sweep && i < 2; i++)
+        sheets[i] = rig_laser_sheet(&rig->arc, &rig->lasers[shot->device], RAD(shot->arc_deg),
+                                    RAD(i == 0 ? shot->sweep_from_deg : shot->sweep_to_deg));
+    for (int i = 0; i < footprint->n; i++) {
+        const struct vec3 p = footprint->points_mm[i];
+        const struct vec3 q = rig_turn(p, -RAD(shot->turntable_deg));
+        const gboolean inside = fabs(q.x) <= x_mm && fabs(q.y) <= y_mm;
+        const gboolean around = sweep && conf->reference.radius_mm > 0;
+        const gboolean passed =
+            !sweep || (vec3_dot(sheets[0].normal, p) - sheets[0].offset_mm) *
+                              (vec3_dot(sheets[1].normal, p) - sheets[1].offset_mm) <=
+                          0;
+        n += (inside || around) && passed;
+    }
+    return (double)n / (PLAN_FOOTPRINT * PLAN_FOOTPRINT);
+}
+
+static guint64 file_bytes(const struct rig_camera *camera, int bits, double share,
+                          const struct kind *kind) {
+    const struct packing *packing = plan_bytes_vary(camera) ? kind->packing : NULL;
     const guint64 pixels = (guint64)camera->width * (guint64)camera->height;
-    const guint64 values = pixels * (guint64)(kind->parts * kind->channels * kind->value_bytes);
     const int line_bytes = kind->parts > 1 ? PART_LINE_BYTES : LINE_BYTES;
-    const guint64 lines = (guint64)camera->height * (guint64)line_bytes;
-    const guint64 heads = (guint64)kind->parts * ((guint64)kind->head_bytes + lines);
-    const guint64 bytes = plan_bytes_vary(camera) && kind->left < 1
-                              ? (guint64)((double)values * kind->left)
-                              : values + heads;
+    const int blocks = packing ? (camera->height + BLOCK_ROWS - 1) / BLOCK_ROWS : camera->height;
+    double part = kind->head_bytes + (double)blocks * line_bytes;
+    if (packing) {
+        const double fewer = (NOISE_BITS - bits) * packing->bit;
+        const double value =
+            packing->surroundings + (packing->lit - packing->surroundings) * share - fewer;
+        part += (double)pixels * MAX(value, 0) + blocks * packing->table;
+    } else {
+        part += (double)pixels * kind->channels * kind->value_bytes;
+    }
+    const guint64 bytes = (guint64)(kind->parts * part);
     return (bytes + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
 }
 
-guint64 plan_shot_bytes(const struct session_conf *conf, const struct session_shot *shot,
-                        const struct rig_camera *camera, int bits) {
+guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
+                        const struct session_shot *shot, int camera, int bits,
+                        const struct plan_footprint *footprint) {
     gint64 exposures[SHOT_MAX_DARKS];
+    const struct rig_camera *by = &rig->cameras[camera];
     const gboolean sweep = shot->kind == SHOT_SWEEP;
+    struct packing lamp = packed_lamp;
+    lamp.surroundings +=
+        DARK_DIGITS * log2((double)MIN(conf->dark_frames, MOST_DIGITS) / DARK_FRAMES);
     const struct kind kinds[] = {
-        [SHOT_LAMP] = {1, 1, 2, 700, LEFT_OF_LAMP},
-        [SHOT_SWEEP] = {1, 5, 4, 850, LEFT_OF_SWEEP},
-        [SHOT_DARK] = {shot_dark_exposures(conf, exposures), 1, 4, 650, LEFT_OF_DARK},
+        [SHOT_LAMP] = {1, 1, 2, 700, &lamp},
+        [SHOT_SWEEP] = {1, 5, 4, 850, &packed_sweep},
+        [SHOT_DARK] = {shot_dark_exposures(conf, exposures), 1, 4, 650,
+                       conf->dark_frames > 2 ? &packed_dark : &packed_short_dark},
     };
-    const struct kind raw = {1, 1, bits <= HALF_BITS ? 2 : 4, 750, sweep ? 1 : LEFT_OF_RAW};
+    const struct kind raw = {1, 1, bits <= HALF_BITS ? 2 : 4, 750, sweep ? NULL : &packed_raw};
     const gboolean keeps = sweep ? conf->keep_laser_frames : conf->keep_exposures;
     const guint64 n_raw = keeps ? (guint64)shot_n_frames(conf, shot) : 0;
-    return FRAME_BYTES + file_bytes(camera, &kinds[shot->kind]) + n_raw * file_bytes(camera, &raw);
+    const double share = shot->kind == SHOT_DARK || !plan_bytes_vary(by)
+                             ? 0
+                             : plan_lit_share(conf, rig, shot, footprint);
+    return FRAME_BYTES + file_bytes(by, bits, share, &kinds[shot->kind]) +
+           n_raw * file_bytes(by, bits, share, &raw);
 }
 
 gboolean plan_bytes_vary(const struct rig_camera *camera) {
@@ -67,12 +151,16 @@ gboolean plan_bytes_vary(const struct rig_camera *camera) {
 guint64 plan_bytes(const struct plan_build *b) {
     guint64 bytes =
         EMPTY_BYTES + DIRECTION_BYTES * (b->views->len + b->lights->len + b->lasers->len);
+    g_autofree struct plan_footprint *footprints = g_new(struct plan_footprint, b->rig->n_cameras);
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        footprints[c] = plan_footprint(b->conf, &b->rig->cameras[c]);
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         bytes += SHOT_BYTES;
         for (int c = 0; c < b->rig->n_cameras; c++)
             if (shot->state == SHOT_PLANNED && shot->cameras & 1u << c)
-                bytes += plan_shot_bytes(b->conf, shot, &b->rig->cameras[c], b->timing->bits[c]);
+                bytes +=
+                    plan_shot_bytes(b->conf, b->rig, shot, c, b->timing->bits[c], &footprints[c]);
     }
     return bytes;
 }

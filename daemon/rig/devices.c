@@ -121,19 +121,18 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
             return devices_fail_at(layout->banks[i], error);
         devices->banks[devices->n_banks++] = bank;
     }
+    g_autoptr(Mistakes) mistakes = mistakes_new();
     for (int i = 0; i < layout->geometry.n_lamps; i++) {
         LampBank *bank = devices->banks[layout->lamp_bank[i]];
-        if (layout->lamp_index[i] >= bank->n) {
-            config_set_error(error, CONFIG_ERROR_VALUE, layout->lamps[i], "index",
-                             "%d is too large: %s has the lamps 0 to %d", layout->lamp_index[i],
-                             bank->device.name, bank->n - 1);
-            return FALSE;
-        }
+        if (layout->lamp_index[i] >= bank->n)
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[i], "index",
+                           "%d is too large: %s has the lamps 0 to %d", layout->lamp_index[i],
+                           bank->device.name, bank->n - 1);
         devices->lamps[i].bank = bank;
         devices->lamps[i].index = layout->lamp_index[i];
         devices->timing.lamp_warm_up_s[i] = bank->warm_up_s;
     }
-    return TRUE;
+    return mistakes_report(mistakes, error);
 }
 
 /* Reports an unknown place now, not when an operator has mounted the unit there. */
@@ -171,24 +170,22 @@ static gboolean open_lasers(struct devices *devices, const struct layout *layout
     return TRUE;
 }
 
-static gboolean devices_check_format(const struct camera_format *format,
-                                     const struct rig_camera *said,
-                                     const struct config_section *section, GError **error) {
+static void devices_check_format(const struct camera_format *format, const struct rig_camera *said,
+                                 const struct config_section *section, Mistakes *mistakes) {
     gboolean wide = said->width != format->width;
 
-    if (!wide && said->height == format->height)
-        return TRUE;
-    config_set_error(error, CONFIG_ERROR_VALUE, section, wide ? "width" : "height",
-                     "is %d, but the camera's pictures are %d × %d: write width = %d and height = "
-                     "%d",
-                     wide ? said->width : said->height, format->width, format->height,
-                     format->width, format->height);
-    return FALSE;
+    if (wide || said->height != format->height)
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, wide ? "width" : "height",
+                       "is %d, but the camera's pictures are %d × %d: write width = %d and height "
+                       "= %d",
+                       wide ? said->width : said->height, format->width, format->height,
+                       format->width, format->height);
 }
 
 /* Opens all cameras before waiting for any, so that many take no longer than the slowest. */
 static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("camera");
+    g_autoptr(Mistakes) mistakes = mistakes_new();
 
     for (int i = 0; i < layout->geometry.n_cameras; i++) {
         const struct config_section *section = layout->cameras[i];
@@ -207,21 +204,20 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         if (devices_is_unit(&layout->geometry, i) &&
             !camera_open_finish(devices->cameras[i], error))
             return devices_fail_at(layout->cameras[i], error);
-        if (!devices_check_format(format, &layout->geometry.cameras[i], layout->cameras[i], error))
-            return FALSE;
+        devices_check_format(format, &layout->geometry.cameras[i], layout->cameras[i], mistakes);
         devices->timing.trigger_us[i] = format->trigger_us;
         devices->timing.readout_us[i] = format->readout_us;
         devices->timing.min_exposure_us[i] = format->min_exposure_us;
         devices->timing.max_exposure_us[i] = format->max_exposure_us;
         devices->timing.bits[i] = format->bits;
     }
-    return TRUE;
+    return mistakes_report(mistakes, error);
 }
 
 struct devices *devices_open(const char *rig_path, GError **error) {
     struct layout layout;
 
-    if (!layout_load(&layout, rig_path, error))
+    if (!layout_load(&layout, rig_path, TRUE, error))
         return NULL;
     struct devices *devices = g_new0(struct devices, 1);
     devices->clock = layout.virtual_clock ? clock_new_virtual() : clock_new_real();
@@ -241,7 +237,7 @@ struct devices *devices_open(const char *rig_path, GError **error) {
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
     struct layout layout;
 
-    if (!layout_load(&layout, rig_path, error))
+    if (!layout_load(&layout, rig_path, FALSE, error))
         return FALSE;
     *ret = layout.geometry;
     layout_clear(&layout);

@@ -25,7 +25,8 @@ const char **layout_keys(const char *class_name) {
 
 /* Checks the driver's options without opening it, and reads the rig's own from the same section.
  * Without a driver, those are checked alone. */
-static gboolean devices_layout_read_device(const struct config_section *section,
+static gboolean devices_layout_read_device(const struct layout *layout,
+                                           const struct config_section *section,
                                            struct place_fields *place, Mistakes *mistakes) {
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
     GError *error = NULL;
@@ -43,6 +44,8 @@ static gboolean devices_layout_read_device(const struct config_section *section,
     const struct option_target both[] = {{info->options, priv}, ours};
     if (!options_read(both, options ? 2 : 1, section, only_driver, mistakes))
         return FALSE;
+    if (info->check && layout->checks_drivers)
+        info->check(priv, section, mistakes);
     options_clear(info->options, priv);
     return TRUE;
 }
@@ -220,7 +223,7 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, mistakes))
         return FALSE;
     const gboolean named = devices_layout_take_name(section, rig->cameras[i].name, mistakes);
-    if (!devices_layout_read_device(section, &p, mistakes))
+    if (!devices_layout_read_device(layout, section, &p, mistakes))
         return FALSE;
     if (!named) {
         options_clear(devices_camera_options, &p);
@@ -365,7 +368,7 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
     const gboolean mounted = config_value(section, "mount_of", NULL) != NULL;
     if (!(mounted ? options_read(&(struct option_target){devices_mount_options, &p}, 1, section,
                                  NULL, mistakes)
-                  : devices_layout_read_device(section, &p, mistakes)))
+                  : devices_layout_read_device(layout, section, &p, mistakes)))
         return FALSE;
     const gboolean wired = mounted ? wire_mount(layout, i, p.mount_of, mistakes)
                                    : wire_laser(layout, i, p.sweep, mistakes);
@@ -417,17 +420,17 @@ static gboolean take_section(struct layout *layout, const struct config_section 
             layout->arm = section;
         if (g_str_equal(section->name, "probe"))
             layout->probe = section;
-        return devices_layout_read_device(section, NULL, mistakes);
+        return devices_layout_read_device(layout, section, NULL, mistakes);
     }
     if (g_str_equal(section->class_name, "lamps")) {
         layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;
         return count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, mistakes) &&
-               devices_layout_read_device(section, NULL, mistakes);
+               devices_layout_read_device(layout, section, NULL, mistakes);
     }
     if (g_str_equal(section->class_name, "interlock")) {
         layout->interlocks[MIN(layout->n_interlocks, DEVICES_MAX_INTERLOCKS - 1)] = section;
         return count_up(&layout->n_interlocks, DEVICES_MAX_INTERLOCKS, section, mistakes) &&
-               devices_layout_read_device(section, NULL, mistakes);
+               devices_layout_read_device(layout, section, NULL, mistakes);
     }
     return TRUE;
 }
@@ -531,12 +534,13 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
 }
 
 /* Axes, banks and interlocks first: lamps and lasers name them. */
-static gboolean layout_take(struct layout *layout, Config *config, Mistakes *mistakes,
-                            GError **error) {
+static gboolean layout_take(struct layout *layout, Config *config, gboolean checks_drivers,
+                            Mistakes *mistakes, GError **error) {
     gsize n;
     gboolean lasers = TRUE;
 
     memset(layout, 0, sizeof *layout);
+    layout->checks_drivers = checks_drivers;
     if ((layout->config = config)) {
         const struct config_section *sections = config_sections(config, &n);
         g_autofree gboolean *known = g_new0(gboolean, n + 1);
@@ -558,14 +562,16 @@ static gboolean layout_take(struct layout *layout, Config *config, Mistakes *mis
     return FALSE;
 }
 
-gboolean layout_load(struct layout *layout, const char *path, GError **error) {
+gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
+                     GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
-    return layout_take(layout, config_load_checked(path, mistakes), mistakes, error);
+    return layout_take(layout, config_load_checked(path, mistakes), checks_drivers, mistakes,
+                       error);
 }
 
 gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
-    return layout_take(layout, config_parse_checked(text, path, mistakes), mistakes, error);
+    return layout_take(layout, config_parse_checked(text, path, mistakes), FALSE, mistakes, error);
 }
 
 void layout_clear(struct layout *layout) {

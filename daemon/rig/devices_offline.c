@@ -163,7 +163,7 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
                              struct rig_timing *ret_timing, GPtrArray *assumed, GError **error) {
     struct layout layout;
 
-    if (!layout_load(&layout, rig_path, error))
+    if (!layout_load(&layout, rig_path, TRUE, error))
         return FALSE;
     memset(ret_timing, 0, sizeof *ret_timing);
     *ret_geometry = layout.geometry;

@@ -7,7 +7,7 @@ struct layout {
     Config *config;
     struct rig geometry;
     gboolean has_all_sections; /* FALSE: a heading is wrong, so that what seems missing may be it */
-    gboolean virtual_clock;
+    gboolean virtual_clock, checks_drivers;
     char *calibration_path; /* absolute; NULL: none is named */
     double calibration_days;
     const struct config_section *turntable, *arc, *arm, *probe;
@@ -22,9 +22,11 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* Checks everything that can be checked without a device, drivers' own options, too. The error
- * tells all mistakes of the file. */
-gboolean layout_load(struct layout *layout, const char *path, GError **error);
+/* Checks everything that can be checked without a device, drivers' own options, too, and where the
+ * devices are to be opened (checks_drivers) also what drivers know of options together and of other
+ * files that they name. The error tells all mistakes of the file. */
+gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
+                     GError **error);
 gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
 void layout_clear(struct layout *layout);
 

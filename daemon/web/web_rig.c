@@ -1,10 +1,10 @@
 #include "web_rig.h"
 
 #include "base/json.h"
+#include "base/png_bytes.h"
 #include "bus/bus.h"
 #include "rig1-bus.h"
 
-#include <png.h>
 #include <string.h>
 
 #define STATE_INTERVAL_MS 500
@@ -68,6 +68,41 @@ static void add_text(GVariantBuilder *to, const char *key, const char *value) {
     g_variant_builder_add(to, "{sv}", key, g_variant_new_string(valid));
 }
 
+static void add_number(GVariantBuilder *to, const char *key, double value) {
+    g_variant_builder_add(to, "{sv}", key, g_variant_new_double(value));
+}
+
+/* Where the shot is taken from and with which light, and where everything stands. */
+static void add_pose(GVariantBuilder *to, BusRig1 *bus) {
+    GVariant *pose = bus_rig1_get_pose(bus), *list = bus_rig1_get_places(bus);
+    GVariantBuilder places;
+    const char *class_name, *name;
+    double turntable_deg, arc_deg, theta_deg, phi_deg;
+    gboolean carried;
+    if (!pose || !list) /* of an older daemon */
+        return;
+    g_variant_get(pose, "(dd&s&s)", &turntable_deg, &arc_deg, &class_name, &name);
+    add_number(to, "turntable_deg", turntable_deg);
+    add_number(to, "arc_deg", arc_deg);
+    add_text(to, "light_class", class_name);
+    add_text(to, "light", name);
+    g_variant_builder_init(&places, G_VARIANT_TYPE("aa{sv}"));
+    GVariantIter iter;
+    g_variant_iter_init(&iter, list);
+    while (g_variant_iter_next(&iter, "(&s&sddb)", &class_name, &name, &theta_deg, &phi_deg,
+                               &carried)) {
+        GVariantBuilder place;
+        g_variant_builder_init(&place, G_VARIANT_TYPE_VARDICT);
+        add_text(&place, "class", class_name);
+        add_text(&place, "name", name);
+        add_number(&place, "theta_deg", theta_deg);
+        add_number(&place, "phi_deg", phi_deg);
+        g_variant_builder_add(&place, "{sv}", "carried", g_variant_new_boolean(carried));
+        g_variant_builder_add_value(&places, g_variant_builder_end(&place));
+    }
+    g_variant_builder_add(to, "{sv}", "places", g_variant_builder_end(&places));
+}
+
 char *web_rig_state(const WebRig *rig) {
     BusRig1 *bus = rig->rig;
     GVariantBuilder to, devices;
@@ -94,6 +129,7 @@ char *web_rig_state(const WebRig *rig) {
         g_variant_builder_add(&to, "{sv}", "left_s", g_variant_new_double(bus_rig1_get_left(bus)));
         g_variant_builder_add(&to, "{sv}", "predicted_end",
                               g_variant_new_uint64(bus_rig1_get_predicted_end(bus)));
+        add_pose(&to, bus);
         g_variant_builder_init(&devices, G_VARIANT_TYPE("aa{sv}"));
         GVariant *list = bus_rig1_get_devices(bus);
         GVariantIter iter;
@@ -334,22 +370,16 @@ static gboolean encode(GVariant *answer, const char *camera, struct web_picture 
     gsize length;
     g_variant_get(answer, "(uu@ayd)", &width, &height, &bytes, &time_s);
     const guint8 *rgb = g_variant_get_fixed_array(bytes, &length, 1);
-    png_image image = {.version = PNG_IMAGE_VERSION,
-                       .width = width,
-                       .height = height,
-                       .format = PNG_FORMAT_RGB,
-                       .flags = PNG_IMAGE_FLAG_FAST};
-    png_alloc_size_t size = 0;
-    if (length != (gsize)COLOURS * width * height || length == 0 ||
-        !png_image_write_to_memory(&image, NULL, &size, 0, rgb, 0, NULL)) {
+    if (length != (gsize)COLOURS * width * height || length == 0) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
                     "%s: the daemon has sent a picture of %u × %u pixels in %zu bytes", camera,
                     width, height, length);
         return FALSE;
     }
-    guint8 *png = g_malloc(size);
-    png_image_write_to_memory(&image, png, &size, 0, rgb, 0, NULL);
-    picture->png = g_bytes_new_take(png, size);
+    if (!(picture->png = png_bytes(rgb, (int)width, (int)height, error))) {
+        g_prefix_error(error, "%s: ", camera);
+        return FALSE;
+    }
     count(rgb, (gsize)width * height, camera, time_s, width, height, picture);
     return TRUE;
 }

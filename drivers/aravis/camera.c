@@ -209,18 +209,21 @@ static gboolean aravis_camera_trigger(Camera *camera, guint64 shot, GError **err
     return TRUE;
 }
 
+static void aravis_camera_check(gconstpointer given, const struct config_section *section,
+                                Mistakes *mistakes) {
+    const struct aravis_options *said = &((const struct aravis_camera *)given)->options;
+    if (*said->pixel_format && !aravis_format_by_name(said->pixel_format))
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "pixel_format",
+                       "\"%s\" cannot be measured with; choose Mono or BayerRG, BayerBG, BayerGR, "
+                       "BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or 16",
+                       said->pixel_format);
+    if (!g_str_equal(said->trigger, "Software") && !*said->pulse_path)
+        config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "pulse_path",
+                       "must be given for a trigger by %s", said->trigger);
+}
+
 static gboolean aravis_camera_open_camera(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    const struct aravis_options *given = &priv->options;
-    if (*given->pixel_format && !aravis_format_by_name(given->pixel_format))
-        return config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "pixel_format",
-                                "\"%s\" cannot be measured with; choose Mono or BayerRG, BayerBG, "
-                                "BayerGR, BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or "
-                                "16",
-                                given->pixel_format);
-    if (!g_str_equal(given->trigger, "Software") && !*given->pulse_path)
-        return config_set_error(error, CONFIG_ERROR_MISSING, camera->device.section, "pulse_path",
-                                "must be given for a trigger by %s", given->trigger);
     priv->worker = aravis_worker_new(camera->device.name, &priv->options, &hooks, camera);
     return TRUE;
 }
@@ -258,7 +261,7 @@ static void aravis_camera_close_camera(Camera *camera) {
 
 const struct camera_driver aravis_camera_driver = {
     .info = {"camera", "aravis", "A GigE Vision or USB3 Vision camera", options,
-             sizeof(struct aravis_camera)},
+             sizeof(struct aravis_camera), aravis_camera_check},
     .open = aravis_camera_open_camera,
     .opened = opened,
     .close = aravis_camera_close_camera,

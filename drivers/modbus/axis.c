@@ -174,26 +174,23 @@ static gboolean parse_write(const char *text, struct modbus_request *ret) {
     return ret->address + ret->n <= 65536;
 }
 
-static gboolean check_writes(const Axis *axis, const char *key, char *const *writes,
-                             gboolean needed, GError **error) {
+static void check_writes(const struct config_section *section, const char *key, char *const *writes,
+                         gboolean needed, Mistakes *mistakes) {
     struct modbus_request request;
-    const struct config_section *section = axis->device.section;
     if (needed && !*writes)
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, key,
-                                "is empty; write ADDRESS=VALUE");
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "is empty; write ADDRESS=VALUE");
     if (g_strv_length((char **)writes) > MAX_WRITES)
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, key, "more than %d writes",
-                                MAX_WRITES);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "more than %d writes",
+                       MAX_WRITES);
     for (; *writes; writes++)
         if (!parse_write(*writes, &request))
-            return config_set_error(error, CONFIG_ERROR_VALUE, section, key,
-                                    "\"%s\" is not ADDRESS=VALUE or ADDRESS=VALUE,VALUE (0 to "
-                                    "65535; at most %d values)",
-                                    *writes, MAX_WORDS);
-    return TRUE;
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                           "\"%s\" is not ADDRESS=VALUE or ADDRESS=VALUE,VALUE (0 to 65535; at "
+                           "most %d values)",
+                           *writes, MAX_WORDS);
 }
 
-/* They were checked when opened. */
+/* They were checked before it was opened. */
 static void add_writes(struct modbus_job *job, char *const *writes) {
     for (; *writes; writes++) {
         struct modbus_request parsed = {0};
@@ -456,45 +453,40 @@ static double modbus_axis_position(Axis *axis) {
     return to_deg(priv, priv->steps);
 }
 
-static gboolean modbus_axis_check_range(const Axis *axis, const char *key, double value, int bits,
-                                        GError **error) {
-    return fabs(value) <= (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16) ||
-           config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, key,
-                            "%.0f does not fit into its %s bits", value, bits_choices[bits]);
+static void modbus_axis_check_range(const struct config_section *section, const char *key,
+                                    double value, int bits, Mistakes *mistakes) {
+    if (fabs(value) > (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                       "%.0f does not fit into its %s bits", value, bits_choices[bits]);
 }
 
-static gboolean modbus_axis_check_options(const Axis *axis, GError **error) {
-    const struct modbus_axis *priv = axis->device.priv;
-    const struct config_section *section = axis->device.section;
+static void modbus_axis_check(gconstpointer given, const struct config_section *section,
+                              Mistakes *mistakes) {
+    const struct modbus_axis *priv = given;
     if (priv->steps_per_deg == 0)
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, "steps_per_deg",
-                                "must not be 0");
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "steps_per_deg", "must not be 0");
     if (!priv->motion.wraps && priv->motion.min_deg >= priv->motion.max_deg)
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, "min_deg",
-                                "%g is not below max_deg, %g", priv->motion.min_deg,
-                                priv->motion.max_deg);
-    return modbus_axis_check_range(axis, "speed_scale",
-                                   priv->motion.speed_deg_s * priv->speed_scale, priv->speed.bits,
-                                   error) &&
-           modbus_axis_check_range(axis, "accel_scale",
-                                   priv->motion.accel_deg_s2 * priv->accel_scale, priv->accel.bits,
-                                   error) &&
-           check_writes(axis, "setup", priv->setup, FALSE, error) &&
-           check_writes(axis, "start", priv->start, TRUE, error) &&
-           check_writes(axis, "home", priv->home, TRUE, error) &&
-           check_writes(axis, "stop", priv->stop, TRUE, error) &&
-           check_writes(axis, "clear", priv->clear, FALSE, error) &&
-           check_writes(axis, "watchdog", priv->watchdog, FALSE, error) &&
-           (priv->own.address < 0 ||
-            modbus_watchdog_check(&priv->own, &priv->link, &axis->device, G_MAXUINT16, error));
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "min_deg",
+                       "%g is not below max_deg, %g", priv->motion.min_deg, priv->motion.max_deg);
+    modbus_axis_check_range(section, "speed_scale", priv->motion.speed_deg_s * priv->speed_scale,
+                            priv->speed.bits, mistakes);
+    modbus_axis_check_range(section, "accel_scale", priv->motion.accel_deg_s2 * priv->accel_scale,
+                            priv->accel.bits, mistakes);
+    check_writes(section, "setup", priv->setup, FALSE, mistakes);
+    check_writes(section, "start", priv->start, TRUE, mistakes);
+    check_writes(section, "home", priv->home, TRUE, mistakes);
+    check_writes(section, "stop", priv->stop, TRUE, mistakes);
+    check_writes(section, "clear", priv->clear, FALSE, mistakes);
+    check_writes(section, "watchdog", priv->watchdog, FALSE, mistakes);
+    if (priv->own.address >= 0)
+        modbus_watchdog_check(&priv->own, &priv->link, section, G_MAXUINT16, mistakes);
+    modbus_link_check(&priv->link, section, mistakes);
 }
 
 /* Sets the drive up, and reads where it stands. */
 static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
-    if (!modbus_axis_check_options(axis, error))
-        return FALSE;
     priv->bus = modbus_bus_get(&priv->link, &axis->device, error);
     if (!priv->bus)
         return FALSE;
@@ -533,7 +525,7 @@ static void modbus_axis_close_axis(Axis *axis) {
 const struct axis_driver modbus_axis_driver = {
     .info = {"axis", "modbus-axis",
              "A positioning drive on a Modbus line, described by its registers", options,
-             sizeof(struct modbus_axis)},
+             sizeof(struct modbus_axis), modbus_axis_check},
     .open = modbus_axis_open_axis,
     .close = modbus_axis_close_axis,
     .home = modbus_axis_home,

@@ -138,6 +138,36 @@ static ModbusBus *modbus_bus_new(const struct modbus_link *link, GError **error)
     return bus;
 }
 
+static gboolean same_settings(const struct modbus_link *a, const struct modbus_link *b) {
+    return a->baud == b->baud && a->parity == b->parity && a->stop_bits == b->stop_bits &&
+           a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
+}
+
+void modbus_link_check(const struct modbus_link *link, const struct config_section *section,
+                       Mistakes *mistakes) {
+    static const struct option table[] = {MODBUS_LINK_OPTIONS, {NULL}};
+    static const char *const any[] = {"*", NULL};
+    gsize n;
+    const struct config_section *sections = config_sections(section->config, &n);
+    for (gsize i = 0; i < n && &sections[i] != section; i++) {
+        struct modbus_link other = {0};
+        g_autoptr(Mistakes) theirs = mistakes_new();
+        if (sections[i].broken ||
+            g_strcmp0(config_value(&sections[i], "bus", NULL), link->bus) != 0 ||
+            !options_read(&(struct option_target){table, &other}, 1, &sections[i], any, theirs))
+            continue;
+        const gboolean same = same_settings(&other, link);
+        options_clear(table, &other);
+        if (same)
+            continue;
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "bus",
+                       "[%s], in line %d, opens %s with other settings; make baud, parity, "
+                       "stop_bits, timeout_ms, late_ms and retries the same",
+                       sections[i].group, sections[i].line, link->bus);
+        return;
+    }
+}
+
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error) {
     const struct config_section *section = device->section;
@@ -146,9 +176,7 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
     if (!buses)
         buses = g_hash_table_new(g_str_hash, g_str_equal);
     ModbusBus *bus = g_hash_table_lookup(buses, link->bus);
-    if (bus && link->baud == bus->link.baud && link->parity == bus->link.parity &&
-        link->stop_bits == bus->link.stop_bits && link->timeout_ms == bus->link.timeout_ms &&
-        link->late_ms == bus->link.late_ms && link->retries == bus->link.retries) {
+    if (bus && same_settings(&bus->link, link)) {
         bus->ref_count++;
         return bus;
     }

@@ -50,6 +50,11 @@ extern const char *const modbus_parities[];
      "How often a request is repeated that got a damaged answer or none"}
 /* clang-format on */
 
+/* For a driver's check(): the sections above in the file that name the same line must open it with
+ * the same settings. */
+void modbus_link_check(const struct modbus_link *link, const struct config_section *section,
+                       Mistakes *mistakes);
+
 enum modbus_kind {
     MODBUS_READ_COILS,
     MODBUS_READ_INPUTS,

@@ -70,6 +70,11 @@ static void on_read(const struct modbus_job *job, const GError *error, gpointer 
         interlock_report(interlock, is_closed(interlock->device.priv, job));
 }
 
+static void modbus_inputs_check(gconstpointer given, const struct config_section *section,
+                                Mistakes *mistakes) {
+    modbus_link_check(&((const struct modbus_inputs *)given)->link, section, mistakes);
+}
+
 static gboolean open_inputs(Interlock *interlock, GError **error) {
     struct modbus_inputs *inputs = interlock->device.priv;
     struct modbus_job job = {0};
@@ -97,7 +102,7 @@ static void close_inputs(Interlock *interlock) {
 
 const struct interlock_driver modbus_inputs_driver = {
     .info = {"interlock", "modbus-inputs", "A contact on a discrete input of a Modbus board",
-             options, sizeof(struct modbus_inputs)},
+             options, sizeof(struct modbus_inputs), modbus_inputs_check},
     .open = open_inputs,
     .close = close_inputs,
 };

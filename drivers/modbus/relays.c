@@ -183,12 +183,22 @@ static gboolean check_shared(const struct relays *relays, GError **error) {
 }
 
 static gboolean check_watchdog(const struct relays *relays, GError **error) {
-    int max = relays->pulse_coil >= 0 ? MAX_PULSE : G_MAXUINT16;
-    if (relays->pulse_coil < 0 || relays->watchdog.address < 0)
-        return !has_watchdog(relays) ||
-               modbus_watchdog_check(&relays->watchdog, &relays->link, relays->device, max, error);
-    return config_set_error(error, CONFIG_ERROR_VALUE, relays->device->section, "pulse_coil",
-                            "is given beside watchdog_register; leave one of them out");
+    const struct config_section *section = relays->device->section;
+    const int max = relays->pulse_coil >= 0 ? MAX_PULSE : G_MAXUINT16;
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    if (relays->pulse_coil >= 0 && relays->watchdog.address >= 0)
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "pulse_coil",
+                       "is given beside watchdog_register; leave one of them out");
+    else if (has_watchdog(relays))
+        modbus_watchdog_check(&relays->watchdog, &relays->link, section, max, mistakes);
+    return mistakes_report(mistakes, error);
+}
+
+/* Of lamps and of a laser, whose options begin with struct relays. A watchdog that is wrong is told
+ * when the relays are opened, since that switches off what an earlier program has left on. */
+static void modbus_relays_check(gconstpointer given, const struct config_section *section,
+                                Mistakes *mistakes) {
+    modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
 }
 
 static gboolean relays_open(struct relays *relays, const struct device *device,
@@ -282,7 +292,7 @@ static void modbus_relays_close_lamps(LampBank *bank) {
 
 const struct lamps_driver modbus_relays_driver = {
     .info = {"lamps", "modbus-relays", "Lamps on the coils of a Modbus relay board", lamps_options,
-             sizeof(struct modbus_lamps)},
+             sizeof(struct modbus_lamps), modbus_relays_check},
     .open = modbus_relays_open_lamps,
     .close = modbus_relays_close_lamps,
     .set = set_lamp,
@@ -342,7 +352,7 @@ static void modbus_relays_close_laser(Laser *laser) {
 
 const struct laser_driver modbus_laser_driver = {
     .info = {"laser", "modbus-laser", "A laser on a coil of a Modbus relay board", laser_options,
-             sizeof(struct relays)},
+             sizeof(struct relays), modbus_relays_check},
     .open = modbus_relays_open_laser,
     .close = modbus_relays_close_laser,
     .set = set_laser,

@@ -17,21 +17,20 @@ gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog) {
     return (gint64)(modbus_watchdog_s(watchdog) * 1e6 / 3);
 }
 
-gboolean modbus_watchdog_check(const struct modbus_watchdog *watchdog,
-                               const struct modbus_link *link, const struct device *device, int max,
-                               GError **error) {
+void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
+                           const struct config_section *section, int max, Mistakes *mistakes) {
     /* The cost of one lost answer, see line.c: timeout_ms, and late_ms of silence twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
     double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max)
-        return config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_scale",
-                                "%g s × %g is not a number from 1 to %d", watchdog->after_s,
-                                watchdog->scale, max);
-    return modbus_watchdog_s(watchdog) >= least_s ||
-           config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_after_s",
-                            "%g s is too short, since an answer that is lost costs %g s "
-                            "(timeout_ms and twice late_ms); write %g or more",
-                            modbus_watchdog_s(watchdog), lapse_s, least_s);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_scale",
+                       "%g s × %g is not a number from 1 to %d", watchdog->after_s, watchdog->scale,
+                       max);
+    else if (modbus_watchdog_s(watchdog) < least_s)
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_after_s",
+                       "%g s is too short, since an answer that is lost costs %g s (timeout_ms and "
+                       "twice late_ms); write %g or more",
+                       modbus_watchdog_s(watchdog), lapse_s, least_s);
 }
 
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,

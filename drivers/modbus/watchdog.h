@@ -34,10 +34,9 @@ double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 /* Time between two feedings: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
-/* For a device's open(). Checks the time, whichever way the board keeps it; max: what fits. */
-gboolean modbus_watchdog_check(const struct modbus_watchdog *watchdog,
-                               const struct modbus_link *link, const struct device *device, int max,
-                               GError **error);
+/* For a driver's check(): the time, whichever way the board keeps it; max: what fits. */
+void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
+                           const struct config_section *section, int max, Mistakes *mistakes);
 
 /* For a device's open(): sets the register, if there is one, unless it holds the value already,
  * since many boards keep it in memory that wears; reads it back. */

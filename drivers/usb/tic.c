@@ -490,19 +490,28 @@ static gboolean connect_usb(Axis *axis, GError **error) {
     return FALSE;
 }
 
+static void usb_tic_check(gconstpointer given, const struct config_section *section,
+                          Mistakes *mistakes) {
+    const struct tic *tic = given;
+    const double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
+    const double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
+    if (speed > MAX_SPEED)
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "speed_deg_s",
+                       "%g microsteps/s are more than a Tic does, %g; change speed_deg_s or "
+                       "steps_per_deg",
+                       speed / SPEED_UNITS, MAX_SPEED / SPEED_UNITS);
+    if (accel < MIN_ACCEL || accel > MAX_STEPS)
+        config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "accel_deg_s2",
+            "%g microsteps/s² are outside what a Tic does, %g to %g; change accel_deg_s2 "
+            "or steps_per_deg",
+            accel / ACCEL_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
+}
+
 static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
-    double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
     axis->motion = tic->motion;
-    if (speed <= MAX_SPEED && accel >= MIN_ACCEL && accel <= MAX_STEPS)
-        return connect_usb(axis, error);
-    return config_set_error(
-        error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
-        "%s: %g microsteps/s and %g microsteps/s² are outside what a Tic does, "
-        "up to %g and %g to %g; change speed_deg_s, accel_deg_s2 or steps_per_deg",
-        axis->device.who, speed / SPEED_UNITS, accel / ACCEL_UNITS, MAX_SPEED / SPEED_UNITS,
-        MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
+    return connect_usb(axis, error);
 }
 
 static void usb_tic_close_axis(Axis *axis) {
@@ -515,7 +524,7 @@ static void usb_tic_close_axis(Axis *axis) {
 const struct axis_driver tic_axis_driver = {
     .info = {"axis", "tic-axis",
              "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
-             options, sizeof(struct tic)},
+             options, sizeof(struct tic), usb_tic_check},
     .open = usb_tic_open_axis,
     .close = usb_tic_close_axis,
     .home = usb_tic_home,

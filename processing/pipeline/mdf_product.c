@@ -117,7 +117,7 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
 
 /* Views settled by the same set of views before, by hash, are skipped. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
-                    GCancellable *cancellable) {
+                    GCancellable *cancellable, void (*settled)(gpointer data), gpointer data) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
     for (int i = 0; i < n; i++)
         input_hash(sum, "%s", results[i] ? results[i]->inputs : "");
@@ -149,6 +149,7 @@ gboolean mdf_settle(struct mdf_result *const *results, int n, const struct sessi
             of[v]->planes[PLANE_P][i] = source[i];
         g_free(of[v]->agreed);
         of[v]->agreed = g_strdup(agreed);
+        settled(data);
     }
     return TRUE;
 }

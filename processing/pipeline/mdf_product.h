@@ -23,9 +23,9 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
 /* Here and below: results of n views, NULL where there is none. */
 
 /* Sets D and P of all views from their measurements (mdf_views.h), unless the same views settled
- * them before. Returns whether anything may have changed. */
+ * them before. settled is called after each view. Returns whether anything may have changed. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
-                    GCancellable *cancellable);
+                    GCancellable *cancellable, void (*settled)(gpointer data), gpointer data);
 
 gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error);

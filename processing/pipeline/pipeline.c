@@ -14,18 +14,13 @@
 #include "base/file_lock.h"
 #include "base/new_file.h"
 #include "catalogue.h"
+#include "course.h"
 #include "eigenmaps/eigenmaps.h"
 #include "mdf_product.h"
-#include "time_left.h"
 
 #define POLL_US (G_USEC_PER_SEC / 2)
 #define MDF_WRITE_US                                                                               \
     (30 * G_USEC_PER_SEC) /* least interval between writes while a capture is followed */
-
-/* CPU time of eigen-maps for a texel, view and light, and of settling and writing an MDF for a
- * texel and view: for the time left, until they begin. */
-#define EIGENMAPS_S 2.5e-7
-#define MDF_S       2e-6
 
 enum stage { STAGE_BTF = TIME_LEFT_BTF, STAGE_MDF = TIME_LEFT_MDF, N_STAGES = TIME_LEFT_STAGES };
 static const char *const stage_names[] = {"btf", "mdf"};
@@ -39,7 +34,7 @@ struct task {
     struct btf_view *btf;
     struct mdf_job *mdf;
     struct mdf_result *result;
-    double spent_s, cpu_s;
+    int number; /* of the course */
     GError *error;
 };
 
@@ -60,8 +55,7 @@ struct run {
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
     gboolean eigenmaps_made;
-    double task_s[N_STAGES];   /* in all, of those made now */
-    double all_s, all_cpu_s;   /* of both stages: other programs take their part of the time */
+    Course *course;
     GCancellable *cancellable; /* cancelled by the user or on the first error */
     GAsyncQueue *finished;     /* of struct task */
 };
@@ -79,17 +73,10 @@ static void task_free(struct task *task) {
     g_free(task);
 }
 
-static double thread_cpu_s(void) {
-    struct timespec now = {0};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
-}
-
 static void pipeline_work(gpointer data, gpointer unused) {
     struct task *task = data;
     struct run *run = task->run;
-    const gint64 begun_us = g_get_monotonic_time();
-    const double cpu_s = thread_cpu_s();
+    course_task_begin(run->course, task->number);
     if (g_cancellable_set_error_if_cancelled(run->cancellable, &task->error)) {
         /* returned unchanged */
     } else if (task->stage == STAGE_BTF)
@@ -97,8 +84,7 @@ static void pipeline_work(gpointer data, gpointer unused) {
     else
         task->result =
             mdf_make_view(task->mdf, &run->catalogue->grid, run->cancellable, &task->error);
-    task->spent_s = (double)(g_get_monotonic_time() - begun_us) / 1e6;
-    task->cpu_s = thread_cpu_s() - cpu_s;
+    course_task_end(run->course, task->number);
     g_async_queue_push(run->finished, task);
 }
 
@@ -123,9 +109,6 @@ static gboolean pipeline_accept(struct run *run, struct task *task, GError **err
     }
     run->made[task->stage][task->view] = TRUE;
     run->made_now[task->stage]++;
-    run->task_s[task->stage] += task->spent_s;
-    run->all_s += task->spent_s;
-    run->all_cpu_s += task->cpu_s;
     if (task->stage == STAGE_MDF) {
         mdf_result_free(run->mdf[task->view]);
         run->mdf[task->view] = g_steal_pointer(&task->result);
@@ -187,14 +170,17 @@ static void pipeline_note_error(struct run *run, const struct task *task, GError
     g_cancellable_cancel(run->cancellable);
 }
 
+static enum catalogue_state pipeline_state(const struct run *run, enum stage stage, int view) {
+    return stage == STAGE_BTF ? catalogue_btf(run->catalogue, view, NULL)
+                              : catalogue_mdf(run->catalogue, view, NULL);
+}
+
 /* The views that a stage can make: the plan leaves out frames of others, and after the end of the
  * capture what is missing stays so. */
 static int count_possible(const struct run *run, enum stage stage, gboolean ended) {
     int n = 0;
     for (int view = 0; view < run->n_views; view++) {
-        const enum catalogue_state state = stage == STAGE_BTF
-                                               ? catalogue_btf(run->catalogue, view, NULL)
-                                               : catalogue_mdf(run->catalogue, view, NULL);
+        const enum catalogue_state state = pipeline_state(run, stage, view);
         n += state == CATALOGUE_READY || (state == CATALOGUE_WAITING && !ended);
     }
     return n;
@@ -205,28 +191,68 @@ static int pipeline_threads(const struct run *run) {
                                             : (int)g_get_num_processors();
 }
 
-/* What comes after the views, in one thread. */
-static double pipeline_after_s(const struct run *run, int n_btf, int n_mdf) {
-    const struct session_grid *grid = &run->catalogue->grid;
-    const double texels = (double)grid->width * grid->height;
-    const double eigenmaps_s =
-        run->options->n_eigenmaps > 0 ? EIGENMAPS_S * n_btf * run->catalogue->lights->len : 0;
-    /* Other programs slow the views down; what they leave is one thread's alone then. */
-    const double slowed =
-        run->all_cpu_s > 0 ? MAX(run->all_s / run->all_cpu_s / pipeline_threads(run), 1) : 1;
-    return texels * (eigenmaps_s + MDF_S * n_mdf) * slowed;
+static double megatexels(const struct run *run) {
+    return (double)run->catalogue->grid.width * run->catalogue->grid.height / 1e6;
 }
 
-static double pipeline_left_s(const struct run *run, const int *possible) {
-    struct time_left now = {.n_threads = pipeline_threads(run),
-                            .after_s =
-                                pipeline_after_s(run, possible[STAGE_BTF], possible[STAGE_MDF])};
-    for (int stage = 0; stage < N_STAGES; stage++) {
-        now.left[stage] = possible[stage] - count_made(run, stage);
-        now.made[stage] = run->made_now[stage];
-        now.task_s[stage] = run->task_s[stage];
+/* Of a view, for the time left: a million pixels of its frames. */
+static struct time_left_task pipeline_cost(const struct run *run, enum stage stage, int view) {
+    const struct catalogue *catalogue = run->catalogue;
+    const struct session_direction *direction = g_ptr_array_index(catalogue->views, view);
+    const struct rig_camera *camera = &catalogue->rig.cameras[direction->device];
+    const guint frames = stage == STAGE_BTF ? catalogue->lights->len : catalogue->lasers->len;
+    return (struct time_left_task){.stage = (enum time_left_work)stage,
+                                   .theta_deg = direction->theta_deg,
+                                   .units = (double)camera->width * camera->height * frames / 1e6};
+}
+
+/* Pushes all views that are ready; ret_n: how many. Those whose frames are still to come take time,
+ * too.
+ */
+static void pipeline_push_views(struct run *run, GThreadPool *pool, const int *possible,
+                                gboolean ended, int *ret_n) {
+    g_autoptr(GPtrArray) tasks = g_ptr_array_new();
+    g_autoptr(GArray) costs = g_array_new(FALSE, FALSE, sizeof(struct time_left_task));
+    const double n[N_STAGES] = {possible[STAGE_BTF], possible[STAGE_MDF]};
+    gboolean any[N_STAGES] = {FALSE, FALSE};
+    for (int k = 0; k < run->n_views; k++)
+        for (int stage = 0; stage < N_STAGES; stage++) {
+            const int view = time_left_view(k, run->n_views);
+            const struct time_left_task cost = pipeline_cost(run, stage, view);
+            struct task *task = pipeline_next_task(run, stage, view);
+            if (task) {
+                task->number = (int)costs->len;
+                any[stage] = TRUE;
+                g_ptr_array_add(tasks, task);
+            }
+            if (task || (!ended && pipeline_state(run, stage, view) == CATALOGUE_WAITING))
+                g_array_append_val(costs, cost);
+        }
+    course_set_tasks(run->course, (gpointer)costs->data, (int)costs->len);
+    if (any[STAGE_MDF]) {
+        course_expect(run->course, TIME_LEFT_SETTLE, megatexels(run) * n[STAGE_MDF] * n[STAGE_MDF]);
+        course_expect(run->course, TIME_LEFT_MDF_FILE, megatexels(run) * n[STAGE_MDF]);
     }
-    return time_left_s(&now);
+    if (any[STAGE_BTF] && run->options->n_eigenmaps > 0)
+        course_expect(run->course, TIME_LEFT_EIGENMAPS,
+                      megatexels(run) * n[STAGE_BTF] * run->catalogue->lights->len);
+    *ret_n = 0;
+    for (guint i = 0; i < tasks->len; i++)
+        *ret_n += g_thread_pool_push(pool, tasks->pdata[i], NULL);
+}
+
+/* One stage after the other, for people. told: what was done when it was told last. */
+static void pipeline_tell_stages(struct run *run, const int *possible, int *told) {
+    const double left_s = course_left_s(run->course);
+    for (int stage = 0; stage < N_STAGES; stage++) {
+        const int done = count_made(run, stage);
+        const gboolean whole = done == possible[stage];
+        if (possible[stage] > 0 && (!whole || told[stage] != done))
+            pipeline_report(run, stage_names[stage], done, possible[stage], left_s);
+        told[stage] = done;
+        if (!whole)
+            break;
+    }
 }
 
 /* Makes all views that are ready, BTF and MDF by turns: the time left is known from the first ones
@@ -240,31 +266,19 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
         possible[stage] = count_possible(run, stage, ended);
         told[stage] = -1;
     }
-    int under_way = 0, worst = G_MAXINT;
+    int under_way, worst = G_MAXINT;
     GError *first = NULL;
-    for (int k = 0; k < run->n_views; k++)
-        for (int stage = 0; stage < N_STAGES; stage++) {
-            struct task *task = pipeline_next_task(run, stage, time_left_view(k, run->n_views));
-            if (task && g_thread_pool_push(pool, task, NULL))
-                under_way++;
-        }
-    for (; under_way > 0; under_way--) {
-        struct task *task = g_async_queue_pop(run->finished);
+    pipeline_push_views(run, pool, possible, ended, &under_way);
+    while (under_way > 0) {
+        struct task *task = g_async_queue_timeout_pop(run->finished, POLL_US);
         GError *found = NULL;
-        if (!pipeline_accept(run, task, &found))
-            pipeline_note_error(run, task, found, &worst, &first);
-        task_free(task);
-        const double left_s = pipeline_left_s(run, possible);
-        /* One stage after the other, for people. */
-        for (int stage = 0; stage < N_STAGES; stage++) {
-            const int done = count_made(run, stage);
-            const gboolean whole = done == possible[stage];
-            if (possible[stage] > 0 && (!whole || told[stage] != done))
-                pipeline_report(run, stage_names[stage], done, possible[stage], left_s);
-            told[stage] = done;
-            if (!whole)
-                break;
+        if (task) {
+            under_way--;
+            if (!pipeline_accept(run, task, &found))
+                pipeline_note_error(run, task, found, &worst, &first);
+            task_free(task);
         }
+        pipeline_tell_stages(run, possible, told);
     }
     g_thread_pool_free(pool, FALSE, TRUE);
     if (first)
@@ -282,11 +296,28 @@ static gboolean write_mdf(struct run *run, GError **error) {
     return TRUE;
 }
 
+static void on_settled(gpointer data) {
+    struct run *run = data;
+    const int done = count_made(run, STAGE_MDF);
+    pipeline_report(run, stage_names[STAGE_MDF], done, done, course_left_s(run->course));
+}
+
+static gboolean pipeline_settle(struct run *run, GError **error) {
+    course_begin(run->course, TIME_LEFT_SETTLE);
+    run->mdf_dirty |= mdf_settle(run->mdf, run->n_views, &run->catalogue->grid, run->cancellable,
+                                 on_settled, run);
+    course_end(run->course, TIME_LEFT_SETTLE, !g_cancellable_is_cancelled(run->cancellable));
+    course_begin(run->course, TIME_LEFT_MDF_FILE);
+    const gboolean ok = !run->mdf_dirty || write_mdf(run, error);
+    course_end(run->course, TIME_LEFT_MDF_FILE, ok);
+    return ok;
+}
+
 static int count_waiting(const struct run *run) {
     int n = 0;
     for (int view = 0; view < run->n_views; view++)
-        n += catalogue_btf(run->catalogue, view, NULL) == CATALOGUE_WAITING ||
-             catalogue_mdf(run->catalogue, view, NULL) == CATALOGUE_WAITING;
+        n += pipeline_state(run, STAGE_BTF, view) == CATALOGUE_WAITING ||
+             pipeline_state(run, STAGE_MDF, view) == CATALOGUE_WAITING;
     return n;
 }
 
@@ -308,12 +339,10 @@ static gboolean pipeline_make_views(struct run *run, GError **error) {
                 run->mdf_dirty = TRUE;
             }
         gint64 since_us = g_get_monotonic_time() - run->mdf_written_us;
-        run->mdf_dirty |=
-            ended && mdf_settle(run->mdf, run->n_views, &run->catalogue->grid, run->cancellable);
-        if (run->mdf_dirty && (ended || since_us > MDF_WRITE_US) && !write_mdf(run, error))
-            return FALSE;
         if (ended)
-            return TRUE;
+            return pipeline_settle(run, error);
+        if (run->mdf_dirty && since_us > MDF_WRITE_US && !write_mdf(run, error))
+            return FALSE;
         for (int i = 0; i < 10; i++) {
             if (g_cancellable_set_error_if_cancelled(run->cancellable, error))
                 return FALSE;
@@ -329,7 +358,6 @@ struct columns {
     int *lights; /* indices */
     int n_lights;
     int asked;
-    gint64 begun_us;
 };
 
 static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, GError **error) {
@@ -342,9 +370,8 @@ static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, 
     g_autofree char *relative = btf_relative(direction->index);
     g_autofree char *path = session_file(run->session, relative);
     columns->asked++;
-    const double spent_s = (double)(g_get_monotonic_time() - columns->begun_us) / 1e6;
     pipeline_report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views,
-                    MAX(pipeline_after_s(run, columns->n_views, 0) - spent_s, 0));
+                    course_left_s(run->course));
     return btf_read_view(path, columns->lights, columns->n_lights, &run->catalogue->grid,
                          ret_column, error);
 }
@@ -408,11 +435,13 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
         return FALSE;
     new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
     struct eigenmaps *maps = pipeline_new_eigenmaps(columns);
+    course_begin(columns->run->course, TIME_LEFT_EIGENMAPS);
     const gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
                         eigenmaps_write(path, maps, error) &&
                         session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
                         set_number(session, "eigenmaps_error", *ret_error, error) &&
                         session_set_value(session, "eigenmaps_inputs", inputs, error);
+    course_end(columns->run->course, TIME_LEFT_EIGENMAPS, ok);
     eigenmaps_free(maps);
     file_lock_give(lock, lock_path);
     return ok;
@@ -436,7 +465,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         return TRUE;
     malloc_trim(0); /* memory freed by the threads stays in their arenas otherwise */
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
-    struct columns columns = {run, views, 0, lights, n_lights, 0, g_get_monotonic_time()};
+    struct columns columns = {run, views, 0, lights, n_lights, 0};
     for (int view = 0; view < run->n_views; view++)
         if (run->made[STAGE_BTF][view])
             views[columns.n_views++] = view;
@@ -556,6 +585,7 @@ static void pipeline_end(struct run *run) {
     catalogue_free(run->catalogue);
     session_close(run->session);
     g_async_queue_unref(run->finished);
+    course_free(run->course);
     g_object_unref(run->cancellable);
 }
 
@@ -573,6 +603,7 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     if (!run.session)
         return FALSE;
     run.cancellable = g_cancellable_new();
+    run.course = course_new(pipeline_threads(&run));
     run.finished = g_async_queue_new();
     gulong forward = 0;
     if (options->work.cancellable)

@@ -1,19 +1,130 @@
 #include "time_left.h"
 
-#include <glib.h>
+#include <gio/gio.h>
+#include <math.h>
 
-double time_left_s(const struct time_left *now) {
-    double sum_s = 0;
-    int all = 0;
-    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++) {
-        if (now->left[stage] > 0 && now->made[stage] == 0)
-            return -1;
-        if (now->left[stage] > 0)
-            sum_s += now->task_s[stage] / now->made[stage] * now->left[stage];
-        all += now->left[stage];
+#define NEAR_DEG    10.0 /* elevations that differ by less take similarly long */
+#define FAR_WEIGHT  0.02 /* of a view of quite another elevation */
+#define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
+/* Of a task that has run for longer than it was thought to, this part is taken to be left. */
+#define LEAST_LEFT  0.05
+#define LEAST_SPEED 0.01
+#define SHORTEST_S  3.0
+#define DEGREES     91
+#define FULL_SPEED  0.95 /* from which no other program is taken to want a processor */
+#define GROUP       "CPU seconds"
+
+static const char *const keys[TIME_LEFT_WORKS] = {[TIME_LEFT_BTF] = "btf_megapixel",
+                                                  [TIME_LEFT_MDF] = "mdf_megapixel",
+                                                  [TIME_LEFT_SETTLE] = "settle_megatexel",
+                                                  [TIME_LEFT_MDF_FILE] = "mdf_file_megatexel",
+                                                  [TIME_LEFT_EIGENMAPS] = "eigenmaps_megatexel"};
+
+static char *rates_path(void) {
+    return g_build_filename(g_get_user_cache_dir(), "mesorig", "processing-rates", NULL);
+}
+
+gboolean time_left_rates_load(struct time_left_rates *ret) {
+    /* Of one core of an AMD EPYC without other work, with the demo's session. */
+    *ret = (struct time_left_rates){.unit_s = {[TIME_LEFT_BTF] = 0.075,
+                                               [TIME_LEFT_MDF] = 0.48,
+                                               [TIME_LEFT_SETTLE] = 0.021,
+                                               [TIME_LEFT_MDF_FILE] = 0.6,
+                                               [TIME_LEFT_EIGENMAPS] = 0.12}};
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autofree char *path = rates_path();
+    if (!g_key_file_load_from_file(file, path, G_KEY_FILE_NONE, NULL))
+        return FALSE;
+    for (int i = 0; i < TIME_LEFT_WORKS; i++) {
+        const double said = g_key_file_get_double(file, GROUP, keys[i], NULL);
+        if (isfinite(said) && said > 0)
+            ret->unit_s[i] = said;
     }
-    /* Of the last views, that no others follow, the slowest has k/(k + 1) of its time left. */
-    return sum_s / MIN(all + 1, now->n_threads) + now->after_s;
+    return TRUE;
+}
+
+void time_left_rates_save(const struct time_left_rates *rates) {
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autofree char *path = rates_path();
+    g_autofree char *folder = g_path_get_dirname(path);
+    g_key_file_load_from_file(file, path, G_KEY_FILE_NONE, NULL);
+    for (int i = 0; i < TIME_LEFT_WORKS; i++)
+        if (isfinite(rates->unit_s[i]) && rates->unit_s[i] > 0)
+            g_key_file_set_double(file, GROUP, keys[i], rates->unit_s[i]);
+    if (g_mkdir_with_parents(folder, 0700) == 0)
+        g_key_file_save_to_file(file, path, NULL);
+}
+
+/* CPU time of a unit of a stage by the elevation in whole degrees. */
+struct unit_costs {
+    double s[TIME_LEFT_STAGES][DEGREES];
+};
+
+static int time_left_degree(const struct time_left_task *task) {
+    return CLAMP((int)lround(task->theta_deg), 0, DEGREES - 1);
+}
+
+static void time_left_costs(const struct time_left_task *tasks, int n,
+                            const struct time_left_rates *rates, struct unit_costs *ret) {
+    struct {
+        double made, unit_s;
+    } of[TIME_LEFT_STAGES][DEGREES] = {0};
+    for (int i = 0; i < n; i++)
+        if (tasks[i].state == TIME_LEFT_MADE && tasks[i].units > 0) {
+            of[tasks[i].stage][time_left_degree(&tasks[i])].made++;
+            of[tasks[i].stage][time_left_degree(&tasks[i])].unit_s +=
+                tasks[i].cpu_s / tasks[i].units;
+        }
+    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
+        for (int at = 0; at < DEGREES; at++) {
+            double weights = RATE_WEIGHT, sum = RATE_WEIGHT * rates->unit_s[stage];
+            for (int k = 0; k < DEGREES; k++) {
+                if (of[stage][k].made == 0)
+                    continue;
+                const double off = (k - at) / NEAR_DEG;
+                const double weight = MAX(exp(-off * off), FAR_WEIGHT);
+                weights += weight * of[stage][k].made;
+                sum += weight * of[stage][k].unit_s;
+            }
+            ret->s[stage][at] = sum / weights;
+        }
+}
+
+/* Each task goes to the thread that is free first, as in the pool. */
+double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
+                         const struct time_left_rates *rates) {
+    struct unit_costs costs;
+    g_autofree double *free_s = g_new0(double, MAX(n_threads, 1));
+    double last_s = 0;
+    time_left_costs(tasks, n, rates, &costs);
+    for (int pass = TIME_LEFT_RUNS; pass >= TIME_LEFT_WAITS; pass--)
+        for (int i = 0; i < n; i++) {
+            if ((int)tasks[i].state != pass)
+                continue;
+            const double all_s =
+                costs.s[tasks[i].stage][time_left_degree(&tasks[i])] * tasks[i].units;
+            const double done_s = pass == TIME_LEFT_RUNS ? tasks[i].cpu_s : 0;
+            int thread = 0;
+            for (int t = 1; t < n_threads; t++)
+                thread = free_s[t] < free_s[thread] ? t : thread;
+            free_s[thread] += MAX(all_s - done_s, LEAST_LEFT * all_s);
+            last_s = MAX(last_s, free_s[thread]);
+        }
+    return last_s;
+}
+
+void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cpu_s, int n_busy,
+                         double elapsed_s) {
+    const double kept = exp(-wall_s / MAX(elapsed_s / 4, SHORTEST_S));
+    speed->cpu_s = speed->cpu_s * kept + cpu_s;
+    speed->thread_s = speed->thread_s * kept + wall_s * n_busy;
+}
+
+double time_left_speed_of(const struct time_left_speed *speed, int n_busy, int n) {
+    if (speed->thread_s <= 0 || n_busy < 1)
+        return 1;
+    const double was = CLAMP(speed->cpu_s / speed->thread_s, LEAST_SPEED, 1);
+    return was < FULL_SPEED ? MIN(was * n_busy / n, 1) : 1;
 }
 
 int time_left_view(int k, int n) {

@@ -1,21 +1,62 @@
-/* How long processing will still take, over all of its stages. Pure functions. */
+/*
+ * How long processing will still take, over all of its stages. Costs are CPU time, which other
+ * programs do not change; how fast the processor gives it is measured beside it. Pure functions,
+ * but for those of rates.
+ */
 #pragma once
 
-enum time_left_stage { TIME_LEFT_BTF, TIME_LEFT_MDF, TIME_LEFT_STAGES };
+#include <glib.h>
 
-struct time_left {
-    int n_threads;
-    int left[TIME_LEFT_STAGES];      /* views that are not made */
-    int made[TIME_LEFT_STAGES];      /* by this run */
-    double task_s[TIME_LEFT_STAGES]; /* that those took, each in its thread, in all */
-    double after_s;                  /* of what follows the views, in one thread */
+/* What takes time: a view of each of the first two, in a pool of threads; the others after all
+ * views, in one thread. */
+enum time_left_work {
+    TIME_LEFT_BTF,       /* a unit: a million pixels of frames */
+    TIME_LEFT_MDF,       /* the same, of sweeps */
+    TIME_LEFT_SETTLE,    /* a million texels, times the number of views squared */
+    TIME_LEFT_MDF_FILE,  /* a million texels, times views */
+    TIME_LEFT_EIGENMAPS, /* a million texels, times views and lights */
+    TIME_LEFT_WORKS,
+};
+#define TIME_LEFT_STAGES TIME_LEFT_SETTLE
+
+/* CPU time of a unit, s. */
+struct time_left_rates {
+    double unit_s[TIME_LEFT_WORKS];
 };
 
-/* Views that are left take as long as those made did, on average. What threads have done of views
- * under way makes up for those that idle at the end. −1: of a stage that has views left none has
- * been made. With many threads, a twentieth of the views or more, the views that are made first are
- * the quick ones, and less is known at the beginning and the end. */
-double time_left_s(const struct time_left *now);
+/* Those of this user's earlier runs on this machine, from a file in the user's cache. FALSE: there
+ * is none; then those of one processor, which may be off by a factor of two or three. */
+gboolean time_left_rates_load(struct time_left_rates *ret);
+/* Only those above 0. Failures are ignored: the file is of use, and not needed. */
+void time_left_rates_save(const struct time_left_rates *rates);
+
+/* A view of a stage, in the order in which threads take them. */
+struct time_left_task {
+    enum time_left_work stage;
+    double theta_deg; /* views of one elevation take similarly long */
+    double units;
+    enum { TIME_LEFT_WAITS, TIME_LEFT_RUNS, TIME_LEFT_MADE } state;
+    double cpu_s; /* what it took (made), or has taken (runs) */
+};
+
+/* How long n_threads that have a processor each will need for all tasks that are not made, s. What
+ * a view takes is known from those made, of which nearer elevations count more, and from the rate,
+ * which counts as a fifth of one. */
+double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
+                         const struct time_left_rates *rates);
+
+/* How fast the process got on lately; zeroed at first. */
+struct time_left_speed {
+    double cpu_s, thread_s; /* decaying sums: of CPU time, and of time of threads that had work */
+};
+/* n_busy threads had work for wall_s, and used cpu_s together. elapsed_s: since the beginning; the
+ * past counts less and less over a quarter of it, 3 s at least. */
+void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cpu_s, int n_busy,
+                         double elapsed_s);
+/* CPU seconds a second that each of n threads will get, at most 1, if the process gets as much as
+ * it did while n_busy threads had work: schedulers share processors out to sessions and services,
+ * whatever their threads are. 1: nothing was measured. */
+double time_left_speed_of(const struct time_left_speed *speed, int n_busy, int n);
 
 /* The k-th of n views in an order in which the views of a ring, which take similarly long, lie
  * spread: then the first ones tell how long all will take. Each view comes once. */

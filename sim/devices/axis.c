@@ -1,4 +1,5 @@
 #include "devices.h"
+#include "part.h"
 #include "world/world.h"
 
 #include <math.h>
@@ -8,7 +9,7 @@
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
 enum stall_kind { STALL_REPORTED, STALL_SILENT };
-enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_ARM, PART_PROBE, PART_SWEEP };
+enum part { PART_TURNTABLE, PART_ARC, PART_ARM, PART_PROBE, PART_SWEEP };
 
 struct sim_axis {
     char *world_path, *part_name;
@@ -273,15 +274,21 @@ static double sim_axis_position(Axis *axis) {
     return sim->position_deg;
 }
 
+static void sim_axis_check(gconstpointer given, const struct config_section *section,
+                           Mistakes *mistakes) {
+    static const char *const parts[] = {"turntable", "arc", "arm", "probe", NULL};
+    const struct sim_axis *sim = given;
+    if (!sim->motion.wraps &&
+        (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg))
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "home_deg",
+                       "%g lies outside min_deg to max_deg, %g to %g", sim->home_deg,
+                       sim->motion.min_deg, sim->motion.max_deg);
+    sim_part_check(section, sim->world_path, "part", sim->part_name, "laser", parts, mistakes);
+}
+
 static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     const char *name = *sim->part_name ? sim->part_name : axis->device.name;
-    if (!sim->motion.wraps &&
-        (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg))
-        return config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
-                                "%s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
-                                axis->device.who, sim->home_deg, sim->motion.min_deg,
-                                sim->motion.max_deg);
     axis->motion = sim->motion;
     if (!*sim->world_path)
         return TRUE;
@@ -293,15 +300,8 @@ static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
                 : g_str_equal(name, "arc")     ? PART_ARC
                 : g_str_equal(name, "arm")     ? PART_ARM
                 : g_str_equal(name, "probe")   ? PART_PROBE
-                : sim->laser >= 0              ? PART_SWEEP
-                                               : PART_NONE;
-    if (sim->part != PART_NONE)
-        return TRUE;
-    g_clear_pointer(&sim->world, world_unref);
-    return config_set_error(
-        error, CONFIG_ERROR_UNKNOWN, axis->device.section, NULL,
-        "%s: part: %s has no \"%s\"; choose turntable, arc or one of its lasers", axis->device.who,
-        sim->world_path, name);
+                                               : PART_SWEEP;
+    return TRUE;
 }
 
 static void sim_axis_close_axis(Axis *axis) {
@@ -317,7 +317,7 @@ static void sim_axis_close_axis(Axis *axis) {
 const struct axis_driver sim_axis_driver = {
     .info = {"axis", "sim-axis",
              "An axis of the simulated world, with backlash and position errors", options,
-             sizeof(struct sim_axis)},
+             sizeof(struct sim_axis), sim_axis_check},
     .open = sim_axis_open_axis,
     .close = sim_axis_close_axis,
     .home = sim_axis_home,

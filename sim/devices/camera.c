@@ -1,4 +1,5 @@
 #include "devices.h"
+#include "part.h"
 #include "world/world.h"
 
 #include <string.h>
@@ -261,6 +262,12 @@ static void sim_camera_disarm(Camera *camera) {
     picture_drop(g_steal_pointer(&sim->picture));
 }
 
+static void sim_camera_check(gconstpointer given, const struct config_section *section,
+                             Mistakes *mistakes) {
+    const struct sim_camera *sim = given;
+    sim_part_check(section, sim->world_path, "part", sim->part_name, "camera", NULL, mistakes);
+}
+
 static gboolean sim_camera_open_camera(Camera *camera, GError **error) {
     struct sim_camera *sim = camera->device.priv;
     const char *name = *sim->part_name ? sim->part_name : camera->device.name;
@@ -305,7 +312,7 @@ static void sim_camera_close_camera(Camera *camera) {
 
 const struct camera_driver sim_camera_driver = {
     .info = {"camera", "sim-camera", "A camera that looks at the simulated world", options,
-             sizeof(struct sim_camera)},
+             sizeof(struct sim_camera), sim_camera_check},
     .open = sim_camera_open_camera,
     .close = sim_camera_close_camera,
     .configure = sim_camera_configure,

@@ -1,4 +1,5 @@
 #include "devices.h"
+#include "part.h"
 #include "world/world_private.h"
 
 struct sim_lamps {
@@ -104,6 +105,15 @@ static void sim_lamps_clear(struct sim_lamps *sim) {
     g_clear_pointer(&sim->world, world_unref);
 }
 
+static void sim_lamps_check(gconstpointer given, const struct config_section *section,
+                            Mistakes *mistakes) {
+    const struct sim_lamps *sim = given;
+    for (char **name = sim->names; *name; name++)
+        sim_part_check(section, sim->world_path, "lamps", *name, "lamp", NULL, mistakes);
+    for (char **name = sim->fault_dead; *name; name++)
+        sim_part_check(section, sim->world_path, "fault_dead", *name, "lamp", NULL, mistakes);
+}
+
 static gboolean sim_lamps_open_lamps(LampBank *bank, GError **error) {
     struct sim_lamps *sim = bank->device.priv;
     sim->world = world_get(sim->world_path, error);
@@ -139,7 +149,7 @@ static void sim_lamps_close_lamps(LampBank *bank) {
 
 const struct lamps_driver sim_lamps_driver = {
     .info = {"lamps", "sim-lamps", "Lamps of the simulated world", options,
-             sizeof(struct sim_lamps)},
+             sizeof(struct sim_lamps), sim_lamps_check},
     .open = sim_lamps_open_lamps,
     .close = sim_lamps_close_lamps,
     .set = sim_lamps_set,

@@ -1,4 +1,5 @@
 #include "devices.h"
+#include "part.h"
 #include "world/world.h"
 
 struct sim_laser {
@@ -91,6 +92,12 @@ static gboolean mount(Laser *laser, const char *place, GError **error) {
     return found >= 0;
 }
 
+static void sim_laser_check(gconstpointer given, const struct config_section *section,
+                            Mistakes *mistakes) {
+    const struct sim_laser *sim = given;
+    sim_part_check(section, sim->world_path, "part", sim->part_name, "laser", NULL, mistakes);
+}
+
 static gboolean sim_laser_open_laser(Laser *laser, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     const char *name = *sim->part_name ? sim->part_name : laser->device.name;
@@ -123,7 +130,7 @@ static void sim_laser_close_laser(Laser *laser) {
 
 const struct laser_driver sim_laser_driver = {
     .info = {"laser", "sim-laser", "A line laser of the simulated world", options,
-             sizeof(struct sim_laser)},
+             sizeof(struct sim_laser), sim_laser_check},
     .simulated = TRUE,
     .open = sim_laser_open_laser,
     .close = sim_laser_close_laser,

@@ -39,9 +39,8 @@ function showState() {
     ? `${Math.floor(100 * state.shots_done / state.shots)} % ${state.state}` : `Mesorig: ${state.state}`;
   text("session", state.session || state.rig || "no rig is open");
   text("doing", state.doing || "");
-  text("reason", state.reason || "");
-  text("prompt", state.prompt ? `${state.prompt} Then press Continue.` : "");
-  $("notice").hidden = !state.reason && !state.prompt;
+  showNotice(paused);
+  showPose();
   $("bar").value = state.shots ? state.shots_done / state.shots : 0;
   text("shots", state.shots ? `${state.shots_done} of ${state.shots}` : "–");
   // Of our clock: that of a simulated rig runs at a pace of its own.
@@ -67,6 +66,92 @@ function showState() {
   $("devices").tBodies[0].replaceChildren(...rows);
   for (const device of state.devices || [])
     if (device.class === "camera") watchCamera(device.name);
+}
+
+// What stopped the capture, and how to go on. The message itself says what to do about a device.
+function showNotice(paused) {
+  const faulty = (state.devices || []).filter(device => device.health.startsWith("fault: "));
+  const prompt = state.prompt || "", reason = prompt ? "" : state.reason || "";
+  const aborted = state.state === "aborted";
+  const fault = faulty.length > 0 && (paused || aborted);
+  $("notice").hidden = !prompt && !reason;
+  $("notice").className = fault || aborted ? "bad" : "";
+  text("notice-head", prompt ? "To do at the rig" : fault ? `Fault: ${faulty.map(device => device.name).join(", ")}`
+    : aborted ? "Aborted" : "Paused");
+  text("reason", reason);
+  text("prompt", prompt);
+  const resume = state.session ? `mesorig resume ${state.session}` : "mesorig resume DIR";
+  const steps = [];
+  if (prompt) steps.push("Do this.", "Press Continue.");
+  else if (paused) {
+    if (fault) steps.push("Lamps and lasers were told to go off and the axes to stop: before you reach into the rig, press Safe state, which says whether each has confirmed it.",
+                          `Mend ${faulty.map(device => device.name).join(", ")} as the message says.`);
+    steps.push(fault ? "Press Continue. The shot that was under way is taken again; nothing that was taken is lost."
+                     : "Press Continue to go on.");
+  } else if (aborted) steps.push(`What was taken stays. To go on: ${resume}`);
+  const wanted = reason || prompt ? steps : [];
+  if ($("steps").dataset.shown !== wanted.join("\n")) {
+    $("steps").dataset.shown = wanted.join("\n");
+    $("steps").replaceChildren(...wanted.map(step => element("li", "", step)));
+  }
+}
+
+// --- the pose: the turntable from above, x to the right. A place at polar angle θ is drawn at sin θ of the
+// circle of the horizon, so that one overhead lies in the middle.
+
+const horizon = 92; // units of the drawing
+
+function place(theta, phi) {
+  const r = horizon * Math.sin(theta * Math.PI / 180), a = phi * Math.PI / 180;
+  return [r * Math.cos(a), -r * Math.sin(a)];
+}
+
+function degrees(value) {
+  return `${Math.round(10 * (((value % 360) + 360) % 360)) / 10 % 360}°`;
+}
+
+function showPose() {
+  const places = state.places || [];
+  $("pose-section").hidden = places.length === 0;
+  if (places.length === 0) return;
+  const turn = state.turntable_deg || 0, arc = state.arc_deg || 0;
+  const key = JSON.stringify([places, turn, arc, state.light_class, state.light]);
+  if ($("pose").dataset.shown === key) return;
+  $("pose").dataset.shown = key;
+  const shapes = [svg("circle", { r: horizon, class: "horizon" })];
+  if (places.some(at => at.carried)) {
+    const [x, y] = place(90, arc);
+    shapes.push(svg("line", { x1: -x, y1: -y, x2: x, y2: y, class: "arc" }));
+  }
+  const table = svg("g", { transform: `rotate(${-turn})` });
+  table.append(svg("circle", { r: 34, class: "table" }), svg("rect", { x: -20, y: -20, width: 40, height: 40, class: "sample" }),
+               svg("line", { x1: 20, y1: 0, x2: 34, y2: 0, class: "zero" }));
+  shapes.push(table);
+  let lit = null;
+  for (const at of places) {
+    const phi = at.phi_deg + (at.carried ? arc : 0), aside = at.class === "laser" ? 7 : 0; // beside the lamp
+    let [x, y] = place(at.theta_deg, phi);
+    x -= aside * Math.sin(phi * Math.PI / 180);
+    y -= aside * Math.cos(phi * Math.PI / 180);
+    const on = at.class === state.light_class && at.name === state.light;
+    if (on) {
+      lit = { at, phi };
+      shapes.push(svg("line", { x1: x, y1: y, x2: 0, y2: 0, class: `ray ${at.class}` }));
+    }
+    const mark = at.class === "camera"
+      ? svg("rect", { x: x - 4, y: y - 4, width: 8, height: 8, transform: `rotate(${-phi} ${x} ${y})` })
+      : at.class === "laser" ? svg("path", { d: `M${x} ${y - 5}L${x + 4.5} ${y + 3}L${x - 4.5} ${y + 3}Z` })
+                             : svg("circle", { cx: x, cy: y, r: 3.5 });
+    mark.setAttribute("class", `${at.class}${on ? " on" : ""}`);
+    const title = svg("title", {});
+    title.textContent = `${at.name}: θ ${degrees(at.theta_deg)}, φ ${degrees(phi)}`;
+    mark.append(title);
+    shapes.push(mark);
+  }
+  $("pose").replaceChildren(...shapes);
+  text("pose-text", `Seen from above: turntable ${degrees(turn)}, arc ${degrees(arc)}; ` + (lit
+    ? `${lit.at.name} shines from θ ${degrees(lit.at.theta_deg)}, φ ${degrees(lit.phi - turn)} of the sample.`
+    : state.light_class === "dark" ? "dark frames." : "no shot yet.") + " Squares are cameras, discs lamps, triangles lasers.");
 }
 
 // --- cameras

@@ -51,6 +51,28 @@ static void test_disk_space(void) {
     }
 }
 
+/* Larger pictures are compressed. The plan knows what is lit in them, not what it looks like. */
+static void test_compressed_space(void) {
+    static const struct change steps[] = {{"[capture]", "sweep_steps = 64"}, {0}};
+    static const struct change larger[] = {
+        {"[sample]", "kind = weave"},          {"[camera cam30]", "width = 320"},
+        {"[camera cam30]", "height = 288"},    {"[camera cam30]", "focal_px = 2600"},
+        {"[camera cam60]", "width = 640"},     {"[camera cam60]", "height = 400"},
+        {"[camera cam60]", "focal_px = 4000"}, {0}};
+    g_autoptr(GError) error = NULL;
+    struct run *run = run_new(steps);
+    run_change_rig(run, larger);
+    g_autoptr(Plan) plan = capture_validate(run->devices, &run->conf, run->session, &error);
+    g_assert_no_error(error);
+    run_start(run);
+    run_to_end(run);
+    const double is = (double)disk_bytes(run->session), said = (double)plan->bytes;
+    g_test_message("takes %.0f bytes on disk, predicted %.0f: %+.2f %%", is, said,
+                   100 * (said / is - 1));
+    g_assert_cmpfloat(fabs(said / is - 1), <, 0.05);
+    run_free(run);
+}
+
 /* Sessions of different shapes: time and disk space within 5 % of the plan's, and the time left
  * within a quarter of what it was, from a tenth of the time to 19 twentieths of it. */
 static void test_predictions(void) {
@@ -490,6 +512,7 @@ int main(int argc, char **argv) {
         return resume_in_child(argv[2]);
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/capture/predictions", test_predictions);
+    g_test_add_func("/capture/compressed-space", test_compressed_space);
     g_test_add_func("/capture/whole", test_whole);
     g_test_add_func("/capture/radiance", test_radiance);
     g_test_add_func("/capture/pause", test_pause);

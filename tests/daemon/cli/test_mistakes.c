@@ -33,11 +33,12 @@ static const struct mistake mistakes[] = {
     {"rig.conf", "[camera cam30]", "width = 33", " [camera cam30] width", "write width = 32"},
     {"rig.conf", "[interlock door]", "driver = steam", " [interlock door] driver",
      "choose from: sim-interlock"},
-    {"rig.conf", "[axis arc]", "world = welt.conf", " [axis arc]: cannot read ", "welt.conf"},
+    {"rig.conf", "[axis arc]", "world = welt.conf", " [axis arc] world: there is no file ",
+     "welt.conf"},
     {"rig.conf", "[axis arc]", "part = leg",
-     " [axis arc]: ", "choose turntable, arc or one of its lasers"},
+     " [axis arc] part: ", "choose from: turntable, arc, laser30, laser60"},
     {"rig.conf", "[lamps bank]", "fault_dead = lamp61",
-     " [lamps bank]: ", "has no lamp \"lamp61\""},
+     " [lamps bank] fault_dead: ", "has no lamp \"lamp61\""},
     {"session.conf", "[views]", "rings = 30:2; 45:2",
      ":13: [views]: no camera stands at elevation 45°", "there are: 30° (cam30), 60° (cam60)"},
     {"session.conf", "[lights]", "rings = 10:2", " [lights]: no lamp stands at elevation 10°",
@@ -84,6 +85,36 @@ static void test_mistakes(void) {
         g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
         operator_free(run);
     }
+}
+
+/* What drivers know of their options is told with all other mistakes, before any device is opened.
+ */
+static void test_drivers_mistakes(void) {
+    static const struct change wrong[] = {{"[axis turntable]", "speed_deg_s = -1"},
+                                          {"[axis arc]", "part = leg"},
+                                          {"[lamps bank]", "fault_dead = lamp61"},
+                                          {"[camera cam60]", "part = cam61"},
+                                          {"[laser laser30]", "world = welt.conf"},
+                                          {"[axis sweep60]", "home_deg = 20"},
+                                          {0}};
+    static const char *const says[] = {
+        "6 mistakes:",
+        "[axis turntable] speed_deg_s: -1 is out of range",
+        "[axis arc] part: ",
+        "[lamps bank] fault_dead: ",
+        "[camera cam60] part: ",
+        "has no camera \"cam61\"; choose from: cam30, cam60",
+        "[laser laser30] world: there is no file ",
+        "[axis sweep60] home_deg: 20 lies outside min_deg to max_deg, -15 to 15"};
+    struct operation *run = operator_new(NULL);
+    small_rig_write(run->directory, "rig.conf", wrong);
+    operator_does(run, 1, "plan", run->rig, run->conf, NULL);
+    g_autofree char *planned = g_strdup(run->err);
+    for (gsize i = 0; i < G_N_ELEMENTS(says); i++)
+        assert_has(run->err, says[i]);
+    operator_does(run, 1, "plan", "--offline", run->rig, run->conf, NULL);
+    g_assert_cmpstr(run->err, ==, planned);
+    operator_free(run);
 }
 
 static const struct change late_death[] = {
@@ -158,6 +189,7 @@ static void test_damaged_frames(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/input/mistakes", test_mistakes);
+    g_test_add_func("/input/drivers-mistakes", test_drivers_mistakes);
     g_test_add_func("/input/other-rig", test_other_rig);
     g_test_add_func("/input/garbage-database", test_garbage_database);
     g_test_add_func("/input/damaged-frames", test_damaged_frames);

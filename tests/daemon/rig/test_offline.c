@@ -65,11 +65,14 @@ static void test_presets(void) {
     devices_close(devices);
 }
 
-static void append_file(GString *to, const char *name) {
+/* port: the line's, in place of the file's /dev/ttyUSB0. */
+static void append_file(GString *to, const char *name, const char *port) {
     g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/devices", name, NULL), *text = NULL;
 
     g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
-    g_string_append(to, text);
+    g_autoptr(GString) changed = g_string_new(text);
+    g_string_replace(changed, "/dev/ttyUSB0", port, 0);
+    g_string_append(to, changed->str);
 }
 
 /* Devices that are not there, as etc/devices has them; a camera that says nothing of its pictures a
@@ -83,10 +86,10 @@ static void test_absent_devices(void) {
     struct rig rig;
     struct rig_timing timing;
 
-    append_file(text, "leadshine-rs.conf");
-    append_file(text, "oriental-az.conf");
-    append_file(text, "waveshare-modbus-rtu-relay.conf");
-    append_file(text, "gige-camera.conf");
+    append_file(text, "leadshine-rs.conf", "/dev/ttyUSB0");
+    append_file(text, "oriental-az.conf", "/dev/ttyUSB2");
+    append_file(text, "waveshare-modbus-rtu-relay.conf", "");
+    append_file(text, "gige-camera.conf", "");
     g_string_append(text, "theta_deg=0\nphi_deg=0\ndistance_mm=500\nfocal_px=1000\n"
                           "[camera c1]\ndriver=v4l2-camera\ntheta_deg=20\nphi_deg=0\nwidth=640\n"
                           "height=480\ndistance_mm=500\nfocal_px=1000\n"
@@ -116,10 +119,38 @@ static void test_absent_devices(void) {
     g_rmdir(folder);
 }
 
+/* Two drives on one line that are to be opened with different parities. */
+static void test_line_conflict(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
+    g_autoptr(GString) text = g_string_new("[rig]\nid=r\narc_radius_mm=500\n");
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GError) error = NULL;
+    struct rig rig;
+    struct rig_timing timing;
+
+    append_file(text, "leadshine-rs.conf", "/dev/ttyUSB0");
+    append_file(text, "oriental-az.conf", "/dev/ttyUSB0");
+    g_string_append(text,
+                    "[lamps bank]\ndriver=modbus-relays\nbus=/dev/ttyUSB1\nn=1\n"
+                    "[lamp l]\nbank=bank\nindex=0\ntheta_deg=30\ndistance_mm=500\n"
+                    "[camera c]\ndriver=aravis\ndevice=x\ntheta_deg=20\nphi_deg=0\nwidth=640\n"
+                    "height=480\ndistance_mm=500\nfocal_px=1000\npixel_format=RGB8\n");
+    g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
+    g_assert_false(devices_read_timing(path, &rig, &timing, assumed, &error));
+    g_test_message("%s", error->message);
+    g_assert_nonnull(strstr(error->message, "2 mistakes:"));
+    g_assert_nonnull(strstr(error->message, "opens /dev/ttyUSB0 with other settings"));
+    g_assert_nonnull(strstr(error->message, "pixel_format: \"RGB8\" cannot be measured with"));
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/offline/as-opened", test_as_opened);
     g_test_add_func("/offline/presets", test_presets);
     g_test_add_func("/offline/absent-devices", test_absent_devices);
+    g_test_add_func("/offline/line-conflict", test_line_conflict);
     return g_test_run();
 }

@@ -21,10 +21,10 @@ struct site {
     SoupSession *http;
 };
 
-static struct site *site_new(gboolean acts) {
+static struct site *site_with(gboolean acts, const struct change *changes) {
     struct site *site = g_new0(struct site, 1);
     g_autoptr(GError) error = NULL;
-    site->run = operator_new(NULL);
+    site->run = operator_new(changes);
     site->bus = g_strdup_printf("unix:path=%s/bus", site->run->directory);
     g_autofree char *token = g_build_filename(site->run->directory, "token", NULL);
     g_assert_true(g_file_set_contents(token, TOKEN "\n", -1, NULL));
@@ -49,6 +49,10 @@ static struct site *site_new(gboolean acts) {
     site->port = (guint16)g_uri_get_port(uri);
     site->http = soup_session_new_with_options("timeout", WAIT_S, NULL);
     return site;
+}
+
+static struct site *site_new(gboolean acts) {
+    return site_with(acts, NULL);
 }
 
 static void site_free(struct site *site) {
@@ -296,6 +300,16 @@ static void in_browser(void) {
     browser_wait(browser, "[...document.querySelectorAll('#cameras img')].length == 2 && "
                           "[...document.querySelectorAll('#cameras img')].every(i => i.complete && "
                           "i.naturalWidth > 0)");
+    browser_wait(browser, "document.querySelectorAll('#cameras figure > svg path').length == 6");
+    /* The pose: two cameras, lamps and lasers, and the light of the last shot. */
+    browser_wait(browser, "['camera', 'lamp', 'laser'].every(c => "
+                          "document.querySelectorAll(`#pose .${c}:not(.ray)`).length == 2)");
+    browser_wait(browser, "/^Seen from above: turntable /.test("
+                          "document.getElementById('pose-text').textContent)");
+    browser_wait(browser,
+                 "['on', 'ray'].every(c => document.querySelectorAll(`#pose .${c}`).length == "
+                 "Number(document.getElementById('pose-text').textContent.includes('shines')))");
+    browser_wait(browser, "document.getElementById('notice').hidden");
     browser_wait(browser, "document.querySelectorAll('#events li').length > 0");
     browser_wait(browser, "document.querySelectorAll('#devices tr').length > 4");
     /* Nothing is wider than a phone. */
@@ -320,6 +334,33 @@ static void in_browser(void) {
     site_free(site);
 }
 
+/* A camera goes: the page says which, and how to go on. */
+static void faults(void) {
+    static const struct change gone[] = {{"[camera cam60]", "fault_disconnect_after = 9"},
+                                         {"[camera cam60]", "fault_reconnect_s = 100000"},
+                                         {0}};
+    struct site *site = site_with(TRUE, gone);
+    Browser *browser = browser_new(390, 844);
+    browser_open(browser, site->uri);
+    operator_does(site->run, 1, "capture", "--address", site->bus, site->run->rig, site->run->conf,
+                  "-o", site->run->session, NULL);
+    browser_wait(browser, "document.getElementById('state').textContent == 'paused'");
+    browser_wait(browser, "!document.getElementById('notice').hidden");
+    browser_wait(browser, "document.getElementById('notice-head').textContent == 'Fault: cam60'");
+    browser_wait(browser, "document.getElementById('reason').textContent.includes('cam60')");
+    browser_wait(browser, "document.querySelectorAll('#steps li').length == 3");
+    browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
+    /* Continue is there for who has the token; the camera is still gone. */
+    browser_wait(browser, "document.getElementById('continue').disabled");
+    g_free(browser_value(browser, "(sessionStorage.setItem('token', '" TOKEN "'), showState())"));
+    browser_wait(browser, "!document.getElementById('continue').disabled");
+    /* The light of the shot that failed. */
+    browser_wait(browser, "document.querySelectorAll('#pose .ray').length == 1 || "
+                          "document.getElementById('pose-text').textContent.includes('dark')");
+    browser_free(browser);
+    site_free(site);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     /* So that tests/lsan.supp knows libsoup's functions, which keep no frame pointers. */
@@ -328,6 +369,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/web/streams", streams);
     g_test_add_func("/web/refuses", refuses);
     g_test_add_func("/web/survives", survives);
+    g_test_add_func("/web/faults", faults);
     g_test_add_func("/web/in-browser", in_browser);
     return operator_tests();
 }

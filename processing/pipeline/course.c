@@ -1,0 +1,199 @@
+#include "course.h"
+
+#include <pthread.h>
+#include <sys/resource.h>
+#include <time.h>
+
+/* Of work that takes longer than it was thought to, this part is taken to be left. */
+#define LEAST_LEFT 0.05
+#define ENOUGH_S   2.0 /* CPU time of work that says what such work takes */
+
+struct course_task {
+    struct time_left_task known;
+    gint state; /* written by the thread that makes it, after the rest */
+    clockid_t clock;
+    double begun_s; /* of the thread's clock */
+};
+
+struct Course {
+    int n_threads;
+    gboolean rates_known;
+    struct time_left_rates rates;
+    struct course_task *tasks;
+    int n_tasks;
+    struct {
+        double cpu_s, units;
+    } made[TIME_LEFT_WORKS]; /* by this run */
+    double expected[TIME_LEFT_WORKS];
+    int working;     /* enum time_left_work that is under way after the views; −1: none */
+    double worked_s; /* CPU time of the process when that began */
+    struct time_left_speed speed;
+    int n_busy; /* threads, since the last look */
+    gint64 begun_us, looked_us;
+    double looked_cpu_s;
+};
+
+static double process_cpu_s(void) {
+    struct rusage used;
+    getrusage(RUSAGE_SELF, &used);
+    return (double)(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+           (double)(used.ru_utime.tv_usec + used.ru_stime.tv_usec) / G_USEC_PER_SEC;
+}
+
+/* 0: the thread has ended. */
+static double course_clock_s(clockid_t clock) {
+    struct timespec now;
+    return clock_gettime(clock, &now) == 0 ? (double)now.tv_sec + (double)now.tv_nsec / 1e9 : 0;
+}
+
+Course *course_new(int n_threads) {
+    Course *course = g_new0(Course, 1);
+    course->n_threads = n_threads;
+    course->rates_known = time_left_rates_load(&course->rates);
+    course->working = -1;
+    course->n_busy = 1;
+    course->begun_us = course->looked_us = g_get_monotonic_time();
+    course->looked_cpu_s = process_cpu_s();
+    return course;
+}
+
+/* Adds up what the tasks took, and forgets them. */
+static void course_drop_tasks(Course *course) {
+    for (int i = 0; i < course->n_tasks; i++) {
+        const struct course_task *task = &course->tasks[i];
+        if (g_atomic_int_get(&task->state) != TIME_LEFT_MADE)
+            continue;
+        course->made[task->known.stage].cpu_s += task->known.cpu_s;
+        course->made[task->known.stage].units += task->known.units;
+    }
+    g_clear_pointer(&course->tasks, g_free);
+    course->n_tasks = 0;
+}
+
+/* Little work says little of what much of it takes: it counts less. */
+static void course_update_rates(Course *course) {
+    for (int work = 0; work < TIME_LEFT_WORKS; work++)
+        if (course->made[work].units > 0 && course->made[work].cpu_s > 0) {
+            const double measured = course->made[work].cpu_s / course->made[work].units;
+            const double weight = MIN(course->made[work].cpu_s / ENOUGH_S, 1);
+            course->rates.unit_s[work] += weight * (measured - course->rates.unit_s[work]);
+        }
+}
+
+void course_free(Course *course) {
+    if (!course)
+        return;
+    course_drop_tasks(course);
+    course_update_rates(course);
+    gboolean any = FALSE;
+    for (int work = 0; work < TIME_LEFT_WORKS; work++)
+        any |= course->made[work].units > 0;
+    if (any)
+        time_left_rates_save(&course->rates);
+    g_free(course);
+}
+
+void course_set_tasks(Course *course, const struct time_left_task *tasks, int n) {
+    course_drop_tasks(course);
+    course->tasks = g_new0(struct course_task, n);
+    course->n_tasks = n;
+    for (int i = 0; i < n; i++)
+        course->tasks[i].known = tasks[i];
+}
+
+void course_task_begin(Course *course, int task) {
+    struct course_task *begun = &course->tasks[task];
+    if (pthread_getcpuclockid(pthread_self(), &begun->clock) != 0)
+        begun->clock = CLOCK_THREAD_CPUTIME_ID;
+    begun->begun_s = course_clock_s(CLOCK_THREAD_CPUTIME_ID);
+    g_atomic_int_set(&begun->state, TIME_LEFT_RUNS);
+}
+
+void course_task_end(Course *course, int task) {
+    struct course_task *ended = &course->tasks[task];
+    ended->known.cpu_s = course_clock_s(CLOCK_THREAD_CPUTIME_ID) - ended->begun_s;
+    g_atomic_int_set(&ended->state, TIME_LEFT_MADE);
+}
+
+void course_expect(Course *course, enum time_left_work work, double units) {
+    course->expected[work] = units;
+}
+
+void course_begin(Course *course, enum time_left_work work) {
+    course->working = (int)work;
+    course->worked_s = process_cpu_s();
+}
+
+void course_end(Course *course, enum time_left_work work, gboolean whole) {
+    if (whole && course->expected[work] > 0) {
+        course->made[work].cpu_s += process_cpu_s() - course->worked_s;
+        course->made[work].units += course->expected[work];
+    }
+    course->expected[work] = 0;
+    course->working = -1;
+}
+
+/* What the process got since the last look, by as many threads as were busy then. */
+static void course_look(Course *course, int n_busy) {
+    const gint64 now_us = g_get_monotonic_time();
+    const double wall_s = (double)(now_us - course->looked_us) / G_USEC_PER_SEC;
+    const double elapsed_s = (double)(now_us - course->begun_us) / G_USEC_PER_SEC;
+    const double cpu_s = process_cpu_s();
+    time_left_speed_add(&course->speed, wall_s, cpu_s - course->looked_cpu_s, course->n_busy,
+                        elapsed_s);
+    course->looked_us = now_us;
+    course->looked_cpu_s = cpu_s;
+    course->n_busy = n_busy;
+}
+
+/* How many times as long views took as their rates say: processors differ, and one whose caches and
+ * units others use, too, takes longer for the same work. What follows the views will be as slow. */
+static double course_slower(const Course *course, const struct time_left_task *tasks) {
+    double cpu_s = 0, said_s = 0;
+    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++) {
+        cpu_s += course->made[stage].cpu_s;
+        said_s += course->made[stage].units * course->rates.unit_s[stage];
+    }
+    for (int i = 0; i < course->n_tasks; i++)
+        if (tasks[i].state == TIME_LEFT_MADE) {
+            cpu_s += tasks[i].cpu_s;
+            said_s += tasks[i].units * course->rates.unit_s[tasks[i].stage];
+        }
+    return said_s > 0 ? cpu_s / said_s : 1;
+}
+
+double course_left_s(Course *course) {
+    g_autofree struct time_left_task *tasks = g_new0(struct time_left_task, course->n_tasks + 1);
+    int left[TIME_LEFT_STAGES] = {0}, made[TIME_LEFT_STAGES] = {0}, running = 0, waiting = 0;
+    for (int i = 0; i < course->n_tasks; i++) {
+        const struct course_task *task = &course->tasks[i];
+        const int state = g_atomic_int_get(&task->state);
+        tasks[i].stage = task->known.stage;
+        tasks[i].theta_deg = task->known.theta_deg;
+        tasks[i].units = task->known.units;
+        tasks[i].state = state;
+        tasks[i].cpu_s = state == TIME_LEFT_MADE ? task->known.cpu_s : 0;
+        if (state == TIME_LEFT_RUNS)
+            tasks[i].cpu_s = MAX(course_clock_s(task->clock) - task->begun_s, 0);
+        (state == TIME_LEFT_MADE ? made : left)[task->known.stage]++;
+        running += state == TIME_LEFT_RUNS;
+        waiting += state == TIME_LEFT_WAITS;
+    }
+    course_look(course, CLAMP(running, 1, course->n_threads));
+    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
+        if (left[stage] > 0 && made[stage] == 0 && course->made[stage].units == 0 &&
+            !course->rates_known)
+            return -1;
+    const double slower = course_slower(course, tasks);
+    double after_s = 0;
+    for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
+        const double all_s = slower * course->rates.unit_s[work] * course->expected[work];
+        const double done_s = work == course->working ? process_cpu_s() - course->worked_s : 0;
+        after_s += MAX(all_s - done_s, LEAST_LEFT * all_s);
+    }
+    const double views_s =
+        time_left_views_s(tasks, course->n_tasks, course->n_threads, &course->rates);
+    const int n = CLAMP(running + waiting, 1, course->n_threads);
+    return views_s / time_left_speed_of(&course->speed, course->n_busy, n) +
+           after_s / time_left_speed_of(&course->speed, course->n_busy, 1);
+}

@@ -1,0 +1,137 @@
+/* Pictures on a terminal, and what stands above a progress bar. */
+#include <poll.h>
+#include <pty.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "command/picture.h"
+#include "command/progress.h"
+
+static int count(const char *text, const char *piece) {
+    int n = 0;
+    for (const char *at = text; (at = strstr(at, piece)); at += strlen(piece))
+        n++;
+    return n;
+}
+
+/* Two rows of pixels a line: the upper is the letter's colour, the lower its background. */
+static void test_blocks(void) {
+    static const guint8 rgb[] = {255, 0, 0, 1,  2,  3, /* row 0 */
+                                 0,   9, 0, 4,  5,  6, /* row 1 */
+                                 7,   8, 9, 10, 11, 12};
+    int columns = 0, lines = 0;
+    g_autofree char *text = picture_text(rgb, 2, 3, PICTURE_BLOCKS, 80, 24, &columns, &lines);
+    g_assert_cmpint(columns, ==, 2);
+    g_assert_cmpint(lines, ==, 2);
+    g_assert_cmpstr(
+        text, ==,
+        "\033[38;2;255;0;0m\033[48;2;0;9;0m▀\033[38;2;1;2;3m\033[48;2;4;5;6m▀\033[0m\n"
+        "\033[38;2;7;8;9m\033[48;2;7;8;9m▀\033[38;2;10;11;12m\033[48;2;10;11;12m▀\033[0m\n");
+}
+
+/* Too large for the terminal: means of squares, within the columns and lines. */
+static void test_shrunk(void) {
+    enum { WIDTH = 60, HEIGHT = 40 };
+    guint8 rgb[WIDTH * HEIGHT * 3];
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        rgb[3 * i] = (guint8)(i % WIDTH < WIDTH / 2 ? 0 : 200);
+        rgb[3 * i + 1] = (guint8)(i % 2 ? 0 : 100);
+        rgb[3 * i + 2] = 7;
+    }
+    for (int wide = 1; wide < 70; wide++)
+        for (int high = 1; high < 25; high++) {
+            int columns = 0, lines = 0;
+            g_autofree char *text =
+                picture_text(rgb, WIDTH, HEIGHT, PICTURE_BLOCKS, wide, high, &columns, &lines);
+            g_assert_cmpint(columns, <=, wide);
+            g_assert_cmpint(lines, <=, high);
+            g_assert_cmpint(count(text, "\n"), ==, lines);
+            g_assert_cmpint(count(text, "▀"), ==, lines * columns);
+        }
+    g_autofree char *text = picture_text(rgb, WIDTH, HEIGHT, PICTURE_BLOCKS, 6, 24, NULL, NULL);
+    g_assert_true(g_str_has_prefix(text, "\033[38;2;0;50;7m"));
+    g_assert_cmpint(count(text, "\033[38;2;200;50;7m"), ==, 3 * 2);
+}
+
+static void test_others(void) {
+    static const guint8 rgb[3 * 8 * 8] = {0};
+    int columns = 1, lines = 1;
+    g_autofree char *none = picture_text(rgb, 8, 8, PICTURE_NOT, 80, 24, &columns, &lines);
+    g_autofree char *missing = picture_text(NULL, 0, 0, PICTURE_BLOCKS, 80, 24, NULL, NULL);
+    g_autofree char *sixels = picture_text(rgb, 8, 8, PICTURE_SIXEL, 80, 24, NULL, NULL);
+    g_assert_cmpstr(none, ==, "");
+    g_assert_cmpint(columns + lines, ==, 0);
+    g_assert_cmpstr(missing, ==, "");
+    g_assert_true(g_str_has_prefix(sixels, "\033Pq\"1;1;8;8"));
+    g_assert_true(g_str_has_suffix(sixels, "\033\\\n"));
+}
+
+/* What the functions of progress.h write to a terminal of 60 columns. */
+static char *on_terminal(void (*draw)(Progress *progress)) {
+    const struct winsize size = {.ws_row = 20, .ws_col = 60};
+    GString *text = g_string_new(NULL);
+    char bytes[4096];
+    gssize got;
+    int terminal, status;
+    const pid_t child = forkpty(&terminal, NULL, NULL, &size);
+    g_assert_cmpint(child, >=, 0);
+    if (child == 0) {
+        Progress *progress = progress_new("capture");
+        draw(progress);
+        progress_free(progress);
+        fflush(stdout);
+        fflush(stderr);
+        _exit(0);
+    }
+    struct pollfd input = {.fd = terminal, .events = POLLIN};
+    while (poll(&input, 1, 10000) > 0 && (got = read(terminal, bytes, sizeof bytes)) > 0)
+        g_string_append_len(text, bytes, got);
+    g_assert_cmpint(waitpid(child, &status, 0), ==, child);
+    g_assert_cmpint(status, ==, 0);
+    close(terminal);
+    return g_string_free(text, FALSE);
+}
+
+static void draw_above(Progress *progress) {
+    progress_set_above(progress, "picture\npose\n", 2);
+    progress_show(progress, 0.1, "one", TRUE);
+    progress_show(progress, 0.2, "two", TRUE); /* what stands above stays */
+    progress_line(progress, "an event");
+    progress_show(progress, 0.3, "three", TRUE); /* and is drawn again below the event */
+    progress_set_above(progress, "picture\nanother pose\n", 2);
+    progress_show(progress, 0.4, "four", TRUE);
+}
+
+static void test_above(void) {
+    g_autofree char *text = on_terminal(draw_above);
+    const char *places[] = {"picture\r\npose\r\n",
+                            "one",
+                            "two",
+                            "\033[2A\033[J",
+                            "an event\r\n",
+                            "picture\r\npose\r\n",
+                            "three",
+                            "\033[2A\033[J",
+                            "picture\r\nanother pose\r\n",
+                            "four"};
+    const char *at = text;
+    for (gsize i = 0; i < G_N_ELEMENTS(places); i++) {
+        at = strstr(at, places[i]);
+        if (!at)
+            g_error("“%s” is missing, or not where it should be, in “%s”", places[i], text);
+        at += strlen(places[i]);
+    }
+    g_assert_cmpint(count(text, "picture"), ==, 3);
+    g_assert_cmpint(count(text, "\033[J"), ==, 2);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/picture/blocks", test_blocks);
+    g_test_add_func("/picture/shrunk", test_shrunk);
+    g_test_add_func("/picture/others", test_others);
+    g_test_add_func("/picture/above", test_above);
+    return g_test_run();
+}
