@@ -44,7 +44,9 @@ struct archive {
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN: not known */
-    struct calibration *calibration;
+    struct calibration *calibration; /* of the products, as the next two are */
+    char *calibrated_by;             /* "nominal", or the path of its file */
+    gboolean calibration_own;        /* it is the one that the session was captured with */
     GPtrArray *devices;  /* of struct archive_device, in the rig file's order */
     GPtrArray *checks;   /* of struct archive_check */
     GArray *rings;       /* of struct archive_ring, by θ */

@@ -142,6 +142,8 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         gboolean calibrated = FALSE;
         for (int i = 0; i < CALIBRATION_PARTS; i++)
             calibrated |= calibration->parts[i].done;
+        g_autofree char *line =
+            calibration_line(calibration, devices->calibration_path, CAPTURE_CALIBRATION_HOW);
         capture_save_value(session, "predicted_s", plan->predicted_s);
         capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
         capture_save_value(session, "predicted_bytes", (double)plan->bytes);
@@ -155,6 +157,7 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         /* The session has the calibration as a whole; this says where it came from. */
         session_set_value(session, "calibration",
                           calibrated ? devices->calibration_path : "nominal", NULL);
+        session_add_event(session, 0, "info", "calibration", line, NULL);
         capture_note(session, "warning", "calibration", warnings);
     }
     return session != NULL;

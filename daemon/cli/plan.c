@@ -1,5 +1,6 @@
 /* plan and drivers: what would be done, and with what. */
 #include "capture/capture.h"
+#include "capture/capture_calibration.h"
 #include "command/cli.h"
 #include "command/link.h"
 #include "plan/report.h"
@@ -102,9 +103,18 @@ static int run_plan(const struct call *call, GError **error) {
         g_propagate_error(error, failed);
         return CLI_FAILED;
     }
+    struct rig geometry;
+    g_autofree char *line = NULL;
+    g_autoptr(Calibration) calibration =
+        devices_read_geometry(rig, &geometry, error)
+            ? capture_calibration_for(rig, &geometry, NULL, &line, error)
+            : NULL;
+    if (!calibration)
+        return CLI_FAILED;
     g_autofree char *text = report_text(report);
     record_variants(call->record, report);
-    record_say(call->record, "%s", text);
+    record_string(call->record, "calibration", line);
+    record_say(call->record, "%scalibration     %s\n", text, line);
     return CLI_DONE;
 }
 

@@ -1,6 +1,5 @@
-/* Views are tasks of a thread pool; the calling thread owns the session, hands out tasks and
- * records finished products. A view's file is written by its task, its row by the calling thread.
- */
+/* Views are tasks of a thread pool, which write their files; the calling thread owns the session,
+ * hands out tasks, and writes the rows of finished products. */
 #include "pipeline.h"
 
 #include <errno.h>
@@ -16,6 +15,7 @@
 #include "catalogue.h"
 #include "eigenmaps/eigenmaps.h"
 #include "mdf_product.h"
+#include "session/made_with.h"
 #include "time_left.h"
 
 #define POLL_US (G_USEC_PER_SEC / 2)
@@ -462,7 +462,8 @@ static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GE
     ret->mdf_coverage =
         mdf_coverage(run->mdf, run->n_views,
                      run->catalogue->grid.width * run->catalogue->grid.height, &ret->mdf_predicted);
-    if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error))
+    if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error) ||
+        !made_with_end(run->session, error))
         return FALSE;
     if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)
         return TRUE; /* nothing was made: the costs of the earlier run stay */
@@ -531,7 +532,9 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
                     session_path(run->session), waiting, run->n_views, session_path(run->session));
         return FALSE;
     }
-    if (!make_folders(run, error) || !find_whole(run, error))
+    if (!make_folders(run, error) || !find_whole(run, error) ||
+        !made_with_begin(run->session, run->options->calibration_path, run->options->calibration,
+                         error))
         return FALSE;
     g_autofree char *path = session_file(run->session, "products/mdf.exr");
     if (g_hash_table_contains(run->whole, "products/mdf.exr"))
@@ -580,8 +583,8 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
                                         run.cancellable, NULL);
     gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found);
-    /* A damaged frame may have been refused: notes all of them, so that one resume takes them all.
-     * Errors here are less important than the first one and are ignored. */
+    /* A damaged frame may have been refused: notes all, so that one resume takes them all. Errors
+     * here matter less than the first one. */
     g_autoptr(GPtrArray) damages =
         g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID)
             ? session_find_damage(run.session, SESSION_FRAMES, "", &options->work, NULL, NULL)
