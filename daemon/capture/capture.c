@@ -98,6 +98,7 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->real_base_s = load_value(session, "real_s");
     capture->frames_base = load_value(session, "frames");
     capture->retakes_base = load_value(session, "retakes");
+    exposure_advice_load(&capture->exposures, session);
     if (!capture_mount_load(capture, error))
         g_clear_pointer(&capture, capture_free);
     return capture;
