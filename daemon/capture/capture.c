@@ -19,8 +19,11 @@ static double load_value(Session *session, const char *key) {
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error) {
     if (directory && g_file_test(directory, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS,
-                    "%s exists already; choose another name, or resume it", directory);
+        g_autofree char *db = g_build_filename(directory, "session.db", NULL);
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS, "%s exists already%s", directory,
+                    g_file_test(db, G_FILE_TEST_EXISTS)
+                        ? "; choose another name, or resume it"
+                        : ", and is not a session; choose another name");
         return NULL;
     }
     struct plan *plan = plan_build(conf, &devices->geometry, &devices->timing, error);

@@ -303,7 +303,7 @@ static void commit_what_is_back(Capture *capture) {
         }
         g_autofree char *moved = capture_marks_check(capture, flight);
         if (moved) {
-            stop_for(capture, "marks", moved);
+            stop_for(capture, "fiducials", moved);
             return;
         }
         if (!commit(capture, flight))

@@ -189,7 +189,9 @@ static int run_capture(const struct call *call, GError **error) {
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
     g_autofree char *directory = g_canonicalize_filename(output, NULL);
-    return cli_capture_run(call, rig, session, directory, error);
+    return plan_check_order(rig, session, error)
+               ? cli_capture_run(call, rig, session, directory, error)
+               : CLI_FAILED;
 }
 
 static char *rig_of_session(const char *directory, GError **error) {
@@ -227,6 +229,7 @@ const struct command cli_capture = {
     .help = "Capture a session and show its progress.",
     .options = capture_entries,
     .daemon = TRUE,
+    .streams = TRUE,
     .min = 2,
     .max = 2,
     .run = run_capture};
@@ -237,6 +240,7 @@ const struct command cli_resume = {.name = "resume",
                                        "Go on with a session: exactly what is missing is taken.",
                                    .options = resume_entries,
                                    .daemon = TRUE,
+                                   .streams = TRUE,
                                    .min = 1,
                                    .max = 1,
                                    .run = run_resume};

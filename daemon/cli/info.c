@@ -117,7 +117,7 @@ static void tell_products(Record *to, const char *directory) {
         record_say(to, "product    products/btf, %d views, %s\n", n_views, size);
     if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
         record_say(to,
-                   "marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
+                   "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
                    " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
                    " from shorter exposures alone, %" G_GINT64_FORMAT
                    " of pictures that were not taken, predicted from other lights\n",

@@ -51,13 +51,20 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     record_double(to, "lines_rms_deg", result->lines_rms_deg);
     record_double(to, "lines_worst_deg", result->lines_worst_deg);
     record_double(to, "real_s", seconds);
-    record_say(
-        to,
-        "done in %s: BTF of %d views × %d lights, MDF of %d views with %.1f %% of the texels "
-        "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f "
-        "%%\n",
-        time, result->n_views, result->n_lights, result->n_mdf_views, 100 * result->mdf_coverage,
-        100 * result->mdf_predicted, 100 * result->eigenmaps_error);
+    record_say(to, "done in %s", time);
+    if (result->n_views > 0)
+        record_say(to, ": BTF of %d views × %d lights", result->n_views, result->n_lights);
+    if (result->n_mdf_views > 0)
+        record_say(to,
+                   "%s MDF of %d views with %.1f %% of the texels measured and %.2f %% predicted "
+                   "by other views",
+                   result->n_views > 0 ? "," : ":", result->n_mdf_views, 100 * result->mdf_coverage,
+                   100 * result->mdf_predicted);
+    if (result->n_views > 0)
+        record_say(to,
+                   ", eigen-maps with an error of %.2f %% (mesorig compress makes closer files)",
+                   100 * result->eigenmaps_error);
+    record_say(to, "\n");
     if (result->n_damaged > 0)
         record_say(to, "%d %s damaged or gone, and %s been made again\n", result->n_damaged,
                    result->n_damaged == 1 ? "product was" : "products were",
@@ -181,6 +188,7 @@ const struct command cli_process = {.name = "process",
                                         "  mesorig process weave.session -c better.calibration\n",
                                     .help = "Make BTF, MDF and eigen-maps of a session.",
                                     .options = entries,
+                                    .streams = TRUE,
                                     .min = 1,
                                     .max = 1,
                                     .run = cli_process_run};

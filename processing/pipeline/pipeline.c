@@ -290,8 +290,8 @@ static int count_waiting(const struct run *run) {
     return n;
 }
 
-/* Makes ready views until no more frames will come. Whether the capture has ended is asked before
- * the frames are looked up, so that none is missed. */
+/* Makes ready views until no more frames will come; asks whether the capture has ended before it
+ * looks frames up, so that none is missed. */
 static gboolean pipeline_make_views(struct run *run, GError **error) {
     for (;;) {
         g_autofree char *state = session_value(run->session, "state");
@@ -526,10 +526,12 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     const int waiting = run->options->follow ? 0 : count_waiting(run);
     if (waiting > 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. "
-                    "With --follow processing waits for them, or leaves these views out if the "
-                    "capture was aborted",
-                    session_path(run->session), waiting, run->n_views, session_path(run->session));
+                    "%s: %d of %d views lack some of their frames, for %d of %u shots are still to "
+                    "be taken; `mesorig resume %s` takes them. With --follow processing waits for "
+                    "them, or leaves these views out if the capture was aborted",
+                    session_path(run->session), waiting, run->n_views,
+                    catalogue_planned(run->catalogue), run->catalogue->shots->len,
+                    session_path(run->session));
         return FALSE;
     }
     if (!make_folders(run, error) || !find_whole(run, error) ||
