@@ -15,6 +15,21 @@ const char *calibration_part_name(enum calibration_kind kind) {
     return names[kind];
 }
 
+char *calibration_line(const struct calibration *calibration, const char *from,
+                       const char *how_to) {
+    g_autoptr(GString) has = g_string_new(NULL), lacks = g_string_new(NULL);
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        GString *to = calibration->parts[i].done ? has : lacks;
+        g_string_append_printf(to, "%s%s", to->len ? ", " : "",
+                               calibration_part_name((enum calibration_kind)i));
+    }
+    if (has->len == 0)
+        return g_strdup_printf("none: geometry and light are nominal, as the rig file has them; %s",
+                               how_to);
+    return g_strdup_printf("%s (%s%s%s)", from, has->str, lacks->len ? "; not calibrated: " : "",
+                           lacks->str);
+}
+
 static void clear_part(struct calibration_part *part) {
     g_free(part->date);
     g_free(part->method);

@@ -128,6 +128,10 @@ void calibration_turn(struct calibration *calibration, double angle_rad);
 /* "cameras", "lights", "laser", "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 
+/* One line for people: where it is from and which parts it has; or that there is none, then how_to:
+ * how to give one. g_free(). */
+char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
+
 /* Replaces the description of a part, dated now. Takes ownership of rejected (of char *; NULL:
  * none). */
 struct calibration_part *calibration_set_part(struct calibration *calibration,

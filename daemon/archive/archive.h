@@ -44,13 +44,15 @@ struct archive {
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN: not known */
-    struct calibration *calibration;
-    GPtrArray *devices;  /* of struct archive_device, in the rig file's order */
-    GPtrArray *checks;   /* of struct archive_check */
-    GArray *rings;       /* of struct archive_ring, by θ */
-    GPtrArray *pictures; /* of struct archive_picture */
-    GPtrArray *products; /* of struct session_product */
-    GPtrArray *events;   /* of struct session_event */
+    struct calibration *calibration; /* of the products, as the next two are */
+    char *calibrated_by;             /* "nominal", or the path of its file */
+    gboolean calibration_own;        /* it is the one that the session was captured with */
+    GPtrArray *devices;              /* of struct archive_device, in the rig file's order */
+    GPtrArray *checks;               /* of struct archive_check */
+    GArray *rings;                   /* of struct archive_ring, by θ */
+    GPtrArray *pictures;             /* of struct archive_picture */
+    GPtrArray *products;             /* of struct session_product */
+    GPtrArray *events;               /* of struct session_event */
 };
 
 /* A section of the rig file. */

@@ -163,8 +163,14 @@ static void add_images(GString *to, const struct archive *archive) {
     }
 }
 
-static void add_calibration(GString *to, const struct calibration *calibration) {
-    g_string_append(to, "<h2>Calibration</h2>\n<div class=\"wide\"><table><tr><th>part</th>"
+static void add_calibration(GString *to, const struct archive *archive) {
+    const struct calibration *calibration = archive->calibration;
+    add(to, "<h2>Calibration</h2>\n<p>The products were made with: %s%s.</p>\n",
+        archive->calibrated_by,
+        archive->calibration_own ? ", as the session was captured"
+                                 : ", given to mesorig process -c; the session was captured with "
+                                   "another");
+    g_string_append(to, "<div class=\"wide\"><table><tr><th>part</th>"
                         "<th>date</th><th>method</th><th class=\"n\">pictures</th>"
                         "<th class=\"n\">rejected</th><th class=\"n\">residual</th></tr>\n");
     for (int i = 0; i < CALIBRATION_PARTS; i++) {
@@ -252,7 +258,7 @@ char *archive_page(const struct archive *archive, const char *history) {
     if (history)
         g_string_append_printf(to, "<h2>Capture</h2>\n<div class=\"history\">%s</div>\n", history);
     add_rings(to, archive);
-    add_calibration(to, archive->calibration);
+    add_calibration(to, archive);
     add_devices(to, archive);
     add_events(to, archive);
     add_products(to, archive);

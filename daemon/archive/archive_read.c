@@ -6,6 +6,7 @@
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
 #include "mdf/mdf_views.h"
+#include "session/made_with.h"
 
 #include <math.h>
 #include <string.h>
@@ -50,7 +51,7 @@ void archive_free(struct archive *archive) {
     char *const texts[] = {archive->path,     archive->name,   archive->program,
                            archive->created,  archive->sample, archive->operator_name,
                            archive->notes,    archive->state,  archive->license,
-                           archive->imported, archive->chosen};
+                           archive->imported, archive->chosen, archive->calibrated_by};
     for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
         g_free(texts[i]);
     calibration_free(archive->calibration);
@@ -109,15 +110,54 @@ static char *described(const Config *conf, const char *key) {
     return g_strdup(value ? value : "");
 }
 
+/* The calibration that the products were made with, which is not always that of the capture. */
+static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
+                                 GError **error) {
+    struct made_with with;
+    if (!made_with_read(session, &with, error))
+        return FALSE;
+    archive->calibration = calibration_from_text(with.text, with.where, error);
+    archive->calibrated_by = g_steal_pointer(&with.where);
+    archive->calibration_own = with.own;
+    made_with_clear(&with);
+    if (!archive->calibration)
+        return FALSE;
+    if (with.mixed)
+        archive_add_check(archive, ARCHIVE_FAILURE, "calibration",
+                          "some products may be of another calibration than this page says, for "
+                          "their processing was not finished: mesorig process %s",
+                          archive->path);
+    const struct config_section *section = rig ? config_find(rig, "rig", NULL) : NULL;
+    const char *days = section ? config_value(section, "calibration_days", NULL) : NULL;
+    const double most = days ? g_ascii_strtod(days, NULL) : CALIBRATION_DAYS;
+    g_autoptr(GDateTime) created = g_date_time_new_from_iso8601(archive->created, NULL);
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const struct calibration_part *part = &archive->calibration->parts[i];
+        const char *name = calibration_part_name((enum calibration_kind)i);
+        g_autoptr(GDateTime) date =
+            part->done ? g_date_time_new_from_iso8601(part->date, NULL) : NULL;
+        if (!part->done) {
+            archive_add_check(archive, ARCHIVE_WARNING, "calibration",
+                              "%s: not calibrated, nominal values were used; mesorig calibrate %s "
+                              "finds them, mesorig process -c FILE uses them",
+                              name, name);
+            continue;
+        }
+        const double age =
+            date && created ? (double)g_date_time_difference(created, date) / G_TIME_SPAN_DAY : 0;
+        archive_add_check(archive, age > most ? ARCHIVE_WARNING : ARCHIVE_PASS, "calibration",
+                          "%s: residual %.3g %s RMS from %d pictures, %.0f days old when the "
+                          "session was planned (%.0f are allowed)",
+                          name, part->residual_rms, part->residual_unit, part->pictures,
+                          MAX(age, 0), most);
+    }
+    return TRUE;
+}
+
 static gboolean read_texts(struct archive *archive, Session *session, GError **error) {
     g_autofree char *conf_text = session_text(session, "session.conf", error);
     g_autofree char *rig_text = conf_text ? session_text(session, "rig.conf", error) : NULL;
-    g_autofree char *geometry = rig_text ? session_text(session, "calibration.conf", error) : NULL;
-    if (!geometry)
-        return FALSE;
-    g_autofree char *path = session_file(session, "calibration.conf");
-    archive->calibration = calibration_from_text(geometry, path, error);
-    if (!archive->calibration)
+    if (!rig_text)
         return FALSE;
     /* Imported sessions have other texts there, or none. */
     g_autoptr(Config) conf = config_parse(conf_text, "session.conf", NULL);
@@ -139,30 +179,7 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
         device->address = g_strdup(address ? address : "");
         g_ptr_array_add(archive->devices, device);
     }
-    const struct config_section *section = rig ? config_find(rig, "rig", NULL) : NULL;
-    const char *days = section ? config_value(section, "calibration_days", NULL) : NULL;
-    const double most = days ? g_ascii_strtod(days, NULL) : CALIBRATION_DAYS;
-    g_autoptr(GDateTime) created = g_date_time_new_from_iso8601(archive->created, NULL);
-    for (int i = 0; i < CALIBRATION_PARTS; i++) {
-        const struct calibration_part *part = &archive->calibration->parts[i];
-        const char *name = calibration_part_name((enum calibration_kind)i);
-        g_autoptr(GDateTime) date =
-            part->done ? g_date_time_new_from_iso8601(part->date, NULL) : NULL;
-        if (!part->done) {
-            archive_add_check(archive, ARCHIVE_WARNING, "calibration",
-                              "%s: not calibrated, nominal values were used; mesorig calibrate %s",
-                              name, name);
-            continue;
-        }
-        const double age =
-            date && created ? (double)g_date_time_difference(created, date) / G_TIME_SPAN_DAY : 0;
-        archive_add_check(archive, age > most ? ARCHIVE_WARNING : ARCHIVE_PASS, "calibration",
-                          "%s: residual %.3g %s RMS from %d pictures, %.0f days old when the "
-                          "session was planned (%.0f are allowed)",
-                          name, part->residual_rms, part->residual_unit, part->pictures,
-                          MAX(age, 0), most);
-    }
-    return TRUE;
+    return read_calibration(archive, session, rig, error);
 }
 
 static void check_capture(struct archive *archive) {

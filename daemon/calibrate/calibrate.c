@@ -14,15 +14,66 @@ static const struct command *const commands[] = {
     &calibrate_cameras, &calibrate_lights, &calibrate_laser,  &calibrate_radiometry,
     &calibrate_colour,  &calibrate_show,   &calibrate_report, NULL};
 
+/* Of a calibration file: for each part that was calibrated from sessions that lacked shots, a list
+ * of which. */
+#define INCOMPLETE_GROUP "incomplete sessions"
+
 char *calibrate_output, *calibrate_from;
+gboolean calibrate_incomplete;
+
+char **calibrate_lacking(const struct calibration *calibration, const char *part) {
+    return g_key_file_get_string_list(calibration->extra, INCOMPLETE_GROUP, part, NULL, NULL);
+}
+
+const char *calibrate_left_out(enum calibration_kind kind) {
+    static const char *const words[] = {"pictures", "sights", "sweeps", "pictures"};
+    return words[kind];
+}
+
+/* Notes in the calibration which sessions lacked shots; of an earlier run, nothing remains. */
+static void keep_incomplete(const struct calibrate_job *job) {
+    GKeyFile *to = job->calibration->extra;
+    if (job->incomplete->len > 0)
+        g_key_file_set_string_list(to, INCOMPLETE_GROUP, job->part,
+                                   (const char *const *)job->incomplete->pdata,
+                                   job->incomplete->len);
+    else
+        g_key_file_remove_key(to, INCOMPLETE_GROUP, job->part, NULL);
+}
+
+/* Refuses a session that lacks shots, unless --incomplete is given. */
+static gboolean check_complete(struct calibrate_job *job, Session *session, GError **error) {
+    g_autoptr(GPtrArray) shots = session_shots(session, error);
+    guint planned = 0;
+    if (!shots)
+        return FALSE;
+    for (guint i = 0; i < shots->len; i++)
+        planned += ((const struct session_shot *)shots->pdata[i])->state == SHOT_PLANNED;
+    if (planned == 0)
+        return TRUE;
+    g_autofree char *state = session_value(session, "state");
+    const char *path = session_path(session);
+    g_autofree char *lacks =
+        g_strdup_printf("%s is %s, with %u of %u shots", path, state ? state : "unfinished",
+                        shots->len - planned, shots->len);
+    if (calibrate_incomplete)
+        g_ptr_array_add(job->incomplete, g_steal_pointer(&lacks));
+    else
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: mesorig resume %s takes the others; --incomplete calibrates without them",
+                    lacks, path);
+    return calibrate_incomplete;
+}
 
 static gboolean calibrate_work(const struct work *work, gpointer data, GError **error) {
     struct calibrate_job *job = data;
     job->work = work;
     job->begun_us = g_get_monotonic_time();
-    return job->method->find(job, error) &&
-           !g_cancellable_set_error_if_cancelled(work->cancellable, error) &&
-           calibration_write(job->calibration, calibrate_output, error);
+    if (!job->method->find(job, error) ||
+        g_cancellable_set_error_if_cancelled(work->cancellable, error))
+        return FALSE;
+    keep_incomplete(job);
+    return calibration_write(job->calibration, calibrate_output, error);
 }
 
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
@@ -30,24 +81,32 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     if (!calibrate_output)
         return cli_usage(call->command, "no file to write is given: give -o FILE");
     job->method = method;
+    job->part = call->command->name + strlen("calibrate ");
     job->sessions = call->arguments;
     job->n_sessions = call->n_arguments;
     job->frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
     job->rejected = g_ptr_array_new_with_free_func(g_free);
+    job->incomplete = g_ptr_array_new_with_free_func(g_free);
     const gboolean ok = cli_work_run(calibrate_work, job, &job->seconds, error);
     if (ok) {
         record_string(call->record, "file", calibrate_output);
         method->tell(call->record, job);
+        record_strings(call->record, "incomplete", job->incomplete);
+        for (guint i = 0; i < job->incomplete->len; i++)
+            record_say(call->record, "  incomplete: %s\n", (char *)job->incomplete->pdata[i]);
     }
     calibration_free(job->calibration);
     g_clear_pointer(&job->frames, g_ptr_array_unref);
     g_clear_pointer(&job->rejected, g_ptr_array_unref);
+    g_clear_pointer(&job->incomplete, g_ptr_array_unref);
     return ok ? CLI_DONE : CLI_FAILED;
 }
 
 Session *calibrate_open(struct calibrate_job *job, int i, GError **error) {
     const char *path = job->sessions[i], *from = calibrate_from;
     g_autoptr(Session) session = session_open(path, SESSION_READ, error);
+    if (session && !check_complete(job, session, error))
+        return NULL;
     g_autofree char *where =
         session ? session_file(session, "session.db (calibration.conf)") : NULL;
     g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
@@ -82,7 +141,7 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what) {
     if (part->rejected->len)
-        record_say(to, "  %u %s left out; mesorig calibrate show %s lists them\n",
+        record_say(to, "  %u %s left out; mesorig calibrate show --all %s lists them\n",
                    part->rejected->len, what, calibrate_output);
     if (!job->calibration->parts[CALIBRATION_CAMERAS].done)
         record_say(to, "  the cameras are nominal: calibrate them first, and give the calibration "

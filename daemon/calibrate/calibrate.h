@@ -19,6 +19,12 @@ extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser
     calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
 
 extern char *calibrate_output, *calibrate_from; /* -o and -c */
+extern gboolean calibrate_incomplete;           /* --incomplete */
+#define CALIBRATE_INCOMPLETE                                                                       \
+    {                                                                                              \
+        "incomplete", 0, 0, G_OPTION_ARG_NONE, &calibrate_incomplete,                              \
+            "Use sessions that lack shots, too; the calibration says so", NULL                     \
+    }
 #define CALIBRATE_OUTPUT(what)                                                                     \
     { "output", 'o', 0, G_OPTION_ARG_FILENAME, &calibrate_output, what, "FILE" }
 #define CALIBRATE_FROM(what)                                                                       \
@@ -40,11 +46,13 @@ struct calibrate_method {
  * subcommand's own struct job. */
 struct calibrate_job {
     const struct calibrate_method *method;
+    const char *part; /* of the command: "laser" */
     char *const *sessions;
     int n_sessions;
     struct calibration *calibration; /* is improved, and written at the end */
     GPtrArray *frames;               /* struct calibrate_frame *, the pictures that are used */
     GPtrArray *rejected;             /* char *, pictures or parts of them that are not, and why */
+    GPtrArray *incomplete;           /* char *, sessions that lack shots, and how many */
     const struct work *work;
     gint64 begun_us; /* of the work */
     double seconds;  /* which it took */
@@ -55,15 +63,22 @@ struct calibrate_job {
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error);
 
-/* Opens one of the job's sessions. The first gives the calibration to improve on: that of -c, or of
- * the file that the method adds to, else its own. The others, and the file, are refused if they are
- * of another rig. */
+/* Opens one of the job's sessions. One that lacks shots is refused without --incomplete. The first
+ * gives the calibration to improve on: that of -c, or of the file that the method adds to, else its
+ * own. The others, and the file, are refused if they are of another rig. */
 Session *calibrate_open(struct calibrate_job *job, int i, GError **error);
 
 /* Records in the calibration how a part of it was found: from all of the job's frames but the
  * rejected ones, whose list the calibration then owns. */
 void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, const char *method,
                         double residual_rms, const char *residual_unit, int degrees_of_freedom);
+
+/* The sessions of a calibrated part that lacked shots, as the calibration file keeps them; the
+ * part's name is that of the command, "laser". NULL: all were complete. g_strfreev(). */
+char **calibrate_lacking(const struct calibration *calibration, const char *part);
+
+/* What a part leaves out one by one: "sights". */
+const char *calibrate_left_out(enum calibration_kind kind);
 
 /* Adds the last lines for people: how many items were left out (what: "sights"), and whether
  * cameras should be calibrated first. */

@@ -14,6 +14,7 @@ static const GOptionEntry entries[] = {
      "8x8,square=9,marker=6.75,thickness=3"},
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration, and keep what it says of lamps and lasers"),
+    CALIBRATE_INCOMPLETE,
     {"board-azimuth", 0, 0, G_OPTION_ARG_NONE, &azimuth_option,
      "Azimuth 0 is the x axis of the board that lies flat, with the turntable at 0; default: the "
      "cameras keep their mean azimuth",

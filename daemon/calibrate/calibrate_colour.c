@@ -12,6 +12,7 @@ static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Add to this calibration. Default: the file that is written, if it is there; "
                    "else that of the session"),
+    CALIBRATE_INCOMPLETE,
     {NULL},
 };
 

@@ -18,6 +18,7 @@ static char *planes_option;
 static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration, which knows cameras and arc"),
+    CALIBRATE_INCOMPLETE,
     {"planes", 0, 0, G_OPTION_ARG_STRING, &planes_option,
      "Heights of the plates' tops above the turntable, one a session; default: each session's "
      "reference plane",

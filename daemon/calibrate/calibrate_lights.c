@@ -27,6 +27,7 @@ static const GOptionEntry entries[] = {
      "FILE"},
     CALIBRATE_OUTPUT("Write the result here"),
     CALIBRATE_FROM("Start from this calibration, which knows the cameras"),
+    CALIBRATE_INCOMPLETE,
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
      "No session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
     {"ball", 0, 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,

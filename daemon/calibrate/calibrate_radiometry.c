@@ -15,6 +15,7 @@ static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
                    "file that is written, if it is there; else that of the session"),
+    CALIBRATE_INCOMPLETE,
     {NULL},
 };
 
@@ -55,16 +56,26 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
     }
 }
 
-static gboolean parse_reflectance(double ret[3]) {
+/* Returns what is wrong with --reflectance, or NULL; g_free(). */
+static char *parse_reflectance(double ret[3]) {
+    if (!reflectance_option)
+        return g_strdup("no reflectance of the tile is given: give --reflectance, a number from "
+                        "0.05 to 1.2 such as 0.98, or three separated by ';'");
     if (!calibrate_parse(reflectance_option, ";", 3, ret)) {
         if (!calibrate_parse(reflectance_option, ";", 1, ret))
-            return FALSE;
+            return g_strdup_printf("--reflectance=%s: give one number, such as 0.98, or three "
+                                   "separated by ';'",
+                                   reflectance_option);
         ret[1] = ret[2] = ret[0];
     }
     for (int i = 0; i < 3; i++)
         if (!(ret[i] >= 0.05 && ret[i] <= 1.2))
-            return FALSE;
-    return TRUE;
+            return ret[i] >= 5 && ret[i] <= 120
+                       ? g_strdup_printf("--reflectance: %g is out of range: 0.05 to 1.2; for %g "
+                                         "%% write %g",
+                                         ret[i], ret[i], ret[i] / 100)
+                       : g_strdup_printf("--reflectance: %g is out of range: 0.05 to 1.2", ret[i]);
+    return NULL;
 }
 
 static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError **error) {
@@ -89,10 +100,9 @@ static int cli_calibrate_radiometry_run(const struct call *call, GError **error)
                                                    cli_calibrate_radiometry_tell, .adds = TRUE};
     struct job job = {0};
     double size_mm[2];
-    if (!reflectance_option || !parse_reflectance(job.options.reflectance))
-        return cli_usage(call->command,
-                         "no reflectance of the tile is given: give --reflectance, a number from "
-                         "0.05 to 1.2 such as 0.98, or three separated by ';'");
+    g_autofree char *wrong = parse_reflectance(job.options.reflectance);
+    if (wrong)
+        return cli_usage(call->command, "%s", wrong);
     if (tile_option) {
         if (!calibrate_parse(tile_option, "x", 2, size_mm) ||
             !(MIN(size_mm[0], size_mm[1]) > 5 && MAX(size_mm[0], size_mm[1]) < 1e5))

@@ -61,8 +61,14 @@ static void doubt_part(GPtrArray *to, const struct calibration *calibration,
         return;
     }
     if (left_out > MOST_REJECTED * (left_out + used))
-        g_ptr_array_add(to, g_strdup_printf("%s: more was left out (%u) than used, of %d pictures",
-                                            name, left_out, part->pictures));
+        g_ptr_array_add(to,
+                        g_strdup_printf("%s: more %s were left out (%u) than used, of %d "
+                                        "pictures",
+                                        name, calibrate_left_out(kind), left_out, part->pictures));
+    g_auto(GStrv) lacking = calibrate_lacking(calibration, name);
+    for (int i = 0; lacking && lacking[i]; i++)
+        g_ptr_array_add(to, g_strdup_printf("%s: calibrated from a session that lacks shots: %s",
+                                            name, lacking[i]));
     if (part->degrees_of_freedom < 1)
         g_ptr_array_add(to, g_strdup_printf("%s: nothing was measured twice, so that its errors "
                                             "are not known",
@@ -111,7 +117,7 @@ static void add_verdict(GString *to, const struct calibration *calibration) {
 static void add_parts(GString *to, const struct calibration *calibration) {
     g_string_append_printf(to, "<div "
                                "class=\"wide\"><table><tr><th>part</th><th>date</th><th>method</"
-                               "th><th>pictures</th><th>rejected</th>"
+                               "th><th>pictures</th><th>left out</th>"
                                "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
     for (int i = 0; i < CALIBRATION_PARTS; i++) {
         const struct calibration_part *part = &calibration->parts[i];
@@ -127,9 +133,10 @@ static void add_parts(GString *to, const struct calibration *calibration) {
         g_autofree char *unit = escaped(part->residual_unit);
         g_string_append_printf(
             to,
-            "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u</td><td>%.3g "
+            "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u %s</td><td>%.3g "
             "%s</td><td>%d</td></tr>\n",
-            name, part->date, method, part->pictures, part->rejected->len, part->residual_rms, unit,
+            name, part->date, method, part->pictures, part->rejected->len,
+            calibrate_left_out((enum calibration_kind)i), part->residual_rms, unit,
             part->degrees_of_freedom);
     }
     g_string_append_printf(to, "</table></div>\n");
@@ -343,8 +350,9 @@ static void add_rejected(GString *to, const struct calibration *calibration, con
         const GPtrArray *rejected = calibration->parts[i].rejected;
         if (rejected->len == 0)
             continue;
-        g_string_append_printf(to, "<h2>Left out: %s</h2>\n<p>%u of them%s</p>\n<ul>\n",
+        g_string_append_printf(to, "<h2>Left out: %s</h2>\n<p>%u %s%s</p>\n<ul>\n",
                                calibration_part_name((enum calibration_kind)i), rejected->len,
+                               calibrate_left_out((enum calibration_kind)i),
                                rejected->len > MOST_SHOWN ? "; the first are" : "");
         for (guint k = 0; k < MIN(rejected->len, MOST_SHOWN); k++) {
             g_autofree char *text = escaped(rejected->pdata[k]);
@@ -353,7 +361,7 @@ static void add_rejected(GString *to, const struct calibration *calibration, con
         g_string_append(to, "</ul>\n");
         if (rejected->len > MOST_SHOWN) {
             g_autofree char *file = escaped(path);
-            g_string_append_printf(to, "<p>mesorig calibrate show %s lists all.</p>\n", file);
+            g_string_append_printf(to, "<p>mesorig calibrate show --all %s lists all.</p>\n", file);
         }
     }
 }

@@ -4,6 +4,13 @@
 static const char *const titles[CALIBRATION_PARTS] = {"cameras and turntable", "lamps and arc",
                                                       "laser sheets", "radiometry"};
 
+static gboolean all_option;
+static const GOptionEntry entries[] = {
+    {"all", 0, 0, G_OPTION_ARG_NONE, &all_option,
+     "Also list every picture, sight or sweep that was left out, and why", NULL},
+    {NULL},
+};
+
 static void show_part(Record *to, const struct calibration *calibration,
                       enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
@@ -22,12 +29,29 @@ static void show_part(Record *to, const struct calibration *calibration,
     record_string(to, "checksum", part->checksum);
     record_strings(to, "rejected", part->rejected);
     record_end(to);
-    record_say(
-        to, "%s: %s, %s\n  %d pictures, %u rejected, residual RMS %.3g %s, %d degrees of freedom\n",
-        titles[kind], part->date, part->method, part->pictures, part->rejected->len,
-        part->residual_rms, part->residual_unit, part->degrees_of_freedom);
-    for (guint i = 0; i < part->rejected->len; i++)
-        record_say(to, "  rejected: %s\n", (const char *)part->rejected->pdata[i]);
+    record_say(to,
+               "%s: %s, %s\n  %d pictures, %u %s left out, residual RMS %.3g %s, %d degrees of "
+               "freedom\n",
+               titles[kind], part->date, part->method, part->pictures, part->rejected->len,
+               calibrate_left_out(kind), part->residual_rms, part->residual_unit,
+               part->degrees_of_freedom);
+    g_auto(GStrv) lacking = calibrate_lacking(calibration, calibration_part_name(kind));
+    for (int i = 0; lacking && lacking[i]; i++)
+        record_say(to, "  incomplete: %s\n", lacking[i]);
+}
+
+/* What was left out comes last, and only if it is asked for: it may be hundreds of lines. */
+static void show_left_out(Record *to, const struct calibration *calibration, const char *path) {
+    guint n = 0;
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const struct calibration_part *part = &calibration->parts[i];
+        n += part->rejected->len;
+        for (guint k = 0; all_option && k < part->rejected->len; k++)
+            record_say(to, "left out of %s: %s\n", titles[i],
+                       (const char *)part->rejected->pdata[k]);
+    }
+    if (n > 0 && !all_option)
+        record_say(to, "mesorig calibrate show --all %s lists what was left out\n", path);
 }
 
 static double error_of(const struct calibration_camera *camera, int parameter) {
@@ -164,6 +188,7 @@ static int cli_calibrate_show_run(const struct call *call, GError **error) {
         show_laser(to, &rig->lasers[i], &calibration->lasers[i]);
     show_part(to, calibration, CALIBRATION_RADIOMETRY);
     show_radiometry(to, calibration);
+    show_left_out(to, calibration, call->arguments[0]);
     return CLI_DONE;
 }
 
@@ -171,6 +196,7 @@ const struct command calibrate_show = {.name = "calibrate show",
                                        .arguments = "FILE",
                                        .examples = "  mesorig calibrate show rig.calibration\n",
                                        .help = "Print the contents of a calibration file.",
+                                       .options = entries,
                                        .min = 1,
                                        .max = 1,
                                        .run = cli_calibrate_show_run};

@@ -19,8 +19,11 @@ static double load_value(Session *session, const char *key) {
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error) {
     if (directory && g_file_test(directory, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS,
-                    "%s exists already; choose another name, or resume it", directory);
+        g_autofree char *db = g_build_filename(directory, "session.db", NULL);
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS, "%s exists already%s", directory,
+                    g_file_test(db, G_FILE_TEST_EXISTS)
+                        ? "; choose another name, or resume it"
+                        : ", and is not a session; choose another name");
         return NULL;
     }
     struct plan *plan = plan_build(conf, &devices->geometry, &devices->timing, error);
@@ -98,6 +101,7 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->real_base_s = load_value(session, "real_s");
     capture->frames_base = load_value(session, "frames");
     capture->retakes_base = load_value(session, "retakes");
+    exposure_advice_load(&capture->exposures, session);
     if (!capture_mount_load(capture, error))
         g_clear_pointer(&capture, capture_free);
     return capture;
@@ -142,6 +146,8 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         gboolean calibrated = FALSE;
         for (int i = 0; i < CALIBRATION_PARTS; i++)
             calibrated |= calibration->parts[i].done;
+        g_autofree char *line =
+            calibration_line(calibration, devices->calibration_path, CAPTURE_CALIBRATION_HOW);
         capture_save_value(session, "predicted_s", plan->predicted_s);
         capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
         capture_save_value(session, "predicted_bytes", (double)plan->bytes);
@@ -155,6 +161,7 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         /* The session has the calibration as a whole; this says where it came from. */
         session_set_value(session, "calibration",
                           calibrated ? devices->calibration_path : "nominal", NULL);
+        session_add_event(session, 0, "info", "calibration", line, NULL);
         capture_note(session, "warning", "calibration", warnings);
     }
     return session != NULL;

@@ -1,5 +1,9 @@
 #include "capture_calibration.h"
 
+#include "base/config.h"
+
+#include <math.h>
+
 struct calibration *capture_calibration(const struct devices *devices, GPtrArray **ret_warnings,
                                         GError **error) {
     const char *path = devices->calibration_path;
@@ -31,4 +35,23 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
     }
     *ret_warnings = g_steal_pointer(&warnings);
     return g_steal_pointer(&calibration);
+}
+
+struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
+                                            const char *path, char **ret_line, GError **error) {
+    g_autoptr(Config) config = config_load(rig_path, error);
+    g_autoptr(GPtrArray) warnings = NULL;
+    if (!config)
+        return NULL;
+    const struct config_section *section = config_find(config, "rig", NULL);
+    const char *named = section ? config_value(section, "calibration", NULL) : NULL;
+    g_autofree char *from = path              ? g_canonicalize_filename(path, NULL)
+                            : named && *named ? config_resolve(config, named)
+                                              : NULL;
+    const struct devices devices = {
+        .geometry = *geometry, .calibration_path = from, .calibration_days = INFINITY};
+    struct calibration *calibration = capture_calibration(&devices, &warnings, error);
+    if (calibration)
+        *ret_line = calibration_line(calibration, from, CAPTURE_CALIBRATION_HOW);
+    return calibration;
 }

@@ -11,3 +11,13 @@
  * or missing; g_ptr_array_unref(). */
 struct calibration *capture_calibration(const struct devices *devices, GPtrArray **ret_warnings,
                                         GError **error);
+
+/* The same without open devices: for the rig file at rig_path, whose geometry is given. path: the
+ * file to use in place of the one that the rig file names; or NULL. ret_line (g_free()): the line
+ * that tells people which one a capture would use. */
+struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
+                                            const char *path, char **ret_line, GError **error);
+
+/* How to give a calibration to a capture; for calibration_line(). */
+#define CAPTURE_CALIBRATION_HOW                                                                    \
+    "“mesorig calibrate” makes a calibration, [rig] calibration or capture -c FILE gives it"

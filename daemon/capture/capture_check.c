@@ -35,15 +35,24 @@ gboolean capture_is_full(const char *directory, const GError *error) {
 }
 
 gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
-    guint64 free_bytes = capture_free_bytes(path), needed = bytes + SPARE_BYTES;
-    if (free_bytes >= needed)
+    struct statvfs stat;
+    if (stat_nearest(path, &stat) && stat.f_blocks == 0) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO,
+                    "%s: no session can be written there, for it is on no disk; choose a folder "
+                    "on a disk",
+                    path);
+        return FALSE;
+    }
+    const guint64 free_bytes = capture_free_bytes(path);
+    if (free_bytes >= bytes + SPARE_BYTES)
         return TRUE;
-    g_autofree char *needed_text = g_format_size(needed);
+    g_autofree char *needed_text = g_format_size(bytes);
+    g_autofree char *spare_text = g_format_size(SPARE_BYTES);
     g_autofree char *free_text = g_format_size(free_bytes);
     g_set_error(error, SESSION_ERROR, SESSION_ERROR_FULL,
-                "%s: the session needs %s, but %s are free there; free some space or choose "
-                "another disk",
-                path, needed_text, free_text);
+                "%s: the session needs %s for frames, and %s to spare for its database and the "
+                "first products, but %s are free there; free some space or choose another disk",
+                path, needed_text, spare_text, free_text);
     return FALSE;
 }
 

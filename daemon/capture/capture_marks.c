@@ -47,11 +47,12 @@ static void report_first_check(Capture *capture, const struct fiducials_check *c
     capture->marks_reported = TRUE;
     g_autofree char *text =
         check->n_seen > 0
-            ? g_strdup_printf("quick check: %d marks seen, %.3f px off where calibration has them",
-                              check->n_seen, check->rms_px)
+            ? g_strdup_printf(
+                  "quick check: fiducials seen %d times, %.3f px off where calibration has them",
+                  check->n_seen, check->rms_px)
             : g_strdup("no camera sees a mark: is something on them? Nothing tells whether the rig "
                        "has moved, and what the lamps give");
-    capture_add_event(capture, check->n_seen > 0 ? "info" : "warning", "marks", text);
+    capture_add_event(capture, check->n_seen > 0 ? "info" : "warning", "fiducials", text);
 }
 
 /* One shot of a small camera is too little evidence: evaluates the last few together. */
@@ -102,7 +103,7 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
         g_autofree char *text = g_strdup_printf("something may have moved since the rig was "
                                                 "calibrated: %s; the next shot will tell",
                                                 what);
-        capture_add_event(capture, "warning", "marks", text);
+        capture_add_event(capture, "warning", "fiducials", text);
         return NULL;
     }
     capture_marks_forget(capture);

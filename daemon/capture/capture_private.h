@@ -5,6 +5,7 @@
 
 #include "calibration/calibration.h"
 #include "capture.h"
+#include "exposure_advice.h"
 #include "intake.h"
 #include "sequencer.h"
 
@@ -50,6 +51,7 @@ struct Capture {
     gboolean all_taken;
     int n_shots, n_done;
     gint64 frames, retakes;
+    struct exposure_retakes exposures;
     gint64 begun_us;                               /* real time, monotonic */
     double real_base_s, frames_base, retakes_base; /* of earlier runs of this session */
     double clock_base_s; /* session clock at since_us, or while it stands */

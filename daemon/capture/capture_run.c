@@ -104,6 +104,7 @@ static void save_clock(Capture *capture) {
     capture_save_value(capture->session, "frames", capture->frames_base + (double)capture->frames);
     capture_save_value(capture->session, "retakes",
                        capture->retakes_base + (double)capture->retakes);
+    exposure_advice_save(&capture->exposures, capture->session);
     capture_save_value(capture->session, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
 }
 
@@ -143,6 +144,9 @@ void capture_come_to_rest(Capture *capture, enum capture_state state) {
     capture->clock_base_s = capture_now_s(capture); /* it stands from now on */
     capture->since_us = -1;
     save_clock(capture);
+    g_autofree char *advice = state == CAPTURE_DONE ? exposure_advice(capture->session) : NULL;
+    if (advice)
+        capture_add_event(capture, "warning", "exposures", advice);
     capture_set_state(capture, state);
 }
 
@@ -304,7 +308,7 @@ static void commit_what_is_back(Capture *capture) {
         }
         g_autofree char *moved = capture_marks_check(capture, flight);
         if (moved) {
-            stop_for(capture, "marks", moved);
+            stop_for(capture, "fiducials", moved);
             return;
         }
         if (!commit(capture, flight))
@@ -431,9 +435,10 @@ static void capture_run_on_frame(const struct session_shot *shot, int camera, in
     capture_run_changed(capture);
 }
 
-static void on_retake(int camera, const char *why, gpointer data) {
+static void on_retake(int camera, const char *why, gint64 shortened_us, gpointer data) {
     Capture *capture = data;
     capture->retakes++;
+    exposure_advice_count(&capture->exposures, shortened_us);
     g_autofree char *message = g_strdup_printf("picture taken again: %s", why);
     report_rate_limited(capture, &capture->retake_limits[camera],
                         capture->devices->geometry.cameras[camera].name, message);

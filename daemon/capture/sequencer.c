@@ -169,7 +169,7 @@ static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
     if (++state->refused <= seq->conf->retries) {
         gint64 until_us = clock_now_us(seq->devices->clock) + rest_us(state->refused);
         state->rest_until_us = MAX(state->rest_until_us, until_us);
-        seq->hooks.retake(camera, error_details_text(error), seq->hooks.data);
+        seq->hooks.retake(camera, error_details_text(error), 0, seq->hooks.data);
         return seq->state != IDLE;
     }
     g_autofree char *advised = stage_advise(error_details_text(error), error);
@@ -301,7 +301,7 @@ static void take_frame(Sequencer *seq, int camera, Frame *frame) {
     state->refused = 0;
     if (shorten(seq, camera, frame, &why)) {
         state->retakes++;
-        seq->hooks.retake(camera, why, seq->hooks.data);
+        seq->hooks.retake(camera, why, exposure_us(seq, camera), seq->hooks.data);
         if (seq->state != EXPOSING)
             return;
         seq->pending |= 1u << camera;

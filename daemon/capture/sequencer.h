@@ -17,8 +17,9 @@ struct sequencer_hooks {
     /* An accepted frame, in order of sub for each camera; retakes: of this camera in this shot. */
     void (*frame)(const struct session_shot *shot, int camera, int sub, Frame *frame, int retakes,
                   gpointer data);
-    /* A picture was refused or lost and is taken again. */
-    void (*retake)(int camera, const char *why, gpointer data);
+    /* A picture was refused or lost and is taken again; shortened_us: the exposure that it is taken
+     * again with since it was saturated, or 0. */
+    void (*retake)(int camera, const char *why, gint64 shortened_us, gpointer data);
     /* All shots are taken, or the one under way after sequencer_pause(). The rig is safe. */
     void (*finished)(gpointer data);
     /* Everything has stopped; the rig is safe, or reason contains DEVICES_UNSAFE. */

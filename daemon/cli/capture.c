@@ -10,7 +10,6 @@
 #include "rig/devices.h"
 #include "session/session.h"
 
-#include <math.h>
 #include <string.h>
 
 static char *output, *rig_option, *calibration;
@@ -92,28 +91,13 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     return done ? CLI_DONE : CLI_FAILED;
 }
 
-/* That which the capture will take; NULL with an error if it is damaged or of another rig. */
-static struct calibration *calibration_to_take(const char *rig_path, const struct rig *rig,
-                                               GError **error) {
-    g_autoptr(Config) config = config_load(rig_path, error);
-    g_autoptr(GPtrArray) warnings = NULL;
-    if (!config)
-        return NULL;
-    const struct config_section *section = config_find(config, "rig", NULL);
-    const char *named = section ? config_value(section, "calibration", NULL) : NULL;
-    g_autofree char *path = calibration       ? g_canonicalize_filename(calibration, NULL)
-                            : named && *named ? config_resolve(config, named)
-                                              : NULL;
-    const struct devices devices = {
-        .geometry = *rig, .calibration_path = path, .calibration_days = INFINITY};
-    return capture_calibration(&devices, &warnings, error);
-}
-
 /* Before a long capture. FALSE: they predict that it would be spoilt, and --yes was not given; or a
  * device has failed. */
 static gboolean take_test_shots(Link *link, const struct session_conf *conf, const struct rig *rig,
                                 const char *rig_path, GError **error) {
-    g_autoptr(Calibration) known = calibration_to_take(rig_path, rig, error);
+    g_autofree char *line = NULL;
+    g_autoptr(Calibration) known =
+        capture_calibration_for(rig_path, rig, calibration, &line, error);
     int n = 0;
     g_autoptr(GPtrArray) warnings = known ? guard_try(link, conf, rig, known, &n, error) : NULL;
     if (!warnings) {
@@ -195,9 +179,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     g_clear_pointer(&link, link_free);
     /* The child of a private daemon has ended with it; products that are up to date are not made
      * again. */
-    return code == CLI_DONE && process && private
-               ? process_session(directory, NULL, FALSE, call->record, error)
-               : code;
+    return code == CLI_DONE && process && private ? process_session(directory, call->record, error)
+                                                  : code;
 }
 
 static int run_capture(const struct call *call, GError **error) {
@@ -206,7 +189,9 @@ static int run_capture(const struct call *call, GError **error) {
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
     g_autofree char *directory = g_canonicalize_filename(output, NULL);
-    return cli_capture_run(call, rig, session, directory, error);
+    return plan_check_order(rig, session, error)
+               ? cli_capture_run(call, rig, session, directory, error)
+               : CLI_FAILED;
 }
 
 static char *rig_of_session(const char *directory, GError **error) {
@@ -244,6 +229,7 @@ const struct command cli_capture = {
     .help = "Capture a session and show its progress.",
     .options = capture_entries,
     .daemon = TRUE,
+    .streams = TRUE,
     .min = 2,
     .max = 2,
     .run = run_capture};
@@ -254,6 +240,7 @@ const struct command cli_resume = {.name = "resume",
                                        "Go on with a session: exactly what is missing is taken.",
                                    .options = resume_entries,
                                    .daemon = TRUE,
+                                   .streams = TRUE,
                                    .min = 1,
                                    .max = 1,
                                    .run = run_resume};

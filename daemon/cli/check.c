@@ -3,6 +3,7 @@
 #include "check.h"
 #include "base/data_error.h"
 #include "btf/btf_sigma.h"
+#include "capture/exposure_advice.h"
 #include "command/cli.h"
 #include "command/work.h"
 #include "mdf/mdf_views.h"
@@ -16,6 +17,22 @@ static gboolean check_has_views(const char *folder) {
         if (g_str_has_prefix(name, "view_"))
             return TRUE;
     return FALSE;
+}
+
+/* What is wrong with the exposures, if most pictures had to be taken again or most values are not
+ * of all of them. */
+static gboolean check_exposures(struct check *check, GError **error) {
+    const struct btf_layout *layout = &check->btf->layout;
+    const gint64 all = btf_layout_texels(layout) * (gint64)(layout->views.n * layout->lights.n);
+    g_autoptr(Session) session = session_open(check->path, SESSION_READ, error);
+    if (!session)
+        return FALSE;
+    check->exposures = exposure_advice(session);
+    if (!check->exposures && 2 * (check->btf->shorter + check->btf->bounds) > all)
+        check->exposures =
+            g_strdup("too long: the longest one saturates more than half of the values; leave it "
+                     "out of [capture] exposures_us, or write “auto”");
+    return TRUE;
 }
 
 gboolean check_session(const struct work *work, gpointer data, GError **error) {
@@ -36,7 +53,8 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
         if (!check->energy ||
             (check->plot && !plot_energy(check->plot, check->btf, check->energy, error)) ||
-            !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
+            !check_suspect_btf(check->btf, check->energy, check->suspicions, error) ||
+            !check_exposures(check, error))
             return FALSE;
     }
     if (!check->has_mdf)
@@ -54,6 +72,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
 void check_clear(struct check *check) {
     btf_matrix_free(check->btf);
     energy_free(check->energy);
+    g_free(check->exposures);
     g_ptr_array_unref(check->suspicions);
 }
 
@@ -98,11 +117,12 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
     record_int(to, "line_sweeps", mdf->lines.sweeps);
     record_int(to, "lines_found", mdf->lines.found);
     record_int(to, "lines_disagree", mdf->lines.disagree);
-    record_say(to,
-               "surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
-               "%.2f %% hidden from all of them; %.2f %% of their answers deny it\n",
-               percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
-               percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
+    record_say(
+        to,
+        "surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
+        "%.2f %% hidden from all of them; %.2f %% of what other views say of it contradicts it\n",
+        percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
+        percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
     if (mdf->lines.found > 0)
         record_say(to,
                    "laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
@@ -110,7 +130,8 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
                    mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
 }
 
-static void tell_sigma(Record *to, const char *path) {
+/* Longer exposures do not help where they are too long already. */
+static void tell_sigma(Record *to, const char *path, const char *too_long) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(path, &sigma);
     record_int(to, "sigma_known", sigma.known);
@@ -129,11 +150,11 @@ static void tell_sigma(Record *to, const char *path) {
         record_say(
             to,
             "  warning: in %d of %d pictures σ is more than %.0f %% of half of the values, up "
-            "to %.1f %% (view %.1f° %.1f°, light %.1f° %.1f°): longer exposures reduce noise, more "
+            "to %.1f %% (view %.1f° %.1f°, light %.1f° %.1f°): %s reduce noise, more "
             "pixels per texel reduce the error at edges\n",
             sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE, 100 * sigma.worst,
             sigma.worst_view_theta_deg, sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
-            sigma.worst_light_phi_deg);
+            sigma.worst_light_phi_deg, too_long ? "other exposures (above)" : "longer exposures");
 }
 
 static void cli_check_tell(Record *to, const struct check *check) {
@@ -148,12 +169,15 @@ static void cli_check_tell(Record *to, const struct check *check) {
         tell_energy(to, check->energy);
         record_say(
             to,
-            "marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
-            "%.3g %% from shorter exposures alone, %.3g %% not taken, predicted from other "
-            "lights'\n",
+            "flags        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
+            "%.3g %% from shorter exposures alone, %.3g %% not taken: predicted from the pictures "
+            "of other lights\n",
             percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
             percent(btf->predicted, all));
-        tell_sigma(to, check->path);
+        record_string(to, "exposures", check->exposures);
+        if (check->exposures)
+            record_say(to, "exposures    %s\n", check->exposures);
+        tell_sigma(to, check->path, check->exposures);
     }
     if (check->has_mdf)
         tell_surface(to, &check->mdf);

@@ -13,6 +13,7 @@ struct check {
     struct energy *energy;
     gboolean has_mdf;
     struct mdf_views_sums mdf;
+    char *exposures;       /* what to change about them; NULL: nothing */
     GPtrArray *suspicions; /* char * */
 };
 

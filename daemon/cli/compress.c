@@ -18,6 +18,7 @@ struct compress {
     char *written;
     int texels, views, lights;
     gint64 holes, bounds, raw_bytes, bytes, file_bytes;
+    gboolean replaces; /* a file that was there */
 };
 
 static gboolean cli_compress_encode(struct compress *compress, const struct btf_matrix *btf,
@@ -92,6 +93,7 @@ static gboolean cli_compress_work(const struct work *work, gpointer data, GError
     struct compress *compress = data;
     g_autofree char *lock_path = NULL;
     compress->written = cli_compress_output(compress->asked, error);
+    compress->replaces = compress->written && g_file_test(compress->written, G_FILE_TEST_EXISTS);
     const int lock =
         compress->written ? file_lock_take_output(compress->written, &lock_path, error) : -1;
     const gboolean ok = lock >= 0 && compress_btf(compress, work, error);
@@ -142,6 +144,8 @@ static void cli_compress_tell(Record *to, const struct compress *compress, doubl
                    "disk\n",
                    100 * result->exact_error, result->grid ? "the grid and " : "", size,
                    (double)compress->raw_bytes / (double)compress->bytes, file);
+    if (compress->replaces)
+        record_say(to, "it replaces the file of that name; -o FILE keeps both\n");
     if (compress->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
@@ -181,6 +185,7 @@ const struct command cli_compress = {.name = "compress",
                                                  "  mesorig compress weave.session -m ptm\n",
                                      .help = "Compress the BTF of a session, or its MDF.",
                                      .list_options = compress_entries,
+                                     .streams = TRUE,
                                      .min = 1,
                                      .max = 1,
                                      .run = cli_compress_run};

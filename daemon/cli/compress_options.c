@@ -228,7 +228,8 @@ gboolean compress_ask(const struct call *call, struct compress_asked *ret) {
         cli_usage(call->command, "%s", what);
     else if (!ret->output && (!codec || codec->from_process))
         cli_usage(call->command,
-                  "--method=%s needs -o FILE: “mesorig process” writes what is in the session",
+                  "--method=%s: give -o FILE, for the session's own file of this method is "
+                  "written by “mesorig process” and must not be replaced",
                   methods[m].name);
     else
         return TRUE;

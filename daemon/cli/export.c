@@ -156,9 +156,10 @@ static int export_shape(const struct call *call, struct job *job, enum export_su
     record_int(to, "stacked", result->stacked);
     record_double(to, "real_s", seconds);
     if (what == EXPORT_POINTS)
-        record_say(
-            to, "%s: %" G_GINT64_FORMAT " points of the %" G_GINT64_FORMAT " that %d views saw\n",
-            output, result->points, result->seen, result->n_views);
+        record_say(to,
+                   "%s: %" G_GINT64_FORMAT " points; %d views saw %" G_GINT64_FORMAT
+                   ", and points that several views saw were merged into one\n",
+                   output, result->points, result->n_views, result->seen);
     else
         record_say(to,
                    "%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with "

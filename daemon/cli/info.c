@@ -3,13 +3,14 @@
 
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
+#include "calibration/calibration.h"
 #include "codecs/codecs.h"
 #include "command/cli.h"
 #include "exr/exr.h"
 #include "history.h"
 #include "mdf_codecs/mdf_codec.h"
 #include "plan/report.h"
-#include "session/session.h"
+#include "session/made_with.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -116,7 +117,7 @@ static void tell_products(Record *to, const char *directory) {
         record_say(to, "product    products/btf, %d views, %s\n", n_views, size);
     if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
         record_say(to,
-                   "marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
+                   "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
                    " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
                    " from shorter exposures alone, %" G_GINT64_FORMAT
                    " of pictures that were not taken, predicted from other lights\n",
@@ -133,6 +134,26 @@ static void tell_sigma(Record *to, const char *directory) {
     if (sigma.known > 0)
         record_say(to, "error bars median σ %.4g, %.2f %% of a value, in %d of %d pictures\n",
                    sigma.median, 100 * sigma.relative, sigma.known, sigma.lights);
+}
+
+/* Which calibration its products were made with, or would be. */
+static gboolean tell_calibration(Record *to, Session *session, GError **error) {
+    struct made_with with;
+    if (!made_with_read(session, &with, error))
+        return FALSE;
+    g_autoptr(Calibration) calibration = calibration_from_text(with.text, with.where, error);
+    g_autofree char *line =
+        calibration ? calibration_line(calibration, with.where, "process -c FILE gives one") : NULL;
+    record_string(to, "calibration", line);
+    record_boolean(to, "calibration_own", with.own);
+    record_boolean(to, "calibration_mixed", with.mixed);
+    record_say(to, "calibrated %s%s%s\n", line,
+               with.own ? "" : "; the products alone, it was captured with another",
+               with.mixed ? "; some products may still be of another, for their processing was not "
+                            "finished: mesorig process makes them again"
+                          : "");
+    made_with_clear(&with);
+    return calibration != NULL;
 }
 
 static void tell_events(Record *to, const GPtrArray *events) {
@@ -157,9 +178,9 @@ static void tell_events(Record *to, const GPtrArray *events) {
     record_end(to);
 }
 
-static void tell_session(Record *to, Session *session, const char *state,
-                         const struct session_grid *grid, const struct counts *counts,
-                         const GPtrArray *events) {
+static gboolean tell_session(Record *to, Session *session, const char *state,
+                             const struct session_grid *grid, const struct counts *counts,
+                             const GPtrArray *events, GError **error) {
     const int shots = counts->planned + counts->done + counts->skipped;
     const char *directory = session_path(session);
     g_autofree char *size = g_format_size((guint64)counts->bytes);
@@ -204,9 +225,12 @@ static void tell_session(Record *to, Session *session, const char *state,
         record_say(to, "chosen     %s\n", chosen);
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
     record_say(to, "frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
+    if (!imported && !tell_calibration(to, session, error))
+        return FALSE;
     tell_products(to, directory);
     tell_sigma(to, directory);
     tell_events(to, events);
+    return TRUE;
 }
 
 gboolean info_session(const char *directory, Record *to, GError **error) {
@@ -224,8 +248,7 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     const char *state = counts.planned == 0                         ? "done"
                         : !stored || g_str_equal(stored, "running") ? "unfinished"
                                                                     : stored;
-    tell_session(to, session, state, &grid, &counts, events);
-    return TRUE;
+    return tell_session(to, session, state, &grid, &counts, events, error);
 }
 
 static GVariant *attribute_variant(const struct exr_attribute *attribute) {

@@ -1,5 +1,7 @@
 /* plan and drivers: what would be done, and with what. */
+#include "base/nearest.h"
 #include "capture/capture.h"
+#include "capture/capture_calibration.h"
 #include "command/cli.h"
 #include "command/link.h"
 #include "plan/report.h"
@@ -92,6 +94,8 @@ static int run_plan(const struct call *call, GError **error) {
                     "--offline looks at the rig file alone: leave out --output %s", output);
         return CLI_FAILED;
     }
+    if (!plan_check_order(rig, session, error))
+        return CLI_FAILED;
     g_autoptr(Link) link = offline ? NULL : link_find_rig(rig, &failed);
     g_autoptr(GVariant) report = NULL;
     if (!failed)
@@ -102,9 +106,18 @@ static int run_plan(const struct call *call, GError **error) {
         g_propagate_error(error, failed);
         return CLI_FAILED;
     }
+    struct rig geometry;
+    g_autofree char *line = NULL;
+    g_autoptr(Calibration) calibration =
+        devices_read_geometry(rig, &geometry, error)
+            ? capture_calibration_for(rig, &geometry, NULL, &line, error)
+            : NULL;
+    if (!calibration)
+        return CLI_FAILED;
     g_autofree char *text = report_text(report);
     record_variants(call->record, report);
-    record_say(call->record, "%s", text);
+    record_string(call->record, "calibration", line);
+    record_say(call->record, "%scalibration     %s\n", text, line);
     return CLI_DONE;
 }
 
@@ -112,11 +125,16 @@ static int run_drivers(const struct call *call, GError **error) {
     const char *name = call->arguments[0];
     g_autofree char *text = devices_describe_drivers(name, cli_json);
     if (text && *text) {
-        g_print("%s%s", text, g_str_has_suffix(text, "\n") ? "" : "\n");
+        g_print("%s%s%s", text, g_str_has_suffix(text, "\n") ? "" : "\n",
+                name || cli_json ? "" : "“mesorig drivers NAME” lists the options of one.\n");
         return CLI_DONE;
     }
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "no driver “%s”; “mesorig drivers” lists them", name ? name : "");
+    struct nearest nearest = nearest_new(name ? name : "");
+    for (gsize i = 0; devices_driver(i); i++)
+        nearest_consider(&nearest, devices_driver(i)->name);
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "there is no driver “%s”; %s%s%s", name,
+                nearest.name ? "did you mean “" : "“mesorig drivers” lists them",
+                nearest.name ? nearest.name : "", nearest.name ? "”?" : "");
     return CLI_FAILED;
 }
 

@@ -8,14 +8,17 @@
 #include "command/work.h"
 #include "plan/report.h"
 #include "rig/devices.h"
-#include "session/session.h"
+#include "session/made_with.h"
 
-static void tell_lines(Record *to, const struct pipeline_result *result) {
+static void tell_lines(Record *to, const struct pipeline_result *result, gboolean calibrated) {
     if (result->line_sweeps == 0)
         return;
     if (result->lines_found == 0)
-        record_say(to, "laser planes: by the calibration alone; no line was seen beside the sample "
-                       "([sample] flat_radius_mm and flat_hole_mm say where one could be)\n");
+        record_say(to,
+                   "laser planes: %s; no line was seen beside the sample ([sample] flat_radius_mm "
+                   "and flat_hole_mm say where one could be)\n",
+                   calibrated ? "by the calibration alone"
+                              : "nominal, as the rig file has them, for no laser is calibrated");
     else if (result->lines_disagree == 0)
         record_say(to,
                    "laser planes: lines beside the sample in %d of %d sweeps agree with the "
@@ -31,7 +34,8 @@ static void tell_lines(Record *to, const struct pipeline_result *result) {
             result->line_worst_position);
 }
 
-static void tell_result(Record *to, const struct pipeline_result *result, double seconds) {
+static void tell_result(Record *to, const struct pipeline_result *result,
+                        const struct calibration *calibration, double seconds) {
     g_autofree char *time = report_duration(seconds);
     record_int(to, "views", result->n_views);
     record_int(to, "lights", result->n_lights);
@@ -47,13 +51,20 @@ static void tell_result(Record *to, const struct pipeline_result *result, double
     record_double(to, "lines_rms_deg", result->lines_rms_deg);
     record_double(to, "lines_worst_deg", result->lines_worst_deg);
     record_double(to, "real_s", seconds);
-    record_say(
-        to,
-        "done in %s: BTF of %d views × %d lights, MDF of %d views with %.1f %% of the texels "
-        "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f "
-        "%%\n",
-        time, result->n_views, result->n_lights, result->n_mdf_views, 100 * result->mdf_coverage,
-        100 * result->mdf_predicted, 100 * result->eigenmaps_error);
+    record_say(to, "done in %s", time);
+    if (result->n_views > 0)
+        record_say(to, ": BTF of %d views × %d lights", result->n_views, result->n_lights);
+    if (result->n_mdf_views > 0)
+        record_say(to,
+                   "%s MDF of %d views with %.1f %% of the texels measured and %.2f %% predicted "
+                   "by other views",
+                   result->n_views > 0 ? "," : ":", result->n_mdf_views, 100 * result->mdf_coverage,
+                   100 * result->mdf_predicted);
+    if (result->n_views > 0)
+        record_say(to,
+                   ", eigen-maps with an error of %.2f %% (mesorig compress makes closer files)",
+                   100 * result->eigenmaps_error);
+    record_say(to, "\n");
     if (result->n_damaged > 0)
         record_say(to, "%d %s damaged or gone, and %s been made again\n", result->n_damaged,
                    result->n_damaged == 1 ? "product was" : "products were",
@@ -64,12 +75,27 @@ static void tell_result(Record *to, const struct pipeline_result *result, double
             "%d of the BTF's %d pictures were left out by the plan: predicted from those of the "
             "lights around them, and marked\n",
             result->n_predicted, result->n_views * result->n_lights);
-    tell_lines(to, result);
+    tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
+}
+
+/* The calibration that the products were made with, after it is told. NULL: an error. */
+static struct calibration *tell_calibration(Record *to, const char *directory, GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    struct made_with with;
+    if (!session || !made_with_read(session, &with, error))
+        return NULL;
+    struct calibration *calibration = calibration_from_text(with.text, with.where, error);
+    g_autofree char *line =
+        calibration ? calibration_line(calibration, with.where, "-c FILE gives one") : NULL;
+    record_string(to, "calibration", line);
+    record_say(to, "calibration: %s\n", line);
+    made_with_clear(&with);
+    return calibration;
 }
 
 struct process {
     const char *directory;
-    const char *calibration; /* text; NULL: the session's own */
+    const char *calibration, *path; /* its text, and where it is from; NULL: the session's own */
     gboolean follow;
     struct pipeline_result result;
     GPtrArray *causes; /* char *: why little was measured */
@@ -90,6 +116,7 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
         .follow = process->follow,
         .n_eigenmaps = 4,
         .calibration = process->calibration,
+        .calibration_path = process->path,
         .work = *work,
     };
     return pipeline_run(process->directory, &options, &process->result, error) &&
@@ -97,18 +124,24 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
                            process->causes, error);
 }
 
-int process_session(const char *directory, const char *calibration, gboolean follow, Record *to,
-                    GError **error) {
-    g_autoptr(GPtrArray) causes = g_ptr_array_new_with_free_func(g_free);
-    struct process process = {directory, calibration, follow, .causes = causes};
+static int run_process(struct process *process, Record *to, GError **error) {
+    g_autoptr(GPtrArray) causes = process->causes = g_ptr_array_new_with_free_func(g_free);
     double seconds = 0;
-    if (!cli_work_run(run_pipeline, &process, &seconds, error))
+    if (!cli_work_run(run_pipeline, process, &seconds, error))
         return CLI_FAILED;
-    tell_result(to, &process.result, seconds);
+    g_autoptr(Calibration) calibration = tell_calibration(to, process->directory, error);
+    if (!calibration)
+        return CLI_FAILED;
+    tell_result(to, &process->result, calibration, seconds);
     record_strings(to, "causes", causes);
     for (guint i = 0; i < causes->len; i++)
         record_say(to, "%s\n", (char *)causes->pdata[i]);
     return CLI_DONE;
+}
+
+int process_session(const char *directory, Record *to, GError **error) {
+    struct process process = {.directory = directory};
+    return run_process(&process, to, error);
 }
 
 /* The text of a calibration file, or “nominal”: the geometry and light of the rig file that the
@@ -141,7 +174,11 @@ static int cli_process_run(const struct call *call, GError **error) {
         calibration_option ? read_calibration(directory, calibration_option, error) : NULL;
     if (calibration_option && !calibration)
         return CLI_FAILED;
-    return process_session(directory, calibration, follow_option, call->record, error);
+    g_autofree char *path = !calibration_option || g_str_equal(calibration_option, "nominal")
+                                ? g_strdup("nominal")
+                                : g_canonicalize_filename(calibration_option, NULL);
+    struct process process = {directory, calibration, path, follow_option};
+    return run_process(&process, call->record, error);
 }
 
 const struct command cli_process = {.name = "process",
@@ -151,6 +188,7 @@ const struct command cli_process = {.name = "process",
                                         "  mesorig process weave.session -c better.calibration\n",
                                     .help = "Make BTF, MDF and eigen-maps of a session.",
                                     .options = entries,
+                                    .streams = TRUE,
                                     .min = 1,
                                     .max = 1,
                                     .run = cli_process_run};

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-gboolean cli_json;
+gboolean cli_json, cli_streams;
 char *cli_address, *cli_bus;
 
 static const GOptionEntry json_entries[] = {
@@ -91,6 +91,7 @@ int cli_run(const struct command *command, int argc, char **argv) {
     if (!cli_parse(command, &argc, &argv))
         return CLI_USAGE;
     const struct call call = {command, argv + 1, argc - 1, record};
+    cli_streams = command->streams;
     const int code = command->run(&call, &error);
     if (!error && code != CLI_USAGE)
         record_print(record, cli_json);

@@ -20,9 +20,10 @@ struct command {
     const char *const *words;    /* what its first argument may be, ending with NULL; or NULL */
     const GOptionEntry *options; /* its own, or NULL */
     const GOptionEntry *(*list_options)(
-        void);       /* in place of options: made when they are asked for */
-    gboolean daemon; /* --address and --bus, too */
-    int min, max;    /* number of positional arguments */
+        void);        /* in place of options: made when they are asked for */
+    gboolean daemon;  /* --address and --bus, too */
+    gboolean streams; /* --json prints progress, too: an object a line, the result last */
+    int min, max;     /* number of positional arguments */
 
     /* Returns an exit code and fills call->record. With an error set, cli_run() prints it, and the
      * exit code is CLI_FAILED. */
@@ -43,7 +44,8 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
 /* Parses the options, runs the command, and prints its record or its error. An exit code. */
 int cli_run(const struct command *command, int argc, char **argv);
 
-extern gboolean cli_json; /* --json was given */
+extern gboolean cli_json;    /* --json was given */
+extern gboolean cli_streams; /* of the command that runs */
 
 /* --address and --bus, for commands that talk to a daemon. */
 extern char *cli_address, *cli_bus;

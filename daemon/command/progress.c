@@ -7,15 +7,16 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#define INTERVAL_US  100000
-#define LONGEST_BAR  40
-#define SHORTEST_BAR 8
+#define INTERVAL_US   100000
+#define FIRST_LINE_US (1 * G_USEC_PER_SEC)
+#define NEXT_LINE_US  (10 * G_USEC_PER_SEC)
+#define LONGEST_BAR   40
+#define SHORTEST_BAR  8
 
 struct Progress {
     char *what;
     gboolean tty, utf8, drawn;
-    int told; /* tenths, printed last where output is not a terminal */
-    gint64 shown_us;
+    gint64 begun_us, shown_us;    /* 0: not yet */
     char *above;                  /* what is to stand above the bar */
     int above_lines, above_drawn; /* lines of it; and of those on the terminal */
 };
@@ -25,7 +26,6 @@ Progress *progress_new(const char *what) {
     progress->what = g_strdup(what);
     progress->tty = isatty(STDERR_FILENO);
     progress->utf8 = g_get_charset(NULL);
-    progress->told = -1;
     return progress;
 }
 
@@ -79,18 +79,22 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* The bar takes the room that the text leaves; a text that is too long is cut at its end, so that
- * the line never wraps and can be drawn over. */
+/* The bar takes the room that the text leaves. Of a text that is too long, what stands behind its
+ * last commas is left out, so that the line never wraps and can be drawn over. */
 static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =
         ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
     g_autoptr(GString) line = g_string_new(NULL);
     g_string_append_printf(line, "%s %3d %% ", progress->what, (int)floor(fraction * 100));
-    const int used = (int)g_utf8_strlen(line->str, -1) + (int)g_utf8_strlen(text, -1);
-    const int room = columns - 1 - used - 3;
+    const int free_columns = columns - 1 - (int)g_utf8_strlen(line->str, -1) - 3;
+    g_autofree char *fits = g_strdup(text);
+    for (char *comma; (int)g_utf8_strlen(fits, -1) + SHORTEST_BAR > free_columns &&
+                      (comma = g_strrstr(fits, ", "));)
+        *comma = '\0';
+    const int room = free_columns - (int)g_utf8_strlen(fits, -1);
     append_bar(line, CLAMP(room, SHORTEST_BAR, LONGEST_BAR), fraction, progress->utf8);
-    g_string_append(line, text);
+    g_string_append(line, fits);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
     /* Past g_printerr(), which replaces control characters. */
@@ -115,8 +119,15 @@ void progress_show(Progress *progress, double fraction, const char *text, gboole
             return;
         progress->shown_us = now_us;
         cli_progress_draw(progress, fraction, text);
-    } else if ((int)(fraction * 10) > progress->told) {
-        progress->told = (int)(fraction * 10);
+        return;
+    }
+    /* Off a terminal: a line for a stage of a second or more, then one every ten seconds. */
+    if (progress->begun_us == 0)
+        progress->begun_us = now_us;
+    const gboolean first = progress->shown_us == 0;
+    if (first ? now_us >= progress->begun_us + FIRST_LINE_US
+              : now || now_us >= progress->shown_us + NEXT_LINE_US) {
+        progress->shown_us = now_us;
         g_printerr("%s: %d %%, %s\n", progress->what, (int)floor(fraction * 100), text);
     }
 }

@@ -1,5 +1,5 @@
-/* On standard error, so that standard output has results alone: a progress bar on a terminal; a
- * line every ten per cent elsewhere; nothing with --json. */
+/* On standard error, so that standard output has results alone: a progress bar on a terminal;
+ * elsewhere a line after a second, then one every ten seconds; nothing with --json. */
 #pragma once
 
 #include <glib.h>

@@ -17,7 +17,8 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
     if (cli_json) {
         const gint64 now_us = g_get_monotonic_time();
-        if (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC)
+        if (!cli_streams ||
+            (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC))
             return;
         bar->json_us = now_us;
         g_autoptr(Record) record = record_new();

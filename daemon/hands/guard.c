@@ -87,9 +87,9 @@ static void judge_calibration(struct guard *guard) {
                                    calibration_part_name((enum calibration_kind)i));
     if (lacks->len)
         guard_warn(guard,
-                   "the rig is not calibrated (%s): geometry and light are as its file says, which "
-                   "is millimetres and tenths off; see mesorig calibrate, then [rig] calibration, "
-                   "or -c FILE",
+                   "the rig is not calibrated (%s): positions in its file may be wrong by "
+                   "millimetres, and brightness by a tenth or more; see mesorig calibrate, then "
+                   "[rig] calibration, or -c FILE",
                    lacks->str);
 }
 

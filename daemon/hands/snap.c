@@ -81,9 +81,13 @@ static int run_snap(const struct call *call, GError **error) {
     if (!cli_json)
         show(frame, picture_way(STDOUT_FILENO));
     picture_report_tell(call->record, camera, frame, &report);
+    if (!lamp && !laser && report.focus <= 0)
+        record_say(call->record, "no lamp was on: --lamp NAME switches one on meanwhile\n");
     if (output) {
+        const gboolean halved = frame->cfa != CFA_MONO && g_str_has_suffix(output, ".png");
         record_string(call->record, "file", output);
-        record_say(call->record, "%s\n", output);
+        record_say(call->record, "%s%s\n", output,
+                   halved ? ": a pixel for each 2 × 2 of the colour filter" : "");
     }
     return CLI_DONE;
 }

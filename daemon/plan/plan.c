@@ -4,8 +4,10 @@
 
 #include "shot_frames.h"
 
-#define DEG(rad) ((rad) * (180 / G_PI))
-#define RAD(deg) ((deg) * (G_PI / 180))
+#define FINE_TEXEL      0.5 /* of a pixel of the finest camera: finer texels are noted */
+#define BTF_VALUE_BYTES 6   /* red, green and blue, as half floats */
+#define DEG(rad)        ((rad) * (180 / G_PI))
+#define RAD(deg)        ((deg) * (G_PI / 180))
 
 G_DEFINE_QUARK(plan_error, plan_error)
 
@@ -435,6 +437,35 @@ static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
                                                bounds->str, conf->auto_longest_us));
 }
 
+/* Texels much finer than the pixels of the finest camera show nothing more and cost space. */
+static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
+    const struct session_grid *grid = &b->conf->grid;
+    const double texel_mm = grid->width_mm / grid->width;
+    double finest_mm = G_MAXDOUBLE;
+    const char *name = "";
+
+    for (int c = 0; c < b->rig->n_cameras; c++) {
+        const struct rig_camera *camera = &b->rig->cameras[c];
+        const double pixel_mm = vec3_length(rig_camera_centre_mm(camera)) / camera->fx_px;
+        gboolean planned = FALSE;
+        for (guint i = 0; i < b->views->len && !planned; i++)
+            planned = g_array_index(b->views, struct session_direction, i).device == c;
+        if (planned && pixel_mm < finest_mm) {
+            finest_mm = pixel_mm;
+            name = camera->name;
+        }
+    }
+    if (finest_mm == G_MAXDOUBLE || texel_mm >= FINE_TEXEL * finest_mm)
+        return;
+    g_autofree char *size = g_format_size((guint64)grid->width * (guint64)grid->height *
+                                          b->views->len * b->lights->len * BTF_VALUE_BYTES);
+    g_ptr_array_add(notes, g_strdup_printf("a texel is %.2g mm wide, but a pixel of camera %s, the "
+                                           "finest, sees %.2g mm: texels = %.0f shows as much; the "
+                                           "BTF would take %s before it is compressed",
+                                           texel_mm, name, finest_mm,
+                                           ceil(grid->width_mm / finest_mm), size));
+}
+
 static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
@@ -448,6 +479,7 @@ static struct plan *plan_finish(struct plan_build *b) {
                                                      note->n == 1 ? "" : "s", note->text));
     }
     plan_note_auto(b->conf, plan->notes);
+    plan_note_texels(b, plan->notes);
     for (int c = 0; c < b->rig->n_cameras; c++)
         if (b->shots->len > 0 && plan_bytes_vary(&b->rig->cameras[c]) &&
             g_array_index(b->shots, struct session_shot, 0).cameras & 1u << c) {

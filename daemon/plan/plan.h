@@ -95,6 +95,9 @@ struct session_conf {
     char *path; /* for messages */
 };
 
+/* Whether neither path is that of the other kind of file: a command takes the rig file first. */
+gboolean plan_check_order(const char *rig_path, const char *session_path, GError **error);
+
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);

@@ -72,13 +72,16 @@ char *report_text(GVariant *report) {
     g_variant_lookup(report, "bytes", "t", &bytes);
     g_autofree char *size = g_format_size(bytes);
     g_string_append_printf(text, "session         %s\n", name);
-    g_string_append_printf(text, "directions      %d views, %d lights, %d laser positions\n",
-                           get_int(report, "views"), get_int(report, "lights"),
-                           get_int(report, "lasers"));
+    const int views = get_int(report, "views"), lights = get_int(report, "lights");
+    g_string_append_printf(text,
+                           "directions      %d views × %d lights: %d pictures of the BTF; %d laser "
+                           "positions\n",
+                           views, lights, views * lights, get_int(report, "lasers"));
     g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
     g_string_append_printf(text, "shots           %d, with %d camera frames\n",
                            get_int(report, "shots"), get_int(report, "frames"));
-    g_string_append_printf(text, "on disk         about %s\n", size);
+    g_string_append_printf(text, "on disk         about %s of frames; products take their own\n",
+                           size);
     const int mounts = get_int(report, "mounts");
     if (mounts > 0)
         g_string_append_printf(

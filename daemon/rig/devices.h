@@ -129,7 +129,9 @@ gboolean devices_secure(struct devices *devices, GError **error);
 /* Begins a reason or an event that reports that lamps, lasers or axes may not be safe. */
 #define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 
-/* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */
+/* A driver, or the keys of a section of the rig file, with its options, for `mesorig drivers`;
+ * NULL: there is none of that name. name NULL: a line each of all; as JSON all options, too.
+ * g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);
 
 /* The i-th of all drivers, by class; NULL: there are no more. */

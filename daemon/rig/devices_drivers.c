@@ -70,7 +70,12 @@ gconstpointer drivers_find(const struct config_section *section, GError **error)
 }
 
 static void devices_drivers_describe(const char *class_name, const char *name, const char *help,
-                                     const struct option *options, gboolean json, GString *to) {
+                                     const struct option *options, gboolean whole, gboolean json,
+                                     GString *to) {
+    if (!json && !whole) {
+        g_string_append_printf(to, "%-16s %-10s %s\n", name, class_name, help);
+        return;
+    }
     if (!json) {
         g_string_append_printf(to, "%s%s (%s): %s\n", to->len ? "\n" : "", name, class_name, help);
         options_describe(options, to);
@@ -112,12 +117,13 @@ char *devices_describe_drivers(const char *name, gboolean json) {
             const struct driver_info *info = *driver;
             if (!name || g_str_equal(name, info->name))
                 devices_drivers_describe(info->class_name, info->name, info->help, info->options,
-                                         json, text);
+                                         name != NULL, json, text);
         }
     for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)
         if (!name || g_str_equal(name, sections[i][0]))
             devices_drivers_describe("section", sections[i][0], sections[i][1],
-                                     devices_section_options(sections[i][0]), json, text);
+                                     devices_section_options(sections[i][0]), name != NULL, json,
+                                     text);
     if (text->len == empty) {
         g_string_free(text, TRUE);
         return NULL;

@@ -56,6 +56,11 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
 
     if (source->cancelled)
         return exr_read_fail(source, EXR_ERROR_CANCELLED, error, "cancelled");
+    char begins[2] = "";
+    if (pread(source->fd, begins, 1, 0) == 1 && (*begins == '[' || *begins == '#'))
+        return exr_read_fail(
+            source, EXR_ERROR_FORMAT, error,
+            "a text, not an EXR file; “mesorig calibrate show” prints calibrations");
     return exr_read_fail(source, EXR_ERROR_FORMAT, error, "not a whole EXR file: %s", what);
 }
 

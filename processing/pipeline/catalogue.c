@@ -99,6 +99,13 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
     return TRUE;
 }
 
+int catalogue_planned(const struct catalogue *catalogue) {
+    int n = 0;
+    for (guint i = 0; i < catalogue->shots->len; i++)
+        n += ((const struct session_shot *)catalogue->shots->pdata[i])->state == SHOT_PLANNED;
+    return n;
+}
+
 static gboolean load_calibration(struct catalogue *catalogue, Session *session, const char *path,
                                  const char *instead, GError **error) {
     catalogue->calibration = session_text(session, "calibration.conf", error);

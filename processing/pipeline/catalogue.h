@@ -29,6 +29,8 @@ void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
 
+int catalogue_planned(const struct catalogue *catalogue); /* shots that are still to be taken */
+
 enum catalogue_state {
     CATALOGUE_READY,
     CATALOGUE_WAITING,    /* planned frames are missing */

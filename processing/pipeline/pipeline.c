@@ -1,6 +1,5 @@
-/* Views are tasks of a thread pool; the calling thread owns the session, hands out tasks and
- * records finished products. A view's file is written by its task, its row by the calling thread.
- */
+/* Views are tasks of a thread pool, which write their files; the calling thread owns the session,
+ * hands out tasks, and writes the rows of finished products. */
 #include "pipeline.h"
 
 #include <errno.h>
@@ -17,6 +16,7 @@
 #include "course.h"
 #include "eigenmaps/eigenmaps.h"
 #include "mdf_product.h"
+#include "session/made_with.h"
 
 #define POLL_US (G_USEC_PER_SEC / 2)
 #define MDF_WRITE_US                                                                               \
@@ -321,8 +321,8 @@ static int count_waiting(const struct run *run) {
     return n;
 }
 
-/* Makes ready views until no more frames will come. Whether the capture has ended is asked before
- * the frames are looked up, so that none is missed. */
+/* Makes ready views until no more frames will come; asks whether the capture has ended before it
+ * looks frames up, so that none is missed. */
 static gboolean pipeline_make_views(struct run *run, GError **error) {
     for (;;) {
         g_autofree char *state = session_value(run->session, "state");
@@ -491,7 +491,8 @@ static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GE
     ret->mdf_coverage =
         mdf_coverage(run->mdf, run->n_views,
                      run->catalogue->grid.width * run->catalogue->grid.height, &ret->mdf_predicted);
-    if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error))
+    if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error) ||
+        !made_with_end(run->session, error))
         return FALSE;
     if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)
         return TRUE; /* nothing was made: the costs of the earlier run stay */
@@ -554,13 +555,17 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     const int waiting = run->options->follow ? 0 : count_waiting(run);
     if (waiting > 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. "
-                    "With --follow processing waits for them, or leaves these views out if the "
-                    "capture was aborted",
-                    session_path(run->session), waiting, run->n_views, session_path(run->session));
+                    "%s: %d of %d views lack some of their frames, for %d of %u shots are still to "
+                    "be taken; `mesorig resume %s` takes them. With --follow processing waits for "
+                    "them, or leaves these views out if the capture was aborted",
+                    session_path(run->session), waiting, run->n_views,
+                    catalogue_planned(run->catalogue), run->catalogue->shots->len,
+                    session_path(run->session));
         return FALSE;
     }
-    if (!make_folders(run, error) || !find_whole(run, error))
+    if (!make_folders(run, error) || !find_whole(run, error) ||
+        !made_with_begin(run->session, run->options->calibration_path, run->options->calibration,
+                         error))
         return FALSE;
     g_autofree char *path = session_file(run->session, "products/mdf.exr");
     if (g_hash_table_contains(run->whole, "products/mdf.exr"))
@@ -611,8 +616,8 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
                                         run.cancellable, NULL);
     gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found);
-    /* A damaged frame may have been refused: notes all of them, so that one resume takes them all.
-     * Errors here are less important than the first one and are ignored. */
+    /* A damaged frame may have been refused: notes all, so that one resume takes them all. Errors
+     * here matter less than the first one. */
     g_autoptr(GPtrArray) damages =
         g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID)
             ? session_find_damage(run.session, SESSION_FRAMES, "", &options->work, NULL, NULL)

@@ -40,8 +40,9 @@ struct pipeline_options {
     int n_eigenmaps; /* Wang et al. 2005 §5: 4 */
     /* calibration_to_text() of a calibration other than the session's own, but of the
      * same rig; NULL: the session's. If the lamps' light is not calibrated in it, the output that
-     * marks measured during the capture is not used. */
-    const char *calibration;
+     * marks measured during the capture is not used. calibration_path: where it is from, or
+     * "nominal"; recorded with the products (session/made_with.h). */
+    const char *calibration, *calibration_path;
     struct work work;
 };
 

@@ -246,6 +246,15 @@ static void viewer_main_report(const struct studio *studio) {
     g_print("%s}\n", json->str);
 }
 
+/* Which frame the picture compares with, and what stands where. */
+static void viewer_main_tell_measured(const struct studio *studio) {
+    const struct measured *m = &studio->measured;
+    g_print("left to right: measured, drawn, their difference; view %d at %.1f° %.1f°, light %d at "
+            "%.1f° %.1f°, relative error %.2f %%\n",
+            m->view, m->view_theta_deg, m->view_phi_deg, m->light, m->light_theta_deg,
+            m->light_phi_deg, 100 * studio->error);
+}
+
 static int viewer_main_run(struct viewer_options *o) {
     g_autoptr(GError) error = NULL;
     g_autofree char *material = viewer_options_path(o, o->method);
@@ -274,6 +283,10 @@ static int viewer_main_run(struct viewer_options *o) {
         g_printerr("mesorig-view: %s\n", error->message);
     else if (o->json)
         viewer_main_report(&studio);
+    for (guint k = 0; good && !o->json && o->render != NULL && k < files->len; k++)
+        g_print("%s\n", (const char *)files->pdata[k]);
+    if (good && !o->json && o->measured)
+        viewer_main_tell_measured(&studio);
     measured_clear(&studio.measured);
     g_free(studio.drawn.renderer);
     return good ? 0 : 1;

@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 
 #include "calibration/calibration.h"
+#include "capture/exposure_advice.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
 #include "lib/process.h"
@@ -432,6 +433,12 @@ static void test_too_bright(void) {
     run_to_end(run);
     g_assert_nonnull(strstr(run->told->str, "taken again at 25000 µs"));
     g_assert_null(strstr(run->told->str, "saturated in the shortest exposure"));
+    g_assert_nonnull(strstr(run->told->str, "exposures: too long: saturated pictures"));
+    g_autofree char *advice = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, NULL);
+    g_assert_nonnull(advice = exposure_advice(session));
+    g_autoptr(Session) well = session_open(run_undisturbed(), SESSION_READ, NULL);
+    g_assert_null(exposure_advice(well));
     g_autoptr(GPtrArray) shots = run_shots(run->session);
     int shorter = 0;
     for (guint i = 0; i < shots->len; i++) {

@@ -125,11 +125,22 @@ static void test_verdict(void) {
     g_free(RUN(0, "calibrate", "report", path, "-o", html));
     g_assert_true(g_file_get_contents(html, &doubtful, NULL, NULL));
     assert_has(doubtful, "Calibrated: 4 of 4. To be looked at:");
-    assert_has(doubtful, "<li>lights: more was left out (300) than used, of 7 pictures</li>");
+    assert_has(doubtful,
+               "<li>lights: more sights were left out (300) than used, of 7 pictures</li>");
     assert_has(doubtful, "<li>camera cam60 is 3.4 % off linear: switch off its gamma</li>");
-    assert_has(doubtful, "<p>300 of them; the first are</p>");
-    assert_has(doubtful, "<li>5.exr: ball 1 shows no lamp</li>\n</ul>\n<p>mesorig calibrate show");
+    assert_has(doubtful, "<p>300 sights; the first are</p>");
+    assert_has(doubtful,
+               "<li>5.exr: ball 1 shows no lamp</li>\n</ul>\n<p>mesorig calibrate show --all");
     g_assert_null(strstr(doubtful, "<li>6.exr"));
+    g_autofree char *shown = RUN(0, "calibrate", "show", path);
+    assert_has(shown, "7 pictures, 300 sights left out");
+    assert_has(shown, "--all");
+    g_assert_null(strstr(shown, "5.exr"));
+    g_autofree char *all = RUN(0, "calibrate", "show", path, "--all");
+    assert_has(all, "\nleft out of lamps and arc: 300.exr: ball 1 shows no lamp\n");
+    g_free(RUN(2, "calibrate", "radiometry", "tile.session", "-o", path));
+    g_autofree char *percent = RUN(2, "calibrate", "radiometry", "t", "-r", "96", "-o", path);
+    assert_has(percent, "96 is out of range: 0.05 to 1.2; for 96 % write 0.96");
     g_unlink(html);
     g_unlink(path);
 }

@@ -219,6 +219,36 @@ static void note(const char *session, const char *sql) {
     "UPDATE shot SET device = CASE device WHEN " #a " THEN " #b " WHEN " #b " THEN " #a            \
     " ELSE device END WHERE kind = 'lamp'"
 
+/* After lamps_then_laser(), whose sessions it uses: a session that was paused before its last shot
+ * is used only if it is asked for, and then the calibration says so. */
+static void incomplete(void) {
+    g_autofree char *here = in_folder("part.conf"), *page = NULL;
+    g_autofree char *html = in_folder("part.html");
+    note("low.session",
+         "UPDATE shot SET state = 'planned' WHERE id = (SELECT min(id) FROM shot WHERE "
+         "kind = 'lamp')");
+    note("low.session", "UPDATE value SET value = 'paused' WHERE key = 'state'");
+    g_autofree char *refused =
+        RUN(1, "low.session is paused, with ", "calibrate", "laser", "low.session", "high.session",
+            "-c", "one.conf", "-o", "part.conf");
+    assert_has(refused, "mesorig resume ");
+    assert_has(refused, "--incomplete");
+    g_assert_false(g_file_test(here, G_FILE_TEST_EXISTS));
+    g_free(RUN(0, "low.session is paused, with ", "calibrate", "laser", "low.session",
+               "high.session", "-c", "one.conf", "-o", "part.conf", "--incomplete"));
+    g_free(RUN(0, "low.session is paused, with ", "calibrate", "show", "part.conf"));
+    g_free(RUN(0, NULL, "calibrate", "report", "part.conf", "-o", "part.html"));
+    g_assert_true(g_file_get_contents(html, &page, NULL, NULL));
+    assert_has(page, "<li>laser: calibrated from a session that lacks shots: ");
+    note("low.session", "UPDATE shot SET state = 'done'");
+    note("low.session", "UPDATE value SET value = 'done' WHERE key = 'state'");
+    g_free(RUN(0, NULL, "calibrate", "laser", "low.session", "high.session", "-c", "part.conf",
+               "-o", "part.conf"));
+    g_autofree char *whole = RUN(0, NULL, "calibrate", "show", "part.conf");
+    g_assert_null(strstr(whole, "lacks shots"));
+    g_assert_null(strstr(whole, "is paused"));
+}
+
 /* After lamps_then_laser(), whose sessions it uses: what is noted of the posts is wrong, and right
  * again after the same change. */
 static void mistakes_of_posts(void) {
@@ -369,6 +399,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/calibrate-lights/lamps-then-laser", lamps_then_laser);
     g_test_add_func("/calibrate-lights/refused", refused);
+    g_test_add_func("/calibrate-lights/incomplete", incomplete);
     g_test_add_func("/calibrate-lights/mistakes-of-posts", mistakes_of_posts);
     g_test_add_func("/calibrate-lights/mistakes-of-balls", mistakes_of_balls);
     g_test_add_func("/calibrate-lights/mistakes-of-sweeps", mistakes_of_sweeps);

@@ -240,7 +240,9 @@ static void test_drivers(void) {
         {0, "drivers", "sim-camera"},
         {0, "drivers sim-axis", "speed_deg_s"},
         {0, "drivers --json"},
-        {1, "drivers steam", "steam"},
+        {0, "drivers", "“mesorig drivers NAME” lists the options"},
+        {1, "drivers steam", "there is no driver “steam”; “mesorig drivers” lists them"},
+        {1, "drivers modbus-axs", "did you mean “modbus-axis”?"},
         {1, "drivers steam --json"},
     };
     struct output output = {0};

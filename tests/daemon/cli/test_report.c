@@ -1,7 +1,10 @@
 /* mesorig report: the page and the metadata of a session, read back by parsers that are not ours,
  * and that what is wrong with a session is in them. */
+#include "calibration/calibration.h"
 #include "lib/operator.h"
 #include "lib/process.h"
+#include "rig/devices.h"
+#include "session/made_with.h"
 
 #include <glib/gstdio.h>
 #include <json-glib/json-glib.h>
@@ -185,6 +188,72 @@ static void verdicts(void) {
     operator_free(run);
 }
 
+/* A calibration of the small rig with all of its parts; its path. */
+static char *calibration_of(const struct operation *run, const char *name) {
+    g_autoptr(GError) error = NULL;
+    struct rig rig;
+    g_assert_true(devices_read_geometry(run->rig, &rig, &error));
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibration_set_part(calibration, (enum calibration_kind)i, name, 7, "abc", NULL);
+    char *path = in_folder(run, name);
+    g_assert_true(calibration_write(calibration, path, &error));
+    return path;
+}
+
+/* What info and report say of the calibration; and the value in the database. */
+static void calibrated(struct operation *run, const char *info, const char *verdict,
+                       const char *page_says, const char *value) {
+    g_autofree char *file = in_folder(run, "report.html");
+    operator_does(run, 0, "info", run->session, NULL);
+    assert_has(run->out, info);
+    operator_does(run, 0, "report", run->session, "-o", file, "--no-verify", "--json", NULL);
+    g_autoptr(JsonParser) report = parse(run->out);
+    JsonObject *result = json_node_get_object(json_parser_get_root(report));
+    g_assert_cmpstr(verdict_of(result, "calibration", "cameras"), ==, verdict);
+    g_autofree char *text = contents(file);
+    assert_has(text, page_says);
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, NULL);
+    g_autofree char *is = session_value(session, "products_calibration");
+    g_assert_cmpstr(is, ==, value);
+    g_autofree char *captured = session_value(session, "calibration");
+    g_assert_cmpstr(captured, ==, "nominal");
+}
+
+/* The statement about the products is about what they were made with, not the capture. */
+static void made_with(void) {
+    struct operation *run = operator_new(NULL);
+    g_autofree char *path = calibration_of(run, "lab.calibration");
+    g_autofree char *line = g_strdup_printf("%s (cameras, lights, laser, radiometry)", path);
+    operator_does(run, 0, "plan", run->rig, run->conf, NULL);
+    assert_has(run->out, "calibration     none: geometry and light are nominal");
+    operator_captures(run, 0);
+    assert_has(run->out, "calibration: none: geometry and light are nominal");
+    assert_has(run->out, "-c FILE");
+    operator_does(run, 0, "process", run->session, NULL);
+    assert_has(run->out, "calibration: none");
+    assert_has(run->out, "nominal, as the rig file has them");
+    g_assert_null(strstr(run->out, "by the calibration alone"));
+    calibrated(run, "calibrated none", "warning", "made with: nominal, as", NULL);
+    operator_does(run, 0, "process", run->session, "-c", path, NULL);
+    assert_has(run->out, line);
+    assert_has(run->out, "laser planes: by the calibration alone");
+    calibrated(run, line, "pass", "lab.calibration, given to mesorig process -c", path);
+
+    /* Another one, whose processing does not come to its end. */
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_PRODUCTS, &error);
+    g_assert_no_error(error);
+    g_assert_true(made_with_begin(session, NULL, NULL, &error));
+    g_clear_pointer(&session, session_close);
+    calibrated(run, "may still be of another", "warning", "may be of another", NULL);
+    operator_does(run, 0, "process", run->session, NULL);
+    calibrated(run, "calibrated none", "warning", "made with: nominal, as", NULL);
+    operator_does(run, 0, "info", run->session, "--json", NULL);
+    assert_has(run->out, "\"calibration_mixed\": false");
+    operator_free(run);
+}
+
 static void mistakes(void) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 2, "report", run->session, NULL);
@@ -197,6 +266,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/report/page", page);
     g_test_add_func("/report/crate", crate);
     g_test_add_func("/report/verdicts", verdicts);
+    g_test_add_func("/report/made_with", made_with);
     g_test_add_func("/report/mistakes", mistakes);
     return operator_tests();
 }

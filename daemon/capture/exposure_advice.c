@@ -1,0 +1,54 @@
+#include "exposure_advice.h"
+
+#define KEY          "saturated_retakes"
+#define MOST_RETAKEN 0.5 /* a picture, without advice */
+
+void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
+    if (shortened_us <= 0)
+        return;
+    retakes->n++;
+    if (retakes->shortest_us == 0 || shortened_us < retakes->shortest_us)
+        retakes->shortest_us = shortened_us;
+}
+
+void exposure_advice_load(struct exposure_retakes *ret, Session *session) {
+    g_autofree char *text = session_value(session, KEY);
+    g_auto(GStrv) words = g_strsplit(text ? text : "", " ", 2);
+    *ret = (struct exposure_retakes){0};
+    if (g_strv_length(words) == 2) {
+        ret->n = (int)CLAMP(g_ascii_strtoll(words[0], NULL, 10), 0, G_MAXINT);
+        ret->shortest_us = MAX(g_ascii_strtoll(words[1], NULL, 10), 0);
+    }
+}
+
+void exposure_advice_save(const struct exposure_retakes *retakes, Session *session) {
+    g_autofree char *text =
+        g_strdup_printf("%d %" G_GINT64_FORMAT, retakes->n, retakes->shortest_us);
+    if (retakes->n > 0)
+        session_set_value(session, KEY, text, NULL);
+}
+
+static int count_lit_pictures(Session *session) {
+    g_autoptr(GPtrArray) shots = session_shots(session, NULL);
+    int n = 0;
+    for (guint i = 0; shots && i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        for (guint32 bits = shot->cameras; bits; bits &= bits - 1)
+            n += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
+    }
+    return n;
+}
+
+char *exposure_advice(Session *session) {
+    struct exposure_retakes retakes;
+    exposure_advice_load(&retakes, session);
+    const int n = count_lit_pictures(session);
+    if (n == 0 || retakes.n < MOST_RETAKEN * n)
+        return NULL;
+    return g_strdup_printf("too long: saturated pictures under lamps were taken again %d times, "
+                           "for %d that were kept, "
+                           "at down to %" G_GINT64_FORMAT
+                           " µs; for the next session shorten the first of [capture] "
+                           "exposures_us to about that, or write “auto”",
+                           retakes.n, n, retakes.shortest_us);
+}

@@ -1,0 +1,58 @@
+#include "made_with.h"
+
+#include "session_private.h"
+
+#include <string.h>
+
+#define WHERE "products_calibration"
+#define MIXED "products_mixed"
+#define TEXT  "products_calibration.conf"
+
+gboolean made_with_read(Session *session, struct made_with *ret, GError **error) {
+    g_autofree char *mixed = session_value(session, MIXED);
+    g_autofree char *where = session_value(session, WHERE);
+    *ret = (struct made_with){.own = where == NULL, .mixed = mixed != NULL};
+    ret->text = session_text(session, where ? TEXT : "calibration.conf", error);
+    ret->where = where ? g_steal_pointer(&where) : session_value(session, "calibration");
+    if (!ret->where)
+        ret->where = g_strdup("nominal"); /* imported, or made by a test */
+    if (!ret->text)
+        made_with_clear(ret);
+    return ret->text != NULL;
+}
+
+void made_with_clear(struct made_with *with) {
+    g_clear_pointer(&with->where, g_free);
+    g_clear_pointer(&with->text, g_free);
+}
+
+static gboolean store(Session *session, const char *where, const char *text, gboolean mixed,
+                      GError **error) {
+    const gboolean ok =
+        session_begin(session, error) && session_set_value(session, WHERE, where, error) &&
+        session_set_value(session, MIXED, mixed ? "1" : NULL, error) &&
+        (text ? session_db_run(session, error, "INSERT OR REPLACE INTO text VALUES (?1, ?2)", "ss",
+                               TEXT, text)
+              : session_db_run(session, error, "DELETE FROM text WHERE name = ?1", "s", TEXT));
+    if (ok)
+        return session_commit(session, error);
+    session_rollback(session);
+    return FALSE;
+}
+
+gboolean made_with_begin(Session *session, const char *where, const char *text, GError **error) {
+    g_autofree char *own = session_text(session, "calibration.conf", error);
+    g_autoptr(GHashTable) products = own ? session_products(session, error) : NULL;
+    struct made_with before;
+    if (!products || !made_with_read(session, &before, error))
+        return FALSE;
+    const gboolean is_own = !text || strcmp(text, own) == 0;
+    const gboolean same = strcmp(before.text, is_own ? own : text) == 0;
+    const gboolean mixed = before.mixed || (!same && g_hash_table_size(products) > 0);
+    made_with_clear(&before);
+    return store(session, is_own ? NULL : where, is_own ? NULL : text, mixed, error);
+}
+
+gboolean made_with_end(Session *session, GError **error) {
+    return session_set_value(session, MIXED, NULL, error);
+}
