@@ -240,15 +240,23 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
         possible[stage] = count_possible(run, stage, ended);
         told[stage] = -1;
     }
-    int under_way = 0, worst = G_MAXINT;
+    int worst = G_MAXINT;
     GError *first = NULL;
+    GQueue waiting = G_QUEUE_INIT;
     for (int k = 0; k < run->n_views; k++)
         for (int stage = 0; stage < N_STAGES; stage++) {
             struct task *task = pipeline_next_task(run, stage, time_left_view(k, run->n_views));
-            if (task && g_thread_pool_push(pool, task, NULL))
-                under_way++;
+            if (task)
+                g_queue_push_tail(&waiting, task);
         }
-    for (; under_way > 0; under_way--) {
+    /* One thread makes a view when the row of the one before is there: files and rows then are
+     * written in the same order every time. */
+    const guint most = pipeline_threads(run) == 1 ? 1 : waiting.length;
+    for (guint under_way = 0; under_way + waiting.length > 0; under_way--) {
+        while (under_way < most && waiting.length > 0) {
+            g_thread_pool_push(pool, g_queue_pop_head(&waiting), NULL);
+            under_way++;
+        }
         struct task *task = g_async_queue_pop(run->finished);
         GError *found = NULL;
         if (!pipeline_accept(run, task, &found))
