@@ -130,6 +130,21 @@ static void test_laser_stays_on(void) {
     run_finish(run);
 }
 
+/* The same, while pictures of the shot before the sweep are lost: none of them, taken again, shows
+ * the laser. */
+static void test_laser_stays_on_and_lost(void) {
+    struct run *run = run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"},
+                                                        {"[camera cam30]", "fault_lost = 0.297"},
+                                                        {"[camera cam30]", "fault_seed = 665"},
+                                                        {0}});
+    run_to_pause(run, "laser laser30 stays on");
+    g_assert_cmpint(run_status(run).retakes, >, 5);
+    g_clear_pointer(&run->capture, capture_free);
+    run_change_rig(run, NULL);
+    run_resume(run);
+    run_finish(run);
+}
+
 /* A laser that does not answer when it is told to go off: said again as often as it happens, and
  * gone on with only when it is dark. */
 static void test_deaf_laser(void) {
@@ -186,6 +201,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/fault/stall", test_stall);
     g_test_add_func("/fault/dead-lamp", test_dead_lamp);
     g_test_add_func("/fault/laser-stays-on", test_laser_stays_on);
+    g_test_add_func("/fault/laser-stays-on-and-lost", test_laser_stays_on_and_lost);
     g_test_add_func("/fault/deaf-laser", test_deaf_laser);
     g_test_add_func("/fault/interlock", test_interlock);
     return run_tests();
