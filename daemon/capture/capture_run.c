@@ -358,6 +358,16 @@ static void on_result(const struct intake_result *result, gpointer data) {
         stop_for(capture, laser, reason);
         return;
     }
+    if (result->uneven) {
+        const char *lamp = capture->devices->geometry.lamps[result->shot->device].name;
+        g_autofree char *reason =
+            g_strdup_printf("lamp %s was not as bright in all exposures of a shot, by what camera "
+                            "%s saw. Check the "
+                            "lamp, its fuse and its relay, then go on.",
+                            lamp, capture->devices->geometry.cameras[camera].name);
+        stop_for(capture, lamp, reason);
+        return;
+    }
     flight->back |= 1u << camera;
     flight->frames[camera] = result->frame;
     flight->frames[camera].path = g_strdup(result->frame.path);

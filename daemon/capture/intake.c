@@ -234,7 +234,8 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.marks = measure_marks(lane, job, merged);
     result.error = g_steal_pointer(&lane->error);
-    if (!result.error)
+    result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
+    if (!result.error && !result.uneven)
         intake_write_lamp(&file, merged, &result.frame, &result.error);
     return_result(lane, job, result);
 }
