@@ -57,7 +57,11 @@ void disk_use(struct disk *disk);
 /* The clock that wall time and what is said follow in this process. */
 void disk_set_clock(const Clock *clock);
 
-/* Adds a line to what happened, with the rig's time; the disk's folder is called DISK in it. */
+/* What is said without what differs from run to run: the disk's folder is called DISK, process ids
+ * N, random parts of names are question marks. g_free() */
+char *disk_neutral(const struct disk *disk, const char *text);
+
+/* Adds a line to what happened, with the rig's time, neutral. */
 void disk_say(struct disk *disk, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 /* Ends this process at once, as SIGKILL and power cuts do. */

@@ -62,22 +62,24 @@ static void hide_random(char *text) {
             at[9 + i] = '?';
 }
 
-/* The disk's folder differs from run to run, and so do process ids. */
-static void add_neutral(struct disk *to, GString *line, const char *text) {
-    const gsize n = strlen(to->root);
+char *disk_neutral(const struct disk *of, const char *text) {
+    static const char id[] = "(process ";
+    const gsize n = strlen(of->root);
+    GString *to = g_string_new(NULL);
     while (*text) {
-        const gboolean id = g_str_has_prefix(text, "(process ");
-        if (n > 0 && strncmp(text, to->root, n) == 0) {
-            g_string_append(line, "DISK");
+        if (n > 0 && strncmp(text, of->root, n) == 0) {
+            g_string_append(to, "DISK");
             text += n;
-        } else if (id) {
-            g_string_append(line, "(process N");
-            for (text += strlen("(process "); g_ascii_isdigit(*text);)
+        } else if (g_str_has_prefix(text, id)) {
+            g_string_append_printf(to, "%sN", id);
+            for (text += strlen(id); g_ascii_isdigit(*text);)
                 text++;
         } else {
-            g_string_append_c(line, *text++);
+            g_string_append_c(to, *text++);
         }
     }
+    hide_random(to->str);
+    return g_string_free(to, FALSE);
 }
 
 void disk_say(struct disk *to, const char *format, ...) {
@@ -85,16 +87,15 @@ void disk_say(struct disk *to, const char *format, ...) {
     va_start(args, format);
     g_autofree char *text = g_strdup_vprintf(format, args);
     va_end(args);
-    g_autoptr(GString) line = g_string_new(NULL);
-    g_string_append_printf(line, "  %9.3f s: ", (double)disk_now_us(to) * 1e-6);
-    add_neutral(to, line, text);
-    g_string_append_c(line, '\n');
-    hide_random(line->str);
+    g_autofree char *neutral = disk_neutral(to, text);
+    g_autofree char *line =
+        g_strdup_printf("  %9.3f s: %s\n", (double)disk_now_us(to) * 1e-6, neutral);
+    const gsize n = strlen(line);
     pthread_mutex_lock(&disk_lock);
-    digest(to, line->str);
-    if (to->n_said + line->len < sizeof to->said) {
-        memcpy(to->said + to->n_said, line->str, line->len);
-        to->n_said += line->len;
+    digest(to, line);
+    if (to->n_said + n < sizeof to->said) {
+        memcpy(to->said + to->n_said, line, n);
+        to->n_said += n;
     }
     pthread_mutex_unlock(&disk_lock);
 }

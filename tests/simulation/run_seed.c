@@ -18,12 +18,25 @@
 
 struct Reference {
     char *folder;
-    struct store *store;
+    struct store *stores[SCHEDULE_SESSIONS];
+};
+
+/* The sessions, as changes of the small rig's. */
+static const struct {
+    const char *what;
+    struct change changes[3];
+} sessions[SCHEDULE_SESSIONS] = {
+    {"the small rig's session", {{0}}},
+    {"one exposure, and a short one at each step of a sweep",
+     {{"[capture]", "exposures_us = 16000"}, {"[capture]", "laser_short_us = 1000"}, {0}}},
+    {"all exposures and all frames of the sweeps are kept",
+     {{"[capture]", "keep_exposures = yes"}, {"[capture]", "keep_laser_frames = yes"}, {0}}},
 };
 
 struct run {
-    const Reference *reference; /* NULL: this is it */
+    const struct store *reference; /* NULL: this is it */
     const char *folder;
+    int session;
     char *scratch;
     struct scene *scene;
     DiskModel *model;
@@ -48,7 +61,7 @@ static void run_make_folders(struct run *run, const char *name) {
     g_strlcpy(scene->disk.root, disk, sizeof scene->disk.root);
     g_snprintf(scene->session, sizeof scene->session, "%s/small.session", disk);
     small_rig_write(folder, "world.conf", NULL);
-    small_rig_write(folder, "session.conf", NULL);
+    small_rig_write(folder, "session.conf", sessions[run->session].changes);
     run->model = disk_model_new(disk);
 }
 
@@ -208,8 +221,7 @@ static gboolean run_life(struct run *run, const struct life *life) {
     if (disk->cut)
         run_cut(run, life);
     struct store *store = store_new();
-    const gboolean exists = store_check(scene, run->reference ? run->reference->store : NULL,
-                                        run->damaged, run->scratch, store);
+    const gboolean exists = store_check(scene, run->reference, run->damaged, run->scratch, store);
     run_check_end(run, life, store, exists, captures);
     if (life->rots && exists && !*scene->violation)
         run_rot(run, store, life);
@@ -241,7 +253,7 @@ static gboolean run_last(struct run *run) {
                     "%d undisturbed lives have not finished it; the last: %s", LAST_ATTEMPTS,
                     run->scene->message);
     else if (run->reference)
-        store_check_products(run->scene, run->reference->store);
+        store_check_products(run->scene, run->reference);
     else
         store_check_exposures(run->scene, run->scratch);
     run_say(run, run->scene->disk.said);
@@ -267,39 +279,52 @@ static void run_finish(struct run *run) {
     g_free(run->scratch);
 }
 
-Reference *reference_new(const char *folder, char **ret_broken) {
+/* An undisturbed run; what is broken in it, or NULL. */
+static char *reference_run(const char *folder, int session, struct store *store) {
     struct seed_result result = {0};
-    Reference *reference = g_new0(Reference, 1);
-    struct run run = {.folder = folder, .result = &result};
-    struct store *store = store_new();
-    *reference = (Reference){g_strdup(folder), store};
+    struct run run = {.folder = folder, .session = session, .result = &result};
     run_begin(&run, "reference");
     if (run_last(&run)) {
         store_check(run.scene, NULL, run.damaged, run.scratch, store);
         store_read_products(run.scene, store);
     }
     run_finish(&run);
-    *ret_broken = result.ok ? NULL : g_strdup(result.violation);
+    return result.ok ? NULL : g_strdup(result.violation);
+}
+
+Reference *reference_new(const char *folder, char **ret_broken) {
+    Reference *reference = g_new0(Reference, 1);
+    reference->folder = g_strdup(folder);
+    *ret_broken = NULL;
+    for (int i = 0; i < SCHEDULE_SESSIONS; i++) {
+        reference->stores[i] = store_new();
+        if (!*ret_broken)
+            *ret_broken = reference_run(folder, i, reference->stores[i]);
+    }
     return reference;
 }
 
 void reference_free(Reference *reference) {
     if (!reference)
         return;
-    store_free(reference->store);
+    for (int i = 0; i < SCHEDULE_SESSIONS; i++)
+        store_free(reference->stores[i]);
     g_free(reference->folder);
     g_free(reference);
 }
 
 void run_seed(const Reference *reference, guint32 seed, GString *said, struct seed_result *ret) {
     struct schedule schedule;
-    struct run run = {
-        .reference = reference, .folder = reference->folder, .result = ret, .said = said};
+    struct run run = {.folder = reference->folder, .result = ret, .said = said};
     g_autofree char *name = g_strdup_printf("seed-%u-%d", seed, (int)getpid());
     gboolean ok = TRUE;
     *ret = (struct seed_result){.seed = seed};
     schedule_make(&schedule, seed);
+    run.session = schedule.session;
+    run.reference = reference->stores[schedule.session];
     run_begin(&run, name);
+    g_autofree char *what = g_strdup_printf("session: %s\n", sessions[run.session].what);
+    run_say(&run, what);
     for (int i = 0; i < schedule.n_lives && ok; i++) {
         g_autofree char *plan = schedule_describe(&schedule.lives[i]);
         g_autofree char *head = g_strdup_printf("life %d:\n", i + 1);

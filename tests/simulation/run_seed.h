@@ -15,9 +15,9 @@ struct seed_result {
     guint64 digest; /* of everything that happened, in order */
 };
 
-/* The folder in which runs are made, and an undisturbed one in it to compare with; FALSE with what
- * is broken in that. */
+/* The folder in which runs are made, and undisturbed ones of every session to compare with. */
 typedef struct Reference Reference;
+/* ret_broken: what is broken in an undisturbed run, or NULL; g_free() */
 Reference *reference_new(const char *folder, char **ret_broken);
 void reference_free(Reference *reference); /* NULL is ignored; the folder stays */
 

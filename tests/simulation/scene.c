@@ -22,6 +22,7 @@ void scene_break(struct scene *scene, const char *invariant, const char *format,
     g_autofree char *text = g_strdup_vprintf(format, args);
     va_end(args);
     disk_say(&scene->disk, "BROKEN %s: %s", invariant, text);
+    g_autofree char *neutral = disk_neutral(&scene->disk, text);
     if (!*scene->violation)
-        g_snprintf(scene->violation, sizeof scene->violation, "%s: %s", invariant, text);
+        g_snprintf(scene->violation, sizeof scene->violation, "%s: %s", invariant, neutral);
 }

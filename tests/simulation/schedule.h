@@ -7,6 +7,7 @@
 
 #include <glib.h>
 
+#define SCHEDULE_SESSIONS    3
 #define SCHEDULE_MAX_LIVES   5
 #define SCHEDULE_MAX_DEVICES 3
 #define SCHEDULE_MAX_DISK    3
@@ -86,6 +87,7 @@ struct life {
 
 struct schedule {
     guint32 seed;
+    int session; /* which of the sessions, 0 … SCHEDULE_SESSIONS − 1 */
     int n_lives;
     struct life lives[SCHEDULE_MAX_LIVES];
 };

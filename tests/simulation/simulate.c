@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <glib/gstdio.h>
 #include <locale.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -118,6 +119,7 @@ static gboolean run_all(const Reference *reference, struct tally *tally) {
         }
     }
     close(fds[1]);
+    signal(SIGINT, SIG_IGN); /* ends the others, so that what they have made is removed */
     struct seed_result result;
     while (read(fds[0], &result, sizeof result) == (ssize_t)sizeof result)
         take_result(tally, &result);
