@@ -9,7 +9,7 @@ struct call {
 
 struct Clock {
     gint ref_count;
-    gboolean is_virtual;
+    gboolean is_virtual, is_lockstep;
     gint64 now_us; /* virtual only */
     gint holds;    /* atomic: taken and given back by any thread */
     guint last_id;
@@ -170,4 +170,12 @@ void clock_release(Clock *clock) {
     g_return_if_fail(before > 0);
     if (before == 1)
         g_main_context_wakeup(NULL);
+}
+
+void clock_set_lockstep(Clock *clock) {
+    clock->is_lockstep = TRUE;
+}
+
+gboolean clock_is_lockstep(const Clock *clock) {
+    return clock->is_lockstep;
 }

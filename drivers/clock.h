@@ -5,7 +5,7 @@
  * that a session of ten hours can be simulated in the time its pictures take to render.
  *
  * Times are microseconds since an arbitrary start, never stepped back. All functions belong to the
- * main loop's thread, except clock_hold() and clock_release(), which any thread may call.
+ * main loop's thread, except those that hold and release the clock, which any thread may call.
  */
 #pragma once
 
@@ -46,3 +46,9 @@ void clock_cancel(Clock *clock, guint *id);
  * real clock. */
 void clock_hold(Clock *clock);
 void clock_release(Clock *clock);
+
+/* Asks threads that work beside the main loop to hold a virtual clock while they work, which they
+ * otherwise do not: runs with the same devices then have the same events in the same order, and
+ * nothing overlaps. For simulations that are replayed; to be called before such threads work. */
+void clock_set_lockstep(Clock *clock);
+gboolean clock_is_lockstep(const Clock *clock);

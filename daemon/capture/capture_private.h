@@ -13,6 +13,7 @@ struct flight { /* a shot whose frames are with the intake */
     const struct session_shot *shot;
     guint32 back; /* cameras whose results are here */
     struct session_frame frames[RIG_MAX_CAMERAS];
+    double signals_dn[RIG_MAX_CAMERAS];
     double signal_dn;                  /* highest of all cameras */
     gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: too few for a warning */
     GArray *marks;                     /* of struct fiducial_seen, of all cameras; NULL: none */

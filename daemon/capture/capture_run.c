@@ -287,6 +287,17 @@ static gboolean commit(Capture *capture, struct flight *flight) {
     return TRUE;
 }
 
+/* A camera whose picture was taken again, maybe after the lamp had died, and which saw nothing
+ * while others saw light; −1: none. One whose first picture shows nothing may look at something
+ * black. */
+static int find_blind(const struct flight *flight, int n_cameras, double least_dn) {
+    for (int c = 0; c < n_cameras; c++)
+        if (flight->shot->cameras & 1u << c && flight->frames[c].retakes > 0 &&
+            !(flight->signals_dn[c] > least_dn))
+            return c;
+    return -1;
+}
+
 /* In planned order, whichever camera's worker was quicker. */
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
@@ -296,13 +307,20 @@ static void commit_what_is_back(Capture *capture) {
         for (int c = 0; c < capture->devices->geometry.n_cameras; c++)
             if (flight->shot->cameras & 1u << c)
                 bits = MIN(bits, capture->devices->cameras[c]->format.bits);
-        if (flight->shot->kind == SHOT_LAMP &&
-            !(flight->signal_dn > LAMP_SIGNAL * ((1 << bits) - 1))) {
-            const char *lamp = capture->devices->geometry.lamps[flight->shot->device].name;
-            g_autofree char *reason =
-                g_strdup_printf("lamp %s gives no light: no camera saw more than its dark level. "
-                                "Check the lamp, its fuse and its relay, then go on.",
-                                lamp);
+        const struct rig *rig = &capture->devices->geometry;
+        const double least_dn = LAMP_SIGNAL * ((1 << bits) - 1);
+        const gboolean lit = flight->signal_dn > least_dn;
+        const int blind = lit ? find_blind(flight, rig->n_cameras, least_dn) : -1;
+        if (flight->shot->kind == SHOT_LAMP && (!lit || blind >= 0)) {
+            const char *lamp = rig->lamps[flight->shot->device].name;
+            g_autofree char *seen =
+                lit ? g_strdup_printf("camera %s saw no more than its dark level in a picture that "
+                                      "was taken again",
+                                      rig->cameras[blind].name)
+                    : g_strdup("no camera saw more than its dark level");
+            g_autofree char *reason = g_strdup_printf("lamp %s gives no light: %s. Check the lamp, "
+                                                      "its fuse and its relay, then go on.",
+                                                      lamp, seen);
             stop_for(capture, lamp, reason);
             return;
         }
@@ -367,10 +385,21 @@ static void on_result(const struct intake_result *result, gpointer data) {
         stop_for(capture, laser, reason);
         return;
     }
+    if (result->uneven) {
+        const char *lamp = capture->devices->geometry.lamps[result->shot->device].name;
+        g_autofree char *reason =
+            g_strdup_printf("lamp %s was not as bright in all exposures of a shot, by what camera "
+                            "%s saw. Check the "
+                            "lamp, its fuse and its relay, then go on.",
+                            lamp, capture->devices->geometry.cameras[camera].name);
+        stop_for(capture, lamp, reason);
+        return;
+    }
     flight->back |= 1u << camera;
     flight->frames[camera] = result->frame;
     flight->frames[camera].path = g_strdup(result->frame.path);
     flight->frames[camera].sha256 = g_strdup(result->frame.sha256);
+    flight->signals_dn[camera] = result->signal_dn;
     flight->signal_dn = MAX(flight->signal_dn, result->signal_dn);
     if (result->marks) {
         if (!flight->marks)

@@ -78,6 +78,7 @@ struct Intake {
     guint generation; /* read by workers */
     gsize bytes;      /* of frames that wait for a worker; written by workers */
     int full;         /* read by workers */
+    int steps_over;   /* written by workers */
 };
 
 static void intake_job_free(gpointer data) {
@@ -237,9 +238,30 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.marks = measure_marks(lane, job, merged);
     result.error = g_steal_pointer(&lane->error);
-    if (!result.error)
+    result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
+    if (!result.error && !result.uneven)
         intake_write_lamp(&file, merged, &result.frame, &result.error);
     return_result(lane, job, result);
+}
+
+/* In lockstep the clock stands from when work is handed to a worker until the main loop has taken
+ * its result: clock_release() in the worker could let time pass before that. */
+static void begin_step(Intake *intake) {
+    if (clock_is_lockstep(intake->setup.devices->clock))
+        clock_hold(intake->setup.devices->clock);
+}
+
+static void end_step(Intake *intake) {
+    if (!clock_is_lockstep(intake->setup.devices->clock))
+        return;
+    g_atomic_int_inc(&intake->steps_over);
+    g_source_set_ready_time(intake->wake, 0);
+}
+
+static void release_steps(Intake *intake, int n) {
+    g_atomic_int_add(&intake->steps_over, -n);
+    for (int i = 0; i < n; i++)
+        clock_release(intake->setup.devices->clock);
 }
 
 static gboolean is_current(const Intake *intake, const struct job *job) {
@@ -277,6 +299,7 @@ static void finish_sweep(gpointer data, gpointer lane_data) {
     sweep_free(complete->short_sweep);
     g_clear_error(&complete->error);
     add_bytes(lane->intake, -(gssize)complete->bytes);
+    end_step(lane->intake);
     g_free(complete);
     g_mutex_lock(&lane->mutex);
     lane->n_complete--;
@@ -299,6 +322,7 @@ static void queue_sweep(struct lane *lane, const struct job *job) {
     g_mutex_lock(&lane->mutex);
     lane->n_complete++;
     g_mutex_unlock(&lane->mutex);
+    begin_step(lane->intake);
     g_thread_pool_push(lane->finisher, complete, NULL);
 }
 
@@ -409,6 +433,8 @@ static gpointer lane_run(gpointer data) {
             for (guint k = 0; k < n; k++)
                 add_bytes(intake, -(gssize)job_bytes(jobs[k]));
         }
+        if (running)
+            end_step(intake);
     }
     lane_reset(lane);
     return NULL;
@@ -435,6 +461,7 @@ static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data
 static gboolean intake_on_wake(gpointer data) {
     Intake *intake = data;
     g_source_set_ready_time(intake->wake, -1);
+    const int steps = g_atomic_int_get(&intake->steps_over);
     struct finished *finished;
     while ((finished = g_async_queue_try_pop(intake->finished))) {
         if (finished->generation == intake->generation)
@@ -445,6 +472,7 @@ static gboolean intake_on_wake(gpointer data) {
         set_full(intake, FALSE);
         intake->hooks.room(intake->hooks.data);
     }
+    release_steps(intake, steps);
     return G_SOURCE_CONTINUE;
 }
 
@@ -505,6 +533,7 @@ void intake_free(Intake *intake) {
     g_source_destroy(intake->wake);
     g_source_unref(intake->wake);
     set_full(intake, FALSE);
+    release_steps(intake, g_atomic_int_get(&intake->steps_over));
     g_async_queue_unref(intake->finished);
     g_free(intake);
 }
@@ -512,6 +541,7 @@ void intake_free(Intake *intake) {
 static void intake_flush(struct lane *lane) {
     if (lane->batch->len == 0)
         return;
+    begin_step(lane->intake);
     g_async_queue_push(lane->queue, lane->batch);
     lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
 }

@@ -54,6 +54,7 @@ struct intake_result {
     double signal_dn;    /* SHOT_LAMP: mean above dark of the longest exposure */
     double dark_dn;      /* SHOT_DARK: highest mean of any exposure */
     const GArray *marks; /* SHOT_LAMP: of struct fiducial_seen, what this camera saw; or NULL */
+    gboolean uneven;     /* SHOT_LAMP: the exposures disagree; nothing is written */
     gint64 saturated;    /* SHOT_LAMP: pixels, in the shortest exposure */
     gboolean laser_seen; /* SHOT_SWEEP: the frame after the laser was switched off is not dark */
 };

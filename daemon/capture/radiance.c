@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+/* Of full scale: the mean difference from which exposures disagree. */
+#define UNEVEN_PART 0.0025
+
 int radiance_saturation(int bits) {
     return (int)ceil(0.98 * ((1 << bits) - 1));
 }
@@ -67,6 +70,29 @@ void radiance_merge(const Frame *const *frames, const float *const *dark, int n,
     }
     ret_stats->saturated = saturated;
     ret_stats->signal_dn = mean_above(frames[n - 1], dark[n - 1]);
+}
+
+gboolean radiance_disagrees(const Frame *const *frames, const float *const *dark, int n) {
+    const gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;
+    const int limit = radiance_saturation(frames[0]->bits), full = (1 << frames[0]->bits) - 1;
+    for (int i = 1; i < n; i++) {
+        const Frame *shorter = frames[i - 1], *longer = frames[i];
+        const double part = (double)shorter->exposure_us / (double)longer->exposure_us;
+        double sums[2] = {0};
+        gsize count = 0;
+        for (gsize p = 0; p < n_pixels; p++) {
+            if (shorter->pixels[p] >= limit || longer->pixels[p] >= limit)
+                continue;
+            sums[0] += shorter->pixels[p] - (double)dark[i - 1][p];
+            sums[1] += longer->pixels[p] - (double)dark[i][p];
+            count++;
+        }
+        const double least = UNEVEN_PART * full * (double)count, expected = sums[1] * part;
+        if (count > 0 &&
+            (sums[0] - sums[1] > least || (expected > 2 * sums[0] && expected - sums[0] > least)))
+            return TRUE;
+    }
+    return FALSE;
 }
 
 double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,

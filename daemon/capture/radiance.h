@@ -27,6 +27,12 @@ struct radiance_stats {
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
+/* Whether the exposures of one light disagree, as they do if the lamp dies between them: over the
+ * pixels that none saturates, a longer exposure is darker than the shorter one before it, or has
+ * more than twice the signal that the shorter one accounts for; by 0.25 % of full scale or more, so
+ * that a dark level that has drifted is none. Frames and dark as for radiance_merge(). */
+gboolean radiance_disagrees(const Frame *const *frames, const float *const *dark, int n);
+
 /* The least merged value (see above) at which a pixel of this dark level saturates an exposure. */
 double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
                         double bend_per_dn);

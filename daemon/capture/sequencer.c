@@ -117,8 +117,13 @@ static struct stage_goal goal_after(const Sequencer *seq) {
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
-    if (seq->next < seq->shots->len && !seq->pausing)
-        return goal_of(seq, seq->shots->pdata[seq->next], 0);
+    if (seq->next < seq->shots->len && !seq->pausing) {
+        /* The laser waits for the last frame: should that have to be taken again, a laser that
+         * stays on would light it, and only the end of the sweep shows such a laser. */
+        struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
+        goal.laser = seq->waiting ? -1 : goal.laser;
+        return goal;
+    }
     struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
     goal.lamp = goal.laser = -1;
     return goal;

@@ -206,12 +206,10 @@ static struct time_left_task pipeline_cost(const struct run *run, enum stage sta
                                    .units = (double)camera->width * camera->height * frames / 1e6};
 }
 
-/* Pushes all views that are ready; ret_n: how many. Those whose frames are still to come take time,
- * too.
- */
-static void pipeline_push_views(struct run *run, GThreadPool *pool, const int *possible,
-                                gboolean ended, int *ret_n) {
-    g_autoptr(GPtrArray) tasks = g_ptr_array_new();
+/* Lists all views that are ready, and what they cost. Those whose frames are still to come take
+ * time, too. ready: struct task, added at its end. */
+static void pipeline_list_views(struct run *run, const int *possible, gboolean ended,
+                                GQueue *ready) {
     g_autoptr(GArray) costs = g_array_new(FALSE, FALSE, sizeof(struct time_left_task));
     const double n[N_STAGES] = {possible[STAGE_BTF], possible[STAGE_MDF]};
     gboolean any[N_STAGES] = {FALSE, FALSE};
@@ -223,7 +221,7 @@ static void pipeline_push_views(struct run *run, GThreadPool *pool, const int *p
             if (task) {
                 task->number = (int)costs->len;
                 any[stage] = TRUE;
-                g_ptr_array_add(tasks, task);
+                g_queue_push_tail(ready, task);
             }
             if (task || (!ended && pipeline_state(run, stage, view) == CATALOGUE_WAITING))
                 g_array_append_val(costs, cost);
@@ -236,9 +234,6 @@ static void pipeline_push_views(struct run *run, GThreadPool *pool, const int *p
     if (any[STAGE_BTF] && run->options->n_eigenmaps > 0)
         course_expect(run->course, TIME_LEFT_EIGENMAPS,
                       megatexels(run) * n[STAGE_BTF] * run->catalogue->lights->len);
-    *ret_n = 0;
-    for (guint i = 0; i < tasks->len; i++)
-        *ret_n += g_thread_pool_push(pool, tasks->pdata[i], NULL);
 }
 
 /* One stage after the other, for people. told: what was done when it was told last. */
@@ -266,10 +261,17 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
         possible[stage] = count_possible(run, stage, ended);
         told[stage] = -1;
     }
-    int under_way, worst = G_MAXINT;
+    int worst = G_MAXINT;
     GError *first = NULL;
-    pipeline_push_views(run, pool, possible, ended, &under_way);
-    while (under_way > 0) {
+    GQueue ready = G_QUEUE_INIT;
+    pipeline_list_views(run, possible, ended, &ready);
+    /* One thread makes a view when the row of the one before is there: files and rows then are
+     * written in the same order every time. */
+    const guint most = pipeline_threads(run) == 1 ? 1 : ready.length;
+    guint under_way = 0;
+    while (under_way + ready.length > 0) {
+        for (; under_way < most && ready.length > 0; under_way++)
+            g_thread_pool_push(pool, g_queue_pop_head(&ready), NULL);
         struct task *task = g_async_queue_timeout_pop(run->finished, POLL_US);
         GError *found = NULL;
         if (task) {

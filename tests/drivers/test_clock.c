@@ -165,6 +165,21 @@ static void test_dropped(void) {
     g_string_free(log.text, TRUE);
 }
 
+/* Threads ask for it; a clock alone makes no difference. */
+static void test_lockstep(void) {
+    g_autoptr(Clock) clock = clock_new_virtual();
+    g_assert_false(clock_is_lockstep(clock));
+    clock_set_lockstep(clock);
+    g_assert_true(clock_is_lockstep(clock));
+    g_assert_true(clock_is_virtual(clock));
+    struct log log = {g_string_new(NULL), clock};
+    struct call a = {&log, "a", 0};
+    clock_call_at(clock, 10, say, &a);
+    run_until(clock, 11);
+    g_assert_cmpstr(log.text->str, ==, "a@10 ");
+    g_string_free(log.text, TRUE);
+}
+
 /* Random calls and cancels: each is made once, at its time, in order. */
 struct random_call {
     Clock *clock;
@@ -216,6 +231,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/clock/hold", test_hold);
     g_test_add_func("/clock/real", test_real);
     g_test_add_func("/clock/dropped", test_dropped);
+    g_test_add_func("/clock/lockstep", test_lockstep);
     g_test_add_func("/clock/random", test_random);
     return g_test_run();
 }

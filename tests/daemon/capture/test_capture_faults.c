@@ -120,10 +120,44 @@ static void test_dead_lamp(void) {
     run_finish(run);
 }
 
+/* A lamp that dies while one camera's only picture is taken again: the other one has seen it. */
+static void test_lamp_dies_before_retake(void) {
+    struct run *run = run_begin((const struct change[]){{"[capture]", "exposures_us = 16000"},
+                                                        {"[lamps bank]", "fault_dead = lamp30"},
+                                                        {"[lamps bank]", "fault_dead_after = 1"},
+                                                        {"[camera cam60]", "fault_lost = 0.1"},
+                                                        {"[camera cam60]", "fault_seed = 17"},
+                                                        {0}});
+    run_to_pause(run, "camera cam60 saw no more than its dark level in a picture that was taken "
+                      "again");
+    run_check_safe(run);
+    g_clear_pointer(&run->capture, capture_free);
+    run_change_rig(run, NULL);
+    run_resume(run);
+    run_to_end(run);
+    run_check_whole(run->session);
+    run_free(run);
+}
+
 static void test_laser_stays_on(void) {
     struct run *run =
         run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"}, {0}});
     run_to_pause(run, "laser laser30 stays on");
+    g_clear_pointer(&run->capture, capture_free);
+    run_change_rig(run, NULL);
+    run_resume(run);
+    run_finish(run);
+}
+
+/* The same, while pictures of the shot before the sweep are lost: none of them, taken again, shows
+ * the laser. */
+static void test_laser_stays_on_and_lost(void) {
+    struct run *run = run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"},
+                                                        {"[camera cam30]", "fault_lost = 0.297"},
+                                                        {"[camera cam30]", "fault_seed = 665"},
+                                                        {0}});
+    run_to_pause(run, "laser laser30 stays on");
+    g_assert_cmpint(run_status(run).retakes, >, 5);
     g_clear_pointer(&run->capture, capture_free);
     run_change_rig(run, NULL);
     run_resume(run);
@@ -185,7 +219,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/fault/disconnect-for-long", test_disconnect_for_long);
     g_test_add_func("/fault/stall", test_stall);
     g_test_add_func("/fault/dead-lamp", test_dead_lamp);
+    g_test_add_func("/fault/lamp-dies-before-retake", test_lamp_dies_before_retake);
     g_test_add_func("/fault/laser-stays-on", test_laser_stays_on);
+    g_test_add_func("/fault/laser-stays-on-and-lost", test_laser_stays_on_and_lost);
     g_test_add_func("/fault/deaf-laser", test_deaf_laser);
     g_test_add_func("/fault/interlock", test_interlock);
     return run_tests();

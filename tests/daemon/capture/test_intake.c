@@ -214,7 +214,7 @@ struct bench {
     gint64 saturated;
     double signal_dn;
     double captured_s;
-    gboolean laser_seen, failed;
+    gboolean uneven, laser_seen, failed;
 };
 
 static struct session_shot dark_shot = {
@@ -239,6 +239,7 @@ static void on_result(const struct intake_result *result, gpointer data) {
     bench->captured_s = result->frame.captured_s;
     bench->saturated = result->saturated;
     bench->signal_dn = result->signal_dn;
+    bench->uneven = result->uneven;
     bench->laser_seen = result->laser_seen;
     bench->failed = result->error != NULL;
 }
@@ -387,6 +388,30 @@ static void test_lamp(struct bench *bench, gconstpointer data) {
     wait_for(bench, 2);
     check_lamp_file(bench);
     check_sha256(bench);
+}
+
+/* A lamp that dies between two exposures, or lights only the longer one; noise and a dark level
+ * that has drifted are no such thing, even where there is no light at all. */
+static void test_uneven(struct bench *bench, gconstpointer data) {
+    const struct {
+        double shorter_dn, longer_dn; /* above dark */
+        gboolean uneven;
+    } cases[] = {{300, 0, TRUE},     {300, 1200, FALSE}, {0, 1200, TRUE}, {3, 3, FALSE},
+                 {250, 1200, FALSE}, {0, 30, FALSE},     {5, -3, FALSE},  {900, 4000, FALSE}};
+    give_dark(bench);
+    wait_for(bench, 1);
+    for (int i = 0; i < (int)G_N_ELEMENTS(cases); i++) {
+        const double above[] = {cases[i].shorter_dn, cases[i].longer_dn};
+        for (int sub = 0; sub < 2; sub++) {
+            Frame *frame = dark_frame(shot_exposure_us(&bench->conf, &lamp_shot, sub));
+            for (int p = 0; p < PIXELS; p++)
+                frame->pixels[p] = (guint16)CLAMP(frame->pixels[p] + above[sub], 0, 4095);
+            give(bench, &lamp_shot, sub, frame);
+        }
+        wait_for(bench, i + 2);
+        g_assert_cmpint(bench->uneven, ==, cases[i].uneven);
+        g_assert_true(bench->uneven == !bench->path);
+    }
 }
 
 /* With the dark level read back the next shot's file has the same bytes. */
@@ -595,6 +620,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/thumbnail", test_thumbnail);
 #define ADD(path, func) g_test_add(path, struct bench, NULL, set_up, func, tear_down)
     ADD("/intake/lamp", test_lamp);
+    ADD("/intake/uneven", test_uneven);
     ADD("/intake/dark-again", test_dark_again);
     ADD("/intake/sweep", test_sweep);
     ADD("/intake/sweep/short", test_short_sweep);

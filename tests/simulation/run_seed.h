@@ -1,0 +1,25 @@
+/*
+ * One simulated run: the lives of a seed's schedule, the checks after each, and the life that must
+ * finish. A process that has forked no thread calls it: every life is forked from it.
+ */
+#pragma once
+
+#include "scene.h"
+
+struct seed_result {
+    guint32 seed;
+    gboolean ok;
+    char violation[512]; /* "invariant: what is broken" */
+    int life;            /* after which it was found, from 1 */
+    int lives, kills, cuts, failed_calls, rotten, misplaced;
+    guint64 digest; /* of everything that happened, in order */
+};
+
+/* The folder in which runs are made, and undisturbed ones of every session to compare with. */
+typedef struct Reference Reference;
+/* ret_broken: what is broken in an undisturbed run, or NULL; g_free() */
+Reference *reference_new(const char *folder, char **ret_broken);
+void reference_free(Reference *reference); /* NULL is ignored; the folder stays */
+
+/* said: what is printed of it, or NULL. */
+void run_seed(const Reference *reference, guint32 seed, GString *said, struct seed_result *ret);
