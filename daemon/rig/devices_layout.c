@@ -37,6 +37,7 @@ static const struct option rig_options[] = {
 struct place_fields { /* of a lamp, camera or laser */
     char *bank, *sweep, *mount_of;
     int index, width, height;
+    double park_deg; /* of an axis */
     double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
     double k1, k2, k3, p1, p2, vignetting;
 };
@@ -61,6 +62,12 @@ struct place_fields { /* of a lamp, camera or laser */
                 "Azimuth it stands at by itself, counter-clockwise seen from above; without it "   \
                 "the arc carries it"                                                               \
     }
+
+static const struct option axis_options[] = {
+    {LAYOUT_PARK_KEY, OPTION_DOUBLE, "degrees", -36000, 36000, "0", .offset = PLACE(park_deg),
+     .help = "Where it stands when the queue of sessions is empty; without it, at its reference"},
+    {NULL},
+};
 
 static const struct option lamp_options[] = {
     {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
@@ -139,11 +146,9 @@ const struct option *devices_section_options(const char *class_name) {
     static const struct {
         const char *class_name;
         const struct option *options;
-    } tables[] = {{"rig", rig_options},
-                  {"lamp", lamp_options},
-                  {"camera", camera_options},
-                  {"laser", laser_options},
-                  {"mark", mark_place_options}};
+    } tables[] = {{"rig", rig_options},     {"axis", axis_options},
+                  {"lamp", lamp_options},   {"camera", camera_options},
+                  {"laser", laser_options}, {"mark", mark_place_options}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
         if (g_str_equal(class_name, tables[i].class_name))
@@ -443,11 +448,12 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
 static gboolean take_section(struct layout *layout, const struct config_section *section,
                              Mistakes *mistakes) {
     if (g_str_equal(section->class_name, "axis")) {
+        struct place_fields fields = {0};
         if (g_str_equal(section->name, "turntable"))
             layout->turntable = section;
         if (g_str_equal(section->name, "arc"))
             layout->arc = section;
-        return devices_layout_read_device(section, NULL, mistakes);
+        return devices_layout_read_device(section, &fields, mistakes);
     }
     if (g_str_equal(section->class_name, "lamps")) {
         layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;

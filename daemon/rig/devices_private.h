@@ -21,6 +21,9 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
+/* A key of [axis NAME], of whoever parks the axes (struct Axis). */
+#define LAYOUT_PARK_KEY "park_deg"
+
 /* Checks everything that can be checked without a device, drivers' own options, too. The error
  * tells all mistakes of the file. */
 gboolean layout_load(struct layout *layout, const char *path, GError **error);
