@@ -22,9 +22,9 @@ struct unattended {
     struct bus_trial *trial;
     guint step_id;
     guint stopped_in_row;
-    gboolean has_worked;    /* since the axes were parked last */
-    guint n_parking;        /* axes on their way */
-    char *rest;             /* how the rig was left when the queue was empty; NULL: not known */
+    gboolean has_worked; /* since the axes were parked last */
+    guint n_parking;     /* axes on their way */
+    char *rest; /* how the rig was left when the queue was empty, or why there is none, or NULL */
     GString *not_parked;    /* axes, and why */
     gboolean held_by_fault; /* the queue is paused, for the session that is paused by a fault */
     enum moment told;
@@ -79,7 +79,8 @@ static void show_queue(struct unattended *at) {
     GVariantBuilder list;
     const char *state = state_of(at);
     const char *paused = at->queue ? queue_paused(at->queue) : NULL;
-    const char *reason = paused ? paused : strcmp(state, "empty") == 0 ? at->rest : NULL;
+    const gboolean rests = !at->queue || strcmp(state, "empty") == 0;
+    const char *reason = paused ? paused : rests ? at->rest : NULL;
     g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
     for (guint i = 0; at->queue && i < queue_items(at->queue)->len; i++)
         g_variant_builder_add_value(&list, show_item(queue_items(at->queue)->pdata[i]));
@@ -302,6 +303,33 @@ static gboolean is_free(const Bus *bus) {
     return bus->devices && !bus->ending && !bus->capture && bus->hands->len == 0;
 }
 
+/* A laser or bank of lamps that may shine though it was commanded off, or NULL. */
+static const struct device *find_unsafe(const struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (laser_safety(devices->lasers[i]) == DEVICE_UNSAFE)
+            return &devices->lasers[i]->device;
+    for (int i = 0; i < devices->n_banks; i++)
+        if (lamps_safety(devices->banks[i]) == DEVICE_UNSAFE)
+            return &devices->banks[i]->device;
+    return NULL;
+}
+
+/* Whether the open rig can take the session; if not, the queue is paused. */
+static gboolean check_rig(struct unattended *at, const struct queue_item *item) {
+    const struct device *unsafe = find_unsafe(at->bus->devices);
+    g_autofree char *why = NULL;
+    if (strcmp(item->rig, at->bus->rig_path) != 0)
+        why = g_strdup_printf("session %u was added for the rig %s, but %s is open", item->id,
+                              item->rig, at->bus->rig_path);
+    else if (unsafe)
+        why = g_strdup_printf("%s has not confirmed that it is off: look at it, then mesorig safe "
+                              "and mesorig queue resume",
+                              unsafe->who);
+    if (why)
+        pause_queue(at, why);
+    return !why;
+}
+
 static gboolean step(gpointer data) {
     struct unattended *at = data;
     Bus *bus = at->bus;
@@ -316,11 +344,7 @@ static gboolean step(gpointer data) {
             park(at);
         return G_SOURCE_REMOVE;
     }
-    if (strcmp(item->rig, bus->rig_path) != 0) {
-        g_autofree char *why =
-            g_strdup_printf("session %u was added for the rig %s, but %s is open", item->id,
-                            item->rig, bus->rig_path);
-        pause_queue(at, why);
+    if (!check_rig(at, item)) {
         show_queue(at);
         return G_SOURCE_REMOVE;
     }
@@ -348,7 +372,8 @@ void bus_unattended_begun(Bus *bus) {
     at->told = MOMENT_RUNS;
     at->has_worked |= ours;
     at->held_by_fault = FALSE;
-    g_clear_pointer(&at->rest, g_free);
+    if (at->queue)
+        g_clear_pointer(&at->rest, g_free);
     tell(at, "begun", ours ? at->item : NULL, "");
 }
 
@@ -454,10 +479,11 @@ gboolean bus_unattended_need_free(Bus *bus, GError **error) {
 }
 
 gboolean bus_unattended_need_queue(Bus *bus, GError **error) {
-    if (!bus->unattended->queue)
-        g_set_error_literal(error, BUS_ERROR, BUS_ERROR_FAILED,
-                            "this mesorigd keeps no queue: start it with --queue FILE");
-    return bus->unattended->queue != NULL;
+    const struct unattended *at = bus->unattended;
+    if (!at->queue)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED, "this mesorigd keeps no queue: %s",
+                    at->rest ? at->rest : "start it with --queue FILE");
+    return at->queue != NULL;
 }
 
 guint bus_unattended_add(Bus *bus, struct queue_item *item, GError **error) {
@@ -534,16 +560,18 @@ gboolean bus_unattended_answer(Bus *bus) {
     return TRUE;
 }
 
-gboolean bus_keep_queue(Bus *bus, const char *path, GError **error) {
+void bus_keep_queue(Bus *bus, const char *path) {
     struct unattended *at = bus->unattended;
-    at->queue = queue_open(path, error);
-    if (!at->queue)
-        return FALSE;
-    if (queue_paused(at->queue))
+    g_autoptr(GError) error = NULL;
+    at->queue = queue_open(path, &error);
+    if (error) {
+        at->rest = g_strdup(error->message);
+        g_warning("there is no queue of sessions: %s", error->message);
+    } else if (queue_paused(at->queue)) {
         g_message("the queue is paused: %s", queue_paused(at->queue));
+    }
     show_queue(at);
     bus_unattended_poke(bus);
-    return TRUE;
 }
 
 struct unattended *bus_unattended_new(Bus *bus) {

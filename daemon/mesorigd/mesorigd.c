@@ -150,8 +150,9 @@ static int mesorigd_serve(void) {
         ids[i] = g_unix_signal_add(signals[i], mesorigd_on_signal, &daemon);
     g_autofree char *path = rig_path ? g_canonicalize_filename(rig_path, NULL) : NULL;
     g_autofree char *queue = queue_path ? g_canonicalize_filename(queue_path, NULL) : NULL;
-    if ((!queue || bus_keep_queue(daemon.bus, queue, &error)) &&
-        (!path || bus_open_rig(daemon.bus, path, &error)) && go_public(&daemon, &error))
+    if (queue)
+        bus_keep_queue(daemon.bus, queue);
+    if ((!path || bus_open_rig(daemon.bus, path, &error)) && go_public(&daemon, &error))
         g_main_loop_run(daemon.loop);
     if (error)
         daemon.exit_code = mesorigd_fail(error);

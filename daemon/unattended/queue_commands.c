@@ -1,7 +1,5 @@
-#include <stdlib.h>
 #include <string.h>
 
-#include "base/nearest.h"
 #include "unattended.h"
 
 #define MOST_SESSIONS 100 /* of one call */
@@ -33,9 +31,10 @@ static Link *queue_link(GError **error) {
         return NULL;
     if (g_strcmp0(bus_rig1_get_queue_state(link_rig(link)), "none") != 0)
         return g_steal_pointer(&link);
-    g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-                        "this mesorigd keeps no queue: start it with --queue FILE, as the service "
-                        "mesorigd does");
+    const char *why = bus_rig1_get_queue_reason(link_rig(link));
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED, "this mesorigd keeps no queue: %s",
+                why && *why ? why
+                            : "start it with --queue FILE, as the service mesorigd is started");
     return NULL;
 }
 
@@ -119,6 +118,11 @@ static int run_add(const struct call *call, GError **error) {
         record_say(call->record, "added as number %u: %s\n", number, directory);
     }
     record_end(call->record);
+    const char *state = bus_rig1_get_queue_state(link_rig(link));
+    const char *reason = bus_rig1_get_queue_reason(link_rig(link));
+    if (g_strcmp0(state, "paused") == 0)
+        record_say(call->record, "the queue is paused: %s; “mesorig queue resume” goes on\n",
+                   reason);
     return CLI_DONE;
 }
 
@@ -213,65 +217,65 @@ static int run_resume(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-#define QUEUE_COMMAND(word, run_, arguments_, examples_, help_, options_, min_, max_)              \
-    static const struct command queue_##word = {.name = "queue " #word,                            \
-                                                .arguments = arguments_,                           \
-                                                .examples = examples_,                             \
-                                                .help = help_,                                     \
-                                                .options = options_,                               \
-                                                .daemon = TRUE,                                    \
-                                                .min = min_,                                       \
-                                                .max = max_,                                       \
-                                                .run = run_};
-
-QUEUE_COMMAND(add, run_add, "SESSION...",
-              "  mesorig queue add weave.conf felt.conf --into /var/lib/mesorig\n"
-              "  mesorig queue add weave.conf -o /var/lib/mesorig/weave.session --process\n",
-              "Check sessions, and add them at the end of the queue.", add_entries, 1,
-              MOST_SESSIONS)
-QUEUE_COMMAND(list, run_list, "", "  mesorig queue list\n",
-              "Show the queue, and when its sessions begin and end.", NULL, 0, 0)
-QUEUE_COMMAND(remove, run_remove, "NUMBER...",
-              "  mesorig queue remove 3\n"
-              "  mesorig queue remove --ended\n",
-              "Remove sessions that are not being captured; their directories stay.",
-              remove_entries, 0, MOST_SESSIONS)
-QUEUE_COMMAND(move, run_move, "NUMBER PLACE", "  mesorig queue move 5 1\n",
-              "Move a session to another place among those that wait.", NULL, 2, 2)
-QUEUE_COMMAND(pause, run_pause, "", "  mesorig queue pause\n",
-              "Begin nothing further; a capture that is under way goes on.", NULL, 0, 0)
-QUEUE_COMMAND(resume, run_resume, "", "  mesorig queue resume\n",
-              "Go on with the queue, and with its session if that is paused.", NULL, 0, 0)
+static const struct command queue_add = {
+    .name = "queue add",
+    .arguments = "SESSION...",
+    .examples = "  mesorig queue add weave.conf felt.conf --into /var/lib/mesorig\n"
+                "  mesorig queue add weave.conf -o /var/lib/mesorig/weave.session --process\n",
+    .help = "Check sessions, and add them at the end of the queue.",
+    .options = add_entries,
+    .daemon = TRUE,
+    .min = 1,
+    .max = MOST_SESSIONS,
+    .run = run_add};
+static const struct command queue_list = {
+    .name = "queue list",
+    .arguments = "",
+    .examples = "  mesorig queue list\n",
+    .help = "Show the queue, and when its sessions begin and end.",
+    .daemon = TRUE,
+    .run = run_list};
+static const struct command queue_remove = {
+    .name = "queue remove",
+    .arguments = "NUMBER...",
+    .examples = "  mesorig queue remove 3\n"
+                "  mesorig queue remove --ended\n",
+    .help = "Remove sessions that are not being captured; their directories stay.",
+    .options = remove_entries,
+    .daemon = TRUE,
+    .max = MOST_SESSIONS,
+    .run = run_remove};
+static const struct command queue_move = {
+    .name = "queue move",
+    .arguments = "NUMBER PLACE",
+    .examples = "  mesorig queue move 5 1\n",
+    .help = "Move a session to another place among those that wait.",
+    .daemon = TRUE,
+    .min = 2,
+    .max = 2,
+    .run = run_move};
+static const struct command queue_pause = {
+    .name = "queue pause",
+    .arguments = "",
+    .examples = "  mesorig queue pause\n",
+    .help = "Begin nothing further; a capture that is under way goes on.",
+    .daemon = TRUE,
+    .run = run_pause};
+static const struct command queue_resume = {
+    .name = "queue resume",
+    .arguments = "",
+    .examples = "  mesorig queue resume\n",
+    .help = "Go on with the queue, and with its session if that is paused.",
+    .daemon = TRUE,
+    .run = run_resume};
 
 static const struct command *const commands[] = {
     &queue_add, &queue_list, &queue_remove, &queue_move, &queue_pause, &queue_resume, NULL};
 
-static const char *word_of(const struct command *command) {
-    return command->name + strlen("queue ");
-}
-
+/* Beside the commands for people, that of the daemon. */
 static int run_queue(const struct command *command, int argc, char **argv) {
-    if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
-        g_print("Usage: mesorig queue WHAT …\n\n");
-        for (gsize i = 0; commands[i]; i++)
-            g_print("  %-8s %s\n", word_of(commands[i]), commands[i]->help);
-        g_print("\nExamples:\n%s\n“mesorig queue WHAT --help” tells more.\n", command->examples);
-        return argc < 2 ? CLI_USAGE : CLI_DONE;
-    }
-    for (gsize i = 0; commands[i]; i++)
-        if (strcmp(word_of(commands[i]), argv[1]) == 0)
-            return cli_run(commands[i], argc - 1, argv + 1);
-    if (strcmp(argv[1], "try") == 0)
-        return cli_run(&unattended_try, argc - 1, argv + 1);
-    struct nearest nearest = nearest_new(argv[1]);
-    for (gsize i = 0; commands[i]; i++)
-        nearest_consider(&nearest, word_of(commands[i]));
-    return nearest.name ? cli_usage(command, "there is no “queue %s”; did you mean “%s”?", argv[1],
-                                    nearest.name)
-                        : cli_usage(command,
-                                    "there is no “queue %s”; “mesorig queue --help” lists what "
-                                    "there is",
-                                    argv[1]);
+    return argc > 1 && strcmp(argv[1], "try") == 0 ? cli_run(&unattended_try, argc - 1, argv + 1)
+                                                   : cli_run_child(command, argc, argv);
 }
 
 const struct command unattended_queue = {

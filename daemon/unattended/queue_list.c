@@ -37,7 +37,7 @@ static char *clock_text(gint64 at_s) {
     g_autoptr(GDateTime) time = g_date_time_new_from_unix_local(at_s);
     g_autoptr(GDateTime) now = g_date_time_new_now_local();
     if (!time || at_s <= 0)
-        return g_strdup("–");
+        return g_strdup("-");
     const gboolean today = g_date_time_get_day_of_year(time) == g_date_time_get_day_of_year(now) &&
                            g_date_time_get_year(time) == g_date_time_get_year(now);
     return g_date_time_format(time, today ? "%H:%M" : "%a %H:%M");
@@ -131,6 +131,6 @@ void unattended_tell(Record *to, BusRig1 *rig, gboolean list) {
     }
     record_end(to);
     if (list && bus_rig1_get_simulated(rig) && n_waiting > 0)
-        record_say(to, "The rig is simulated: its sessions take less time than predicted.\n");
+        record_say(to, "The rig is simulated: its sessions may take less time than predicted.\n");
     tell_state(to, rig, n_waiting, list);
 }
