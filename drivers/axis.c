@@ -79,6 +79,7 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
     Axis *axis = g_new0(Axis, 1);
     const struct axis_motion *m = &axis->motion;
     axis->driver = driver;
+    axis->park_deg = NAN;
     axis->state = g_new0(struct axis_state, 1);
     if (!device_init(&axis->device, &driver->info, section, also, clock, error) ||
         !driver->open(axis, error)) {

@@ -77,6 +77,8 @@ struct Axis {
     struct device device;
     const struct axis_driver *driver;
     struct axis_motion motion;
+    double park_deg;          /* where it rests when there is nothing to capture, for whoever parks
+                                 it; NAN: at its reference. The rig's, not the driver's */
     struct axis_state *state; /* the class's own */
 };
 

@@ -3,6 +3,7 @@
 #include "bus_errors.h"
 #include "bus_hands.h"
 #include "bus_private.h"
+#include "bus_unattended.h"
 #include "plan/report.h"
 
 #include <glib/gstdio.h>
@@ -77,6 +78,7 @@ static gboolean end_capture_idle(gpointer data) {
     bus->end_id = 0;
     end_capture(bus);
     bus_show_devices(bus);
+    bus_unattended_poke(bus);
     bus_notify(bus);
     return G_SOURCE_REMOVE;
 }
@@ -90,6 +92,7 @@ static void bus_changed(Capture *capture, gpointer data) {
     show_status(bus, &status);
     bus_show_devices(bus);
     bus_show_thumbnails(bus);
+    bus_unattended_changed(bus, &status);
     if (status.state >= CAPTURE_DONE && !bus->end_id)
         bus->end_id = g_idle_add(end_capture_idle, bus);
     bus_notify(bus);
@@ -179,6 +182,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
     show_idle(bus);
+    bus_unattended_poke(bus);
     return TRUE;
 }
 
@@ -187,6 +191,7 @@ void bus_close_rig(Bus *bus) {
     if (bus->ending)
         return; /* from within bus_end(), which runs the main loop */
     bus_authority_stop(bus, "the rig was closed meanwhile");
+    bus_unattended_stop(bus, NULL);
     bus_jobs_stop_all(bus, "the rig was closed meanwhile");
     if (bus->devices) {
         bus_hands_end(bus, "the rig was closed meanwhile");
@@ -238,6 +243,7 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     bus_rig1_set_session(bus->object, directory);
     if (process && !(bus->follower = follower_start(directory, &error)))
         bus_report(bus, "warning", "process", error->message);
+    bus_unattended_begun(bus);
     bus_changed(capture, bus);
 }
 
@@ -259,6 +265,7 @@ gboolean bus_make_safe(Bus *bus, GError **error) {
     bus_authority_stop(bus, "SafeState ended it before it began");
     if (!bus_need_rig(bus, error))
         return FALSE;
+    bus_unattended_stop(bus, "SafeState was called");
     bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
     bus_hands_stop(bus, "SafeState ended it");
     bus_hold_clock(bus, FALSE);
@@ -281,6 +288,7 @@ Bus *bus_new(const char *address) {
     bus->hands = g_ptr_array_new();
     memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
     bus->queue = bus_queue_new(bus);
+    bus->unattended = bus_unattended_new(bus);
     bus_answer_calls(bus);
     show_idle(bus);
     return bus;
@@ -288,6 +296,7 @@ Bus *bus_new(const char *address) {
 
 gboolean bus_end(Bus *bus, GError **error) {
     bus_authority_stop(bus, "mesorigd ends");
+    bus_unattended_stop(bus, NULL);
     bus_jobs_stop_all(bus, "mesorigd ends");
     if (!bus->devices)
         return TRUE;
@@ -305,6 +314,7 @@ void bus_free(Bus *bus) {
         return;
     bus->func = NULL;
     bus_close_rig(bus);
+    bus_unattended_free(bus->unattended);
     bus_queue_close(bus->queue);
     GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
     GList *connections = g_dbus_interface_skeleton_get_connections(skeleton);

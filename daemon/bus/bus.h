@@ -36,6 +36,11 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 /* As the method OpenRig. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
+/* Keeps a queue of sessions in this file (queue/queue.h), and captures them while a rig is open.
+ * Once, before any client calls. Where that cannot be, there is no queue, which is told in the log
+ * and to whoever asks for it: the rig serves all the same. */
+void bus_keep_queue(Bus *bus, const char *path);
+
 /* One line for people: "running, 12 % (120 of 1000 shots), 1 h 20 min left"; g_free(). */
 char *bus_status(Bus *bus);
 

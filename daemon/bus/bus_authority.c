@@ -30,6 +30,11 @@ static const struct {
     {"Pause", ACTION("capture")},
     {"Continue", ACTION("capture")},
     {"Abort", ACTION("capture")},
+    {"QueueAdd", ACTION("capture")}, /* as Start */
+    {"QueueRemove", ACTION("capture")},
+    {"QueueMove", ACTION("capture")},
+    {"QueuePause", ACTION("capture")},
+    {"QueueResume", ACTION("capture")},
     {"SetLamp", ACTION("move")},
     {"MoveAxis", ACTION("move")},
     {"HomeAxis", ACTION("move")},
@@ -59,7 +64,7 @@ const char *bus_authority_action(const char *method, gboolean *ret_known) {
 
 static const char *action_of(GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
-    if (strcmp(method, "Start") == 0) {
+    if (strcmp(method, "Start") == 0 || strcmp(method, "QueueAdd") == 0) {
         GVariant *parameters = g_dbus_method_invocation_get_parameters(invocation);
         g_autoptr(GVariant) options = g_variant_get_child_value(parameters, 2);
         g_autoptr(GVariant) calibration = g_variant_lookup_value(options, "calibration", NULL);

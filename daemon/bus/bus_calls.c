@@ -1,6 +1,7 @@
 #include "bus_authority.h"
 #include "bus_errors.h"
 #include "bus_hands.h"
+#include "bus_unattended.h"
 
 /* Ends a failed method call: returns the error to the client. Handlers emit changed properties
  * before they return a result, so that the client never reads an old state after its call. */
@@ -70,6 +71,10 @@ static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus
 
 static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
+    if (!bus->capture && bus_unattended_answer(bus)) {
+        bus_rig1_complete_continue(object, invocation);
+        return TRUE;
+    }
     if (!bus_need_capture(bus, &error))
         return bus_calls_refuse(invocation, error);
     if (!capture_continue(bus->capture, &error))
@@ -83,12 +88,61 @@ static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus
     GError *error = NULL;
     const char *why = "Abort ended what was about to begin";
     const gboolean asked = bus_authority_stop(bus, why);
-    const gboolean begun = bus_jobs_stop_begin(bus, why) || asked;
+    const gboolean trying = bus_unattended_is_beginning(bus);
+    if (trying)
+        bus_unattended_stop(bus, why);
+    const gboolean begun = bus_jobs_stop_begin(bus, why) || asked || trying;
     if (!begun && !bus_need_capture(bus, &error))
         return bus_calls_refuse(invocation, error);
     if (bus->capture)
         capture_abort(bus->capture);
     bus_rig1_complete_abort(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_queue_add(BusRig1 *object, GDBusMethodInvocation *invocation,
+                             const char *session_path, const char *directory, GVariant *options,
+                             Bus *bus) {
+    GError *error = NULL;
+    return bus_add_to_queue(bus, invocation, session_path, directory, options, &error) ||
+           bus_calls_refuse(invocation, error);
+}
+
+static gboolean on_queue_remove(BusRig1 *object, GDBusMethodInvocation *invocation, guint number,
+                                Bus *bus) {
+    GError *error = NULL;
+    if (!bus_unattended_remove(bus, number, &error))
+        return bus_calls_refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_queue_remove(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_queue_move(BusRig1 *object, GDBusMethodInvocation *invocation, guint number,
+                              guint place, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_unattended_move(bus, number, place, &error))
+        return bus_calls_refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_queue_move(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_queue_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_unattended_pause(bus, &error))
+        return bus_calls_refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_queue_pause(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_queue_resume(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_unattended_resume(bus, &error))
+        return bus_calls_refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_queue_resume(object, invocation);
     return TRUE;
 }
 
@@ -149,6 +203,11 @@ void bus_answer_calls(Bus *bus) {
         {"handle-pause", G_CALLBACK(on_pause)},
         {"handle-continue", G_CALLBACK(on_continue)},
         {"handle-abort", G_CALLBACK(on_abort)},
+        {"handle-queue-add", G_CALLBACK(on_queue_add)},
+        {"handle-queue-remove", G_CALLBACK(on_queue_remove)},
+        {"handle-queue-move", G_CALLBACK(on_queue_move)},
+        {"handle-queue-pause", G_CALLBACK(on_queue_pause)},
+        {"handle-queue-resume", G_CALLBACK(on_queue_resume)},
         {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
         {"handle-snap", G_CALLBACK(on_snap)},
         {"handle-set-lamp", G_CALLBACK(on_set_lamp)},

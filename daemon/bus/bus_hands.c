@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "bus_errors.h"
+#include "bus_unattended.h"
 
 /* Numbers of pictures taken by hand begin here; shots of sessions have lower ones. */
 #define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)
@@ -26,6 +27,7 @@ struct hand {
     Axis *axis;
     const char *name;                  /* the device's own */
     GDBusMethodInvocation *invocation; /* the call that waits; NULL: none */
+    BusParked parked;                  /* in its place, of an axis that is parked */
     GDBusConnection *connection;       /* of the client */
     char *sender;                      /* its name on a message bus, or NULL */
     guint watch;                       /* of that name */
@@ -37,6 +39,10 @@ struct hand {
 };
 
 static void hand_fail(struct hand *hand, const GError *error) {
+    const BusParked parked = hand->parked;
+    hand->parked = NULL;
+    if (parked)
+        parked(hand->bus, error);
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
     if (invocation)
         g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(g_error_copy(error)));
@@ -77,8 +83,10 @@ static void hand_drop(struct hand *hand) {
     g_ptr_array_remove_fast(bus->hands, hand);
     g_free(hand->sender);
     g_free(hand);
-    if (bus->hands->len == 0)
+    if (bus->hands->len == 0) {
         bus_hold_clock(bus, TRUE);
+        bus_unattended_poke(bus);
+    }
     bus_show_devices(bus);
 }
 
@@ -86,8 +94,12 @@ static void hand_drop(struct hand *hand) {
 static void hand_answer(struct hand *hand) {
     BusRig1 *object = hand->bus->object;
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
+    const BusParked parked = hand->parked;
+    hand->parked = NULL;
     bus_show_devices(hand->bus);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    if (parked)
+        parked(hand->bus, NULL);
     if (!invocation)
         return;
     if (hand->kind == HAND_LAMP)
@@ -154,6 +166,10 @@ static void hand_on_axis(Axis *axis, enum axis_event event, const GError *error,
         device_error_set(&stopped, DEVICE_ERROR_STALLED, axis->device.who,
                          "it was stopped at %g°" ERROR_ADVICE "check what has stopped it",
                          axis_position_deg(axis));
+    if (event == AXIS_HOMED && hand->parked && isfinite(axis->park_deg)) {
+        if (axis_move(axis, axis->park_deg, &stopped))
+            return;
+    }
     if (error || stopped)
         hand_fail(hand, error ? error : stopped);
     else
@@ -256,7 +272,7 @@ void bus_hands_end(Bus *bus, const char *why) {
 static void end_those_of(Bus *bus, GDBusConnection *connection, const char *sender) {
     for (guint i = bus->hands->len; i-- > 0;) {
         struct hand *hand = bus->hands->pdata[i];
-        if (hand->connection == connection && !hand->off_asked &&
+        if (connection && hand->connection == connection && !hand->off_asked &&
             (!sender || g_strcmp0(hand->sender, sender) == 0))
             hand_end(hand, "the client has gone");
     }
@@ -270,6 +286,15 @@ static void on_vanished(GDBusConnection *connection, const char *name, gpointer 
     end_those_of(data, connection, name);
 }
 
+static GError *open_interlock_error(Bus *bus) {
+    for (int i = 0; i < bus->devices->n_interlocks; i++)
+        if (!interlock_is_closed(bus->devices->interlocks[i])) {
+            g_autofree char *advice = interlock_advice(bus->devices->interlocks[i]);
+            return g_error_new_literal(DEVICE_ERROR, DEVICE_ERROR_INTERLOCK, advice);
+        }
+    return NULL;
+}
+
 /* NULL, and the call is answered, if the device cannot be taken in hand now. */
 static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
     GError *error = NULL;
@@ -281,12 +306,9 @@ static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struc
             other->laser == like.laser && other->axis == like.axis)
             hand = other;
     }
-    for (int i = 0; emits && i < bus->devices->n_interlocks && !error; i++)
-        if (!interlock_is_closed(bus->devices->interlocks[i])) {
-            g_autofree char *advice = interlock_advice(bus->devices->interlocks[i]);
-            error = g_error_new_literal(DEVICE_ERROR, DEVICE_ERROR_INTERLOCK, advice);
-        }
-    if (!error && hand && (hand->invocation || hand->off_asked))
+    if (emits)
+        error = open_interlock_error(bus);
+    if (!error && hand && (hand->invocation || hand->off_asked || hand->parked))
         g_set_error(&error, BUS_ERROR, BUS_ERROR_BUSY,
                     "%s is busy with another call: try again when that is answered", like.name);
     if (error) {
@@ -456,4 +478,34 @@ void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axi
         hand_refused(hand, error);
     else if (hand)
         bus_show_devices(bus);
+}
+
+gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
+    GError *open = open_interlock_error(bus);
+    if (open) {
+        g_propagate_error(error, open);
+        return FALSE;
+    }
+    for (guint i = 0; i < bus->hands->len; i++)
+        if (((const struct hand *)bus->hands->pdata[i])->axis == axis) {
+            g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "somebody is moving the axis %s",
+                        axis->device.name);
+            return FALSE;
+        }
+    const gboolean homes = !axis_is_homed(axis) || !isfinite(axis->park_deg);
+    struct hand *hand = g_new(struct hand, 1);
+    *hand = (struct hand){
+        .bus = bus, .kind = HAND_AXIS, .axis = axis, .name = axis->device.name, .homing = homes};
+    if (bus->hands->len == 0)
+        bus_hold_clock(bus, FALSE);
+    g_ptr_array_add(bus->hands, hand);
+    hand_listen(hand, TRUE);
+    bus->is_safe = FALSE;
+    if (!(homes ? axis_home(axis, error) : axis_move(axis, axis->park_deg, error))) {
+        hand_drop(hand);
+        return FALSE;
+    }
+    hand->parked = done;
+    bus_show_devices(bus);
+    return TRUE;
 }

@@ -19,6 +19,12 @@ void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char
 void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg);
 void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis);
 
+/* Moves an axis to where it rests (park_deg), after homing it if need be, or homes it, unless
+ * somebody has it in hand or an interlock is open. done: once, with an error if it does not stand
+ * there, also if another call ends it. */
+typedef void (*BusParked)(Bus *bus, const GError *error);
+gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error);
+
 /* Listens to the interlocks of a rig that was opened, or is to be closed. */
 void bus_hands_watch(Bus *bus, gboolean watch);
 

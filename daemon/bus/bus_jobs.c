@@ -1,32 +1,47 @@
 #include "bus_authority.h"
 #include "bus_errors.h"
 #include "bus_private.h"
+#include "bus_unattended.h"
 #include "plan/report.h"
+#include "queue/queue.h"
 
 #include <string.h>
+
+#include "base/input_file.h"
+
+/* Bytes of a configuration file. */
+#define MOST_TEXT (1 << 20)
 
 /* Sessions that are checked at once, for all clients. */
 #define MAX_CHECKS 4
 
 struct bus_job {
     Bus *bus;                          /* NULL: stopped */
-    GDBusMethodInvocation *invocation; /* NULL: answered */
+    GDBusMethodInvocation *invocation; /* NULL: answered, or there is none */
+    BusBegun begun;                    /* in its place, of a session of the queue */
+    struct queue_item *item;           /* to be added to the queue; NULL: none */
     GCancellable *cancellable;
     enum preparer_task task;
     char *directory;
     gboolean process;
 };
 
-static void bus_jobs_fail(struct bus_job *job, GError *error) {
-    g_dbus_method_invocation_take_error(g_steal_pointer(&job->invocation), bus_errors_wrap(error));
+static void bus_jobs_fail(Bus *bus, struct bus_job *job, GError *error) {
+    if (job->invocation) {
+        g_dbus_method_invocation_take_error(g_steal_pointer(&job->invocation),
+                                            bus_errors_wrap(error));
+        return;
+    }
+    job->begun(bus, error);
+    g_error_free(error);
 }
 
 /* It is freed when its child has ended. */
 static void bus_jobs_stop(Bus *bus, struct bus_job *job, const char *why) {
     g_ptr_array_remove(bus->jobs, job);
     job->bus = NULL;
-    bus_jobs_fail(job, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
     g_cancellable_cancel(job->cancellable);
+    bus_jobs_fail(bus, job, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
 }
 
 static struct bus_job *find_beginning(Bus *bus) {
@@ -58,15 +73,47 @@ void bus_jobs_stop_all(Bus *bus, const char *why) {
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection) {
     for (guint i = bus->jobs->len; i-- > 0;) {
         struct bus_job *job = bus->jobs->pdata[i];
-        if (g_dbus_method_invocation_get_connection(job->invocation) == connection)
+        if (job->invocation &&
+            g_dbus_method_invocation_get_connection(job->invocation) == connection)
             bus_jobs_stop(bus, job, "the client has gone");
     }
 }
 
+/* Takes from the plan what the queue shows. */
+static void answer_adding(struct bus_job *job, GVariant *report, GError *error) {
+    struct queue_item *item = g_steal_pointer(&job->item);
+    guint number = 0;
+    const char *name = "", *prompt = "";
+    if (report) {
+        g_variant_lookup(report, "session", "&s", &name);
+        g_variant_lookup(report, "prompt", "&s", &prompt);
+        g_variant_lookup(report, "predicted_s", "d", &item->predicted_s);
+        g_variant_lookup(report, "bytes", "t", &item->bytes);
+        g_free(item->name);
+        item->name = g_strdup(name);
+        g_free(item->prompt);
+        item->prompt = g_strdup(prompt);
+        number = bus_unattended_add(job->bus, item, &error);
+    } else {
+        queue_item_free(item);
+    }
+    if (number == 0) {
+        bus_jobs_fail(job->bus, job, error);
+        return;
+    }
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(job->bus->object));
+    bus_rig1_complete_queue_add(job->bus->object, g_steal_pointer(&job->invocation), number,
+                                report);
+}
+
 /* An invalid session is an answer; an invalid call is an error. */
 static void answer_check(struct bus_job *job, GVariant *report, GError *error) {
+    if (job->item) {
+        answer_adding(job, report, error);
+        return;
+    }
     if (!report && error->domain == BUS_ERROR) {
-        bus_jobs_fail(job, error);
+        bus_jobs_fail(job->bus, job, error);
         return;
     }
     g_autofree char *text = report ? report_text(report) : g_strdup(error->message);
@@ -81,11 +128,13 @@ static void answer_beginning(struct bus_job *job, GVariant *result, GError *erro
     const char *warning = result ? g_variant_get_string(result, NULL) : "";
     if (!result || !bus_begin(job->bus, job->directory, resumed, *warning ? warning : NULL,
                               job->process, &error)) {
-        bus_jobs_fail(job, error);
+        bus_jobs_fail(job->bus, job, error);
         return;
     }
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(job->bus->object));
-    if (resumed)
+    if (job->begun)
+        job->begun(job->bus, NULL);
+    else if (resumed)
         bus_rig1_complete_resume(job->bus->object, g_steal_pointer(&job->invocation));
     else
         bus_rig1_complete_start(job->bus->object, g_steal_pointer(&job->invocation));
@@ -102,10 +151,12 @@ static void on_prepared(GObject *source, GAsyncResult *result, gpointer data) {
         g_clear_error(&error);
     }
     g_object_unref(job->cancellable);
+    queue_item_free(job->item);
     g_free(job->directory);
     g_free(job);
 }
 
+/* invocation NULL: of a session of the queue, whose caller the request has. */
 static struct bus_job *start_job(Bus *bus, GDBusMethodInvocation *invocation,
                                  struct preparer_request *request) {
     struct bus_job *job = g_new0(struct bus_job, 1);
@@ -116,7 +167,8 @@ static struct bus_job *start_job(Bus *bus, GDBusMethodInvocation *invocation,
     job->directory = g_strdup(request->directory);
     g_ptr_array_add(bus->jobs, job);
     request->devices = bus->devices;
-    request->caller = bus_authority_caller(invocation);
+    if (invocation)
+        request->caller = bus_authority_caller(invocation);
     request->limits = bus->limits[request->task];
     preparer_run(request, job->cancellable, on_prepared, job);
     return job;
@@ -129,7 +181,7 @@ static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **
     gboolean own = FALSE;
     for (guint i = 0; i < bus->jobs->len; i++) {
         const struct bus_job *job = bus->jobs->pdata[i];
-        if (job->task != PREPARER_CHECK)
+        if (job->task != PREPARER_CHECK || !job->invocation)
             continue;
         n++;
         own |= g_dbus_method_invocation_get_connection(job->invocation) == connection &&
@@ -145,7 +197,7 @@ static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **
 }
 
 typedef struct {
-    gboolean process;
+    gboolean process, yes;
     char *calibration;                     /* path; NULL: what the rig file names */
     char *session_text, *calibration_text; /* of those files; NULL: they are to be read */
     char *exposures;                       /* session_conf_choose(); NULL: nothing is auto */
@@ -169,16 +221,22 @@ static gboolean bus_jobs_check_options(GVariant *options, JobOptions *ret, GErro
         {"calibration_text", &ret->calibration_text},
         {"chosen", &ret->exposures},
     };
+    const struct {
+        const char *key;
+        gboolean *flag;
+    } flags[] = {{"process", &ret->process}, {"yes", &ret->yes}};
     GVariantIter iter;
     const char *key;
     g_autoptr(GVariant) value = NULL;
     g_variant_iter_init(&iter, options);
     while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
         gboolean known = FALSE;
-        if (strcmp(key, "process") == 0 && g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
-            ret->process = g_variant_get_boolean(value);
-            known = TRUE;
-        }
+        for (gsize i = 0; i < G_N_ELEMENTS(flags); i++)
+            if (strcmp(key, flags[i].key) == 0 &&
+                g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
+                *flags[i].flag = g_variant_get_boolean(value);
+                known = TRUE;
+            }
         for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
             if (strcmp(key, texts[i].key) == 0 &&
                 g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
@@ -189,8 +247,8 @@ static gboolean bus_jobs_check_options(GVariant *options, JobOptions *ret, GErro
         if (!known) {
             g_set_error(
                 error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                "the option %s does not exist or has the wrong type: give process "
-                "(boolean), calibration, chosen, session_text or calibration_text (strings)",
+                "the option %s does not exist or has the wrong type: give process or yes "
+                "(booleans), calibration, chosen, session_text or calibration_text (strings)",
                 key);
             return FALSE;
         }
@@ -251,7 +309,8 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     g_auto(JobOptions) chosen = {0};
     const gboolean begins = session_path != NULL;
     if (!bus_need_rig(bus, error) || !bus_need_free(bus, error) ||
-        !bus_need_absolute(directory, error) || !bus_jobs_check_options(options, &chosen, error) ||
+        !bus_unattended_need_free(bus, error) || !bus_need_absolute(directory, error) ||
+        !bus_jobs_check_options(options, &chosen, error) ||
         !check_calibration(chosen.calibration, chosen.calibration_text, begins, error) ||
         (begins && !bus_need_absolute(session_path, error)) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
@@ -268,4 +327,80 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     struct bus_job *job = start_job(bus, invocation, &request);
     job->process = chosen.process;
     return TRUE;
+}
+
+/* The text of a file that is kept with the queue; the empty path has none. NULL: an error. */
+static char *kept_text(const char *path, const char *given, GError **error) {
+    if (!path)
+        return g_strdup("");
+    return given ? g_strdup(given) : input_file_read_text(path, MOST_TEXT, error);
+}
+
+gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
+                          const char *directory, GVariant *options, GError **error) {
+    const struct bus_caller *caller = bus_authority_caller(invocation);
+    g_auto(JobOptions) chosen = {0};
+    if (!bus_unattended_need_queue(bus, error) || !bus_need_rig(bus, error) ||
+        !bus_need_absolute(session_path, error) || !bus_need_absolute(directory, error) ||
+        !bus_jobs_check_options(options, &chosen, error) ||
+        !check_calibration(chosen.calibration, chosen.calibration_text, TRUE, error) ||
+        !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
+        !check_readable(invocation, chosen.calibration, chosen.calibration_text, "calibration_text",
+                        error) ||
+        !may_check(bus, invocation, error))
+        return FALSE;
+    g_autofree char *session_text = kept_text(session_path, chosen.session_text, error);
+    g_autofree char *calibration_text =
+        session_text ? kept_text(chosen.calibration, chosen.calibration_text, error) : NULL;
+    if (!calibration_text)
+        return FALSE;
+    struct preparer_request request = {.task = PREPARER_CHECK,
+                                       .session_path = session_path,
+                                       .session_text = session_text,
+                                       .directory = directory,
+                                       .calibration = chosen.calibration,
+                                       .calibration_text = calibration_text};
+    struct bus_job *job = start_job(bus, invocation, &request);
+    job->item = queue_item_new();
+    const struct {
+        char **to;
+        const char *text;
+    } texts[] = {{&job->item->session_path, session_path},
+                 {&job->item->session_text, session_text},
+                 {&job->item->directory, directory},
+                 {&job->item->rig, bus->rig_path},
+                 {&job->item->calibration, chosen.calibration ? chosen.calibration : ""},
+                 {&job->item->calibration_text, calibration_text},
+                 {&job->item->chosen, chosen.exposures ? chosen.exposures : ""}};
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
+        g_free(*texts[i].to);
+        *texts[i].to = g_strdup(texts[i].text);
+    }
+    job->item->process = chosen.process;
+    job->item->yes = chosen.yes;
+    job->item->has_caller = caller != NULL;
+    if (caller) {
+        job->item->uid = caller->uid;
+        g_array_append_vals(job->item->groups, caller->groups, (guint)caller->n_groups);
+    }
+    return TRUE;
+}
+
+void bus_start_queued(Bus *bus, const struct queue_item *item, gboolean resumes, BusBegun begun) {
+    struct bus_caller caller = {.uid = item->uid};
+    caller.n_groups = (int)MIN(item->groups->len, BUS_CALLER_GROUPS);
+    for (int i = 0; i < caller.n_groups; i++)
+        caller.groups[i] = g_array_index(item->groups, guint32, i);
+    struct preparer_request request = {
+        .task = resumes ? PREPARER_EXAMINE : PREPARER_BEGIN,
+        .session_path = item->session_path,
+        .session_text = item->session_text,
+        .directory = item->directory,
+        .calibration = *item->calibration && !resumes ? item->calibration : NULL,
+        .calibration_text = resumes ? NULL : item->calibration_text,
+        .chosen = *item->chosen ? item->chosen : NULL,
+        .caller = item->has_caller ? &caller : NULL};
+    struct bus_job *job = start_job(bus, NULL, &request);
+    job->begun = begun;
+    job->process = item->process;
 }

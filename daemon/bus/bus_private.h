@@ -1,8 +1,8 @@
 /*
  * What bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras' last
  * pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a child
- * works for), bus_hands.c (devices by hand), bus_queue.c (calls that wait) and bus_authority.c (who
- * may call what) share.
+ * works for), bus_hands.c (devices by hand), bus_unattended.c (the queue of sessions), bus_queue.c
+ * (calls that wait) and bus_authority.c (who may call what) share.
  */
 #pragma once
 
@@ -14,11 +14,14 @@
 #include "rig1-bus.h"
 
 struct bus_queue;
+struct queue_item;
+struct unattended;
 struct bus_caller;
 
 struct Bus {
     BusRig1 *object;
-    struct bus_queue *queue;
+    struct bus_queue *queue; /* of calls */
+    struct unattended *unattended;
     GPtrArray *jobs;      /* of struct bus_job, owned by what they wait for */
     GPtrArray *questions; /* to polkit (bus_authority.c), owned by what they wait for */
     struct preparer_limits limits[PREPARER_TASKS];
@@ -79,6 +82,15 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
                       const char *directory, GVariant *options, GError **error);
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                    const char *directory, GVariant *options, GError **error);
+
+/* Checks a session and adds it to the queue: as the method QueueAdd. */
+gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
+                          const char *directory, GVariant *options, GError **error);
+
+/* Begins or goes on with a session of the queue in a child, as Start and Resume do. begun is called
+ * once, from the main loop or from bus_jobs_stop_…(); error NULL: it is being captured. */
+typedef void (*BusBegun)(Bus *bus, const GError *error);
+void bus_start_queued(Bus *bus, const struct queue_item *item, gboolean resumes, BusBegun begun);
 
 /* The session directory of a Start or Resume that has not been answered yet, or NULL. */
 const char *bus_jobs_beginning(Bus *bus);

@@ -1,6 +1,7 @@
 #include "preparer_private.h"
 
 #include "capture/capture.h"
+#include "capture/capture_calibration.h"
 #include "plan/report.h"
 
 #include <gio/gunixinputstream.h>
@@ -102,7 +103,11 @@ static GVariant *do_work(const struct prepare_work *work, GError **error) {
     g_autoptr(Plan) plan = *work->directory
                                ? capture_validate(devices, &conf, work->directory, error)
                                : plan_build(&conf, &devices->geometry, &devices->timing, error);
-    return plan ? report_plan(&conf, plan) : NULL;
+    if (!plan || !*work->directory)
+        return plan ? report_plan(&conf, plan) : NULL;
+    g_autoptr(GPtrArray) warnings = NULL;
+    g_autoptr(Calibration) calibration = capture_calibration(devices, &warnings, error);
+    return calibration ? report_plan(&conf, plan) : NULL;
 }
 
 int preparer_child(void) {

@@ -1,7 +1,6 @@
 /* calibrate: one subcommand a file, calibrate_*.c. */
 #include "calibrate.h"
 
-#include "base/nearest.h"
 #include "command/work.h"
 #include "exr/exr.h"
 #include "pictures/vision.h"
@@ -299,33 +298,10 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
     return g_steal_pointer(&picture);
 }
 
-static int cli_calibrate_run(const struct command *command, int argc, char **argv) {
-    if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
-        g_print("Usage: mesorig calibrate WHAT …\n\n");
-        for (gsize i = 0; commands[i]; i++)
-            g_print("  %-12s %s\n", commands[i]->name + strlen("calibrate "), commands[i]->help);
-        g_print("\nExamples:\n%s\n“mesorig calibrate WHAT --help” tells more.\n",
-                command->examples);
-        return argc < 2 ? CLI_USAGE : CLI_DONE;
-    }
-    for (gsize i = 0; commands[i]; i++)
-        if (strcmp(commands[i]->name + strlen("calibrate "), argv[1]) == 0)
-            return cli_run(commands[i], argc - 1, argv + 1);
-    struct nearest nearest = nearest_new(argv[1]);
-    for (gsize i = 0; commands[i]; i++)
-        nearest_consider(&nearest, commands[i]->name + strlen("calibrate "));
-    return nearest.name
-               ? cli_usage(command, "“%s” cannot be calibrated; did you mean “%s”?", argv[1],
-                           nearest.name)
-               : cli_usage(command,
-                           "“%s” cannot be calibrated; “mesorig calibrate --help” lists what can",
-                           argv[1]);
-}
-
 const struct command cli_calibrate = {
     .name = "calibrate",
     .arguments = "WHAT …",
     .examples = "  mesorig calibrate show rig.calibration\n",
     .help = "Find out where cameras, lamps and lasers are, from pictures.",
-    .run_arguments = cli_calibrate_run,
+    .run_arguments = cli_run_child,
     .children = commands};

@@ -323,7 +323,7 @@ void capture_pause(Capture *capture) {
     if (capture->starter != 0) {
         clock_cancel(capture->devices->clock, &capture->starter);
         capture_start_clock(capture);
-        capture_pause_for(capture, "info", "capture", "paused by the user");
+        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
         return;
     }
     sequencer_pause(capture->sequencer);
@@ -409,6 +409,7 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
     *ret = (struct capture_status){
         .state = capture->state,
         .shot = sequencer_last_shot(capture->sequencer),
+        .fault = capture->state == CAPTURE_PAUSED ? capture->fault : CAPTURE_FAULT_NONE,
         .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
         .prompt = waits_for_somebody(capture) ? capture->reason : NULL,
         .doing = capture->doing,

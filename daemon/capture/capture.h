@@ -27,11 +27,20 @@ enum capture_state {
     CAPTURE_ABORTED,
 };
 
+/* Whether another session on the same rig can be expected to do better. */
+enum capture_fault {
+    CAPTURE_FAULT_NONE,
+    CAPTURE_FAULT_SESSION, /* a camera's pictures were refused too often, or a lamp gave no light */
+    CAPTURE_FAULT_RIG,     /* an interlock, axis or laser, a device that is gone, something that has
+                              moved, the disk */
+};
+
 struct capture_status {
     enum capture_state state;
-    const char *reason; /* of a pause; NULL otherwise */
-    const char *prompt; /* the same, if it asks for something to be done; else NULL */
-    const char *doing;  /* in a few words, for people */
+    enum capture_fault fault; /* of a pause */
+    const char *reason;       /* of a pause; NULL otherwise */
+    const char *prompt;       /* the same, if it asks for something to be done; else NULL */
+    const char *doing;        /* in a few words, for people */
     /* That is taken, or was taken last; NULL: none yet. Until the main loop runs. */
     const struct session_shot *shot;
     int shots, shots_done;    /* of the whole session, those from before a resume counted */

@@ -38,7 +38,8 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
 }
 
 struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
-                                            const char *path, char **ret_line, GError **error) {
+                                            const char *path, const char *text, char **ret_line,
+                                            GError **error) {
     g_autoptr(Config) config = config_load(rig_path, error);
     g_autoptr(GPtrArray) warnings = NULL;
     if (!config)
@@ -48,8 +49,10 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
     g_autofree char *from = path              ? g_canonicalize_filename(path, NULL)
                             : named && *named ? config_resolve(config, named)
                                               : NULL;
-    const struct devices devices = {
-        .geometry = *geometry, .calibration_path = from, .calibration_days = INFINITY};
+    const struct devices devices = {.geometry = *geometry,
+                                    .calibration_path = from,
+                                    .calibration_text = text,
+                                    .calibration_days = INFINITY};
     struct calibration *calibration = capture_calibration(&devices, &warnings, error);
     if (calibration)
         *ret_line = calibration_line(calibration, from, CAPTURE_CALIBRATION_HOW);

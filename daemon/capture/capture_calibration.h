@@ -13,10 +13,12 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
                                         GError **error);
 
 /* The same without open devices: for the rig file at rig_path, whose geometry is given. path: the
- * file to use in place of the one that the rig file names; or NULL. ret_line (g_free()): the line
+ * file to use in place of the one that the rig file names; or NULL. text: of that file, if it is
+ * not to be read; or NULL. ret_line (g_free()): the line
  * that tells people which one a capture would use. */
 struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
-                                            const char *path, char **ret_line, GError **error);
+                                            const char *path, const char *text, char **ret_line,
+                                            GError **error);
 
 /* How to give a calibration to a capture; for calibration_line(). */
 #define CAPTURE_CALIBRATION_HOW                                                                    \

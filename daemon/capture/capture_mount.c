@@ -99,7 +99,7 @@ void capture_mount_ask(Capture *capture) {
     g_autofree char *place = describe_place(capture, wanted);
     g_autofree char *prompt = g_strdup_printf("mount laser unit %s %s, then continue", unit, place);
     capture->wanted_mount = wanted;
-    capture_pause_for(capture, "info", unit, prompt);
+    capture_pause_for(capture, CAPTURE_FAULT_NONE, unit, prompt);
 }
 
 gboolean capture_mount_answer(Capture *capture, GError **error) {

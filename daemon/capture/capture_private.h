@@ -41,6 +41,7 @@ struct Capture {
     Intake *intake;
     Sequencer *sequencer;
     enum capture_state state;
+    enum capture_fault fault; /* of the pause */
     char *reason, *doing;
     GPtrArray *shots;            /* all, owned */
     GPtrArray *remaining;        /* of this run */
@@ -94,7 +95,8 @@ void capture_begin_soon(Capture *capture);
 
 /* For a rig that is safe, or is being made so: drops frames in flight, changes and stores the
  * state. */
-void capture_pause_for(Capture *capture, const char *level, const char *source, const char *reason);
+void capture_pause_for(Capture *capture, enum capture_fault fault, const char *source,
+                       const char *reason);
 void capture_come_to_rest(Capture *capture, enum capture_state state);
 void capture_set_state(Capture *capture, enum capture_state state);
 void capture_clear_flights(Capture *capture);

@@ -150,24 +150,26 @@ void capture_come_to_rest(Capture *capture, enum capture_state state) {
     capture_set_state(capture, state);
 }
 
-void capture_pause_for(Capture *capture, const char *level, const char *source,
+void capture_pause_for(Capture *capture, enum capture_fault fault, const char *source,
                        const char *reason) {
     capture_clear_flights(capture);
+    capture->fault = fault;
     g_free(capture->reason);
     capture->reason = g_strdup(reason);
     session_set_value(capture->session, "reason", reason, NULL);
-    capture_add_event(capture, level, source, reason);
+    capture_add_event(capture, fault == CAPTURE_FAULT_NONE ? "info" : "error", source, reason);
     capture_come_to_rest(capture, CAPTURE_PAUSED);
 }
 
 /* Stops for a fault of the intake or the disk, of which the sequencer does not know yet. */
-static void stop_for(Capture *capture, const char *source, const char *reason) {
+static void stop_for(Capture *capture, enum capture_fault fault, const char *source,
+                     const char *reason) {
     g_autoptr(GError) error = NULL;
     gboolean safe = sequencer_stop(capture->sequencer, &error);
     g_autofree char *text =
         safe ? g_strdup(reason)
              : g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
-    capture_pause_for(capture, "error", source, text);
+    capture_pause_for(capture, safe ? fault : CAPTURE_FAULT_RIG, source, text);
 }
 
 static void stop_for_disk(Capture *capture, const GError *error) {
@@ -180,7 +182,7 @@ static void stop_for_disk(Capture *capture, const GError *error) {
                               error_details_what(error), size, path)
             : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
                               error->message);
-    stop_for(capture, "disk", reason);
+    stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
 
 static void when_all_is_committed(Capture *capture) {
@@ -193,7 +195,7 @@ static void when_all_is_committed(Capture *capture) {
     } else if (capture->committed == capture->leg->len) {
         capture_mount_ask(capture);
     } else {
-        capture_pause_for(capture, "info", "capture", "paused by the user");
+        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
     }
 }
 
@@ -321,12 +323,12 @@ static void commit_what_is_back(Capture *capture) {
             g_autofree char *reason = g_strdup_printf("lamp %s gives no light: %s. Check the lamp, "
                                                       "its fuse and its relay, then go on.",
                                                       lamp, seen);
-            stop_for(capture, lamp, reason);
+            stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
             return;
         }
         g_autofree char *moved = capture_marks_check(capture, flight);
         if (moved) {
-            stop_for(capture, "fiducials", moved);
+            stop_for(capture, CAPTURE_FAULT_RIG, "fiducials", moved);
             return;
         }
         if (!commit(capture, flight))
@@ -382,7 +384,7 @@ static void on_result(const struct intake_result *result, gpointer data) {
             "laser %s stays on: camera %s still saw it after it was switched off. Cut its power, "
             "check its relay, then go on.",
             laser, capture->devices->geometry.cameras[camera].name);
-        stop_for(capture, laser, reason);
+        stop_for(capture, CAPTURE_FAULT_RIG, laser, reason);
         return;
     }
     if (result->uneven) {
@@ -392,7 +394,7 @@ static void on_result(const struct intake_result *result, gpointer data) {
                             "%s saw. Check the "
                             "lamp, its fuse and its relay, then go on.",
                             lamp, capture->devices->geometry.cameras[camera].name);
-        stop_for(capture, lamp, reason);
+        stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
         return;
     }
     flight->back |= 1u << camera;
@@ -479,8 +481,8 @@ static void on_finished(gpointer data) {
     when_all_is_committed(capture);
 }
 
-static void on_fault(const char *source, const char *reason, gpointer data) {
-    capture_pause_for(data, "error", source, reason);
+static void on_fault(const char *source, const char *reason, gboolean rig, gpointer data) {
+    capture_pause_for(data, rig ? CAPTURE_FAULT_RIG : CAPTURE_FAULT_SESSION, source, reason);
 }
 
 /* Reports this even if the session rests, and adds it to the reason for later readers. */
@@ -491,6 +493,7 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_add_event(capture, "error", source, reason);
     if (capture->state != CAPTURE_PAUSED)
         return;
+    capture->fault = CAPTURE_FAULT_RIG;
     char *both = g_strdup_printf("%s %s", capture->reason, reason);
     g_free(capture->reason);
     capture->reason = both;

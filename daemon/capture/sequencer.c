@@ -58,14 +58,15 @@ gboolean sequencer_stop(Sequencer *seq, GError **error) {
     return safe;
 }
 
-static void sequencer_fail(Sequencer *seq, const char *source, const char *reason) {
+static void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig) {
     g_autoptr(GError) error = NULL;
     g_autofree char *text = g_strdup(reason);
     if (!sequencer_stop(seq, &error)) {
+        rig = TRUE;
         g_free(text);
         text = g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
     }
-    seq->hooks.fault(source, text, seq->hooks.data);
+    seq->hooks.fault(source, text, rig, seq->hooks.data);
 }
 
 static void sequencer_finish(Sequencer *seq) {
@@ -76,7 +77,7 @@ static void sequencer_finish(Sequencer *seq) {
     }
     g_autofree char *text =
         g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand, then go on.", error->message);
-    seq->hooks.fault("rig", text, seq->hooks.data);
+    seq->hooks.fault("rig", text, TRUE, seq->hooks.data);
 }
 
 /* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
@@ -181,7 +182,8 @@ static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
     g_autofree char *reason =
         g_strdup_printf("camera %s: no good picture in %d attempts; the last time: %s", name,
                         state->refused, advised);
-    sequencer_fail(seq, name, reason);
+    sequencer_fail(seq, name, reason,
+                   g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED));
     return FALSE;
 }
 
@@ -363,7 +365,7 @@ static void on_stage_changed(gpointer data) {
 static void on_stage_fault(const char *source, const char *reason, gpointer data) {
     Sequencer *seq = data;
     if (seq->state != IDLE)
-        sequencer_fail(seq, source, reason);
+        sequencer_fail(seq, source, reason, TRUE);
 }
 
 static void on_stage_unsafe(const char *source, const char *reason, gpointer data) {
@@ -408,7 +410,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
     const Interlock *open = stage_open_interlock(seq->stage);
     if (open) {
         g_autofree char *reason = interlock_advice(open);
-        sequencer_fail(seq, open->device.name, reason);
+        sequencer_fail(seq, open->device.name, reason, TRUE);
         return;
     }
     stage_home(seq->stage);

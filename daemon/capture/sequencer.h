@@ -22,8 +22,9 @@ struct sequencer_hooks {
     void (*retake)(int camera, const char *why, gint64 shortened_us, gpointer data);
     /* All shots are taken, or the one under way after sequencer_pause(). The rig is safe. */
     void (*finished)(gpointer data);
-    /* Everything has stopped; the rig is safe, or reason contains DEVICES_UNSAFE. */
-    void (*fault)(const char *source, const char *reason, gpointer data);
+    /* Everything has stopped; the rig is safe, or reason contains DEVICES_UNSAFE. rig: another
+     * session would fail, too; FALSE if a camera that is there gave no good picture. */
+    void (*fault)(const char *source, const char *reason, gboolean rig, gpointer data);
     /* While nothing runs: a lamp or laser that was commanded off has not confirmed it. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;

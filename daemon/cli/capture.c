@@ -1,10 +1,8 @@
 #include "bus/bus.h"
-#include "capture/capture_calibration.h"
 #include "command/cli.h"
 #include "command/link.h"
 #include "command/monitor.h"
-#include "hands/auto_exposure.h"
-#include "hands/guard.h"
+#include "hands/before_capture.h"
 #include "hands/rig_link.h"
 #include "process.h"
 #include "rig/devices.h"
@@ -91,66 +89,6 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     return done ? CLI_DONE : CLI_FAILED;
 }
 
-/* Before a long capture. FALSE: they predict that it would be spoilt, and --yes was not given; or a
- * device has failed. */
-static gboolean take_test_shots(Link *link, const struct session_conf *conf, const struct rig *rig,
-                                const char *rig_path, GError **error) {
-    g_autofree char *line = NULL;
-    g_autoptr(Calibration) known =
-        capture_calibration_for(rig_path, rig, calibration, &line, error);
-    int n = 0;
-    g_autoptr(GPtrArray) warnings = known ? guard_try(link, conf, rig, known, &n, error) : NULL;
-    if (!warnings) {
-        g_prefix_error(error, "test shots before the capture: ");
-        return FALSE;
-    }
-    for (guint i = 0; i < warnings->len; i++)
-        g_printerr("mesorig: warning: %s\n", (char *)warnings->pdata[i]);
-    if (warnings->len > 0 && !yes)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
-                    "%d test shots say that the capture would be spoilt (%u warning%s); --yes goes "
-                    "on all the same",
-                    n, warnings->len, warnings->len == 1 ? "" : "s");
-    return warnings->len == 0 || yes;
-}
-
-/* Chooses exposures that are "auto" (ret_chosen: for Start, or NULL), then takes test shots. Start
- * reports other errors of the session. */
-static gboolean try_first(Link *link, const char *rig_path, const char *session, char **ret_chosen,
-                          GError **error) {
-    g_auto(SessionConf) conf = {0};
-    struct rig rig;
-    while (g_main_context_iteration(
-        NULL, FALSE)) /* handles the property changes since the daemon opened the rig */
-        ;
-    const char *state = bus_rig1_get_state(link_rig(link));
-    const gboolean free_now = g_strcmp0(state, "idle") == 0 || g_strcmp0(state, "done") == 0 ||
-                              g_strcmp0(state, "aborted") == 0;
-    if (!free_now || !session_conf_load(&conf, session, NULL) ||
-        !devices_read_geometry(rig_path, &rig, NULL))
-        return TRUE;
-    if (!session_conf_check_chosen(&conf, NULL)) {
-        gboolean ok = FALSE;
-        g_autofree char *text = NULL;
-        g_autoptr(GVariant) plan = NULL;
-        g_auto(GVariantDict) options;
-        g_variant_dict_init(&options, NULL);
-        /* Errors of the session file are reported before anything moves. */
-        if (!link_add_text(link, &options, "session_text", session, error) ||
-            !bus_rig1_call_validate_sync(link_rig(link), session, "", g_variant_dict_end(&options),
-                                         &ok, &text, &plan, NULL, error))
-            return FALSE;
-        if (!ok) {
-            g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, text);
-            return FALSE;
-        }
-        *ret_chosen = auto_exposure_choose(link, &conf, rig_path, error);
-        if (!*ret_chosen || !session_conf_choose(&conf, *ret_chosen, error))
-            return FALSE;
-    }
-    return !guard_is_worth_it(&conf, &rig) || take_test_shots(link, &conf, &rig, rig_path, error);
-}
-
 /* session: NULL to resume. */
 static int cli_capture_run(const struct call *call, const char *rig, const char *session,
                            const char *directory, GError **error) {
@@ -159,8 +97,10 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     if (!link)
         return CLI_FAILED;
     g_autofree char *chosen = NULL;
+    const struct before_capture before = {
+        .rig_path = rig, .session = session, .calibration = calibration, .yes = yes};
     if (!rig_link_open(link, rig, error) ||
-        (session && !try_first(link, rig, session, &chosen, error)))
+        (session && !before_capture(link, &before, &chosen, error)))
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     GVariant *options = start_options(link, session, chosen, error);

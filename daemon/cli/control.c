@@ -6,6 +6,7 @@
 #include "commands.h"
 #include "info.h"
 #include "plan/report.h"
+#include "unattended/unattended.h"
 
 /* NULL: none was given. g_free(). */
 static char *directory_of(const struct call *call) {
@@ -54,6 +55,7 @@ static void tell_status(Record *to, BusRig1 *rig) {
     record_say(to, "rig        %s\n", bus_rig1_get_rig_path(rig));
     if (bus_rig1_get_shots(rig) > 0)
         tell_progress(to, rig);
+    unattended_tell(to, rig, FALSE);
     if (!devices || g_variant_n_children(devices) == 0)
         return;
     record_say(to, "\n%-10s %-16s %-16s %s\n", "CLASS", "NAME", "DRIVER", "HEALTH");

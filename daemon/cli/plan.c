@@ -110,7 +110,7 @@ static int run_plan(const struct call *call, GError **error) {
     g_autofree char *line = NULL;
     g_autoptr(Calibration) calibration =
         devices_read_geometry(rig, &geometry, error)
-            ? capture_calibration_for(rig, &geometry, NULL, &line, error)
+            ? capture_calibration_for(rig, &geometry, NULL, NULL, &line, error)
             : NULL;
     if (!calibration)
         return CLI_FAILED;

@@ -107,6 +107,35 @@ int cli_run(const struct command *command, int argc, char **argv) {
     return CLI_FAILED;
 }
 
+/* The last word of a child's name. */
+static const char *cli_child_word(const struct command *parent, const struct command *child) {
+    return child->name + strlen(parent->name) + 1;
+}
+
+int cli_run_child(const struct command *parent, int argc, char **argv) {
+    if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
+        g_print("Usage: mesorig %s %s\n\n", parent->name, parent->arguments);
+        for (gsize i = 0; parent->children[i]; i++)
+            g_print("  %-12s %s\n", cli_child_word(parent, parent->children[i]),
+                    parent->children[i]->help);
+        g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” tells more.\n", parent->examples,
+                parent->name);
+        return argc < 2 ? CLI_USAGE : CLI_DONE;
+    }
+    struct nearest nearest = nearest_new(argv[1]);
+    for (gsize i = 0; parent->children[i]; i++) {
+        const char *word = cli_child_word(parent, parent->children[i]);
+        if (strcmp(word, argv[1]) == 0)
+            return cli_run(parent->children[i], argc - 1, argv + 1);
+        nearest_consider(&nearest, word);
+    }
+    return nearest.name
+               ? cli_usage(parent, "there is no “%s %s”; did you mean “%s”?", parent->name, argv[1],
+                           nearest.name)
+               : cli_usage(parent, "there is no “%s %s”; “mesorig %s --help” lists what there is",
+                           parent->name, argv[1], parent->name);
+}
+
 static void cli_put(FILE *to, const char *text) {
     g_autofree char *valid = g_utf8_make_valid(text, -1);
     g_autoptr(GString) clean = g_string_new(NULL);

@@ -44,6 +44,10 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
 /* Parses the options, runs the command, and prints its record or its error. An exit code. */
 int cli_run(const struct command *command, int argc, char **argv);
 
+/* For run_arguments of a command that has children: runs the one that argv[1] names, or prints
+ * their list. An exit code. */
+int cli_run_child(const struct command *parent, int argc, char **argv);
+
 extern gboolean cli_json;    /* --json was given */
 extern gboolean cli_streams; /* of the command that runs */
 

@@ -20,7 +20,7 @@ struct daemon {
     int exit_code;
 };
 
-static char *bus_kind, *listen_address, *rig_path, *safe_path, *guardian_path;
+static char *bus_kind, *listen_address, *rig_path, *queue_path, *safe_path, *guardian_path;
 static gboolean exit_with_client, prepare, version;
 
 static const GOptionEntry entries[] = {
@@ -29,6 +29,8 @@ static const GOptionEntry entries[] = {
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
      "Serve clients of the same user at unix:path=…, on no bus", "ADDRESS"},
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at once", "FILE"},
+    {"queue", 0, 0, G_OPTION_ARG_FILENAME, &queue_path,
+     "Keep a queue of sessions in this file, and capture them", "FILE"},
     {"exit-with-client", 0, 0, G_OPTION_ARG_NONE, &exit_with_client,
      "With --listen: end when the client that opened the rig disconnects", NULL},
     {"safe-state", 0, 0, G_OPTION_ARG_FILENAME, &safe_path,
@@ -147,6 +149,9 @@ static int mesorigd_serve(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
         ids[i] = g_unix_signal_add(signals[i], mesorigd_on_signal, &daemon);
     g_autofree char *path = rig_path ? g_canonicalize_filename(rig_path, NULL) : NULL;
+    g_autofree char *queue = queue_path ? g_canonicalize_filename(queue_path, NULL) : NULL;
+    if (queue)
+        bus_keep_queue(daemon.bus, queue);
     if ((!path || bus_open_rig(daemon.bus, path, &error)) && go_public(&daemon, &error))
         g_main_loop_run(daemon.loop);
     if (error)

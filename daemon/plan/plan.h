@@ -68,6 +68,7 @@ enum session_order { ORDER_QUICKEST, ORDER_VIEWS };
 /* A session file, parsed strictly; see etc/demo/session.conf for every key. */
 struct session_conf {
     char *name;
+    char *prompt; /* what somebody has to do before it begins; empty: nothing */
     struct session_grid grid;
     struct laser_reference reference; /* around the sample; radius_mm 0: none */
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];

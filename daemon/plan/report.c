@@ -25,6 +25,8 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     const char *name = conf->name ? conf->name : "";
     g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(name));
+    g_variant_builder_add(&builder, "{sv}", "prompt",
+                          g_variant_new_string(conf->prompt ? conf->prompt : ""));
     const struct {
         const char *key;
         int value;

@@ -19,7 +19,7 @@ static const struct {
 
 struct fields { /* the session, and what is checked before it becomes a part of it */
     struct session_conf conf;
-    char *name;
+    char *name, *prompt;
     char *described, *operator_name, *notes, *license; /* read again by the archive */
     double flat_mm, flat_error_mm, flat_radius_mm;
     struct option_doubles flat_hole_mm;
@@ -40,6 +40,9 @@ static const struct option session_options[] = {
      .help = "Further notes for users of the data; for the report"},
     {"license", OPTION_STRING, .fallback = "", .offset = FIELD(license),
      .help = "Address (URL) of the licence of the data; for the report"},
+    {"prompt", OPTION_STRING, .fallback = "", .offset = FIELD(prompt),
+     .help = "What somebody has to do before it begins, for instance lay the sample on the "
+             "turntable; the queue of sessions shows it and waits for mesorig continue"},
     {NULL},
 };
 
@@ -322,6 +325,7 @@ static gboolean session_conf_take_name(const struct config_section *section, str
         return FALSE;
     }
     f->conf.name = g_steal_pointer(&f->name);
+    f->conf.prompt = g_steal_pointer(&f->prompt);
     return TRUE;
 }
 
@@ -564,6 +568,7 @@ gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GErr
 
 void session_conf_clear(struct session_conf *conf) {
     g_free(conf->name);
+    g_free(conf->prompt);
     g_free(conf->text);
     g_free(conf->path);
     g_free(conf->chosen);

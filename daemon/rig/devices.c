@@ -76,11 +76,24 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
 static Axis *devices_open_axis(struct devices *devices, const struct config_section *section,
                                GError **error) {
     gconstpointer driver = drivers_find(section, error);
-    Axis *axis = driver ? axis_open(driver, section, NULL, devices->clock, error) : NULL;
+    g_autofree const char **keys = layout_keys("axis");
+    g_autoptr(Axis) axis = driver ? axis_open(driver, section, keys, devices->clock, error) : NULL;
+    const char *park = config_value(section, LAYOUT_PARK_KEY, NULL);
 
-    if (!axis)
+    if (!axis) {
         devices_fail_at(section, error);
-    return axis;
+        return NULL;
+    }
+    if (park) /* the layout has checked that it is a number */
+        axis->park_deg = g_ascii_strtod(park, NULL);
+    if (park && !axis->motion.wraps &&
+        (axis->park_deg < axis->motion.min_deg || axis->park_deg > axis->motion.max_deg)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, LAYOUT_PARK_KEY,
+                         "%g is outside the limits of the axis, %g to %g degrees", axis->park_deg,
+                         axis->motion.min_deg, axis->motion.max_deg);
+        return NULL;
+    }
+    return g_steal_pointer(&axis);
 }
 
 static gboolean open_axes(struct devices *devices, const struct layout *layout, GError **error) {

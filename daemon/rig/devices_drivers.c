@@ -104,6 +104,7 @@ char *devices_describe_drivers(const char *name, gboolean json) {
     /* The keys of sections of the rig file beside, or without, a driver. */
     static const char *const sections[][2] = {
         {"rig", "The rig as a whole, in its section [rig]"},
+        {"axis", "An axis's place, in its section [axis NAME] beside its driver's options"},
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
         {"camera", "A camera's place, in its section [camera NAME] beside its driver's options"},
         {"laser", "A laser's place, in its section [laser NAME] beside its driver's options"},

@@ -412,6 +412,7 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
 static gboolean take_section(struct layout *layout, const struct config_section *section,
                              Mistakes *mistakes) {
     if (g_str_equal(section->class_name, "axis")) {
+        struct place_fields fields = {0};
         if (g_str_equal(section->name, "turntable"))
             layout->turntable = section;
         if (g_str_equal(section->name, "arc"))
@@ -420,7 +421,7 @@ static gboolean take_section(struct layout *layout, const struct config_section 
             layout->arm = section;
         if (g_str_equal(section->name, "probe"))
             layout->probe = section;
-        return devices_layout_read_device(layout, section, NULL, mistakes);
+        return devices_layout_read_device(layout, section, &fields, mistakes);
     }
     if (g_str_equal(section->class_name, "lamps")) {
         layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;

@@ -1,6 +1,6 @@
 #include "devices_options.h"
 
-#include "devices.h"
+#include "devices_private.h"
 
 #include <string.h>
 
@@ -57,6 +57,12 @@ const struct option devices_rig_options[] = {
                 "Azimuth it stands at by itself, counter-clockwise seen from above; without it "   \
                 "the arc carries it"                                                               \
     }
+
+const struct option devices_axis_options[] = {
+    {LAYOUT_PARK_KEY, OPTION_DOUBLE, "degrees", -36000, 36000, "0", .offset = PLACE(park_deg),
+     .help = "Where it stands when the queue of sessions is empty; without it, at its reference"},
+    {NULL},
+};
 
 const struct option devices_lamp_options[] = {
     {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
@@ -137,11 +143,9 @@ const struct option *devices_section_options(const char *class_name) {
     static const struct {
         const char *class_name;
         const struct option *options;
-    } tables[] = {{"rig", devices_rig_options},
-                  {"lamp", devices_lamp_options},
-                  {"camera", devices_camera_options},
-                  {"laser", devices_laser_options},
-                  {"mark", devices_mark_options}};
+    } tables[] = {{"rig", devices_rig_options},     {"axis", devices_axis_options},
+                  {"lamp", devices_lamp_options},   {"camera", devices_camera_options},
+                  {"laser", devices_laser_options}, {"mark", devices_mark_options}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
         if (g_str_equal(class_name, tables[i].class_name))

@@ -11,15 +11,16 @@ struct rig_fields {
 };
 extern const struct option devices_rig_options[];
 
-struct place_fields { /* of a lamp, camera or laser */
+struct place_fields { /* of a lamp, camera, laser or axis */
     char *bank, *sweep, *mount_of;
     int index, width, height;
     double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
     double k1, k2, k3, p1, p2, vignetting;
     struct option_doubles arm_deg, probe_deg; /* stops */
+    double park_deg;                          /* of an axis */
 };
 extern const struct option devices_lamp_options[], devices_camera_options[],
-    devices_laser_options[], devices_mount_options[];
+    devices_laser_options[], devices_mount_options[], devices_axis_options[];
 
 struct mark_fields {
     double x_mm, y_mm, z_mm, radius_mm;

@@ -22,6 +22,9 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
+/* A key of [axis NAME], of whoever parks the axes (struct Axis). */
+#define LAYOUT_PARK_KEY "park_deg"
+
 /* Checks everything that can be checked without a device, drivers' own options, too, and where the
  * devices are to be opened (checks_drivers) also what drivers know of options together and of other
  * files that they name. The error tells all mistakes of the file. */

@@ -239,11 +239,11 @@ static void safe_state_add_missing(const struct job *job, const char *const *als
 
 /* quick: try once only, while other devices wait for their turn. */
 static void safe_state_repair(const struct job *job, gboolean quick, struct repaired *ret) {
-    g_autofree const char **layout = layout_keys("laser");
+    g_autofree const char **layout = layout_keys(class_of(job));
     g_autoptr(GPtrArray) also = g_ptr_array_new();
 
     *ret = (struct repaired){g_string_new(NULL), g_string_new(NULL), g_string_new(NULL)};
-    for (const char **key = layout; strcmp(class_of(job), "laser") == 0 && *key; key++)
+    for (const char **key = layout; *key; key++)
         g_ptr_array_add(also, (gpointer)*key);
     g_ptr_array_add(also, NULL);
     note_problems(job, ret);

@@ -147,6 +147,10 @@ char *web_rig_state(const WebRig *rig) {
             }
         }
         g_variant_builder_add(&to, "{sv}", "devices", g_variant_builder_end(&devices));
+        add_text(&to, "queue_state", bus_rig1_get_queue_state(bus));
+        add_text(&to, "queue_reason", bus_rig1_get_queue_reason(bus));
+        GVariant *queue = bus_rig1_get_queue(bus);
+        g_variant_builder_add(&to, "{sv}", "queue", queue ? queue : g_variant_new("aa{sv}", NULL));
     }
     return json_text(g_variant_builder_end(&to));
 }

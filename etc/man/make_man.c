@@ -1,10 +1,11 @@
 /*
  * Fills a manual page in: make_man TEMPLATE. A line of the template that begins with @ is replaced:
- *   @rig CLASS, @session CLASS, @world CLASS   the keys of that section
+ *   @rig CLASS, @session CLASS, @world CLASS, @hooks CLASS   the keys of that section
  *   @drivers CLASS                             a section .Ss for each driver of the class
  *   @schema                                    a section .Ss for each table of session.db
  * so that pages say what the programs read, with the same ranges and defaults.
  */
+#include "hooks/hooks_conf.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
 #include "session/session_schema.h"
@@ -145,7 +146,8 @@ static gboolean put_directive(const char *line) {
         const struct option *(*options)(const char *class_name);
     } kinds[] = {{"rig", devices_section_options},
                  {"session", session_conf_options},
-                 {"world", world_section_options}};
+                 {"world", world_section_options},
+                 {"hooks", hooks_conf_options}};
     g_auto(GStrv) words = g_strsplit(line + 1, " ", 2);
     if (strcmp(words[0], "schema") == 0) {
         put_schema();

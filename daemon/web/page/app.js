@@ -54,7 +54,7 @@ function showState() {
   text("version", state.version || "");
   const token = sessionStorage.getItem("token");
   $("pause").disabled = !token || !runs;
-  $("continue").disabled = !token || !paused;
+  $("continue").disabled = !token || (!paused && !state.prompt);
   $("abort").disabled = !token || !busy;
   $("safe").disabled = !token || away;
   $("unlock").hidden = !!token;
@@ -64,6 +64,7 @@ function showState() {
     return row;
   });
   $("devices").tBodies[0].replaceChildren(...rows);
+  showQueue();
   for (const device of state.devices || [])
     if (device.class === "camera") watchCamera(device.name);
 }
@@ -152,6 +153,41 @@ function showPose() {
   text("pose-text", `Seen from above: turntable ${degrees(turn)}, arc ${degrees(arc)}; ` + (lit
     ? `${lit.at.name} shines from θ ${degrees(lit.at.theta_deg)}, φ ${degrees(lit.phi - turn)} of the sample.`
     : state.light_class === "dark" ? "dark frames." : "no shot yet.") + " Squares are cameras, discs lamps, triangles lasers.");
+}
+
+// --- queue
+
+const queueStates = { empty: "Nothing waits.", waiting: "It waits for the rig.", working: "It is at work.",
+                      hands: "It waits for somebody at the rig.", paused: "It is paused." };
+
+const itemStates = { begun: "is being captured", hands: "waits for somebody", trying: "test shots are taken" };
+
+function time(seconds) {
+  return seconds ? new Date(1000 * seconds).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" }) : "–";
+}
+
+// When each session begins and ends, by the plans' predictions from the end of the one before.
+function showQueue() {
+  const keeps = state.queue_state && state.queue_state !== "none";
+  $("queue-section").hidden = !keeps;
+  if (!keeps) return;
+  text("queue-state", [queueStates[state.queue_state], state.queue_reason].filter(Boolean).join(" "));
+  let at = state.queue_state === "paused" ? 0 : Date.now() / 1000;
+  $("queue").replaceChildren(...state.queue.map(item => {
+    const ended = ["done", "stopped"].includes(item.state), runs = item.state === "begun";
+    let begin = item.begun_at, end = item.ended_at;
+    if (!ended) {
+      if (!runs) begin = at;
+      at = end = runs && state.predicted_end ? state.predicted_end : at && at + item.predicted_s;
+    }
+    const row = element("li", item.state);
+    row.value = item.number;
+    row.append(element("strong", "", item.name), ` ${itemStates[item.state] || item.state}, ` +
+      `${time(begin)} – ${time(end)}`);
+    if (item.message) row.append(element("p", "faint", item.message));
+    if (item.prompt && !ended && !runs) row.append(element("p", "faint", `Before it: ${item.prompt}`));
+    return row;
+  }));
 }
 
 // --- cameras

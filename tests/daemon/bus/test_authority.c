@@ -230,14 +230,21 @@ static void test_asked(struct fixture *fixture, gconstpointer data) {
     call(fixture, "SetLaser", g_variant_new("(sb)", "top", TRUE), BUS_ERROR_DENIED);
     call(fixture, "Start", start_with("@a{sv} {}"), BUS_ERROR_DENIED);
     call(fixture, "Start", start_with("{'calibration': <'/z'>}"), BUS_ERROR_DENIED);
+    call(fixture, "QueueAdd", start_with("@a{sv} {}"), BUS_ERROR_DENIED);
+    call(fixture, "QueueAdd", start_with("{'calibration': <'/z'>}"), BUS_ERROR_DENIED);
+    call(fixture, "QueueRemove", g_variant_new("(u)", 1), BUS_ERROR_DENIED);
+    call(fixture, "QueueResume", NULL, BUS_ERROR_DENIED);
     call(fixture, "SafeState", NULL, BUS_ERROR_NO_RIG);
     g_assert_cmpstr(fixture->asked->str, ==,
                     "org.mesorig.rig.capture org.mesorig.rig.administer org.mesorig.rig.laser "
-                    "org.mesorig.rig.capture org.mesorig.rig.calibrate ");
+                    "org.mesorig.rig.capture org.mesorig.rig.calibrate "
+                    "org.mesorig.rig.capture org.mesorig.rig.calibrate "
+                    "org.mesorig.rig.capture org.mesorig.rig.capture ");
     fixture->allows = TRUE;
     call(fixture, "Pause", NULL, BUS_ERROR_NO_SESSION);
     call(fixture, "CloseRig", NULL, BUS_ERROR_NO_RIG);
     call(fixture, "SetLaser", g_variant_new("(sb)", "top", TRUE), BUS_ERROR_NO_RIG);
+    call(fixture, "QueueResume", NULL, BUS_ERROR_FAILED); /* this daemon keeps no queue */
 }
 
 /* A polkit that does not answer delays nobody else, and SafeState ends what it was asked about. */

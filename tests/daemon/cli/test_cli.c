@@ -145,7 +145,7 @@ static void test_usage(void) {
         {2, "compress S -s 4500B", "Unknown option -s; did you mean --size?"},
         {2, "compress S -c 4", "Unknown option -c; did you mean --components or --colours?"},
         {2, "compress S -x", "Unknown option -x\n"},
-        {2, "calibrate camras", "“camras” cannot be calibrated; did you mean “cameras”?"},
+        {2, "calibrate camras", "there is no “calibrate camras”; did you mean “cameras”?"},
         {2, "plan " RIG " " SESSION " --adress=x", "did you mean --address?"},
         {0, "capture --help", "  mesorig capture rig.conf session.conf -o weave.session\n"},
         {0, "snap --help", "Examples:\n  mesorig snap cam45 --lamp lamp30\n"},
@@ -191,7 +191,8 @@ static void assert_in_man_page(const char *page, const char *command, const char
     g_autoptr(GRegex) option =
         g_regex_new("^  (?:-(\\w), |)--([\\w-]+)", G_REGEX_MULTILINE, 0, NULL);
     g_autoptr(GMatchInfo) match = NULL;
-    g_autofree char *row = g_strdup_printf("^\\.(It |)Cm (.* Cm |calibrate |)%s\\b", command);
+    g_autofree char *row =
+        g_strdup_printf("^\\.(It |)Cm (.* Cm |calibrate |queue |)%s\\b", command);
     if (!g_regex_match_simple(row, page, G_REGEX_MULTILINE, 0))
         g_error("etc/man/mesorig.1 does not name the command %s", command);
     g_regex_match(option, help, 0, &match);
@@ -209,6 +210,7 @@ static void assert_in_man_page(const char *page, const char *command, const char
 static void test_man_page(void) {
     static const char *const targets[] = {"cameras", "lights", "laser", "radiometry",
                                           "colour",  "show",   "report"};
+    static const char *const queue[] = {"add", "list", "remove", "move", "pause", "resume"};
     g_autofree char *page = NULL;
     g_assert_true(g_file_get_contents(SOURCE_DIR "/etc/man/mesorig.1", &page, NULL, NULL));
     for (gsize i = 0; codecs[i]; i++)
@@ -224,11 +226,16 @@ static void test_man_page(void) {
     for (; g_match_info_matches(match); g_match_info_next(match, NULL)) {
         g_autofree char *name = g_match_info_fetch(match, 1);
         runs(0, &output, name, "--help");
-        assert_in_man_page(page, name, strcmp(name, "calibrate") == 0 ? "" : output.out);
+        const gboolean parent = strcmp(name, "calibrate") == 0 || strcmp(name, "queue") == 0;
+        assert_in_man_page(page, name, parent ? "" : output.out);
     }
     for (gsize i = 0; i < G_N_ELEMENTS(targets); i++) {
         runs(0, &output, "calibrate", targets[i], "--help");
         assert_in_man_page(page, targets[i], output.out);
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(queue); i++) {
+        runs(0, &output, "queue", queue[i], "--help");
+        assert_in_man_page(page, queue[i], output.out);
     }
     clear(&output);
     clear(&all);

@@ -1,0 +1,104 @@
+#include "bus_trial.h"
+
+#include "capture/follower.h"
+#include "queue/queue.h"
+
+#include <string.h>
+
+/* Every wait within it has a deadline of its own; this one is for a child that hangs. */
+#define TRIAL_S 1800
+#define PREFIX  "mesorig: "
+/* The exit code of “mesorig queue try” when a device has failed. */
+#define EXIT_RIG 3
+
+struct bus_trial {
+    Bus *bus;
+    BusTrialFunc func;
+    GSubprocess *process;
+    GCancellable *cancellable;
+    guint deadline_id;
+};
+
+/* Its messages, without the program's name before each line. */
+static char *strip_said(const char *text) {
+    g_auto(GStrv) lines = g_strsplit(text ? text : "", "\n", -1);
+    g_autoptr(GString) to = g_string_new(NULL);
+    for (char **line = lines; *line; line++) {
+        const char *own = *line + (g_str_has_prefix(*line, PREFIX) ? strlen(PREFIX) : 0);
+        if (*own)
+            g_string_append_printf(to, "%s%s", to->len ? "\n" : "", own);
+    }
+    return g_utf8_make_valid(to->str, -1);
+}
+
+static void on_trial_end(GObject *source, GAsyncResult *result, gpointer data) {
+    g_autofree char *chosen = NULL, *text = NULL;
+    g_autoptr(GError) error = NULL;
+    const gboolean heard =
+        g_subprocess_communicate_utf8_finish(G_SUBPROCESS(source), result, &chosen, &text, &error);
+    if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED))
+        return; /* the trial is gone */
+    struct bus_trial *trial = data;
+    const gboolean exited = heard && g_subprocess_get_if_exited(trial->process);
+    const int code = exited ? g_subprocess_get_exit_status(trial->process) : -1;
+    g_autofree char *said = strip_said(text);
+    if (code != 0 && !*said) {
+        g_free(said);
+        said = g_strdup_printf("the test shots ended without an answer%s%s", error ? ": " : "",
+                               error ? error->message : "");
+    }
+    trial->func(trial->bus, chosen ? chosen : "", said,
+                code == 0          ? BUS_TRIAL_DONE
+                : code == EXIT_RIG ? BUS_TRIAL_RIG
+                                   : BUS_TRIAL_SESSION);
+}
+
+static gboolean on_trial_deadline(gpointer data) {
+    struct bus_trial *trial = data;
+    trial->deadline_id = 0;
+    g_subprocess_force_exit(trial->process);
+    return G_SOURCE_REMOVE;
+}
+
+struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTrialFunc func,
+                                  GError **error) {
+    const gboolean on_bus =
+        g_str_equal(bus->address, "system") || g_str_equal(bus->address, "session");
+    g_autofree char *program = follower_find_program("mesorig", error);
+    if (!program)
+        return NULL;
+    GSubprocess *process = g_subprocess_new(
+        G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
+            G_SUBPROCESS_FLAGS_STDERR_PIPE,
+        error, program, "queue", "try", on_bus ? "--bus" : "--address", bus->address, NULL);
+    if (!process)
+        return NULL;
+    struct bus_trial *trial = g_new0(struct bus_trial, 1);
+    trial->bus = bus;
+    trial->func = func;
+    trial->process = process;
+    trial->cancellable = g_cancellable_new();
+    trial->deadline_id = g_timeout_add_seconds(TRIAL_S, on_trial_deadline, trial);
+    /* As daemon/unattended/queue_try.c reads it. */
+    g_autoptr(GKeyFile) request = g_key_file_new();
+    g_key_file_set_string(request, "try", "session", item->session_path);
+    g_key_file_set_string(request, "try", "session_text", item->session_text);
+    g_key_file_set_string(request, "try", "calibration", item->calibration);
+    g_key_file_set_string(request, "try", "calibration_text", item->calibration_text);
+    g_key_file_set_string(request, "try", "chosen", item->chosen);
+    g_key_file_set_boolean(request, "try", "yes", item->yes);
+    g_autofree char *text = g_key_file_to_data(request, NULL, NULL);
+    g_subprocess_communicate_utf8_async(process, text, trial->cancellable, on_trial_end, trial);
+    return trial;
+}
+
+void bus_trial_free(struct bus_trial *trial) {
+    if (!trial)
+        return;
+    g_cancellable_cancel(trial->cancellable);
+    g_subprocess_force_exit(trial->process);
+    g_clear_handle_id(&trial->deadline_id, g_source_remove);
+    g_object_unref(trial->cancellable);
+    g_object_unref(trial->process);
+    g_free(trial);
+}

@@ -1,0 +1,39 @@
+/*
+ * Tells others what happens to captures: runs the executables of a folder, sends mails, posts to
+ * web servers, or shows notifications on a desktop. One event after the other, and in each one
+ * thing after the other; what fails is told in the log, and the next one follows. Main loop's
+ * thread.
+ */
+#pragma once
+
+#include "hooks_conf.h"
+
+/* Events that wait: when there are more, the oldest are dropped. */
+#define HOOKS_MOST_WAITING 1000
+
+typedef struct Hooks Hooks;
+
+/* Borrows conf. */
+Hooks *hooks_new(const struct hooks_conf *conf);
+
+/* Ends what runs. NULL is ignored. */
+void hooks_free(Hooks *hooks);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
+
+/* what and details: as the signal Milestone has them (a{sv}; a floating one is taken). */
+void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
+
+/* Nothing runs and nothing waits. */
+gboolean hooks_is_idle(const Hooks *hooks);
+
+/* An event as a person reads it; g_free(). */
+char *hooks_title(const char *what, GVariant *details); /* "weave: captured" */
+char *hooks_text(const char *what, GVariant *details);  /* a line or two more; may be empty */
+
+/* What an event is to programs: {"event": …, "time": …, "session": …, …}; g_free(). */
+char *hooks_json(const char *what, GVariant *details, gint64 time_s);
+
+/* Shows an event with the desktop's notifications (org.freedesktop.Notifications) on this
+ * connection to the session bus. FALSE: it could not be sent; that it is shown is not waited for.
+ */
+gboolean hooks_show(GDBusConnection *session_bus, const char *what, GVariant *details);

@@ -1,0 +1,432 @@
+/* mesorig-hooks: the executables that it runs, mails, posts and notifications; and that none of
+ * them holds up the others or a capture. */
+#include "hooks/hooks.h"
+
+#include <glib/gstdio.h>
+#include <json-glib/json-glib.h>
+#include <libsoup/soup.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "lib/operator.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
+
+#define HOOKS  BUILD_DIR "/bin/mesorig-hooks"
+#define WAIT_S 60
+
+struct fixture {
+    char *folder, *hooks_folder, *conf, *log, *out;
+};
+
+/* What this process has warned of. */
+static GString *warnings;
+
+static GLogWriterOutput take_log(GLogLevelFlags level, const GLogField *fields, gsize n,
+                                 gpointer data) {
+    for (gsize i = 0; i < n && (level & G_LOG_LEVEL_WARNING); i++)
+        if (strcmp(fields[i].key, "MESSAGE") == 0)
+            g_string_append_printf(warnings, "%s\n", (const char *)fields[i].value);
+    return level & G_LOG_LEVEL_WARNING ? G_LOG_WRITER_HANDLED
+                                       : g_log_writer_default(level, fields, n, data);
+}
+
+static void write_file(const char *path, const char *text, int mode) {
+    g_autoptr(GError) error = NULL;
+    g_file_set_contents(path, text, -1, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(g_chmod(path, mode), ==, 0);
+}
+
+static void write_hook(const struct fixture *fixture, const char *name, const char *script,
+                       int mode) {
+    g_autofree char *path = g_build_filename(fixture->hooks_folder, name, NULL);
+    g_autofree char *text = g_strdup_printf("#!/bin/sh\nout=%s/out\n%s\n", fixture->folder, script);
+    write_file(path, text, mode);
+}
+
+static void write_conf(const struct fixture *fixture, const char *more) {
+    g_autofree char *text =
+        g_strdup_printf("[hooks]\nfolder = %s\ntime_limit_s = 1\n%s", fixture->hooks_folder, more);
+    write_file(fixture->conf, text, 0644);
+}
+
+static void set_up(struct fixture *fixture, gconstpointer data) {
+    fixture->folder = g_dir_make_tmp("mesorig-hooks-XXXXXX", NULL);
+    fixture->hooks_folder = g_build_filename(fixture->folder, "hooks.d", NULL);
+    fixture->conf = g_build_filename(fixture->folder, "hooks.conf", NULL);
+    fixture->log = g_build_filename(fixture->folder, "log", NULL);
+    fixture->out = g_build_filename(fixture->folder, "out", NULL);
+    g_assert_cmpint(g_mkdir(fixture->hooks_folder, 0755), ==, 0);
+    write_conf(fixture, "");
+}
+
+static void tear_down(struct fixture *fixture, gconstpointer data) {
+    remove_tree(fixture->folder);
+    g_free(fixture->folder);
+    g_free(fixture->hooks_folder);
+    g_free(fixture->conf);
+    g_free(fixture->log);
+    g_free(fixture->out);
+}
+
+/* With --check: until all is done. What it has logged; g_free(). */
+static char *run_check(const struct fixture *fixture) {
+    return process_text(0, (const char *[]){HOOKS, "--check", "--config", fixture->conf, NULL});
+}
+
+static char *read_out(const struct fixture *fixture) {
+    char *text = NULL;
+    return g_file_get_contents(fixture->out, &text, NULL, NULL) ? text : g_strdup("");
+}
+
+static void test_run(struct fixture *fixture, gconstpointer data) {
+    write_hook(fixture, "20-second", "echo \"second $MESORIG_EVENT\" >>$out", 0755);
+    write_hook(fixture, "10-first", "echo \"first $MESORIG_NAME: $(cat)\" >>$out; echo said", 0755);
+    write_hook(fixture, "30-plain", "echo plain >>$out", 0644);
+    write_hook(fixture, "40-backup~", "echo backup >>$out", 0755);
+    write_hook(fixture, ".hidden", "echo hidden >>$out", 0755);
+    g_autofree char *log = run_check(fixture), *out = read_out(fixture);
+    g_auto(GStrv) lines = g_strsplit(out, "\n", -1);
+    g_assert_cmpuint(g_strv_length(lines), ==, 3);
+    g_assert_true(g_str_has_prefix(lines[0], "first check: {"));
+    g_assert_cmpstr(lines[1], ==, "second queue-empty");
+    assert_has(log, "10-first: said");
+    g_autoptr(JsonParser) parser = json_parser_new();
+    g_assert_true(json_parser_load_from_data(parser, lines[0] + strlen("first check: "), -1, NULL));
+    JsonObject *object = json_node_get_object(json_parser_get_root(parser));
+    g_assert_cmpstr(json_object_get_string_member(object, "event"), ==, "queue-empty");
+    g_assert_cmpstr(json_object_get_string_member(object, "name"), ==, "check");
+    g_assert_cmpint(json_object_get_int_member(object, "time"), >, 1700000000);
+}
+
+/* One that hangs with all it has started, one that fails, one that prints a megabyte, one that
+ * reads nothing, one that leaves a process behind: the last one is run all the same. */
+static void test_bad(struct fixture *fixture, gconstpointer data) {
+    write_hook(fixture, "1-hangs",
+               "sleep 987 & echo $! >>$out.pids; trap '' TERM; sleep 987; sleep 987", 0755);
+    write_hook(fixture, "2-fails", "echo why >&2; exit 7", 0755);
+    write_hook(fixture, "3-prints", "head -c 1000000 /dev/zero | tr '\\0' x", 0755);
+    write_hook(fixture, "4-leaves", "sleep 987 & echo $! >>$out.pids", 0755);
+    write_hook(fixture, "5-dies", "kill -SEGV $$", 0755);
+    write_hook(fixture, "6-last", "echo last >>$out", 0755);
+    g_autofree char *nothing = g_build_filename(fixture->hooks_folder, "7-no-program", NULL);
+    write_file(nothing, "#!/no/such/program\n", 0755);
+    const gint64 begin = g_get_monotonic_time();
+    g_autofree char *log = run_check(fixture), *out = read_out(fixture);
+    g_assert_cmpint(g_get_monotonic_time() - begin, <, 30 * G_USEC_PER_SEC);
+    g_assert_cmpstr(out, ==, "last\n");
+    assert_has(log, "1-hangs took longer than the 1 s that it may take, and was ended");
+    assert_has(log, "2-fails: why");
+    assert_has(log, "2-fails failed with exit code 7");
+    assert_has(log, "3-prints: 983616 further bytes of its output were dropped");
+    assert_has(log, "5-dies ended by signal 11");
+    assert_has(log, "7-no-program");
+    g_assert_cmpuint(strlen(log), <, 40000);
+    g_autofree char *path = g_strconcat(fixture->out, ".pids", NULL), *pids = NULL;
+    g_assert_true(g_file_get_contents(path, &pids, NULL, NULL));
+    g_auto(GStrv) each = g_strsplit(g_strchomp(pids), "\n", -1);
+    g_assert_cmpuint(g_strv_length(each), ==, 2);
+    for (char **pid = each; *pid; pid++) {
+        g_autofree char *proc = g_strdup_printf("/proc/%s/cmdline", *pid), *line = NULL;
+        for (int i = 0; i < 100; i++) {
+            g_clear_pointer(&line, g_free);
+            if (!g_file_get_contents(proc, &line, NULL, NULL) || !*line)
+                break; /* gone, or nobody's child any more */
+            g_usleep(G_USEC_PER_SEC / 20);
+        }
+        g_assert_true(!line || !*line);
+    }
+}
+
+/* What others could have put there is not run. */
+static void test_trusted(struct fixture *fixture, gconstpointer data) {
+    write_hook(fixture, "1-open", "echo open >>$out", 0777);
+    write_hook(fixture, "2-own", "echo own >>$out", 0755);
+    if (geteuid() == 0) {
+        write_hook(fixture, "3-other", "echo other >>$out", 0755);
+        g_autofree char *path = g_build_filename(fixture->hooks_folder, "3-other", NULL);
+        g_assert_cmpint(chown(path, 65534, 65534), ==, 0);
+    }
+    g_autofree char *log = run_check(fixture), *out = read_out(fixture);
+    g_assert_cmpstr(out, ==, "own\n");
+    assert_has(log, "1-open is not run: it belongs to user ");
+    g_assert_cmpint(g_chmod(fixture->hooks_folder, 0777), ==, 0);
+    g_unlink(fixture->out);
+    g_autofree char *second = run_check(fixture), *none = read_out(fixture);
+    g_assert_cmpstr(none, ==, "");
+    assert_has(second, "hooks.d is not run");
+}
+
+static void test_mail(struct fixture *fixture, gconstpointer data) {
+    g_autofree char *sendmail = g_build_filename(fixture->folder, "sendmail", NULL);
+    g_autofree char *script = g_strdup_printf("#!/bin/sh\n(echo \"$@\"; cat) >%s\n", fixture->out);
+    write_file(sendmail, script, 0755);
+    g_autofree char *mail = g_strdup_printf(
+        "[mail]\nto = anna@lab.example; rig@lab.example\nsendmail = %s\n", sendmail);
+    write_conf(fixture, mail);
+    g_free(run_check(fixture));
+    g_autofree char *out = read_out(fixture);
+    g_assert_true(g_str_has_prefix(out, "-i -- anna@lab.example rig@lab.example\n"));
+    assert_has(out, "\nTo: anna@lab.example, rig@lab.example\n");
+    assert_has(out, "\nSubject: check: the queue is empty\n");
+    assert_has(out, "\n\ncheck: the queue is empty\n\nmesorig-hooks --check: nothing has happened");
+    g_autofree char *fewer = g_strconcat(mail, "events = fault\n", NULL);
+    write_conf(fixture, fewer);
+    g_unlink(fixture->out);
+    g_free(run_check(fixture));
+    g_assert_false(g_file_test(fixture->out, G_FILE_TEST_EXISTS));
+}
+
+/* A web server of this process. */
+struct server {
+    SoupServer *soup;
+    guint16 port;
+    int n;
+    guint status;
+    gboolean hangs;
+    char *body, *authorization, *type;
+    SoupServerMessage *kept;
+};
+
+static void on_post(SoupServer *soup, SoupServerMessage *message, const char *path,
+                    GHashTable *query, gpointer data) {
+    struct server *server = data;
+    SoupMessageBody *body = soup_server_message_get_request_body(message);
+    SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
+    server->n++;
+    g_assert_cmpstr(soup_server_message_get_method(message), ==, "POST");
+    g_free(server->body);
+    server->body = g_strndup(body->data, (gsize)body->length);
+    g_free(server->authorization);
+    server->authorization = g_strdup(soup_message_headers_get_one(headers, "Authorization"));
+    g_free(server->type);
+    server->type = g_strdup(soup_message_headers_get_one(headers, "Content-Type"));
+    soup_server_message_set_status(message, server->status, NULL);
+    if (server->hangs) {
+        soup_server_message_pause(message);
+        server->kept = g_object_ref(message);
+    }
+}
+
+static void server_begin(struct server *server) {
+    g_autoptr(GError) error = NULL;
+    *server = (struct server){.soup = soup_server_new(NULL, NULL), .status = 204};
+    soup_server_add_handler(server->soup, NULL, on_post, server, NULL);
+    soup_server_listen_local(server->soup, 0, SOUP_SERVER_LISTEN_IPV4_ONLY, &error);
+    g_assert_no_error(error);
+    GSList *uris = soup_server_get_uris(server->soup);
+    server->port = (guint16)g_uri_get_port(uris->data);
+    g_slist_free_full(uris, (GDestroyNotify)g_uri_unref);
+}
+
+static void server_end(struct server *server) {
+    soup_server_disconnect(server->soup);
+    g_clear_object(&server->kept);
+    g_object_unref(server->soup);
+    g_free(server->body);
+    g_free(server->authorization);
+    g_free(server->type);
+}
+
+static GVariant *some_details(void) {
+    return g_variant_new_parsed("{'name': <'weave'>, 'session': <'/s/weave.session'>}");
+}
+
+/* Hooks of this process, until they have told one event. */
+static void tell_one(const struct fixture *fixture) {
+    g_autoptr(GError) error = NULL;
+    g_auto(HooksConf) conf = {0};
+    hooks_conf_load(&conf, fixture->conf, &error);
+    g_assert_no_error(error);
+    g_autoptr(Hooks) hooks = hooks_new(&conf);
+    hooks_tell(hooks, "fault", some_details());
+    while (!hooks_is_idle(hooks))
+        g_main_context_iteration(NULL, TRUE);
+}
+
+/* The same, with one warning, like this pattern. */
+static void tell_one_warned(const struct fixture *fixture, const char *pattern) {
+    g_string_truncate(warnings, 0);
+    tell_one(fixture);
+    if (!g_pattern_match_simple(pattern, warnings->str))
+        g_error("no “%s” in: %s", pattern, warnings->str);
+}
+
+static void test_webhook(struct fixture *fixture, gconstpointer data) {
+    struct server server;
+    server_begin(&server);
+    g_autofree char *token = g_build_filename(fixture->folder, "token", NULL);
+    write_file(token, "secret-1\nmore\n", 0600);
+    g_autofree char *conf = g_strdup_printf(
+        "[webhook chat]\nurl = http://127.0.0.1:%u/rig\ntoken_file = token\ntime_limit_s = 1\n",
+        server.port);
+    write_conf(fixture, conf);
+    tell_one(fixture);
+    g_assert_cmpint(server.n, ==, 1);
+    g_assert_cmpstr(server.authorization, ==, "Bearer secret-1");
+    g_assert_cmpstr(server.type, ==, "application/json");
+    assert_has(server.body, "\"event\": \"fault\"");
+    assert_has(server.body, "\"session\": \"/s/weave.session\"");
+    /* It refuses, and it does not answer: each is told, and does not hold up the next event. */
+    server.status = 500;
+    tell_one_warned(fixture, "*webhook chat: http:*/rig has answered 500*");
+    server.hangs = TRUE;
+    tell_one_warned(fixture, "*webhook chat: *has not answered within 1 s*");
+    g_assert_cmpint(server.n, ==, 3);
+    server_end(&server);
+    tell_one_warned(fixture, "*webhook chat: http:*refused*");
+    g_assert_cmpint(g_unlink(token), ==, 0);
+    tell_one_warned(fixture, "*webhook chat: *token: *");
+}
+
+static void test_mistakes(struct fixture *fixture, gconstpointer data) {
+    write_conf(fixture, "[mail]\nto = -v\nevents = done; gone\n[webhook x]\nurl = ftp://x\n"
+                        "[webhok y]\n");
+    g_autofree char *said =
+        process_text(1, (const char *[]){HOOKS, "--check", "--config", fixture->conf, NULL});
+    assert_has(said, "4 mistakes");
+    assert_has(said, "there is no event “gone”");
+    assert_has(said, "“-v” is not an address");
+    assert_has(said, "“ftp://x” is not an address that begins with http://");
+    assert_has(said, "there is no such section; this file has [hooks] [mail] [webhook NAME]");
+}
+
+static void test_shipped(struct fixture *fixture, gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    g_auto(HooksConf) conf = {0};
+    hooks_conf_load(&conf, SOURCE_DIR "/etc/hooks.conf", &error);
+    g_assert_no_error(error);
+    g_assert_cmpstr(conf.folder, ==, "/etc/mesorig/hooks.d");
+    g_assert_false(conf.mails);
+    g_assert_cmpuint(conf.webhooks->len, ==, 0);
+}
+
+/* The desktop's service, on a bus of its own. */
+struct screen {
+    GString *shown;
+    guint8 urgency;
+};
+
+static void on_notify(GDBusConnection *connection, const char *sender, const char *path,
+                      const char *interface, const char *method, GVariant *parameters,
+                      GDBusMethodInvocation *invocation, gpointer data) {
+    struct screen *screen = data;
+    const char *summary, *body;
+    g_autoptr(GVariant) hints = NULL;
+    g_variant_get(parameters, "(&su&s&s&sas@a{sv}i)", NULL, NULL, NULL, &summary, &body, NULL,
+                  &hints, NULL);
+    g_variant_lookup(hints, "urgency", "y", &screen->urgency);
+    g_string_append_printf(screen->shown, "%s|%s\n", summary, body);
+    g_dbus_method_invocation_return_value(invocation, g_variant_new("(u)", 1));
+}
+
+static void test_desktop(struct fixture *fixture, gconstpointer data) {
+    static const char xml[] =
+        "<node><interface name='org.freedesktop.Notifications'><method name='Notify'>"
+        "<arg type='s' direction='in'/><arg type='u' direction='in'/>"
+        "<arg type='s' direction='in'/><arg type='s' direction='in'/>"
+        "<arg type='s' direction='in'/><arg type='as' direction='in'/>"
+        "<arg type='a{sv}' direction='in'/><arg type='i' direction='in'/>"
+        "<arg type='u' direction='out'/></method></interface></node>";
+    static const GDBusInterfaceVTable vtable = {.method_call = on_notify};
+    struct screen screen = {g_string_new(NULL), 9};
+    GTestDBus *dbus = g_test_dbus_new(G_TEST_DBUS_NONE);
+    g_test_dbus_up(dbus);
+    GDBusConnection *service =
+        g_dbus_connection_new_for_address_sync(g_test_dbus_get_bus_address(dbus),
+                                               G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT |
+                                                   G_DBUS_CONNECTION_FLAGS_MESSAGE_BUS_CONNECTION,
+                                               NULL, NULL, NULL);
+    GDBusNodeInfo *node = g_dbus_node_info_new_for_xml(xml, NULL);
+    g_assert_nonnull(service);
+    g_dbus_connection_register_object(service, "/org/freedesktop/Notifications",
+                                      node->interfaces[0], &vtable, &screen, NULL, NULL);
+    g_bus_own_name_on_connection(service, "org.freedesktop.Notifications",
+                                 G_BUS_NAME_OWNER_FLAGS_NONE, NULL, NULL, NULL, NULL);
+    g_assert_true(hooks_show(service, "hands",
+                             g_variant_ref_sink(g_variant_new_parsed(
+                                 "{'name': <'weave'>, 'message': <'lay <b> down'>}"))));
+    const gint64 until = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
+    while (!screen.shown->len && g_get_monotonic_time() < until)
+        g_main_context_iteration(NULL, FALSE);
+    g_assert_cmpstr(screen.shown->str, ==,
+                    "weave: somebody is needed at the rig|lay &lt;b&gt; down\n");
+    g_assert_cmpuint(screen.urgency, ==, 2);
+    /* And the program, on the same bus. */
+    g_string_truncate(screen.shown, 0);
+    g_setenv("DBUS_SESSION_BUS_ADDRESS", g_test_dbus_get_bus_address(dbus), TRUE);
+    GSubprocess *program = process_start(G_SUBPROCESS_FLAGS_NONE, NULL,
+                                         (const char *[]){HOOKS, "--desktop", "--check", NULL});
+    while (!strchr(screen.shown->str, '\n') && g_get_monotonic_time() < until)
+        g_main_context_iteration(NULL, FALSE);
+    g_subprocess_wait(program, NULL, NULL);
+    g_assert_true(g_subprocess_get_successful(program));
+    g_object_unref(program);
+    assert_has(screen.shown->str, "check: the queue is empty|mesorig-hooks --check: nothing");
+    g_dbus_connection_close_sync(service, NULL, NULL);
+    g_object_unref(service);
+    g_dbus_node_info_unref(node);
+    g_string_free(screen.shown, TRUE);
+    g_test_dbus_stop(dbus);
+    g_object_unref(dbus);
+}
+
+/* The whole way: a daemon captures, a hook that hangs is run for each event, and nothing waits for
+ * it. */
+static void test_capture(struct fixture *fixture, gconstpointer data) {
+    struct operation *run = operator_new(NULL);
+    g_autofree char *bus = g_strdup_printf("unix:path=%s/bus", run->directory);
+    g_autofree char *socket = g_build_filename(run->directory, "bus", NULL);
+    write_hook(fixture, "1-note", "echo \"$MESORIG_EVENT $MESORIG_SESSION\" >>$out; sleep 987",
+               0755);
+    GSubprocess *daemon = process_start(
+        G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+        (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", bus, "--rig", run->rig, NULL});
+    for (int i = 0; i < 10 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
+        g_usleep(G_USEC_PER_SEC / 10);
+    g_usleep(G_USEC_PER_SEC / 5);
+    GSubprocess *hooks =
+        process_start(G_SUBPROCESS_FLAGS_NONE, fixture->log,
+                      (const char *[]){HOOKS, "--address", bus, "--config", fixture->conf, NULL});
+    g_usleep(G_USEC_PER_SEC);
+    operator_does(run, 0, "capture", "--address", bus, run->rig, run->conf, "-o", run->session,
+                  NULL);
+    g_autofree char *wanted = g_strdup_printf("begun %s\ndone %s\n", run->session, run->session);
+    g_autofree char *out = NULL;
+    for (int i = 0; i < 10 * WAIT_S && g_strcmp0(out, wanted) != 0; i++) {
+        g_usleep(G_USEC_PER_SEC / 10);
+        g_free(out);
+        out = read_out(fixture);
+    }
+    g_assert_cmpstr(out, ==, wanted);
+    g_subprocess_send_signal(daemon, SIGTERM);
+    g_subprocess_wait(daemon, NULL, NULL);
+    g_subprocess_wait(hooks, NULL, NULL); /* its daemon has gone */
+    g_assert_cmpint(g_subprocess_get_exit_status(hooks), ==, 1);
+    g_object_unref(daemon);
+    g_object_unref(hooks);
+    operator_free(run);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_log_set_always_fatal(G_LOG_FATAL_MASK | G_LOG_LEVEL_CRITICAL);
+    g_log_set_writer_func(take_log, NULL, NULL);
+    warnings = g_string_new(NULL);
+#define ADD(name, func) g_test_add("/hooks/" name, struct fixture, NULL, set_up, func, tear_down)
+    ADD("desktop", test_desktop); /* first: it forks, and there are no threads yet */
+    ADD("run", test_run);
+    ADD("bad", test_bad);
+    ADD("trusted", test_trusted);
+    ADD("mail", test_mail);
+    ADD("webhook", test_webhook);
+    ADD("mistakes", test_mistakes);
+    ADD("shipped", test_shipped);
+    ADD("capture", test_capture);
+    const int result = operator_tests();
+    g_string_free(warnings, TRUE);
+    return result;
+}
