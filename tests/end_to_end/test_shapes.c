@@ -46,7 +46,8 @@ static gboolean deviates(const char *key, enum deviating what) {
 }
 
 /* A rig of etc/demo in a folder of its own, with another [sample] of the world where one is given;
- * a name that begins with "still": without its turntable. Returns the folder. */
+ * a name that begins with "still": without its turntable, with "stuck": its arm does not move,
+ * though the axis says so. Returns the folder. */
 static char *lay_down(const char *name, const char *shape, const char *sample,
                       enum deviating what) {
     g_autofree char *from = g_build_filename(DEMO, shape, NULL);
@@ -60,10 +61,12 @@ static char *lay_down(const char *name, const char *shape, const char *sample,
     g_autoptr(GError) error = NULL;
 
     g_assert_cmpint(g_mkdir(to, 0700), ==, 0);
-    if (g_str_has_prefix(name, "still")) { /* the same without its turntable */
+    const gboolean still = g_str_has_prefix(name, "still");
+    if (still || g_str_has_prefix(name, "stuck")) {
         g_key_file_load_from_data(file, rig, strlen(rig), G_KEY_FILE_NONE, &error);
         g_assert_no_error(error);
-        g_assert_true(g_key_file_remove_group(file, "axis turntable", NULL));
+        g_assert_true(still ? g_key_file_remove_group(file, "axis turntable", NULL)
+                            : g_key_file_remove_key(file, "axis arm", "world", NULL));
         g_free(rig);
         rig = g_key_file_to_data(file, NULL, NULL);
     }
@@ -418,21 +421,40 @@ static struct camera_errors camera_errors(const struct rig *rig, World *world, g
     return worst;
 }
 
+/* Two sessions of a board on the arm's rig, and the calibration from them. Returns what it has
+ * told. */
+static char *calibrate_boards(const char *name, int code, const char *to) {
+    g_autofree char *flat_name = g_strdup_printf("%s_flat", name);
+    g_autofree char *leaning_name = g_strdup_printf("%s_leaning", name);
+    g_autofree char *board = g_build_filename(folder, "board.png", NULL);
+
+    g_free(process_mesorig(0, "board %s --board " BOARD " --pixels 0.8888888888888888", board));
+    g_autofree char *flat = capture(flat_name, "arm", BOARD_PLATE "turn_deg=3\noffset_mm=1;-2\n",
+                                    CAMERAS, BOARD_CONF, "");
+    g_autofree char *leaning =
+        capture(leaning_name, "arm",
+                BOARD_PLATE "tilt_deg=20\ntilt_towards_deg=100\nturn_deg=63\noffset_mm=1;0\n",
+                CAMERAS, BOARD_CONF, "");
+    return process_mesorig(code, "calibrate cameras %s %s --board " BOARD " -o %s", flat, leaning,
+                           to);
+}
+
+/* Nothing is written of an arm that says it moves, and does not. */
+static void test_stuck_arm(void) {
+    g_autofree char *to = g_build_filename(folder, "stuck.calibration", NULL);
+    g_autofree char *told = calibrate_boards("stuck", 1, to);
+
+    g_test_message("%s", told);
+    assert_has(told, "[axis arm]");
+    g_assert_false(g_file_test(to, G_FILE_TEST_EXISTS));
+}
+
 /* Boards at the arm's stops: every stop's pose, the axis, and the stop that was left out. */
 static void test_arm(void) {
     g_autofree char *to = g_build_filename(folder, "arm.calibration", NULL);
-    g_autofree char *board = g_build_filename(folder, "board.png", NULL);
     g_autoptr(GError) error = NULL;
 
-    g_free(process_mesorig(0, "board %s --board " BOARD " --pixels 0.8888888888888888", board));
-    g_autofree char *flat =
-        capture("flat", "arm", BOARD_PLATE "turn_deg=3\noffset_mm=1;-2\n", CAMERAS, BOARD_CONF, "");
-    g_autofree char *leaning =
-        capture("leaning", "arm",
-                BOARD_PLATE "tilt_deg=20\ntilt_towards_deg=100\nturn_deg=63\noffset_mm=1;0\n",
-                CAMERAS, BOARD_CONF, "");
-    g_autofree char *told =
-        process_mesorig(0, "calibrate cameras %s %s --board " BOARD " -o %s", flat, leaning, to);
+    g_autofree char *told = calibrate_boards("arm", 0, to);
     assert_has(told, "1 stop without pictures is placed by the axis");
     g_autoptr(Calibration) found = calibration_read(to, &error);
     g_assert_no_error(error);
@@ -549,6 +571,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/shapes/dome", test_dome);
     g_test_add_func("/shapes/fixed-lamps", test_fixed_lamps);
     g_test_add_func("/shapes/arm", test_arm);
+    g_test_add_func("/shapes/stuck-arm", test_stuck_arm);
     g_test_add_func("/shapes/probe", test_probe);
     g_test_add_func("/shapes/still", test_still);
     const int code = g_test_run();
