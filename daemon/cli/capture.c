@@ -4,6 +4,7 @@
 #include "command/monitor.h"
 #include "hands/before_capture.h"
 #include "hands/rig_link.h"
+#include "plan/plan.h"
 #include "process.h"
 #include "rig/devices.h"
 #include "session/session.h"

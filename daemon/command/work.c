@@ -10,8 +10,24 @@
 struct bar {
     Progress *progress;
     char *stage;
+    int done, total;
     gint64 json_us;
 };
+
+static void bar_show(struct bar *bar, double left_s, gboolean now) {
+    g_autofree char *left = left_s >= 0 ? report_duration(left_s) : NULL;
+    g_autofree char *text = g_strdup_printf("%d/%d%s%s%s", bar->done, bar->total, left ? ", " : "",
+                                            left ? left : "", left ? " left" : "");
+    progress_show(bar->progress, (double)bar->done / bar->total, text, now);
+}
+
+/* What stays on the terminal says nothing of time that was left. */
+static void bar_end(struct bar *bar) {
+    if (bar->progress)
+        bar_show(bar, -1, TRUE);
+    g_clear_pointer(&bar->progress, progress_free);
+    g_clear_pointer(&bar->stage, g_free);
+}
 
 static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
@@ -29,19 +45,17 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
         record_print(record, TRUE);
         return;
     }
+    if (progress->total == 0)
+        return; /* a stage with nothing to do */
     if (g_strcmp0(progress->stage, bar->stage) != 0) {
-        progress_free(bar->progress);
+        bar_end(bar);
         g_autofree char *what = g_strdup_printf("%-9s", progress->stage);
         bar->progress = progress_new(what);
-        g_free(bar->stage);
         bar->stage = g_strdup(progress->stage);
     }
-    g_autofree char *left = progress->left_s >= 0 ? report_duration(progress->left_s) : NULL;
-    g_autofree char *text =
-        g_strdup_printf("%d/%d%s%s%s", progress->done, progress->total, left ? ", " : "",
-                        left ? left : "", left ? " left" : "");
-    const double fraction = progress->total > 0 ? (double)progress->done / progress->total : 0;
-    progress_show(bar->progress, fraction, text, progress->done == progress->total);
+    bar->done = progress->done;
+    bar->total = progress->total;
+    bar_show(bar, progress->left_s, progress->done == progress->total);
 }
 
 /* The work has no main loop: the signals get a thread with one. */
@@ -80,8 +94,7 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
     const gboolean ok = func(&work, data, error);
     attach(context, g_idle_source_new(), quit_loop, loop);
     g_thread_join(thread);
-    progress_free(bar.progress);
-    g_free(bar.stage);
+    bar_end(&bar);
     if (ret_seconds)
         *ret_seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
     return ok;

@@ -147,7 +147,8 @@ static void course_look(Course *course, int n_busy) {
 }
 
 /* How many times as long views took as their rates say: processors differ, and one whose caches and
- * units others use, too, takes longer for the same work. What follows the views will be as slow. */
+ * units others use, too, takes longer for the same work. What is not measured yet will be as slow.
+ */
 static double course_slower(const Course *course, const struct time_left_task *tasks) {
     double cpu_s = 0, said_s = 0;
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++) {
@@ -185,14 +186,16 @@ double course_left_s(Course *course) {
             !course->rates_known)
             return -1;
     const double slower = course_slower(course, tasks);
+    struct time_left_rates rates = course->rates;
     double after_s = 0;
+    for (int work = 0; work < TIME_LEFT_WORKS; work++)
+        rates.unit_s[work] *= slower;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
-        const double all_s = slower * course->rates.unit_s[work] * course->expected[work];
+        const double all_s = rates.unit_s[work] * course->expected[work];
         const double done_s = work == course->working ? process_cpu_s() - course->worked_s : 0;
         after_s += MAX(all_s - done_s, LEAST_LEFT * all_s);
     }
-    const double views_s =
-        time_left_views_s(tasks, course->n_tasks, course->n_threads, &course->rates);
+    const double views_s = time_left_views_s(tasks, course->n_tasks, course->n_threads, &rates);
     const int n = CLAMP(running + waiting, 1, course->n_threads);
     return views_s / time_left_speed_of(&course->speed, course->n_busy, n) +
            after_s / time_left_speed_of(&course->speed, course->n_busy, 1);

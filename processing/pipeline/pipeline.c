@@ -14,7 +14,7 @@
 #include "base/new_file.h"
 #include "catalogue.h"
 #include "course.h"
-#include "eigenmaps/eigenmaps.h"
+#include "eigenmaps_product.h"
 #include "mdf_product.h"
 #include "session/made_with.h"
 
@@ -378,35 +378,6 @@ static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, 
                          ret_column, error);
 }
 
-static struct eigenmaps *pipeline_new_eigenmaps(const struct columns *columns) {
-    const struct catalogue *catalogue = columns->run->catalogue;
-    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
-    maps->name = g_strdup(session_name(columns->run->session));
-    maps->layout.width = catalogue->grid.width;
-    maps->layout.height = catalogue->grid.height;
-    maps->layout.texel_mm = catalogue->grid.width_mm / catalogue->grid.width;
-    maps->layout.reference_mm = catalogue->grid.reference_mm;
-    maps->layout.views.n = columns->n_views;
-    maps->layout.lights.n = columns->n_lights;
-    maps->n_terms = MIN(columns->run->options->n_eigenmaps, columns->n_views);
-    maps->layout.views.theta_deg = g_new(float, maps->layout.views.n);
-    maps->layout.views.phi_deg = g_new(float, maps->layout.views.n);
-    maps->layout.lights.theta_deg = g_new(float, maps->layout.lights.n);
-    maps->layout.lights.phi_deg = g_new(float, maps->layout.lights.n);
-    for (gsize i = 0; i < maps->layout.views.n; i++) {
-        const struct session_direction *view =
-            g_ptr_array_index(catalogue->views, columns->views[i]);
-        maps->layout.views.theta_deg[i] = (float)view->theta_deg;
-        maps->layout.views.phi_deg[i] = (float)view->phi_deg;
-    }
-    for (gsize i = 0; i < maps->layout.lights.n; i++) {
-        const struct session_direction *light = g_ptr_array_index(catalogue->lights, i);
-        maps->layout.lights.theta_deg[i] = (float)light->theta_deg;
-        maps->layout.lights.phi_deg[i] = (float)light->phi_deg;
-    }
-    return maps;
-}
-
 static gboolean set_number(Session *session, const char *key, double value, GError **error) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
     return session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), error);
@@ -436,7 +407,9 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     if (lock < 0)
         return FALSE;
     new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
-    struct eigenmaps *maps = pipeline_new_eigenmaps(columns);
+    struct eigenmaps *maps =
+        eigenmaps_product_new(session_name(session), run->catalogue, columns->views,
+                              columns->n_views, MIN(run->options->n_eigenmaps, columns->n_views));
     course_begin(columns->run->course, TIME_LEFT_EIGENMAPS);
     const gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
                         eigenmaps_write(path, maps, error) &&

@@ -5,7 +5,8 @@
 
 #define NEAR_DEG    10.0 /* elevations that differ by less take similarly long */
 #define FAR_WEIGHT  0.02 /* of a view of quite another elevation */
-#define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
+#define OVERDUE     1.25
+#define RATE_WEIGHT 0.2 /* of what earlier runs took, beside a view of this run */
 /* Of a task that has run for longer than it was thought to, this part is taken to be left. */
 #define LEAST_LEFT  0.05
 #define LEAST_SPEED 0.01
@@ -64,17 +65,12 @@ static int time_left_degree(const struct time_left_task *task) {
     return CLAMP((int)lround(task->theta_deg), 0, DEGREES - 1);
 }
 
-static void time_left_costs(const struct time_left_task *tasks, int n,
-                            const struct time_left_rates *rates, struct unit_costs *ret) {
-    struct {
-        double made, unit_s;
-    } of[TIME_LEFT_STAGES][DEGREES] = {0};
-    for (int i = 0; i < n; i++)
-        if (tasks[i].state == TIME_LEFT_MADE && tasks[i].units > 0) {
-            of[tasks[i].stage][time_left_degree(&tasks[i])].made++;
-            of[tasks[i].stage][time_left_degree(&tasks[i])].unit_s +=
-                tasks[i].cpu_s / tasks[i].units;
-        }
+struct unit_sums {
+    double made, unit_s;
+};
+
+static void time_left_spread(struct unit_sums of[TIME_LEFT_STAGES][DEGREES],
+                             const struct time_left_rates *rates, struct unit_costs *ret) {
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
         for (int at = 0; at < DEGREES; at++) {
             double weights = RATE_WEIGHT, sum = RATE_WEIGHT * rates->unit_s[stage];
@@ -88,6 +84,26 @@ static void time_left_costs(const struct time_left_task *tasks, int n,
             }
             ret->s[stage][at] = sum / weights;
         }
+}
+
+/* By the tasks made; and then by those, too, that run for longer already than the others say: each
+ * will take a quarter more. */
+static void time_left_costs(const struct time_left_task *tasks, int n,
+                            const struct time_left_rates *rates, struct unit_costs *ret) {
+    struct unit_sums of[TIME_LEFT_STAGES][DEGREES] = {0};
+    for (int pass = TIME_LEFT_MADE; pass >= TIME_LEFT_RUNS; pass--) {
+        for (int i = 0; i < n; i++) {
+            const int stage = (int)tasks[i].stage, at = time_left_degree(&tasks[i]);
+            if ((int)tasks[i].state != pass || tasks[i].units <= 0)
+                continue;
+            const double unit_s = tasks[i].cpu_s / tasks[i].units;
+            if (pass == TIME_LEFT_RUNS && unit_s <= ret->s[stage][at])
+                continue;
+            of[stage][at].made++;
+            of[stage][at].unit_s += pass == TIME_LEFT_RUNS ? OVERDUE * unit_s : unit_s;
+        }
+        time_left_spread(of, rates, ret);
+    }
 }
 
 /* Each task goes to the thread that is free first, as in the pool. */

@@ -1,4 +1,4 @@
-/* Pictures on a terminal, and what stands above a progress bar. */
+/* Pictures on a terminal, progress bars, and what stands above them. */
 #include <poll.h>
 #include <pty.h>
 #include <stdio.h>
@@ -8,6 +8,7 @@
 
 #include "command/picture.h"
 #include "command/progress.h"
+#include "command/work.h"
 
 static int count(const char *text, const char *piece) {
     int n = 0;
@@ -68,8 +69,8 @@ static void test_others(void) {
     g_assert_true(g_str_has_suffix(sixels, "\033\\\n"));
 }
 
-/* What the functions of progress.h write to a terminal of 60 columns. */
-static char *on_terminal(void (*draw)(Progress *progress)) {
+/* What a function writes to a terminal of 60 columns, in a process of its own. */
+static char *on_terminal(void (*draw)(void)) {
     const struct winsize size = {.ws_row = 20, .ws_col = 60};
     GString *text = g_string_new(NULL);
     char bytes[4096];
@@ -78,9 +79,7 @@ static char *on_terminal(void (*draw)(Progress *progress)) {
     const pid_t child = forkpty(&terminal, NULL, NULL, &size);
     g_assert_cmpint(child, >=, 0);
     if (child == 0) {
-        Progress *progress = progress_new("capture");
-        draw(progress);
-        progress_free(progress);
+        draw();
         fflush(stdout);
         fflush(stderr);
         _exit(0);
@@ -94,7 +93,8 @@ static char *on_terminal(void (*draw)(Progress *progress)) {
     return g_string_free(text, FALSE);
 }
 
-static void draw_above(Progress *progress) {
+static void draw_above(void) {
+    Progress *progress = progress_new("capture");
     progress_set_above(progress, "picture\npose\n", 2);
     progress_show(progress, 0.1, "one", TRUE);
     progress_show(progress, 0.2, "two", TRUE); /* what stands above stays */
@@ -102,6 +102,7 @@ static void draw_above(Progress *progress) {
     progress_show(progress, 0.3, "three", TRUE); /* and is drawn again below the event */
     progress_set_above(progress, "picture\nanother pose\n", 2);
     progress_show(progress, 0.4, "four", TRUE);
+    progress_free(progress);
 }
 
 static void test_above(void) {
@@ -127,11 +128,41 @@ static void test_above(void) {
     g_assert_cmpint(count(text, "\033[J"), ==, 2);
 }
 
+static gboolean some_stages(const struct work *work, gpointer data, GError **error) {
+    static const struct work_progress all[] = {
+        {"nothing", 0, 0, -1}, {"first", 1, 2, 9}, {"first", 2, 2, 5}, {"second", 1, 1, 3}};
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
+        work->progress(&all[i], work->data);
+    return TRUE;
+}
+
+static void draw_stages(void) {
+    cli_work_run(some_stages, NULL, NULL, NULL);
+}
+
+/* A stage with nothing to do has no bar, and a bar that stays tells nothing of the time that was
+ * left. */
+static void test_stages(void) {
+    g_autofree char *text = on_terminal(draw_stages);
+    g_auto(GStrv) lines = g_strsplit(text, "\r\n", -1);
+    g_assert_cmpuint(g_strv_length(lines), ==, 3); /* the last one is empty */
+    g_assert_cmpstr(lines[2], ==, "");
+    g_assert_null(strstr(text, "nothing"));
+    g_assert_nonnull(strstr(lines[0], "5.0 s left"));
+    for (int i = 0; i < 2; i++) {
+        const char *last = strrchr(lines[i], '\r'); /* what is drawn over the rest */
+        g_assert_nonnull(last);
+        g_assert_nonnull(strstr(last, i == 0 ? "first" : "second"));
+        g_assert_nonnull(strstr(last, i == 0 ? "2/2\033[K" : "1/1\033[K"));
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/picture/blocks", test_blocks);
     g_test_add_func("/picture/shrunk", test_shrunk);
     g_test_add_func("/picture/others", test_others);
     g_test_add_func("/picture/above", test_above);
+    g_test_add_func("/picture/stages", test_stages);
     return g_test_run();
 }
