@@ -166,10 +166,10 @@ static void add_images(GString *to, const struct archive *archive) {
 static void add_calibration(GString *to, const struct archive *archive) {
     const struct calibration *calibration = archive->calibration;
     add(to, "<h2>Calibration</h2>\n<p>The products were made with: %s%s.</p>\n",
-        archive->calibrated_by,
-        archive->calibration_own ? ", as the session was captured"
-                                 : ", given to mesorig process -c; the session was captured with "
-                                   "another");
+        archive->calibrated.where,
+        archive->calibrated.own ? ", as the session was captured"
+                                : ", given to mesorig process -c; the session was captured with "
+                                  "another");
     g_string_append(to, "<div class=\"wide\"><table><tr><th>part</th>"
                         "<th>date</th><th>method</th><th class=\"n\">pictures</th>"
                         "<th class=\"n\">rejected</th><th class=\"n\">residual</th></tr>\n");
