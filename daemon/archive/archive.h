@@ -10,6 +10,19 @@
 
 enum archive_verdict { ARCHIVE_PASS, ARCHIVE_WARNING, ARCHIVE_FAILURE };
 
+/* Which calibration the products of a session were made with. */
+struct archive_calibration {
+    char *where;    /* "nominal", or the path of its file */
+    char *said;     /* one line for people */
+    gboolean own;   /* it is the one that the session was captured with */
+    gboolean mixed; /* some products may be of another, since their processing was not finished */
+};
+
+/* Returns that calibration, or NULL with an error. ret is to be cleared. */
+struct calibration *archive_calibration(Session *session, struct archive_calibration *ret,
+                                        GError **error);
+void archive_calibration_clear(struct archive_calibration *with);
+
 struct archive_check {
     enum archive_verdict verdict;
     char *name; /* "shots" */
@@ -44,15 +57,14 @@ struct archive {
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN: not known */
-    struct calibration *calibration; /* of the products, as the next two are */
-    char *calibrated_by;             /* "nominal", or the path of its file */
-    gboolean calibration_own;        /* it is the one that the session was captured with */
-    GPtrArray *devices;              /* of struct archive_device, in the rig file's order */
-    GPtrArray *checks;               /* of struct archive_check */
-    GArray *rings;                   /* of struct archive_ring, by θ */
-    GPtrArray *pictures;             /* of struct archive_picture */
-    GPtrArray *products;             /* of struct session_product */
-    GPtrArray *events;               /* of struct session_event */
+    struct calibration *calibration;                            /* of the products */
+    struct archive_calibration calibrated;
+    GPtrArray *devices;  /* of struct archive_device, in the rig file's order */
+    GPtrArray *checks;   /* of struct archive_check */
+    GArray *rings;       /* of struct archive_ring, by θ */
+    GPtrArray *pictures; /* of struct archive_picture */
+    GPtrArray *products; /* of struct session_product */
+    GPtrArray *events;   /* of struct session_event */
 };
 
 /* A section of the rig file. */

@@ -81,24 +81,26 @@ static void add_facts(GString *to, const struct archive *archive) {
     g_autofree char *products = size_text((double)archive->product_bytes);
     g_autofree char *processing =
         isfinite(archive->processing_s) ? report_duration(archive->processing_s) : NULL;
-    const char *const rows[][2] = {{"Sample", archive->sample},
-                                   {"Operator", archive->operator_name},
-                                   {"Notes", archive->notes},
-                                   {"Licence", archive->license},
-                                   {"Imported from", archive->imported},
-                                   {"Planned", created},
-                                   {"State", archive->state},
-                                   {"Size", texels},
-                                   {"Directions", directions},
-                                   {"Exposures chosen", archive->chosen},
-                                   {"Shots", shots},
-                                   {"Capture", archive->imported ? NULL : time},
-                                   {"Frames on disk", disk},
-                                   {"Products on disk", products},
-                                   {"Processing", processing},
-                                   {"Rig", archive->calibration->rig.id},
-                                   {"Captured by", archive->program},
-                                   {"Reported by", "mesorig " MESORIG_VERSION}};
+    const char *const rows[][2] = {
+        {"Sample", archive->sample},
+        {"Operator", archive->operator_name},
+        {"Notes", archive->notes},
+        {"Licence", archive->license},
+        {"Imported from", archive->imported},
+        {"Planned", created},
+        {"State", archive->state},
+        {"Size", texels},
+        {"Directions", directions},
+        {"Exposures chosen", archive->chosen},
+        {"Shots", shots},
+        {"Capture", archive->imported ? NULL : time},
+        {"Frames on disk", disk},
+        {"Products on disk", products},
+        {"Processing", processing},
+        {"Rig", archive->calibration->rig.id},
+        {"Calibration", archive->imported ? NULL : archive->calibrated.where},
+        {"Captured by", archive->program},
+        {"Reported by", "mesorig " MESORIG_VERSION}};
     g_string_append(to, "<table>\n");
     for (gsize i = 0; i < G_N_ELEMENTS(rows); i++)
         add_row(to, rows[i][0], rows[i][1]);
@@ -166,10 +168,10 @@ static void add_images(GString *to, const struct archive *archive) {
 static void add_calibration(GString *to, const struct archive *archive) {
     const struct calibration *calibration = archive->calibration;
     add(to, "<h2>Calibration</h2>\n<p>The products were made with: %s%s.</p>\n",
-        archive->calibrated_by,
-        archive->calibration_own ? ", as the session was captured"
-                                 : ", given to mesorig process -c; the session was captured with "
-                                   "another");
+        archive->calibrated.where,
+        archive->calibrated.own ? ", as the session was captured"
+                                : ", given to mesorig process -c; the session was captured with "
+                                  "another");
     g_string_append(to, "<div class=\"wide\"><table><tr><th>part</th>"
                         "<th>date</th><th>method</th><th class=\"n\">pictures</th>"
                         "<th class=\"n\">rejected</th><th class=\"n\">residual</th></tr>\n");

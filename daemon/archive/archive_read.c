@@ -6,7 +6,6 @@
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
 #include "mdf/mdf_views.h"
-#include "session/made_with.h"
 
 #include <math.h>
 #include <string.h>
@@ -51,10 +50,11 @@ void archive_free(struct archive *archive) {
     char *const texts[] = {archive->path,     archive->name,   archive->program,
                            archive->created,  archive->sample, archive->operator_name,
                            archive->notes,    archive->state,  archive->license,
-                           archive->imported, archive->chosen, archive->calibrated_by};
+                           archive->imported, archive->chosen};
     for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
         g_free(texts[i]);
     calibration_free(archive->calibration);
+    archive_calibration_clear(&archive->calibrated);
     GPtrArray *const arrays[] = {archive->devices, archive->checks, archive->pictures,
                                  archive->products, archive->events};
     for (gsize i = 0; i < G_N_ELEMENTS(arrays); i++)
@@ -113,16 +113,10 @@ static char *described(const Config *conf, const char *key) {
 /* The calibration that the products were made with, which is not always that of the capture. */
 static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
                                  GError **error) {
-    struct made_with with;
-    if (!made_with_read(session, &with, error))
-        return FALSE;
-    archive->calibration = calibration_from_text(with.text, with.where, error);
-    archive->calibrated_by = g_steal_pointer(&with.where);
-    archive->calibration_own = with.own;
-    made_with_clear(&with);
+    archive->calibration = archive_calibration(session, &archive->calibrated, error);
     if (!archive->calibration)
         return FALSE;
-    if (with.mixed)
+    if (archive->calibrated.mixed)
         archive_add_check(archive, ARCHIVE_FAILURE, "calibration",
                           "some products may be of another calibration than this page says, for "
                           "their processing was not finished: mesorig process %s",

@@ -58,3 +58,13 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
         *ret_line = calibration_line(calibration, from, CAPTURE_CALIBRATION_HOW);
     return calibration;
 }
+
+char *capture_calibration_line(const char *rig_path, GError **error) {
+    struct rig geometry;
+    char *line = NULL;
+    g_autoptr(Calibration) calibration =
+        devices_read_geometry(rig_path, &geometry, error)
+            ? capture_calibration_for(rig_path, &geometry, NULL, &line, error)
+            : NULL;
+    return line;
+}

@@ -16,6 +16,7 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
  * file to use in place of the one that the rig file names; or NULL. text: of that file, if it is
  * not to be read; or NULL. ret_line (g_free()): the line
  * that tells people which one a capture would use. */
+char *capture_calibration_line(const char *rig_path, GError **error); /* that of the rig file */
 struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
                                             const char *path, const char *text, char **ret_line,
                                             GError **error);

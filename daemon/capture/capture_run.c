@@ -144,7 +144,7 @@ void capture_come_to_rest(Capture *capture, enum capture_state state) {
     capture->clock_base_s = capture_now_s(capture); /* it stands from now on */
     capture->since_us = -1;
     save_clock(capture);
-    g_autofree char *advice = state == CAPTURE_DONE ? exposure_advice(capture->session) : NULL;
+    g_autofree char *advice = state == CAPTURE_DONE ? exposure_advice(capture->session, 0) : NULL;
     if (advice)
         capture_add_event(capture, "warning", "exposures", advice);
     capture_set_state(capture, state);

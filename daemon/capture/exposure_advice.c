@@ -1,6 +1,7 @@
 #include "exposure_advice.h"
 
 #define KEY          "saturated_retakes"
+#define MOST_LACKING 0.5 /* of the values, likewise */
 #define MOST_RETAKEN 0.5 /* a picture, without advice */
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
@@ -39,12 +40,15 @@ static int count_lit_pictures(Session *session) {
     return n;
 }
 
-char *exposure_advice(Session *session) {
+char *exposure_advice(Session *session, double lacking) {
     struct exposure_retakes retakes;
     exposure_advice_load(&retakes, session);
     const int n = count_lit_pictures(session);
     if (n == 0 || retakes.n < MOST_RETAKEN * n)
-        return NULL;
+        return lacking > MOST_LACKING
+                   ? g_strdup("too long: the longest one saturates more than half of the values; "
+                              "leave it out of [capture] exposures_us, or write “auto”")
+                   : NULL;
     return g_strdup_printf("too long: saturated pictures under lamps were taken again %d times, "
                            "for %d that were kept, "
                            "at down to %" G_GINT64_FORMAT

@@ -17,5 +17,6 @@ void exposure_advice_load(struct exposure_retakes *ret, Session *session);
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session);
 
 /* A sentence with what to change, if there were at least half as many such retakes as pictures
- * under lamps; else NULL. g_free(). */
-char *exposure_advice(Session *session);
+ * under lamps, or if more than half of the values lack the longest exposure, which saturates.
+ * lacking: the share of those, 0 if it is not known. Else NULL. g_free(). */
+char *exposure_advice(Session *session, double lacking);

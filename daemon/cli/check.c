@@ -19,22 +19,6 @@ static gboolean check_has_views(const char *folder) {
     return FALSE;
 }
 
-/* What is wrong with the exposures, if most pictures had to be taken again or most values are not
- * of all of them. */
-static gboolean check_exposures(struct check *check, GError **error) {
-    const struct btf_layout *layout = &check->btf->layout;
-    const gint64 all = btf_layout_texels(layout) * (gint64)(layout->views.n * layout->lights.n);
-    g_autoptr(Session) session = session_open(check->path, SESSION_READ, error);
-    if (!session)
-        return FALSE;
-    check->exposures = exposure_advice(session);
-    if (!check->exposures && 2 * (check->btf->shorter + check->btf->bounds) > all)
-        check->exposures =
-            g_strdup("too long: the longest one saturates more than half of the values; leave it "
-                     "out of [capture] exposures_us, or write “auto”");
-    return TRUE;
-}
-
 gboolean check_session(const struct work *work, gpointer data, GError **error) {
     struct check *check = data;
     g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
@@ -48,21 +32,25 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
                     check->path, check->path);
         return FALSE;
     }
+    g_autoptr(Session) session = session_open(check->path, SESSION_READ, error);
+    if (!session)
+        return FALSE;
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
         if (!check->energy ||
             (check->plot && !plot_energy(check->plot, check->btf, check->energy, error)) ||
-            !check_suspect_btf(check->btf, check->energy, check->suspicions, error) ||
-            !check_exposures(check, error))
+            !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
+        const struct btf_layout *layout = &check->btf->layout;
+        const gint64 all = btf_layout_texels(layout) * (gint64)(layout->views.n * layout->lights.n);
+        check->exposures = exposure_advice(
+            session, (double)(check->btf->shorter + check->btf->bounds) / (double)all);
     }
     if (!check->has_mdf)
         return TRUE;
     struct session_grid grid;
-    g_autoptr(Session) session = NULL;
     if (!session_check_product(mdf, error) || !mdf_views_check(mdf, &check->mdf, error) ||
-        !(session = session_open(check->path, SESSION_READ, error)) ||
         !session_grid(session, &grid, error))
         return FALSE;
     check_suspect_mdf(&check->mdf, grid.depth_mm, check->suspicions);

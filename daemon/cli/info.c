@@ -1,16 +1,15 @@
 /* info: what is in a session directory or an EXR. */
 #include "info.h"
 
+#include "archive/archive.h"
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
-#include "calibration/calibration.h"
 #include "codecs/codecs.h"
 #include "command/cli.h"
 #include "exr/exr.h"
 #include "history.h"
 #include "mdf_codecs/mdf_codec.h"
 #include "plan/report.h"
-#include "session/made_with.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -138,21 +137,13 @@ static void tell_sigma(Record *to, const char *directory) {
 
 /* Which calibration its products were made with, or would be. */
 static gboolean tell_calibration(Record *to, Session *session, GError **error) {
-    struct made_with with;
-    if (!made_with_read(session, &with, error))
-        return FALSE;
-    g_autoptr(Calibration) calibration = calibration_from_text(with.text, with.where, error);
-    g_autofree char *line =
-        calibration ? calibration_line(calibration, with.where, "process -c FILE gives one") : NULL;
-    record_string(to, "calibration", line);
+    struct archive_calibration with;
+    g_autoptr(Calibration) calibration = archive_calibration(session, &with, error);
+    record_string(to, "calibration", with.said);
     record_boolean(to, "calibration_own", with.own);
     record_boolean(to, "calibration_mixed", with.mixed);
-    record_say(to, "calibrated %s%s%s\n", line,
-               with.own ? "" : "; the products alone, it was captured with another",
-               with.mixed ? "; some products may still be of another, for their processing was not "
-                            "finished: mesorig process makes them again"
-                          : "");
-    made_with_clear(&with);
+    record_say(to, "calibrated %s\n", with.said);
+    archive_calibration_clear(&with);
     return calibration != NULL;
 }
 

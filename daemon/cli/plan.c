@@ -106,13 +106,8 @@ static int run_plan(const struct call *call, GError **error) {
         g_propagate_error(error, failed);
         return CLI_FAILED;
     }
-    struct rig geometry;
-    g_autofree char *line = NULL;
-    g_autoptr(Calibration) calibration =
-        devices_read_geometry(rig, &geometry, error)
-            ? capture_calibration_for(rig, &geometry, NULL, NULL, &line, error)
-            : NULL;
-    if (!calibration)
+    g_autofree char *line = capture_calibration_line(rig, error);
+    if (!line)
         return CLI_FAILED;
     g_autofree char *text = report_text(report);
     record_variants(call->record, report);

@@ -1,14 +1,14 @@
 #include "process.h"
+#include "archive/archive.h"
 #include "base/data_error.h"
+#include "calibration/calibration.h"
 #include "pipeline/causes.h"
 #include "pipeline/pipeline.h"
 
-#include "calibration/calibration.h"
 #include "command/cli.h"
 #include "command/work.h"
 #include "plan/report.h"
 #include "rig/devices.h"
-#include "session/made_with.h"
 
 static void tell_lines(Record *to, const struct pipeline_result *result, gboolean calibrated) {
     if (result->line_sweeps == 0)
@@ -81,15 +81,11 @@ static void tell_result(Record *to, const struct pipeline_result *result,
 /* The calibration that the products were made with, after it is told. NULL: an error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
-    struct made_with with;
-    if (!session || !made_with_read(session, &with, error))
-        return NULL;
-    struct calibration *calibration = calibration_from_text(with.text, with.where, error);
-    g_autofree char *line =
-        calibration ? calibration_line(calibration, with.where, "-c FILE gives one") : NULL;
-    record_string(to, "calibration", line);
-    record_say(to, "calibration: %s\n", line);
-    made_with_clear(&with);
+    struct archive_calibration with = {0};
+    struct calibration *calibration = session ? archive_calibration(session, &with, error) : NULL;
+    record_string(to, "calibration", with.said);
+    record_say(to, "calibration: %s\n", with.said);
+    archive_calibration_clear(&with);
     return calibration;
 }
 

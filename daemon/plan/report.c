@@ -75,10 +75,11 @@ char *report_text(GVariant *report) {
     g_autofree char *size = g_format_size(bytes);
     g_string_append_printf(text, "session         %s\n", name);
     const int views = get_int(report, "views"), lights = get_int(report, "lights");
-    g_string_append_printf(text,
-                           "directions      %d views × %d lights: %d pictures of the BTF; %d laser "
-                           "positions\n",
-                           views, lights, views * lights, get_int(report, "lasers"));
+    g_string_append_printf(text, "directions      %d views, %d lights, %d laser positions", views,
+                           lights, get_int(report, "lasers"));
+    if (views > 0 && lights > 0)
+        g_string_append_printf(text, "; %d pictures of the BTF", views * lights);
+    g_string_append(text, "\n");
     g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
     g_string_append_printf(text, "shots           %d, with %d camera frames\n",
                            get_int(report, "shots"), get_int(report, "frames"));

@@ -246,13 +246,21 @@ static void viewer_main_report(const struct studio *studio) {
     g_print("%s}\n", json->str);
 }
 
-/* Which frame the picture compares with, and what stands where. */
-static void viewer_main_tell_measured(const struct studio *studio) {
+/* The files that were written, and which frame a picture compares with. */
+static void viewer_main_tell(const struct studio *studio) {
+    const GPtrArray *files = studio->files;
     const struct measured *m = &studio->measured;
-    g_print("left to right: measured, drawn, their difference; view %d at %.1f° %.1f°, light %d at "
-            "%.1f° %.1f°, relative error %.2f %%\n",
-            m->view, m->view_theta_deg, m->view_phi_deg, m->light, m->light_theta_deg,
-            m->light_phi_deg, 100 * studio->error);
+    if (files->len > 1)
+        g_print("%u pictures, to %s: %s on %s\n", files->len,
+                (const char *)files->pdata[files->len - 1], studio->material, studio->o->shape);
+    else if (files->len == 1 && !studio->o->measured)
+        g_print("%s: %s on %s\n", (const char *)files->pdata[0], studio->material,
+                studio->o->shape);
+    else if (files->len == 1)
+        g_print("%s: from the left measured, drawn, four times their difference; view %d at %.1f° "
+                "%.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
+                (const char *)files->pdata[0], m->view, m->view_theta_deg, m->view_phi_deg,
+                m->light, m->light_theta_deg, m->light_phi_deg, 100 * studio->error);
 }
 
 static int viewer_main_run(struct viewer_options *o) {
@@ -283,10 +291,8 @@ static int viewer_main_run(struct viewer_options *o) {
         g_printerr("mesorig-view: %s\n", error->message);
     else if (o->json)
         viewer_main_report(&studio);
-    for (guint k = 0; good && !o->json && o->render != NULL && k < files->len; k++)
-        g_print("%s\n", (const char *)files->pdata[k]);
-    if (good && !o->json && o->measured)
-        viewer_main_tell_measured(&studio);
+    else if (o->render != NULL)
+        viewer_main_tell(&studio);
     measured_clear(&studio.measured);
     g_free(studio.drawn.renderer);
     return good ? 0 : 1;

@@ -436,9 +436,11 @@ static void test_too_bright(void) {
     g_assert_nonnull(strstr(run->told->str, "exposures: too long: saturated pictures"));
     g_autofree char *advice = NULL;
     g_autoptr(Session) session = session_open(run->session, SESSION_READ, NULL);
-    g_assert_nonnull(advice = exposure_advice(session));
+    g_assert_nonnull(advice = exposure_advice(session, 0));
     g_autoptr(Session) well = session_open(run_undisturbed(), SESSION_READ, NULL);
-    g_assert_null(exposure_advice(well));
+    g_assert_null(exposure_advice(well, 0.4));
+    g_autofree char *bracket = exposure_advice(well, 0.6);
+    g_assert_nonnull(strstr(bracket, "leave it out"));
     g_autoptr(GPtrArray) shots = run_shots(run->session);
     int shorter = 0;
     for (guint i = 0; i < shots->len; i++) {

@@ -143,6 +143,27 @@ static void test_other_rig(void) {
     operator_free(run);
 }
 
+/* Arguments in the wrong order are one mistake, and a place where no session can be is told as
+ * such.
+ */
+static void test_wrong_arguments(void) {
+    struct operation *run = operator_new(NULL);
+    operator_does(run, 1, "plan", run->conf, run->rig, NULL);
+    assert_has(run->err, "session.conf is a session file, and ");
+    assert_has(run->err, "rig.conf is a rig file: give RIG before SESSION\n");
+    g_assert_true(strchr(run->err, '\n') == run->err + strlen(run->err) - 1);
+    operator_does(run, 1, "capture", run->rig, run->rig, "-o", run->session, NULL);
+    assert_has(run->err, "rig.conf is a rig file: give RIG before SESSION");
+    g_assert_cmpint(g_mkdir(run->session, 0777), ==, 0);
+    operator_captures(run, 1);
+    assert_has(run->err, "exists already, and is not a session; choose another name");
+    operator_does(run, 1, "plan", run->rig, run->conf, "-o", "/proc/weave.session", NULL);
+    assert_has(run->err, "it is on no disk");
+    operator_does(run, 1, "info", run->rig, NULL);
+    assert_has(run->err, "a text, not an EXR file");
+    operator_free(run);
+}
+
 static void test_garbage_database(void) {
     struct operation *run = operator_new(NULL);
     g_autofree char *database = g_build_filename(run->session, "session.db", NULL);
@@ -191,6 +212,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/input/mistakes", test_mistakes);
     g_test_add_func("/input/drivers-mistakes", test_drivers_mistakes);
     g_test_add_func("/input/other-rig", test_other_rig);
+    g_test_add_func("/input/wrong arguments", test_wrong_arguments);
     g_test_add_func("/input/garbage-database", test_garbage_database);
     g_test_add_func("/input/damaged-frames", test_damaged_frames);
     return operator_tests();

@@ -163,6 +163,7 @@ static void verdicts(void) {
     g_autofree char *file = in_folder(run, "report.html");
     g_autofree char *eigenmaps = g_build_filename(run->session, "products/eigenmaps.exr", NULL);
     operator_does(run, 0, "report", run->session, "-o", file, "--json", NULL);
+    g_assert_true(strchr(run->out, '\n') == run->out + strlen(run->out) - 1); /* one object */
     g_autoptr(JsonParser) whole = parse(run->out);
     JsonObject *result = json_node_get_object(json_parser_get_root(whole));
     g_assert_cmpstr(verdict_of(result, "shots", NULL), ==, "pass");
@@ -199,6 +200,25 @@ static char *calibration_of(const struct operation *run, const char *name) {
     char *path = in_folder(run, name);
     g_assert_true(calibration_write(calibration, path, &error));
     return path;
+}
+
+/* A session without lasers says nothing of an MDF; a file that compress replaces is told. */
+static void without_lasers(void) {
+    static const struct change change[] = {{"[lasers]", NULL}, {0}};
+    struct operation *run = operator_new(NULL);
+    small_rig_write(run->directory, "session.conf", change);
+    operator_captures(run, 0);
+    operator_does(run, 0, "process", run->session, NULL);
+    assert_has(run->out, ": BTF of 4 views");
+    g_assert_null(strstr(run->out, "MDF"));
+    operator_does(run, 0, "process", run->session, "--json", NULL);
+    assert_has(run->out, "\n{\"calibration\"");
+    assert_has(run->out, "{\"stage\"");
+    operator_does(run, 0, "compress", run->session, "-m", "ptm", NULL);
+    g_assert_null(strstr(run->out, "it replaces"));
+    operator_does(run, 0, "compress", run->session, "-m", "ptm", NULL);
+    assert_has(run->out, "it replaces the file of that name");
+    operator_free(run);
 }
 
 /* What info and report say of the calibration; and the value in the database. */
@@ -267,6 +287,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/report/crate", crate);
     g_test_add_func("/report/verdicts", verdicts);
     g_test_add_func("/report/made_with", made_with);
+    g_test_add_func("/report/without_lasers", without_lasers);
     g_test_add_func("/report/mistakes", mistakes);
     return operator_tests();
 }

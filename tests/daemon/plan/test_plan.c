@@ -137,6 +137,27 @@ static void assert_plan(const struct plan *plan) {
     g_assert_cmpfloat(plan->lower_bound_s, >, 0);
 }
 
+static int notes_of_texels(int texels) {
+    static const double theta_deg[] = {30, 60};
+    const struct rig rig = rig_of(theta_deg, 2);
+    const struct rig_timing timing = timing_of(0.1);
+    g_auto(SessionConf) conf = conf_of("[views]\nrings = 30:2\n[lights]\nrings = 30:2\n");
+    conf.grid.width = conf.grid.height = texels;
+    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    int n = 0;
+    for (guint i = 0; i < plan->notes->len; i++)
+        n += strstr(plan->notes->pdata[i], "a texel is") != NULL;
+    return n;
+}
+
+/* 650 mm away a pixel of 1/1664 sees 0.39 mm: 128 of them are 50 mm. */
+static void test_texels(void) {
+    g_assert_cmpint(notes_of_texels(64), ==, 0);
+    g_assert_cmpint(notes_of_texels(250), ==, 0);
+    g_assert_cmpint(notes_of_texels(260), ==, 1);
+    g_assert_cmpint(notes_of_texels(2048), ==, 1);
+}
+
 static void test_presets(void) {
     static const struct {
         const char *name;
@@ -992,6 +1013,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/plan/arm", test_arm);
     g_test_add_func("/plan/probe", test_probe);
     g_test_add_func("/plan/views-first", test_views_first);
+    g_test_add_func("/plan/texels", test_texels);
     g_test_add_func("/plan/random", test_random);
     g_test_add_func("/plan/all-orders", test_against_all_orders);
     g_test_add_func("/plan/remaining", test_remaining);

@@ -1,0 +1,61 @@
+/* What progress leaves in a log: nothing of a stage that is over at once, and few lines of a long
+ * one. */
+#include "command/progress.h"
+
+#include "lib/process.h"
+
+#include <fcntl.h>
+#include <string.h>
+#include <unistd.h>
+
+static GString *told;
+
+static void keep(const char *text) {
+    g_string_append(told, text);
+}
+
+static int lines(void) {
+    int n = 0;
+    for (const char *at = told->str; *at; at++)
+        n += *at == '\n';
+    return n;
+}
+
+static void test_short(void) {
+    Progress *progress = progress_new("short");
+    for (int i = 0; i <= 12; i++)
+        progress_show(progress, i / 12.0, "12", i == 12);
+    progress_free(progress);
+    g_assert_cmpstr(told->str, ==, "");
+}
+
+static void test_long(void) {
+    Progress *progress = progress_new("long");
+    progress_show(progress, 0.1, "the first", FALSE);
+    g_assert_cmpint(lines(), ==, 0);
+    g_usleep(1100000);
+    progress_show(progress, 0.2, "after a second", FALSE);
+    g_assert_cmpstr(told->str, ==, "long: 20 %, after a second\n");
+    for (int i = 0; i < 100; i++)
+        progress_show(progress, 0.2 + i / 200.0, "soon after", FALSE);
+    g_assert_cmpint(lines(), ==, 1);
+    progress_show(progress, 1, "its end", TRUE);
+    assert_has(told->str, "long: 100 %, its end\n");
+    g_assert_cmpint(lines(), ==, 2);
+    progress_free(progress);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    told = g_string_new(NULL);
+    /* It is a log, wherever the test itself runs. */
+    const int null = open("/dev/null", O_WRONLY);
+    g_assert_cmpint(dup2(null, STDERR_FILENO), ==, STDERR_FILENO);
+    close(null);
+    g_set_printerr_handler(keep);
+    g_test_add_func("/progress/short", test_short);
+    g_test_add_func("/progress/long", test_long);
+    const int result = g_test_run();
+    g_string_free(told, TRUE);
+    return result;
+}
