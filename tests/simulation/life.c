@@ -276,7 +276,7 @@ void life_capture(struct scene *scene, const struct life *life) {
         g_error("simulate: %s", error ? error->message : "there is no world");
     exposures_note(scene);
     disk_use(&scene->disk);
-    scene->disk.active = scene->disk.frozen_time = TRUE;
+    scene->disk.active = TRUE;
     if (!life_begin(&lifetime))
         _exit(0);
     for (int i = 0; i < life->n_calls; i++) {
