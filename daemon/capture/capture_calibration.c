@@ -64,7 +64,7 @@ char *capture_calibration_line(const char *rig_path, GError **error) {
     char *line = NULL;
     g_autoptr(Calibration) calibration =
         devices_read_geometry(rig_path, &geometry, error)
-            ? capture_calibration_for(rig_path, &geometry, NULL, &line, error)
+            ? capture_calibration_for(rig_path, &geometry, NULL, NULL, &line, error)
             : NULL;
     return line;
 }

@@ -40,12 +40,11 @@ struct disk {
     int n_faults;
     int calls[DISK_KINDS + 1]; /* of each kind, and of all */
     gboolean active, full;
-    gboolean cut;         /* the process was killed, and the power failed as well */
-    int n_failed;         /* calls that were made to fail, or while the disk was full */
-    gint64 ended_us;      /* when, on the rig's clock, a life was over */
-    gint64 step_s;        /* by which the wall clock was set */
-    gboolean frozen_time; /* monotonic time is the rig's: nothing waits for a real time-out */
-    guint64 digest;       /* of every call, its kind and its file, and of what was said */
+    gboolean cut;    /* the process was killed, and the power failed as well */
+    int n_failed;    /* calls that were made to fail, or while the disk was full */
+    gint64 ended_us; /* when, on the rig's clock, a life was over */
+    gint64 step_s;   /* by which the wall clock was set */
+    guint64 digest;  /* of every call, its kind and its file, and of what was said */
     gsize n_said, n_journal;
     char said[DISK_SAID_BYTES]; /* what happened, a line each */
     guint64 journal[DISK_JOURNAL_BYTES / sizeof(guint64)];

@@ -19,7 +19,9 @@
 #include <time.h>
 #include <unistd.h>
 
-#define MAX_FDS 1024
+#define MAX_FDS            1024
+#define WALL_BEGINS_S      1767225600 /* 2026-01-01 */
+#define MONOTONIC_BEGINS_S 1000000000 /* later than any kernel's */
 
 static struct disk *disk;
 static const Clock *disk_clock; /* the rig's; NULL: there is none */
@@ -508,16 +510,16 @@ int statvfs64(const char *path, struct statvfs64 *ret) {
     return statvfs(path, (struct statvfs *)(gpointer)ret);
 }
 
-/* Wall time goes with the rig's clock, and is set by operators. */
+/* Wall time goes with the rig's clock, and is set by operators. So does monotonic time, ahead of
+ * the kernel's, so that who waits for another thread until some time waits for the thread alone. */
 int clock_gettime(clockid_t id, struct timespec *ret) {
-    if (disk && disk->active &&
-        (id == CLOCK_REALTIME || (id == CLOCK_MONOTONIC && disk->frozen_time))) {
-        const gint64 us = disk_now_us(disk) + 1000000;
-        ret->tv_sec = us / 1000000 + (id == CLOCK_REALTIME ? 1767225600 + disk->step_s : 0);
-        ret->tv_nsec = us % 1000000 * 1000;
-        return 0;
-    }
-    return (int)syscall(SYS_clock_gettime, id, ret);
+    const gboolean wall = id == CLOCK_REALTIME;
+    if (!disk || !disk->active || (!wall && id != CLOCK_MONOTONIC))
+        return (int)syscall(SYS_clock_gettime, id, ret);
+    const gint64 us = disk_now_us(disk);
+    ret->tv_sec = us / G_USEC_PER_SEC + (wall ? WALL_BEGINS_S + disk->step_s : MONOTONIC_BEGINS_S);
+    ret->tv_nsec = us % G_USEC_PER_SEC * 1000;
+    return 0;
 }
 
 int gettimeofday(struct timeval *ret, void *zone) {

@@ -129,10 +129,13 @@ static void life_look(struct lifetime *lifetime) {
         lifetime->decides = TRUE;
         clock_call_in(lifetime->devices->clock, PAUSE_US, life_decide, lifetime);
     }
-    if (clock_now_us(lifetime->devices->clock) > LONGEST_US) {
-        scene_break(lifetime->scene, "ends", "nothing has ended after an hour on the rig's clock");
-        lifetime->ends = TRUE;
-    }
+}
+
+/* Where nothing else is waited for, time jumps here. */
+static void life_too_long(gpointer data) {
+    struct lifetime *lifetime = data;
+    scene_break(lifetime->scene, "ends", "nothing has ended after an hour on the rig's clock");
+    lifetime->ends = TRUE;
 }
 
 static void life_run_main_loop(struct lifetime *lifetime) {
@@ -276,7 +279,7 @@ void life_capture(struct scene *scene, const struct life *life) {
         g_error("simulate: %s", error ? error->message : "there is no world");
     exposures_note(scene);
     disk_use(&scene->disk);
-    scene->disk.active = scene->disk.frozen_time = TRUE;
+    scene->disk.active = TRUE;
     if (!life_begin(&lifetime))
         _exit(0);
     for (int i = 0; i < life->n_calls; i++) {
@@ -284,6 +287,7 @@ void life_capture(struct scene *scene, const struct life *life) {
         *due = (struct due_call){&lifetime, &life->calls[i]};
         clock_call_at(lifetime.devices->clock, life->calls[i].at_us, on_due_call, due);
     }
+    clock_call_at(lifetime.devices->clock, LONGEST_US, life_too_long, &lifetime);
     life_run_main_loop(&lifetime);
     if (lifetime.capture) {
         struct capture_status status;
