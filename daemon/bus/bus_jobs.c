@@ -333,7 +333,12 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
 static char *kept_text(const char *path, const char *given, GError **error) {
     if (!path)
         return g_strdup("");
-    return given ? g_strdup(given) : input_file_read_text(path, MOST_TEXT, error);
+    g_autofree char *text = given ? g_strdup(given) : input_file_read_text(path, MOST_TEXT, error);
+    if (text && !g_utf8_validate(text, -1, NULL)) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "%s: is not UTF-8", path);
+        return NULL;
+    }
+    return g_steal_pointer(&text);
 }
 
 gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,

@@ -98,13 +98,12 @@ static void tell(struct unattended *at, const char *what, const struct queue_ite
     GVariantBuilder details;
     g_autofree char *valid = g_utf8_make_valid(message ? message : "", -1);
     const char *directory = item ? item->directory : bus->capture ? bus->directory : "";
-    g_autofree char *base = g_path_get_basename(directory);
+    g_autofree char *base = *directory ? g_path_get_basename(directory) : g_strdup("");
+    if (g_str_has_suffix(base, ".session"))
+        base[strlen(base) - strlen(".session")] = '\0';
     g_variant_builder_init(&details, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&details, "{sv}", "session", g_variant_new_string(directory));
-    g_variant_builder_add(&details, "{sv}", "name",
-                          g_variant_new_string(item         ? item->name
-                                               : *directory ? base
-                                                            : ""));
+    g_variant_builder_add(&details, "{sv}", "name", g_variant_new_string(item ? item->name : base));
     g_variant_builder_add(&details, "{sv}", "message", g_variant_new_string(valid));
     g_variant_builder_add(&details, "{sv}", "number", g_variant_new_uint32(item ? item->id : 0));
     g_variant_builder_add(&details, "{sv}", "waiting",

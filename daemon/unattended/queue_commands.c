@@ -11,7 +11,7 @@ static const GOptionEntry add_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
      "Session directory to make, of a single session", "DIR"},
     {"into", 0, 0, G_OPTION_ARG_FILENAME, &folder,
-     "Make FILE.session for FILE.conf in this folder (default: the present one)", "DIR"},
+     "Make FILE.session for FILE.conf in this folder (default: the current one)", "DIR"},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
      "Use this calibration, not the one that the rig file names", "FILE"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
