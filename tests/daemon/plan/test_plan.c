@@ -1,81 +1,10 @@
-#include "plan/plan.h"
+#include "lib/plan_case.h"
 
 #include <locale.h>
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define PATH     "test.conf"
-
-static const char *const head = "[session]\nname = test\n"
-                                "[sample]\nwidth_mm = 50\nheight_mm = 50\ntexels = 64\n"
-                                "reference_mm = 5\ndepth_mm = 5\n";
-static const char *const tail = "[capture]\nexposures_us = 4000; 16000\n";
-
-static struct session_conf conf_of(const char *directions) {
-    g_autofree char *text = g_strconcat(head, directions, tail, NULL);
-    struct session_conf conf;
-    GError *error = NULL;
-
-    g_assert_true(session_conf_parse(&conf, text, PATH, &error));
-    g_assert_no_error(error);
-    return conf;
-}
-
-/* Cameras, lamps and lasers at the same elevations, as in etc/demo/rig.conf. */
-static struct rig rig_of(const double *theta_deg, int n) {
-    struct rig rig = {.id = "test",
-                      .n_cameras = n,
-                      .n_lamps = n,
-                      .n_lasers = n,
-                      .arc_radius_mm = 500,
-                      .arc_width_mm = 30};
-
-    for (int i = 0; i < n; i++) {
-        double s = sin(RAD(theta_deg[i])), c = cos(RAD(theta_deg[i]));
-        rig.cameras[i] = (struct rig_camera){.width = 160, .height = 160, .fx_px = 1664};
-        g_snprintf(rig.cameras[i].name, RIG_NAME, "cam%g", theta_deg[i]);
-        g_snprintf(rig.lamps[i].name, RIG_NAME, "lamp%g", theta_deg[i]);
-        g_snprintf(rig.lasers[i].name, RIG_NAME, "laser%g", theta_deg[i]);
-        rig_camera_look_at(&rig.cameras[i], vec3(650 * s, 0, 650 * c), vec3(0, 0, 0));
-        rig.lamps[i].position_mm = vec3(500 * s, 0, 500 * c);
-        rig.lamps[i].aim = vec3(-s, 0, -c);
-        rig.lasers[i].position_mm = vec3(480 * s, 0, 480 * c);
-        rig.lasers[i].axis = vec3(0, 1, 0);
-        rig.lasers[i].normal = vec3(-c, 0, s); /* y × (−s, 0, −c) */
-    }
-    return rig;
-}
-
-static struct rig_timing timing_of(double warm_up_s) {
-    struct rig_timing t = {
-        .turntable = {0, 360, TRUE, 60, 120, 0.05, 150},
-        .arc = {0, 360, TRUE, 45, 60, 0.1, 200},
-    };
-
-    for (int i = 0; i < RIG_MAX_LAMPS; i++)
-        t.lamp_warm_up_s[i] = warm_up_s;
-    for (int i = 0; i < RIG_MAX_LASERS; i++) {
-        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
-        t.laser_warm_up_s[i] = 0.1;
-    }
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
-        t.readout_us[i] = 40000;
-        t.min_exposure_us[i] = 10;
-        t.max_exposure_us[i] = 10000000;
-        t.bits[i] = 12;
-    }
-    return t;
-}
-
-static struct plan *build(const struct session_conf *conf, const struct rig *rig,
-                          const struct rig_timing *timing) {
-    GError *error = NULL;
-    struct plan *plan = plan_build(conf, rig, timing, &error);
-
-    g_assert_no_error(error);
-    g_assert_nonnull(plan);
-    return plan;
-}
 
 static double apart_deg(double a, double b) {
     return fabs(remainder(a - b, 360));
@@ -139,11 +68,11 @@ static void assert_plan(const struct plan *plan) {
 
 static int notes_of_texels(int texels) {
     static const double theta_deg[] = {30, 60};
-    const struct rig rig = rig_of(theta_deg, 2);
-    const struct rig_timing timing = timing_of(0.1);
-    g_auto(SessionConf) conf = conf_of("[views]\nrings = 30:2\n[lights]\nrings = 30:2\n");
+    const struct rig rig = plan_case_rig(theta_deg, 2);
+    const struct rig_timing timing = plan_case_timing(0.1);
+    g_auto(SessionConf) conf = plan_case_conf("[views]\nrings = 30:2\n[lights]\nrings = 30:2\n");
     conf.grid.width = conf.grid.height = texels;
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     int n = 0;
     for (guint i = 0; i < plan->notes->len; i++)
         n += strstr(plan->notes->pdata[i], "a texel is") != NULL;
@@ -167,7 +96,7 @@ static void test_presets(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
         g_autofree char *text = g_strdup_printf(
             "[views]\npreset = %s\noffset_deg = 7\n[lights]\nrings = 15:1\n", presets[i].name);
-        g_auto(SessionConf) conf = conf_of(text);
+        g_auto(SessionConf) conf = plan_case_conf(text);
         int n = 0;
         for (int r = 0; r < conf.n_views; r++) {
             n += conf.views[r].count;
@@ -304,13 +233,13 @@ static const char *const demo_directions =
 
 /* From lamps that are ready at once to lamps that are worth being left on during moves. */
 static void test_demo_near_bound(void) {
-    g_auto(SessionConf) conf = conf_of(demo_directions);
-    struct rig rig = rig_of(demo_theta_deg, 5);
+    g_auto(SessionConf) conf = plan_case_conf(demo_directions);
+    struct rig rig = plan_case_rig(demo_theta_deg, 5);
     const double warm_up_s[] = {0.02, 0.25, 2, 10};
 
     for (gsize i = 0; i < G_N_ELEMENTS(warm_up_s); i++) {
-        struct rig_timing timing = timing_of(warm_up_s[i]);
-        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+        struct rig_timing timing = plan_case_timing(warm_up_s[i]);
+        g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
         assert_plan(plan);
         g_test_message("warm-up %g s: predicted %.1f s, bound %.1f s, nested %.1f s", warm_up_s[i],
                        plan->predicted_s, plan->lower_bound_s, plan->nested_s);
@@ -329,10 +258,10 @@ static void test_demo_near_bound(void) {
 
 static void test_large_near_bound(void) {
     g_auto(SessionConf) conf =
-        conf_of("[views]\npreset=12x8\n[lights]\npreset=12x8\noffset_deg=15\n");
-    struct rig rig = rig_of(eight_theta_deg, 8);
-    struct rig_timing timing = timing_of(0.25);
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+        plan_case_conf("[views]\npreset=12x8\n[lights]\npreset=12x8\noffset_deg=15\n");
+    struct rig rig = plan_case_rig(eight_theta_deg, 8);
+    struct rig_timing timing = plan_case_timing(0.25);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
 
     assert_plan(plan);
     g_test_message("predicted %.1f s, bound %.1f s, nested %.1f s", plan->predicted_s,
@@ -343,12 +272,13 @@ static void test_large_near_bound(void) {
 
 static void test_81(void) {
     const double theta_deg[] = {0, 15, 30, 45, 60, 75};
-    g_auto(SessionConf) conf = conf_of("[views]\npreset=81\n[lights]\npreset=81\noffset_deg=4\n");
-    struct rig rig = rig_of(theta_deg, 6);
-    struct rig_timing timing = timing_of(0.25);
+    g_auto(SessionConf) conf =
+        plan_case_conf("[views]\npreset=81\n[lights]\npreset=81\noffset_deg=4\n");
+    struct rig rig = plan_case_rig(theta_deg, 6);
+    struct rig_timing timing = plan_case_timing(0.25);
     gint64 start = g_get_monotonic_time();
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
-    g_autoptr(Plan) again = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
+    g_autoptr(Plan) again = plan_case_build(&conf, &rig, &timing);
 
     g_test_message("%d poses: predicted %.1f s, bound %.1f s, nested %.1f s, planned in %.2f s",
                    plan->n_poses, plan->predicted_s, plan->lower_bound_s, plan->nested_s,
@@ -387,10 +317,10 @@ static gboolean arc_in_picture(const struct rig *rig, int camera, double arc_deg
 
 static void test_blocked(void) {
     const char *directions = "[views]\npreset=12x8\n[lights]\npreset=12x8\n";
-    g_auto(SessionConf) conf = conf_of(directions);
-    struct rig rig = rig_of(eight_theta_deg, 8);
-    struct rig_timing timing = timing_of(0.25);
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_auto(SessionConf) conf = plan_case_conf(directions);
+    struct rig rig = plan_case_rig(eight_theta_deg, 8);
+    struct rig_timing timing = plan_case_timing(0.25);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     int n_shifted = 0, n_skipped = 0;
 
     assert_plan(plan);
@@ -410,7 +340,7 @@ static void test_blocked(void) {
 
     conf.on_blocked = BLOCKED_SKIP;
     plan_free(plan);
-    plan = build(&conf, &rig, &timing);
+    plan = plan_case_build(&conf, &rig, &timing);
     assert_plan(plan);
     for (int i = 1; i < plan->session.n_shots; i++) {
         const struct session_shot *shot = &plan->session.shots[i];
@@ -432,16 +362,6 @@ static void test_blocked(void) {
     g_assert_nonnull(strstr(error->message, "cam12"));
 }
 
-static void assert_refused(const struct session_conf *conf, const struct rig *rig,
-                           const struct rig_timing *timing, int code, const char *says) {
-    g_autoptr(GError) error = NULL;
-
-    g_assert_null(plan_build(conf, rig, timing, &error));
-    g_assert_error(error, PLAN_ERROR, code);
-    g_test_message("%s", error->message);
-    g_assert_nonnull(strstr(error->message, says));
-}
-
 /* Refused before the time is spent, by how much it is too large. */
 static void test_too_large(void) {
     const double theta_deg[] = {30, 60};
@@ -454,50 +374,50 @@ static void test_too_large(void) {
          "120000 shots"},
         {"[views]\nrings=30:101\n[lights]\nrings=30:103\n", "10403 different angles"},
     };
-    struct rig rig = rig_of(theta_deg, 2);
-    struct rig_timing timing = timing_of(0.25);
+    struct rig rig = plan_case_rig(theta_deg, 2);
+    struct rig_timing timing = plan_case_timing(0.25);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
-        g_auto(SessionConf) conf = conf_of(cases[i].text);
-        assert_refused(&conf, &rig, &timing, PLAN_ERROR_SIZE, cases[i].says);
+        g_auto(SessionConf) conf = plan_case_conf(cases[i].text);
+        plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_SIZE, cases[i].says);
     }
 }
 
 static void test_refusals(void) {
     g_auto(SessionConf) conf =
-        conf_of("[views]\nrings=15:4\n[lights]\nrings=30:4:15\n[lasers]\nrings=45:2:15\n");
-    struct rig rig = rig_of(demo_theta_deg, 5), other = rig;
-    struct rig_timing timing = timing_of(0.25), bent = timing;
+        plan_case_conf("[views]\nrings=15:4\n[lights]\nrings=30:4:15\n[lasers]\nrings=45:2:15\n");
+    struct rig rig = plan_case_rig(demo_theta_deg, 5), other = rig;
+    struct rig_timing timing = plan_case_timing(0.25), bent = timing;
 
     conf.views[0].theta_deg = 20;
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_CAMERA, "15° (cam15), 30° (cam30)");
+    plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_NO_CAMERA, "15° (cam15), 30° (cam30)");
     conf.views[0].theta_deg = 15.4; /* near enough */
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     g_assert_nonnull(strstr(plan->session.views[0].note, "15"));
     conf.lights[0].theta_deg = 20;
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "lamp30");
+    plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "lamp30");
     conf.lights[0].theta_deg = 30;
     other.n_lasers = 0;
-    assert_refused(&conf, &other, &timing, PLAN_ERROR_NO_LASER, "none");
+    plan_case_refused(&conf, &other, &timing, PLAN_ERROR_NO_LASER, "none");
     bent.turntable.wraps = FALSE;
     bent.turntable.max_deg = 200;
-    assert_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "turntable");
+    plan_case_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "turntable");
     bent = timing;
     bent.arc = (struct axis_motion){-60, 200, FALSE, 45, 60, 0, 0};
-    assert_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "arc");
+    plan_case_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "arc");
     bent = timing;
     bent.sweep[2].max_deg = 1;
-    assert_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "laser45");
+    plan_case_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "laser45");
     bent = timing;
     bent.max_exposure_us[0] = 10000;
-    assert_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "16000");
+    plan_case_refused(&conf, &rig, &bent, PLAN_ERROR_LIMITS, "16000");
 }
 
 /* The sheet must have passed every corner of the sample's box, and not be far beyond. */
 static void test_sweep_range(void) {
-    g_auto(SessionConf) conf = conf_of("[views]\nrings=15:1\n[lasers]\nrings=45:1:90\n");
-    struct rig rig = rig_of(demo_theta_deg, 5);
-    struct rig_timing timing = timing_of(0.25);
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_auto(SessionConf) conf = plan_case_conf("[views]\nrings=15:1\n[lasers]\nrings=45:1:90\n");
+    struct rig rig = plan_case_rig(demo_theta_deg, 5);
+    struct rig_timing timing = plan_case_timing(0.25);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     const struct session_shot *shot = &plan->session.shots[1];
 
     /* In the plane of the arc the laser stands at (side, side) and the box reaches from −27 to 27
@@ -518,14 +438,14 @@ static void test_sweep_range(void) {
 /* Two cameras of one elevation, half a turn apart, need half the turns of the table. */
 static void test_two_cameras(void) {
     const double theta_deg[] = {30, 30};
-    g_auto(SessionConf) conf = conf_of("[views]\nrings=30:12\n[lights]\nrings=30:12:15\n");
-    struct rig rig = rig_of(theta_deg, 2);
-    struct rig_timing timing = timing_of(0.25);
+    g_auto(SessionConf) conf = plan_case_conf("[views]\nrings=30:12\n[lights]\nrings=30:12:15\n");
+    struct rig rig = plan_case_rig(theta_deg, 2);
+    struct rig_timing timing = plan_case_timing(0.25);
     double used[12];
     int n_used = 0;
 
     rig_camera_look_at(&rig.cameras[1], vec3(-325, 0, 325 * sqrt(3)), vec3(0, 0, 0));
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     for (int v = 0; v < 12; v++) {
         const struct session_direction *view = &plan->session.views[v];
         double phi = view->device * 180 - view->turntable_deg;
@@ -539,264 +459,6 @@ static void test_two_cameras(void) {
     g_assert_cmpint(n_used, ==, 6);
 }
 
-static struct vec3 at_mm(double theta_deg, double phi_deg, double distance_mm) {
-    return vec3_scale(rig_direction(RAD(theta_deg), RAD(phi_deg)), distance_mm);
-}
-
-static void stand(struct rig *rig, double theta_deg, double phi_deg) {
-    struct rig_lamp *lamp = &rig->lamps[rig->n_lamps++];
-
-    g_snprintf(lamp->name, RIG_NAME, "led%d", rig->n_lamps);
-    lamp->position_mm = at_mm(theta_deg, phi_deg, 400);
-    lamp->fixed = 1;
-}
-
-/* An overhead camera under LEDs in no order: nothing moves, and each light is one of them. */
-static void test_dome(void) {
-    g_auto(SessionConf) conf = conf_of("[views]\ndevices=all\n[lights]\ndevices=all\n");
-    struct rig rig = {.n_cameras = 1};
-    struct rig_timing timing = timing_of(0.25);
-
-    rig.cameras[0] = (struct rig_camera){.name = "cam", .width = 160, .height = 160};
-    rig_camera_look_at(&rig.cameras[0], vec3(0, 0, 650), vec3(0, 0, 0));
-    for (int i = 0; i < RIG_MAX_LAMPS; i++)
-        stand(&rig, 10 + 65.0 * i / RIG_MAX_LAMPS, fmod(137.5 * i, 360));
-    timing.turntable = timing.arc = (struct axis_motion){0};
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
-    g_assert_cmpint(plan->session.n_views, ==, 1);
-    g_assert_cmpint(plan->session.n_lights, ==, RIG_MAX_LAMPS);
-    g_assert_cmpint(plan->session.n_shots, ==, 1 + RIG_MAX_LAMPS);
-    g_assert_cmpint(plan->n_poses, ==, 1);
-    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
-        const struct session_direction *light = &plan->session.lights[i];
-        const struct session_shot *shot = &plan->session.shots[1 + i];
-        const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 400);
-        g_assert_cmpint(light->device, ==, i);
-        g_assert_cmpfloat(vec3_length(vec3_sub(towards, rig.lamps[i].position_mm)), <, 1e-4);
-        g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
-        g_assert_cmpint(shot->device, ==, shot->source);
-        g_assert_true(shot->turntable_deg == 0 && shot->arc_deg == 0);
-    }
-    /* a BTF it is not, and that is said */
-    g_assert_cmpint(plan->notes->len, ==, 1);
-    g_assert_nonnull(strstr(plan->notes->pdata[0], "RTI"));
-
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=0:1\n[lights]\ndevices=led3; led128\n");
-    g_autoptr(Plan) two = build(&conf, &rig, &timing);
-    g_assert_cmpint(two->session.n_lights, ==, 2);
-    g_assert_cmpint(two->session.lights[1].device, ==, 127);
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=0:1\n[lights]\ndevices=led3; led129\n");
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "there is no [lamp led129]");
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=0:1\n[lights]\nrings=30:4\n");
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "devices = all");
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=0:1\n[lasers]\ndevices=all\n");
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LASER, "there is no laser");
-
-    /* cameras that stand around: no other views than theirs */
-    rig_camera_look_at(&rig.cameras[0], at_mm(40, 100, 650), vec3(0, 0, 0));
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=40:1:100.3\n[lights]\ndevices=all\n");
-    g_autoptr(Plan) near = build(&conf, &rig, &timing);
-    g_assert_cmpfloat(near->session.views[0].turntable_deg, ==, 0);
-    rig.n_cameras = 2;
-    rig.cameras[1] = rig.cameras[0];
-    g_strlcpy(rig.cameras[1].name, "other", RIG_NAME);
-    rig_camera_look_at(&rig.cameras[1], at_mm(20, 30, 650), vec3(0, 0, 0));
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\ndevices=all\n[lights]\ndevices=all\n");
-    g_autoptr(Plan) still = build(&conf, &rig, &timing);
-    g_assert_true(
-        g_str_has_prefix(still->notes->pdata[still->notes->len - 1], "no turntable: 2 views"));
-    rig.n_cameras = 1;
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=40:2:100\n[lights]\ndevices=all\n");
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "there is no [axis turntable]");
-}
-
-static struct rig four_cameras(void) {
-    struct rig rig = {.n_cameras = 4};
-
-    for (int c = 0; c < 4; c++) {
-        rig.cameras[c] = (struct rig_camera){.width = 160, .height = 160};
-        g_snprintf(rig.cameras[c].name, RIG_NAME, "cam%d", c);
-        rig_camera_look_at(&rig.cameras[c], at_mm(15 + 20 * c, 90 * c, 650), vec3(0, 0, 0));
-    }
-    for (int i = 0; i < 16; i++)
-        stand(&rig, i < 8 ? 30 : 60, 22.5 + 45 * i);
-    return rig;
-}
-
-/* Every view gets every light, each from the lamp that stands there when the sample is turned. */
-static void test_fixed_lamps(void) {
-    g_auto(SessionConf) conf =
-        conf_of("[views]\nrings=15:8; 35:8; 55:8; 75:8\n[lights]\ndevices=all\n");
-    struct rig rig = four_cameras();
-    struct rig_timing timing = timing_of(0.25);
-    int seen[32][16] = {{0}};
-
-    timing.arc = (struct axis_motion){0};
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
-    g_assert_cmpint(plan->session.n_views, ==, 32);
-    g_assert_cmpint(plan->session.n_lights, ==, 16);
-    g_assert_cmpint(plan->n_poses, ==, 8);
-    g_assert_cmpint(plan->notes->len, ==, 0);
-    for (int i = 1; i < plan->session.n_shots; i++) {
-        const struct session_shot *shot = &plan->session.shots[i];
-        const struct session_direction *light = &plan->session.lights[shot->source];
-        const struct vec3 at =
-            rig_turn(rig.lamps[shot->device].position_mm, -RAD(shot->turntable_deg));
-        const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 400);
-        g_assert_cmpfloat(vec3_length(vec3_sub(at, towards)), <, 1e-3);
-        g_assert_cmpfloat(shot->arc_deg, ==, 0);
-        for (int v = 0; v < 32; v++) {
-            const struct session_direction *view = &plan->session.views[v];
-            seen[v][shot->source] += view->turntable_deg == shot->turntable_deg &&
-                                     (shot->cameras >> view->device & 1) != 0;
-        }
-    }
-    for (int v = 0; v < 32; v++)
-        for (int l = 0; l < 16; l++)
-            g_assert_cmpint(seen[v][l], ==, 1);
-
-    /* at 30° the lamps fall between each other: those lights are not there, and it is said */
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=15:12\n[lights]\ndevices=all\n");
-    g_autoptr(Plan) partly = build(&conf, &rig, &timing);
-    int skipped = 0;
-    for (int i = 0; i < partly->session.n_shots; i++)
-        skipped += partly->session.shots[i].state == SHOT_SKIPPED;
-    g_assert_cmpint(skipped, ==, 8 * 16);
-    g_assert_cmpstr(partly->notes->pdata[0], ==,
-                    "128 shots: skipped: no lamp stands where its light would come from");
-    g_assert_true(g_str_has_prefix(partly->notes->pdata[1], "8 of 12 views miss more than"));
-
-    /* a camera right in a lamp's light */
-    session_conf_clear(&conf);
-    conf = conf_of("[views]\nrings=15:8\n[lights]\ndevices=all\n");
-    rig.lamps[0].position_mm = at_mm(15, 0, 900);
-    g_autoptr(Plan) shaded = build(&conf, &rig, &timing);
-    g_assert_cmpint(shaded->session.n_shots, ==, 1 + 8 * 16);
-    g_assert_cmpstr(shaded->notes->pdata[0], ==,
-                    "1 shot: skipped: lamp led1 and cam0 are in each other's way");
-    conf.on_blocked = BLOCKED_REFUSE;
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_BLOCKED, "lamp led1 and cam0");
-}
-
-/* An arc beside lamps that stand by themselves: it gives the lights at its lamps' elevations, they
- * theirs, during which it stands at 0, or aside where it would be in the picture there. */
-static void test_arc_and_fixed_lamps(void) {
-    g_auto(SessionConf) conf = conf_of("[views]\nrings=30:1:180\n[lights]\nrings=30:2; 50:1:100\n");
-    struct rig rig = rig_of(demo_theta_deg, 5);
-    struct rig_timing timing = timing_of(0.25);
-
-    stand(&rig, 50, 280);
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
-    int fixed = 0;
-    for (int i = 1; i < plan->session.n_shots; i++) {
-        const struct session_shot *shot = &plan->session.shots[i];
-        if (shot->device != 5)
-            continue;
-        fixed++;
-        g_assert_cmpfloat(shot->turntable_deg, ==, 180);
-        g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
-        g_assert_true(g_str_has_prefix(shot->note, "arc shifted by"));
-        g_assert_cmpfloat(rig_arc_clearance_mm(&rig, 1, RAD(shot->arc_deg), 36), >, 0);
-    }
-    g_assert_cmpint(fixed, ==, 1);
-    g_assert_cmpint(plan->session.n_shots, ==, 4);
-}
-
-/* A camera that stands still and one at four stops of an arm: every view gets every light once,
- * with the arm where its camera is; and the order spares moves of the arm. */
-static void test_arm(void) {
-    g_auto(SessionConf) conf =
-        conf_of("[views]\nrings=15:8; 25:8; 35:8; 45:8; 55:8\n[lights]\ndevices=all\n");
-    struct rig rig = four_cameras();
-    struct rig_timing timing = timing_of(0.25);
-    int seen[40][16] = {{0}}, moves = 0;
-    double arm_deg = -1;
-
-    timing.arc = (struct axis_motion){0};
-    timing.arm = (struct axis_motion){0, 40, FALSE, 10, 20, 0, 500};
-    rig.n_cameras = 5;
-    rig.cameras[0].on_arm = FALSE;
-    for (int c = 1; c < 5; c++) {
-        rig.cameras[c] = (struct rig_camera){
-            .width = 160, .height = 160, .on_arm = TRUE, .arm_deg = 10 * c, .stop = c - 1};
-        g_snprintf(rig.cameras[c].name, RIG_NAME, "arm@%d", 10 * c);
-        rig_camera_look_at(&rig.cameras[c], at_mm(15 + 10 * c, 0, 650), vec3(0, 0, 0));
-    }
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
-    g_assert_cmpint(plan->session.n_views, ==, 40);
-    g_assert_cmpint(plan->session.n_shots, ==, 1 + 8 * 4 * 16); /* the still one joins the others */
-    g_assert_cmpint((int)plan->session.shots[0].cameras, ==, 3); /* a dark frame of each device */
-    for (int i = 1; i < plan->session.n_shots; i++) {
-        const struct session_shot *shot = &plan->session.shots[i];
-        const double at_deg = rig_arm_deg(&rig, shot->cameras);
-        moves += at_deg != arm_deg;
-        arm_deg = at_deg;
-        for (int c = 1; c < 5; c++)
-            g_assert_true(!(shot->cameras & 1u << c) || at_deg == rig.cameras[c].arm_deg);
-        for (int v = 0; v < 40; v++) {
-            const struct session_direction *view = &plan->session.views[v];
-            seen[v][shot->source] += view->turntable_deg == shot->turntable_deg &&
-                                     (shot->cameras >> view->device & 1) != 0;
-        }
-    }
-    for (int v = 0; v < 40; v++)
-        for (int l = 0; l < 16; l++)
-            g_assert_cmpint(seen[v][l], ==, 1);
-    g_assert_cmpint(moves, ==, 4);
-    g_assert_cmpfloat(plan->predicted_s, >=, plan->lower_bound_s);
-    g_assert_cmpfloat(plan->predicted_s, <, 1.05 * plan->lower_bound_s);
-    g_assert_cmpfloat(plan->predicted_s, <, 0.9 * plan->nested_s);
-
-    timing.arm.max_deg = 30;
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "[axis arm] cannot turn to 40");
-}
-
-/* One lamp at three stops of a probe on the arc: each light from its own stop; the lamp that is on
- * stays on while the probe moves. */
-static void test_probe(void) {
-    g_auto(SessionConf) conf =
-        conf_of("[views]\nrings=30:4\n[lights]\nrings=15:4:45; 45:4:45; 75:4:45\n");
-    struct rig rig = rig_of(demo_theta_deg, 5);
-    struct rig_timing timing = timing_of(20);
-
-    timing.probe = (struct axis_motion){0, 60, FALSE, 30, 60, 0, 200};
-    rig.n_lamps = 3;
-    for (int l = 0; l < 3; l++) {
-        const double theta_deg = 15 + 30 * l;
-        rig.lamps[l] = (struct rig_lamp){.position_mm = at_mm(theta_deg, 0, 500),
-                                         .aim = vec3_scale(at_mm(theta_deg, 0, 1), -1),
-                                         .on_probe = TRUE,
-                                         .probe_deg = 30 * l,
-                                         .stop = l};
-        g_snprintf(rig.lamps[l].name, RIG_NAME, "lamp@%d", 30 * l);
-    }
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
-    g_assert_cmpint(plan->session.n_lights, ==, 12);
-    g_assert_cmpint(plan->session.n_shots, ==, 1 + 4 * 12);
-    for (int i = 1; i < plan->session.n_shots; i++) {
-        const struct session_shot *shot = &plan->session.shots[i];
-        const struct session_direction *light = &plan->session.lights[shot->source];
-        const struct vec3 at =
-            rig_turn(rig.lamps[shot->device].position_mm, RAD(shot->arc_deg - shot->turntable_deg));
-        const struct vec3 towards = at_mm(light->theta_deg, light->phi_deg, 500);
-        g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
-        g_assert_cmpfloat(vec3_length(vec3_sub(at, towards)), <, 1e-3);
-        g_assert_cmpfloat(rig_probe_deg(&rig, shot->device), ==, 30 * shot->device);
-    }
-    /* It warms up once. */
-    g_assert_cmpfloat(plan->predicted_s, <, 20 + 48 * 4);
-    timing.probe.max_deg = 50;
-    assert_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "[axis probe] cannot turn to 60");
-}
-
 static struct axis_motion random_motion(GRand *rand, gboolean wraps) {
     return (struct axis_motion){wraps ? 0 : -400,
                                 wraps ? 360 : 400,
@@ -808,7 +470,7 @@ static struct axis_motion random_motion(GRand *rand, gboolean wraps) {
 }
 
 static struct rig_timing random_timing(GRand *rand) {
-    struct rig_timing t = timing_of(0);
+    struct rig_timing t = plan_case_timing(0);
 
     t.turntable = random_motion(rand, g_rand_boolean(rand));
     t.arc = random_motion(rand, g_rand_boolean(rand));
@@ -842,13 +504,13 @@ static void randomise(GRand *rand, struct session_conf *conf, int max_rings, int
 
 static void test_random(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(5);
-    g_auto(SessionConf) conf = conf_of(demo_directions);
-    struct rig rig = rig_of(demo_theta_deg, 5);
+    g_auto(SessionConf) conf = plan_case_conf(demo_directions);
+    struct rig rig = plan_case_rig(demo_theta_deg, 5);
 
     for (int round = 0; round < 30; round++) {
         struct rig_timing timing = random_timing(rand);
         randomise(rand, &conf, 3, 6);
-        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
         assert_plan(plan);
     }
 }
@@ -856,12 +518,12 @@ static void test_random(void) {
 /* Viewer after view: the table stands at each of its angles once, and the time told is the nested
  * order's. */
 static void test_views_first(void) {
-    g_auto(SessionConf) conf = conf_of(demo_directions);
-    struct rig rig = rig_of(demo_theta_deg, 5);
-    struct rig_timing timing = timing_of(0.25);
+    g_auto(SessionConf) conf = plan_case_conf(demo_directions);
+    struct rig rig = plan_case_rig(demo_theta_deg, 5);
+    struct rig_timing timing = plan_case_timing(0.25);
 
     conf.order = ORDER_VIEWS;
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     assert_plan(plan);
     g_assert_cmpfloat(plan->predicted_s, ==, plan->nested_s);
     g_assert_cmpint(plan->n_poses, >, 1);
@@ -940,8 +602,8 @@ static double quickest_s(const struct session_shot **shots, int n, int fixed,
 
 static void test_against_all_orders(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(7);
-    g_auto(SessionConf) conf = conf_of(demo_directions);
-    struct rig rig = rig_of(demo_theta_deg, 5);
+    g_auto(SessionConf) conf = plan_case_conf(demo_directions);
+    struct rig rig = plan_case_rig(demo_theta_deg, 5);
     double worst = 0, sum = 0;
     int rounds = 0;
 
@@ -950,7 +612,7 @@ static void test_against_all_orders(void) {
         const struct session_shot *shots[7];
         int n = 0;
         randomise(rand, &conf, 2, 2);
-        g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+        g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
         for (int i = 1; i < plan->session.n_shots; i++)
             if (plan->session.shots[i].state == SHOT_PLANNED && n++ < 7)
                 shots[n - 1] = &plan->session.shots[i];
@@ -976,10 +638,10 @@ static void test_against_all_orders(void) {
 
 static void test_remaining(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(9);
-    g_auto(SessionConf) conf = conf_of(demo_directions);
-    struct rig rig = rig_of(demo_theta_deg, 5);
+    g_auto(SessionConf) conf = plan_case_conf(demo_directions);
+    struct rig rig = plan_case_rig(demo_theta_deg, 5);
     struct rig_timing timing = random_timing(rand);
-    g_autoptr(Plan) plan = build(&conf, &rig, &timing);
+    g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     int n = plan->session.n_shots - 1;
     g_autofree const struct session_shot **shots = g_new(const struct session_shot *, n);
 
@@ -1007,11 +669,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/plan/refusals", test_refusals);
     g_test_add_func("/plan/sweep-range", test_sweep_range);
     g_test_add_func("/plan/two-cameras", test_two_cameras);
-    g_test_add_func("/plan/dome", test_dome);
-    g_test_add_func("/plan/fixed-lamps", test_fixed_lamps);
-    g_test_add_func("/plan/arc-and-fixed-lamps", test_arc_and_fixed_lamps);
-    g_test_add_func("/plan/arm", test_arm);
-    g_test_add_func("/plan/probe", test_probe);
     g_test_add_func("/plan/views-first", test_views_first);
     g_test_add_func("/plan/texels", test_texels);
     g_test_add_func("/plan/random", test_random);
