@@ -181,7 +181,5 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
     for (int k = 0; k < n; k++)
         lamps[k].phi_deg += settings->environment_turn_deg;
     settings->n_lamps += n;
-    settings->lamp = 0.0;
-    settings->ambient = 0.0;
     return TRUE;
 }
