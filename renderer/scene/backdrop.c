@@ -116,6 +116,8 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
     if (which == ENVIRONMENT) {
         gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
         glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
+        glUniform1f(glGetUniformLocation(program, "turn"),
+                    (float)(s->environment_turn_deg * G_PI / 180.0));
     } else {
         float light[3];
         direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);

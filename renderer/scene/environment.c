@@ -1,5 +1,6 @@
 #include "environment.h"
 
+#include "environment_made.h"
 #include "exr/exr.h"
 #include "gl/gpu.h"
 
@@ -131,6 +132,11 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
     return g_steal_pointer(&rgb);
 }
 
+struct environment *environment_open(const char *name, GError **error) {
+    struct environment *made = environment_make(name);
+    return made != NULL ? made : environment_read(name, error);
+}
+
 struct environment *environment_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     struct environment *ret = NULL;
@@ -164,15 +170,16 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
                     settings->n_lamps);
         return FALSE;
     }
-    const int n =
-        environment_lamps(e->rgb, e->width, e->height, VIEWER_MAX_LAMPS - settings->n_lamps, lamps);
+    const int room = VIEWER_MAX_LAMPS - settings->n_lamps;
+    const int n = environment_lamps(e->rgb, e->width, e->height,
+                                    MIN(room, settings->environment_lamps), lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "the environment map is black everywhere: give another");
         return FALSE;
     }
+    for (int k = 0; k < n; k++)
+        lamps[k].phi_deg += settings->environment_turn_deg;
     settings->n_lamps += n;
-    settings->lamp = 0.0;
-    settings->ambient = 0.0;
     return TRUE;
 }

@@ -14,6 +14,11 @@ struct environment {
     float *rgb; /* height × width × 3, finite and not negative */
 };
 
+/* Environments that are computed, NULL-ended: see environment_made.h. */
+extern const char *const environment_names[];
+
+/* One of these names, or the path of a file. */
+struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
 
@@ -23,7 +28,7 @@ void environment_free(struct environment *environment); /* NULL is ignored */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds its lamps to the settings and switches the first lamp and the even sky off. Fails, and
- * changes nothing, if the environment is black or no lamp is left. */
+/* Adds its lamps to the settings, environment_lamps at most, turned by environment_turn_deg. Fails,
+ * and changes nothing, if the environment is black or no lamp is left. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

@@ -31,10 +31,13 @@ struct viewer_settings {
     double lamp;                           /* its brightness */
     int n_lamps;                           /* number of further lamps */
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
-    double tiles_u, tiles_v; /* 0: as the mesh has it */
-    double exposure_ev;      /* 0: a white diffuser lit from its normal is 0.8 of full scale */
-    double ambient;          /* radiance of an even sky, relative to the light's irradiance / π */
-    int samples;             /* supersampling each way */
+    double environment_turn_deg; /* of the environment about the vertical axis, counter-clockwise
+                                    seen from above */
+    int environment_lamps;       /* lamps that stand for the environment, at most */
+    double tiles_u, tiles_v;     /* 0: as the mesh has it */
+    double exposure_ev;          /* 0: a white diffuser lit from its normal is 0.8 of full scale */
+    double ambient; /* radiance of an even sky, relative to the light's irradiance / π */
+    int samples;    /* supersampling each way */
     struct method_style style;
     /* These three take viewer_set_mdf(). Silhouettes: where a ray misses the structure, what is
      * behind is seen (Wang et al. 2005 §4.1). Shadows: those that the mesh casts, with silhouettes

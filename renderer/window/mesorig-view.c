@@ -1,6 +1,7 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
 #include "base/json.h"
 #include "base/nearest.h"
+#include "desktop/notice.h"
 #include "gl/gpu.h"
 #include "live.h"
 #include "scene/environment.h"
@@ -15,13 +16,14 @@
 #include <locale.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* The means to make pictures, and the results. */
 struct studio {
     const struct viewer_options *o;
     const char *material; /* path */
     const struct mesh *mesh;
-    const struct environment *environment; /* or NULL */
+    struct environment *environment; /* or NULL */
     Viewer *viewer, *second;
     Compose *compose;
     Reference *reference; /* NULL: from what the method opens */
@@ -268,28 +270,29 @@ static int viewer_main_run(struct viewer_options *o) {
     g_autofree char *material = viewer_options_path(o, o->method);
     g_autofree char *folder = g_path_get_dirname(material);
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
-    struct environment *environment =
-        o->environment != NULL ? environment_read(o->environment, &error) : NULL;
-    struct studio studio = {
-        .o = o, .material = material, .environment = environment, .files = files};
+    struct studio studio = {.o = o, .material = material, .files = files};
+    gboolean good = TRUE;
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
     /* The MDF of a material lies beside it. */
     o->mdf_path = o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
-    gboolean good =
-        environment != NULL ? environment_light(environment, &o->settings, &error) : error == NULL;
+    if (o->render != NULL && o->environment != NULL)
+        good = (studio.environment = environment_open(o->environment, &error)) != NULL &&
+               environment_light(studio.environment, &o->settings, &error);
     if (good && o->render != NULL) {
         good = viewer_main_render(&studio, &error);
-    } else if (good && (good = window_run(o, environment, &studio.drawn, &error))) {
+    } else if (good && (good = window_run(o, &studio.drawn, &error))) {
         if (!o->json)
             g_print("first picture after %.2f s\n", studio.drawn.first_seconds);
         if (o->screenshot != NULL)
             g_ptr_array_add(files, g_strdup(o->screenshot));
     }
-    environment_free(environment);
+    environment_free(studio.environment);
     if (!good)
         g_printerr("mesorig-view: %s\n", error->message);
-    else if (o->json)
+    if (!good && o->render == NULL && o->close_after == 0 && !isatty(STDERR_FILENO))
+        notice_show("The viewer opens no window", error->message); /* else nobody would see it */
+    if (good && o->json)
         viewer_main_report(&studio);
     else if (o->render != NULL)
         viewer_main_tell(&studio);
@@ -300,8 +303,9 @@ static int viewer_main_run(struct viewer_options *o) {
 
 int main(int argc, char **argv) {
     setlocale(LC_ALL, "");
-    struct viewer_options o = {.settings = viewer_settings_default,
-                               .started_us = g_get_monotonic_time()};
+    struct viewer_options o;
+    viewer_options_init(&o);
+    o.started_us = g_get_monotonic_time();
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new("– show a measured material");
     g_autofree GOptionEntry *table = viewer_options_entries(&o);

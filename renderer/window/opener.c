@@ -38,6 +38,8 @@ static void opener_work(gpointer data, gpointer user_data) {
     exr_watch(note_share, opener);
     if (opener_is_wanted(opener, o) && o->place == OPENER_MDF) {
         o->mdf = mdf_source_read(o->path, &o->error);
+    } else if (opener_is_wanted(opener, o) && o->place == OPENER_ENVIRONMENT) {
+        o->environment = environment_open(o->path, &o->error);
     } else if (opener_is_wanted(opener, o)) {
         glfwMakeContextCurrent(opener->context);
         gpu_watch();
@@ -75,6 +77,7 @@ void opened_free(struct opened *opened) {
     if (opened->material != NULL)
         opened->method->free(opened->material);
     mdf_source_free(opened->mdf);
+    environment_free(opened->environment);
     g_clear_error(&opened->error);
     g_free(opened->path);
     g_free(opened);
@@ -102,6 +105,10 @@ void opener_ask(Opener *opener, enum opener_place place, const struct method *me
     g_atomic_int_set(&opener->wanted[place], o->number);
     opener->under_way++;
     g_thread_pool_push(opener->thread, o, NULL);
+}
+
+void opener_cancel(Opener *opener, enum opener_place place) {
+    g_atomic_int_set(&opener->wanted[place], 0);
 }
 
 struct opened *opener_poll(Opener *opener) {

@@ -7,16 +7,18 @@
 
 #include "methods/method.h"
 #include "relief/mdf_source.h"
+#include "scene/environment.h"
 
-enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_PLACES };
+enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_ENVIRONMENT, OPENER_PLACES };
 
 /* The result of opening a material for a place, or the error. */
 struct opened {
     enum opener_place place;
-    const struct method *method; /* unused for OPENER_MDF */
+    const struct method *method; /* of OPENER_FIRST and OPENER_SECOND */
     char *path;
     gpointer material; /* of the method; NULL with an error */
     struct mdf_source *mdf;
+    struct environment *environment;
     GError *error;
     gint number; /* number of the request */
 };
@@ -29,9 +31,13 @@ Opener *opener_new(struct GLFWwindow *window, GError **error);
 /* Ends what is under way, as soon as the next piece of its file is read; NULL is ignored. */
 void opener_free(Opener *opener);
 
-/* Replaces an earlier request for this place, which is cancelled. method: NULL for OPENER_MDF. */
+/* Replaces an earlier request for this place, which is cancelled. method: NULL for the others
+ * than OPENER_FIRST and OPENER_SECOND. */
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path);
+
+/* Nothing is wanted at this place any more. */
+void opener_cancel(Opener *opener, enum opener_place place);
 
 /* Returns at once: NULL, or the next that is finished, owned by the caller, who sets to NULL what
  * it takes out of it. The window's loop is woken when there is one. */

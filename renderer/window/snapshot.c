@@ -66,6 +66,10 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
     const struct compose *how = snapshot->how;
     const gboolean two = snapshot->second != NULL;
     g_autofree char *environment = file_of(o->environment);
+    g_autofree char *turned =
+        environment != NULL && s->environment_turn_deg != 0.0
+            ? g_strdup_printf(", turned by %.10g deg", s->environment_turn_deg)
+            : g_strdup("");
     GPtrArray *texts = g_ptr_array_new_with_free_func(g_free);
     add_text(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
     add_text(texts, "Material", shown_name(snapshot->material));
@@ -77,13 +81,14 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
         g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg));
     add_text(texts, "Lamps", lamps_of(s));
     add_text(texts, "Environment",
-             g_strconcat(environment != NULL ? environment : "none",
+             g_strconcat(environment != NULL ? environment : "none", turned,
                          s->backdrop ? ", seen behind the shape" : "", NULL));
     add_text(
         texts, "Camera",
-        g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
+        g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, pan %.10g %.10g, "
+                        "fov %.10g deg",
                         s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance,
-                        s->camera_fov_deg));
+                        s->camera_pan[0], s->camera_pan[1], s->camera_fov_deg));
     add_text(texts, "Exposure",
              g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
     add_text(texts, "Relief", g_strdup(reliefs[!!s->silhouettes + 2 * !!s->shadows]));

@@ -9,8 +9,10 @@ extern "C" {
 
 #include <imgui.h>
 
+#define GLFW_INCLUDE_NONE
 #include <backends/imgui_impl_glfw.h>
 #include <backends/imgui_impl_opengl3.h>
+#include <GLFW/glfw3.h>
 
 namespace {
 
@@ -23,7 +25,23 @@ const ImWchar RANGES[] = {0x20,   0x24F,  0x370,  0x3FF,  0x2010, 0x2026, 0x2070
                           0x209C, 0x2190, 0x2194, 0x2200, 0x2265, 0};
 
 const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 255),
-                         IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255)};
+                         IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255),
+                         IM_COL32(255, 210, 80, 255)};
+
+const float ROUNDING = 4.0F, GRIP = 10.0F; /* GRIP: how near the mouse takes hold of a dot */
+
+float scale = 1.0F;
+
+/* On some systems a window is measured in pixels, on others the display's scale is in them. */
+float scale_of(struct GLFWwindow *window) {
+    float across = 1.0F, down = 1.0F;
+    int width = 0, height = 0, pixels_across = 0, pixels_down = 0;
+    glfwGetWindowContentScale(window, &across, &down);
+    glfwGetWindowSize(window, &width, &height);
+    glfwGetFramebufferSize(window, &pixels_across, &pixels_down);
+    const float framebuffer = width > 0 ? (float)pixels_across / (float)width : 1.0F;
+    return std::min(std::max(across / std::max(framebuffer, 0.1F), 1.0F), 4.0F);
+}
 
 /* Equal steps of the polar angle are equal steps outwards. */
 ImVec2 on_disk(const struct ui_dot *dot, ImVec2 middle, float radius) {
@@ -36,17 +54,21 @@ void draw_dot(ImDrawList *list, const struct ui_dot *dot, ImVec2 at) {
     const ImU32 colour = COLOURS[dot->kind];
     switch (dot->kind) {
     case UI_DOT_THERE:
-        list->AddCircleFilled(at, 3.0F, colour);
+        list->AddCircleFilled(at, 3.0F * scale, colour);
         break;
     case UI_DOT_MISSING:
-        list->AddCircle(at, 3.0F, colour);
+        list->AddCircle(at, 3.0F * scale, colour);
         break;
     case UI_DOT_CAMERA:
         list->AddLine(ImVec2(at.x - 6, at.y), ImVec2(at.x + 6, at.y), colour, 2.0F);
         list->AddLine(ImVec2(at.x, at.y - 6), ImVec2(at.x, at.y + 6), colour, 2.0F);
         break;
+    case UI_DOT_CHOSEN_LIGHT:
+        list->AddCircle(at, 8.0F * scale, colour, 24, 1.5F);
+        list->AddCircleFilled(at, 5.0F * scale, colour);
+        break;
     case UI_DOT_LIGHT:
-        list->AddCircleFilled(at, 5.0F, colour);
+        list->AddCircleFilled(at, 5.0F * scale, colour);
         break;
     }
 }
@@ -61,16 +83,18 @@ struct Ui {
 
 Ui *ui_new(struct GLFWwindow *window) {
     Ui *ui = g_new0(Ui, 1);
+    scale = scale_of(window);
     ui->context = ImGui::CreateContext();
     ImGuiIO &io = ImGui::GetIO();
     io.IniFilename = nullptr;
     if (g_file_test(FONT, G_FILE_TEST_EXISTS))
-        io.Fonts->AddFontFromFileTTF(FONT, FONT_SIZE, nullptr, RANGES);
+        io.Fonts->AddFontFromFileTTF(FONT, FONT_SIZE * scale, nullptr, RANGES);
     ImGuiStyle &style = ImGui::GetStyle();
     ImGui::StyleColorsDark();
-    style.WindowRounding = 4.0F;
+    style.WindowRounding = 0.0F;
     style.FrameRounding = 3.0F;
-    style.Colors[ImGuiCol_WindowBg].w = 0.85F;
+    style.WindowBorderSize = 0.0F;
+    style.ScaleAllSizes(scale);
     ImGui_ImplGlfw_InitForOpenGL(window, true);
     ImGui_ImplOpenGL3_Init("#version 330 core");
     return ui;
@@ -104,20 +128,86 @@ gboolean ui_wants_keyboard(void) {
     return ImGui::GetCurrentContext() != nullptr && ImGui::GetIO().WantTextInput;
 }
 
-void ui_panel_begin(const char *title, float x, float y, float width) {
-    ImGui::SetNextWindowPos(ImVec2(x, y), ImGuiCond_FirstUseEver);
-    ImGui::SetNextWindowSizeConstraints(ImVec2(width, 0.0F), ImVec2(width, G_MAXFLOAT));
-    ImGui::Begin(title, nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoNav);
-    ImGui::PushItemWidth(width * 0.55F);
+float ui_scale(void) {
+    return scale;
 }
 
-void ui_panel_end(void) {
+void ui_panel_begin(const char *title, struct ui_box box) {
+    ImGui::SetNextWindowPos(ImVec2(box.x, box.y));
+    ImGui::SetNextWindowSize(ImVec2(box.width, box.height));
+    ImGui::Begin(title, nullptr,
+                 ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize |
+                     ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoMove |
+                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoNav |
+                     ImGuiWindowFlags_NoBringToFrontOnFocus);
+    ImGui::PushItemWidth(box.width * 0.5F);
+}
+
+void ui_dialog_begin(const char *title, struct ui_box within, float width) {
+    const float margin = 10.0F * scale, wide = std::min(width, within.width - 2.0F * margin);
+    ImGui::SetNextWindowPos(ImVec2(within.x + within.width / 2.0F, within.y + within.height / 2.0F),
+                            ImGuiCond_Always, ImVec2(0.5F, 0.5F));
+    ImGui::SetNextWindowSizeConstraints(ImVec2(wide, 0.0F),
+                                        ImVec2(wide, within.height - 2.0F * margin));
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, ROUNDING * scale);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 1.0F);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(16.0F * scale, 14.0F * scale));
+    ImGui::Begin(title, nullptr,
+                 ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
+                     ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoNav |
+                     ImGuiWindowFlags_NoSavedSettings);
+    ImGui::PopStyleVar(3);
+    ImGui::PushItemWidth(-1.0F);
+}
+
+void ui_bar_begin(struct ui_box within, gboolean takes_mouse) {
+    ImGui::SetNextWindowPos(ImVec2(within.x, within.y + within.height), ImGuiCond_Always,
+                            ImVec2(0.0F, 1.0F));
+    ImGui::SetNextWindowSizeConstraints(ImVec2(within.width, 0.0F),
+                                        ImVec2(within.width, within.height));
+    ImGui::Begin("message", nullptr,
+                 (takes_mouse ? 0 : ImGuiWindowFlags_NoMouseInputs) |
+                     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                     ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoSavedSettings |
+                     ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_AlwaysAutoResize);
+    ImGui::PushItemWidth(-1.0F);
+}
+
+void ui_button_begin(struct ui_box at) {
+    ImGui::SetNextWindowPos(ImVec2(at.x, at.y));
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(0.0F, 0.0F));
+    ImGui::Begin("fold", nullptr,
+                 ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoBackground |
+                     ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoNav |
+                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_AlwaysAutoResize);
+    ImGui::PopStyleVar();
+    ImGui::PushItemWidth(-1.0F);
+}
+
+void ui_end_window(void) {
     ImGui::PopItemWidth();
     ImGui::End();
 }
 
+void ui_same_line(void) {
+    ImGui::SameLine();
+}
+
+void ui_column(float x) {
+    ImGui::SameLine(x);
+}
+
+void ui_gap(void) {
+    ImGui::Spacing();
+    ImGui::Separator();
+    ImGui::Spacing();
+}
+
 gboolean ui_section(const char *title, gboolean open) {
-    return ImGui::CollapsingHeader(title, open ? ImGuiTreeNodeFlags_DefaultOpen : 0);
+    ImGui::PushID("section"); /* a control may have the same name */
+    const bool unfolded = ImGui::CollapsingHeader(title, open ? ImGuiTreeNodeFlags_DefaultOpen : 0);
+    ImGui::PopID();
+    return unfolded;
 }
 
 gboolean ui_has_glyphs(const char *text) {
@@ -149,6 +239,10 @@ gboolean ui_slider(const char *label, double *value, double low, double high, co
     return ImGui::SliderScalar(label, ImGuiDataType_Double, value, &low, &high, format);
 }
 
+gboolean ui_pair(const char *label, double values[2], double low, double high, const char *format) {
+    return ImGui::SliderScalarN(label, ImGuiDataType_Double, values, 2, &low, &high, format);
+}
+
 gboolean ui_check(const char *label, gboolean *value) {
     bool on = *value != FALSE;
     const bool changed = ImGui::Checkbox(label, &on);
@@ -158,6 +252,30 @@ gboolean ui_check(const char *label, gboolean *value) {
 
 gboolean ui_button(const char *label) {
     return ImGui::Button(label);
+}
+
+gboolean ui_colour(const char *label, float rgb[3]) {
+    return ImGui::ColorEdit3(label, rgb, ImGuiColorEditFlags_Float | ImGuiColorEditFlags_HDR);
+}
+
+void ui_list_begin(const char *name, float height) {
+    ImGui::BeginChild(name, ImVec2(0.0F, height), true);
+}
+
+gboolean ui_row(const char *text, gboolean marked) {
+    return ImGui::Selectable(text, marked);
+}
+
+void ui_list_end(void) {
+    ImGui::EndChild();
+}
+
+void ui_line(const char *name, char *text, gsize size, gboolean focus) {
+    if (focus)
+        ImGui::SetKeyboardFocusHere();
+    ImGui::PushID(name);
+    ImGui::InputText("##line", text, size, ImGuiInputTextFlags_AutoSelectAll);
+    ImGui::PopID();
 }
 
 void ui_picture(guint texture, float width, float height) {
@@ -178,16 +296,40 @@ void ui_histogram(const float *values, int n, float width, float height) {
     ImGui::Dummy(ImVec2(width, height));
 }
 
-void ui_hemisphere(const struct ui_dot *dots, int n, float size) {
+int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
+                  double *ret_theta_deg, double *ret_phi_deg) {
+    static int held = -1;
     ImDrawList *list = ImGui::GetWindowDrawList();
-    const ImVec2 at = ImGui::GetCursorScreenPos();
+    const ImVec2 at = ImGui::GetCursorScreenPos(), mouse = ImGui::GetIO().MousePos;
     const ImVec2 middle(at.x + size / 2, at.y + size / 2);
-    const float radius = size / 2 - 8;
+    const float radius = size / 2 - 8 * scale;
     list->AddCircleFilled(middle, size / 2 - 2, IM_COL32(0, 0, 0, 160), 64);
     for (int ring = 1; ring <= 3; ring++)
         list->AddCircle(middle, radius * (float)ring / 3.0F, IM_COL32(90, 90, 90, 255), 64);
+    ImGui::InvisibleButton(name, ImVec2(size, size));
+    if (ImGui::IsItemActivated()) {
+        float nearest = GRIP * scale;
+        for (int k = 0; k < n; k++) {
+            const ImVec2 dot = on_disk(&dots[k], middle, radius);
+            const float away = std::hypot(dot.x - mouse.x, dot.y - mouse.y);
+            if ((dots[k].kind == UI_DOT_LIGHT || dots[k].kind == UI_DOT_CHOSEN_LIGHT) &&
+                away <= nearest) {
+                nearest = away;
+                held = k;
+            }
+        }
+    }
+    if (!ImGui::IsItemActive())
+        held = -1;
     for (int k = 0; k < n; k++)
         draw_dot(list, &dots[k], on_disk(&dots[k], middle, radius));
-    ImGui::Dummy(ImVec2(size, size));
+    const double x = (double)(mouse.x - middle.x) / radius,
+                 y = (double)(middle.y - mouse.y) / radius;
+    if (held < 0 || held >= n)
+        return -1;
+    const bool dragged = ImGui::IsMouseDragging(ImGuiMouseButton_Left); /* a click chooses it */
+    *ret_theta_deg = dragged ? std::min(std::hypot(x, y), 1.0) * 90.0 : dots[held].theta_deg;
+    *ret_phi_deg = dragged ? std::atan2(y, x) * 180.0 / G_PI : dots[held].phi_deg;
+    return held;
 }
 }

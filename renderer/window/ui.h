@@ -21,9 +21,23 @@ void ui_end(Ui *ui); /* draws into the window's framebuffer */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 
-/* Begins a panel with its corner at (x, y), in pixels; its height is that of its contents. */
-void ui_panel_begin(const char *title, float x, float y, float width);
-void ui_panel_end(void);
+/* Framebuffer pixels per unit of all lengths below: 1, or more on a display of high resolution. */
+float ui_scale(void);
+
+/* A panel that fills a rectangle and scrolls; a dialog of this width in the middle of a rectangle,
+ * no higher than it; a line of text at its bottom, through which the mouse may
+ * reach the picture. ui_end_window() ends each. */
+struct ui_box {
+    float x, y, width, height;
+};
+void ui_panel_begin(const char *title, struct ui_box box);
+void ui_dialog_begin(const char *title, struct ui_box within, float width);
+void ui_bar_begin(struct ui_box within, gboolean takes_mouse);
+void ui_button_begin(struct ui_box at); /* no frame: for a button over the picture */
+void ui_end_window(void);
+void ui_same_line(void);
+void ui_column(float x); /* what follows is in the same line, from there on */
+void ui_gap(void);
 gboolean ui_section(const char *title, gboolean open); /* whether it is unfolded */
 
 /* Whether the font has a glyph for each letter of the text; others are drawn as “?”. Needs no
@@ -34,17 +48,32 @@ void ui_text(const char *text);
 void ui_note(const char *text); /* a text that stands out */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
+gboolean ui_pair(const char *label, double values[2], double low, double high, const char *format);
 gboolean ui_check(const char *label, gboolean *value);
 gboolean ui_button(const char *label);
+gboolean ui_colour(const char *label, float rgb[3]);
+
+/* A list that scrolls; a row says whether it was clicked. */
+void ui_list_begin(const char *name, float height);
+gboolean ui_row(const char *text, gboolean marked);
+void ui_list_end(void);
+
+/* A line to type into, as wide as its dialog. focus: it takes the keyboard. Enter is the window's
+ * to notice: a key that is pressed and let go between two pictures is lost on a control. */
+void ui_line(const char *name, char *text, gsize size, gboolean focus);
+
 void ui_picture(guint texture, float width, float height);
 
 /* Bars of red, green and blue over each other: 3 × n values, 0 … 1. */
 void ui_histogram(const float *values, int n, float width, float height);
 
-/* Directions of the hemisphere, seen from above. */
-enum ui_dot_kind { UI_DOT_THERE, UI_DOT_MISSING, UI_DOT_CAMERA, UI_DOT_LIGHT };
+/* Directions of the hemisphere, seen from above. Those below it lie on its edge. */
+enum ui_dot_kind { UI_DOT_THERE, UI_DOT_MISSING, UI_DOT_CAMERA, UI_DOT_LIGHT, UI_DOT_CHOSEN_LIGHT };
 struct ui_dot {
     double theta_deg, phi_deg;
     enum ui_dot_kind kind;
 };
-void ui_hemisphere(const struct ui_dot *dots, int n, float size);
+/* Returns the number of the lamp's dot that the mouse holds, and where it drags it to, on the upper
+ * hemisphere; −1: none. */
+int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
+                  double *ret_theta_deg, double *ret_phi_deg);

@@ -1,10 +1,12 @@
-#include "viewer_options.h"
+#include "file_kind.h"
+#include "settings.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#define MAX_SIZE 16384
+#define MAX_SIZE     16384
+#define WINDOW_LAMPS 16 /* of an environment: without a graphics card more draw too slowly */
 
 G_GNUC_PRINTF(2, 3)
 static gboolean refuse_options(GError **error, const char *format, ...) {
@@ -66,13 +68,35 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     return TRUE;
 }
 
+static gboolean parse_pan(const char *option, const char *value, gpointer data, GError **error) {
+    struct viewer_options *o = data;
+    double *pan = o->settings.camera_pan;
+    char *end = NULL;
+    pan[0] = g_ascii_strtod(value, &end);
+    const gboolean two = end != value && *end == ',';
+    const char *second = two ? end + 1 : value;
+    pan[1] = g_ascii_strtod(second, &end);
+    return (two && end != second && *end == '\0') || bad(error, option, value, "RIGHT,UP");
+}
+
 #define OPTION(name, kind, to, argument, text)                                                     \
     { name, 0, 0, G_OPTION_ARG_##kind, (gpointer)(to), text, argument }
 #define FLAG(name, to, text) OPTION(name, NONE, to, NULL, text)
 
+void viewer_options_default_light(struct viewer_settings *settings, gboolean environment) {
+    settings->lamp = environment ? 0.0 : viewer_settings_default.lamp;
+    settings->ambient = environment ? 0.0 : viewer_settings_default.ambient;
+}
+
+void viewer_options_init(struct viewer_options *o) {
+    *o = (struct viewer_options){.settings = viewer_settings_default,
+                                 .compose = {.at = 0.5, .gain = 4.0}};
+    o->settings.lamp = o->settings.ambient = NAN; /* their defaults depend on --environment */
+    o->settings.environment_lamps = 0;            /* its default depends on --render */
+}
+
 GOptionEntry *viewer_options_entries(struct viewer_options *o) {
-    struct viewer_settings *s = &o->settings;
-    const GOptionEntry all[] = {
+    const GOptionEntry others[] = {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
         OPTION("shape", FILENAME, &o->shape, "SHAPE",
@@ -85,46 +109,21 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
                "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)"),
         OPTION("rotation", CALLBACK, parse_rotation, "exact|approximate|none",
                "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)"),
-        OPTION("size", STRING, &o->size, "WxH", "Pixels, default 800x600"),
+        OPTION("size", STRING, &o->size, "WxH", "Pixels, default 800x600, of the window 1200x800"),
         OPTION("tiles", STRING, &o->tiles, "N|UxV",
                "Repetitions of the material along the shape, for example 8x3"),
-        OPTION("light-theta-deg", DOUBLE, &s->light_theta_deg, "DEG",
-               "Light's angle from straight above, 0 … 180, default 50"),
-        OPTION("light-phi-deg", DOUBLE, &s->light_phi_deg, "DEG",
-               "Light's azimuth from +x, default 200: from the left"),
         OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B]",
                "A further lamp; may be given again"),
-        OPTION("environment", FILENAME, &o->environment, "FILE.exr",
-               "Light from a picture of all directions (EXR, zenith in its first row) instead of "
-               "the lamp"),
-        FLAG("backdrop", &s->backdrop, "With --environment: it is seen behind the shape, too"),
-        OPTION("camera-azimuth-deg", DOUBLE, &s->camera_azimuth_deg, "DEG",
-               "Camera's azimuth from +x, default -90: in front"),
-        OPTION("camera-elevation-deg", DOUBLE, &s->camera_elevation_deg, "DEG",
-               "Camera's height above the horizon, -90 … 90, default 40"),
-        OPTION("camera-distance", DOUBLE, &s->camera_distance, "R",
-               "In radii of the shape; default: the shape fills the picture"),
-        OPTION("camera-fov-deg", DOUBLE, &s->camera_fov_deg, "DEG",
-               "Field of view of the shorter side, 1 … 120, default 30"),
-        OPTION("exposure", DOUBLE, &s->exposure_ev, "EV",
-               "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white"),
-        OPTION("ambient", DOUBLE, &s->ambient, "SHARE",
-               "Light from all around, as a share of the lamp's, default 0.05"),
+        OPTION("environment", FILENAME, &o->environment, "studio|overcast|FILE.exr",
+               "Light from all directions instead of the lamp: computed, or a picture (EXR, zenith "
+               "in its first row)"),
+        OPTION("camera-pan", CALLBACK, parse_pan, "RIGHT,UP",
+               "Moves the point that the camera looks at, in radii of the shape"),
         OPTION("supersample", INT, &o->supersample, "N",
                "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2"),
-        FLAG("nearest", &o->nearest, "Do not filter between texels"),
-        FLAG("plain", &s->plain, "One texture times n·l instead of the BTF, to compare"),
         {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
          (gpointer)parse_silhouettes, "With the structure's outline, from the session's mdf.exr",
          "auto|peel|lists"},
-        FLAG("shadows", &s->shadows, "With the shadows that the shape casts"),
-        FLAG("floor", &o->floor, "A floor of the material under the shape"),
-        OPTION("layers", INT, &s->visibility.layers, "N",
-               "Of silhouettes behind each other, at most, 1 … 32 (default)"),
-        FLAG("straight", &s->visibility.straight,
-             "Silhouettes as if the shape were flat under each ray, to compare"),
-        OPTION("shadow-map", INT, &s->shadow_size, "PIXELS",
-               "Size of the first lamp's map of shadows, 16 … 16384, default 1024"),
         OPTION("mdf", FILENAME, &o->mdf, "FILE",
                "Distances for --silhouettes, if not the mdf.exr beside the material"),
         OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
@@ -155,8 +154,11 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         FLAG("json", &o->json, "Say what was done as JSON"),
         FLAG("version", &o->version, "Print the version"),
         OPTION(G_OPTION_REMAINING, FILENAME_ARRAY, &o->rest, "MATERIAL", NULL),
-        {NULL}};
-    return g_memdup2(all, sizeof all);
+    };
+    GOptionEntry *all = g_new0(GOptionEntry, SETTINGS + G_N_ELEMENTS(others) + 1);
+    memcpy(all, others, sizeof others);
+    settings_entries(o, all + G_N_ELEMENTS(others));
+    return all;
 }
 
 void viewer_options_clear(struct viewer_options *o) {
@@ -189,8 +191,8 @@ gboolean viewer_options_light(const struct viewer_options *o) {
 static gboolean parse_sizes(struct viewer_options *o, GError **error) {
     char last, *end;
     struct viewer_settings *s = &o->settings;
-    o->width = 800;
-    o->height = 600;
+    o->width = o->render != NULL ? 800 : 1200;
+    o->height = o->render != NULL ? 600 : 800;
     if (o->size != NULL &&
         (sscanf(o->size, "%5dx%5d%c", &o->width, &o->height, &last) != 2 || o->width < 1 ||
          o->height < 1 || o->width > MAX_SIZE || o->height > MAX_SIZE))
@@ -223,7 +225,14 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                    methods[k]->name);
         return bad(error, "--method", o->method_name, names->str);
     }
-    o->compose = (struct compose){.at = 0.5, .gain = 4.0};
+    if (o->method_name == NULL && o->argument != NULL) { /* what the file says of itself */
+        struct file_opened file;
+        if (!g_file_test(o->argument, G_FILE_TEST_IS_DIR) &&
+            file_kind_find(o->argument, &file, NULL)) {
+            o->method = file.kind == FILE_KIND_MATERIAL ? file.method : o->method;
+            file_opened_clear(&file);
+        }
+    }
     if (second == NULL)
         return TRUE;
     o->compose.mode = o->split != NULL ? COMPOSE_SPLIT : COMPOSE_DIFFERENCE;
@@ -257,7 +266,10 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--live goes with a session and --method eigenmaps"},
         {o->reference && (o->environment != NULL || s->n_lamps > 0),
          "--reference knows one lamp, not --lamp or --environment"},
-        {s->backdrop && o->environment == NULL, "--backdrop goes with --environment FILE.exr"},
+        {s->backdrop && o->environment == NULL, "--backdrop goes with --environment"},
+        {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at takes 0 … 1"},
+        {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),
+         "--difference-gain takes 0.1 … 1000"},
         {o->reference && (o->render == NULL || s->plain || o->argument == NULL),
          "--reference goes with --render OUT.png and a session, not with --plain"},
         {o->n_series > 0 && (!o->live || o->render == NULL || o->frames != 0),
@@ -289,7 +301,15 @@ gboolean viewer_options_check(struct viewer_options *o, GError **error) {
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");
     o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
-    o->settings.style.nearest = o->nearest;
+    struct viewer_settings light;
+    viewer_options_default_light(&light, o->environment != NULL);
+    if (isnan(o->settings.lamp))
+        o->settings.lamp = light.lamp;
+    if (isnan(o->settings.ambient))
+        o->settings.ambient = light.ambient;
+    if (o->settings.environment_lamps == 0)
+        o->settings.environment_lamps =
+            o->render != NULL ? viewer_settings_default.environment_lamps : WINDOW_LAMPS;
     int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
     o->settings.samples = o->supersample != 0 ? o->supersample : samples;
     o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;

@@ -22,13 +22,19 @@ struct viewer_options {
     int series[SERIES_MAX], n_series; /* percentages of the views */
     double wait_s;
     int frames, close_after, supersample, sheet;
-    gboolean floor, reference, light_turn, camera_turn, nearest, json, version;
+    gboolean floor, reference, light_turn, camera_turn, json, version;
     struct viewer_settings settings;
     char **rest;
     const char
         *argument; /* MATERIAL: a session's directory or a file; NULL: the method needs none */
     int width, height;
 };
+
+/* Before parsing. */
+void viewer_options_init(struct viewer_options *options);
+
+/* The brightness of the first lamp and of the even sky where none is given. */
+void viewer_options_default_light(struct viewer_settings *settings, gboolean environment);
 
 /* For an option group whose data are the options; g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);

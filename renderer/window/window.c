@@ -1,54 +1,44 @@
 #include "window_private.h"
 
-#include "scene/picture.h"
-#include "series.h"
-#include "snapshot.h"
-
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <math.h>
 
-/* The picture and the panel over it, into the window's back buffer. */
-static void paint(struct window *w) {
-    const int width = w->scene.width, height = w->scene.height;
-    glBindFramebuffer(GL_READ_FRAMEBUFFER, w->scene.framebuffer);
-    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
-    glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
-    glBindFramebuffer(GL_FRAMEBUFFER, 0);
-    glViewport(0, 0, width, height);
-    ui_begin(w->ui);
-    window_panel(w);
-    ui_end(w->ui);
+#define LEAST_PICTURE 64 /* pixels beside the panel; a narrower window has none */
+
+/* Pixels of the framebuffer that the panel takes at the left. */
+static int panel_pixels(const struct window *w) {
+    int width, height, pixels, unused;
+    glfwGetWindowSize(w->glfw, &width, &height);
+    glfwGetFramebufferSize(w->glfw, &pixels, &unused);
+    if (!w->panel || width < 1)
+        return 0;
+    const int panel = (int)lroundf(WINDOW_PANEL * ui_scale() * (float)pixels / (float)width);
+    return panel + LEAST_PICTURE <= pixels ? panel : 0;
 }
 
-gboolean window_save(struct window *w, const char *path, GError **error) {
-    const gboolean capturing = w->live != NULL && w->planned != NULL;
-    struct gpu_target window = {0};
-    glfwGetFramebufferSize(w->glfw, &window.width, &window.height);
-    struct viewer_settings settings = w->settings;
-    g_autofree guint8 *rgb = NULL;
-    if (w->options->with_panel) {
-        paint(w);
-        rgb = gpu_target_read(&window, error);
-    } else {
-        settings.samples = MAX(settings.samples, 3);
-        rgb = compose_render(w->compose, w->viewer, w->second, &w->how, &settings, window.width,
-                             window.height, error);
-    }
-    const struct snapshot snapshot = {
-        .material = w->material,
-        .shape = w->shape,
-        .first = w->method,
-        .n_views = capturing ? series_count(w->planned) : 0,
-        .n_planned = capturing ? (int)w->planned->len : 0,
-        .second = w->how.mode != COMPOSE_ONE ? w->second_method : NULL,
-        .how = &w->how,
-        .settings = &settings,
-        .options = w->options,
-    };
-    return rgb != NULL &&
-           snapshot_write(path, &snapshot, rgb, NULL, window.width, window.height, error);
+gboolean window_has_panel(const struct window *w) {
+    return panel_pixels(w) > 0;
+}
+
+void window_paint(struct window *w) {
+    const int width = w->scene.width, height = w->scene.height, left = panel_pixels(w);
+    int across, down;
+    glfwGetWindowSize(w->glfw, &across, &down);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, w->scene.framebuffer);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
+    glClearColor(0.06F, 0.06F, 0.06F, 1.0F);
+    glClear(GL_COLOR_BUFFER_BIT);
+    glBlitFramebuffer(0, 0, width, height, left, 0, left + width, height, GL_COLOR_BUFFER_BIT,
+                      GL_NEAREST);
+    glBindFramebuffer(GL_FRAMEBUFFER, 0);
+    glViewport(0, 0, left + width, height);
+    const float panel = left > 0 ? WINDOW_PANEL * ui_scale() : 0.0F;
+    ui_begin(w->ui);
+    window_draw_panel(w, (struct ui_box){0.0F, 0.0F, panel, (float)down});
+    window_draw_pages(w, (struct ui_box){panel, 0.0F, (float)across - panel, (float)down});
+    ui_end(w->ui);
 }
 
 static void on_glfw_error(int code, const char *text) {
@@ -76,6 +66,8 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
 #ifdef GPU_DEBUG
     glfwWindowHint(GLFW_OPENGL_DEBUG_CONTEXT, GLFW_TRUE);
 #endif
+    glfwWindowHintString(GLFW_X11_CLASS_NAME, "org.mesorig.View"); /* the desktop file's name */
+    glfwWindowHintString(GLFW_X11_INSTANCE_NAME, "mesorig-view");
     GLFWwindow *glfw =
         glfwCreateWindow(options->width, options->height, "mesorig-view", NULL, NULL);
     if (glfw == NULL) {
@@ -105,14 +97,30 @@ static void window_count_levels(struct window *w, const guint8 *rgb) {
         w->histogram[k] = sqrtf((float)counts[k] / (float)most);
 }
 
+/* The camera's distance fits a shape once, so that it keeps its size while the user turns it. When
+ * the picture gets another shape (the panel, the window's frame), the distance follows by the
+ * factor by which that of a camera that fits would change. */
+static void window_fit(struct window *w, double aspect) {
+    struct viewer_settings *s = &w->now.settings;
+    if (s->camera_distance == 0.0) {
+        viewer_fit(w->viewer, s, aspect);
+    } else if (w->aspect > 0.0 && w->aspect != aspect) {
+        struct viewer_settings before = *s, after = *s;
+        before.camera_distance = after.camera_distance = 0.0;
+        viewer_fit(w->viewer, &before, w->aspect);
+        viewer_fit(w->viewer, &after, aspect);
+        s->camera_distance *= after.camera_distance / before.camera_distance;
+    }
+    w->aspect = aspect;
+}
+
 static gboolean window_draw_scene(struct window *w, int width, int height,
                                   struct window_result *ret, GError **error) {
     const gint64 start = g_get_monotonic_time();
-    /* Once a shape, so that it keeps its size while the user turns it. */
-    viewer_fit(w->viewer, &w->settings, (double)width / height);
+    window_fit(w, (double)width / height);
     if (!gpu_target_resize(&w->scene, width, height, GL_RGBA8, FALSE, error) ||
-        !compose_draw(w->compose, w->viewer, w->second, &w->how, &w->settings, w->scene.framebuffer,
-                      width, height, error))
+        !compose_draw(w->compose, w->viewer, w->second, &w->now.compose, &w->now.settings,
+                      w->scene.framebuffer, width, height, error))
         return FALSE;
     viewer_finish();
     w->frame_ms = (double)(g_get_monotonic_time() - start) * 1e-3;
@@ -129,10 +137,12 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
  */
 static void window_set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
-    g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
-    g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
-                                             name, shape, w->settings.light_theta_deg,
-                                             w->settings.light_phi_deg, w->settings.exposure_ev);
+    g_autofree char *shape = g_path_get_basename(w->now.shape); /* may be a file */
+    g_autofree char *session =
+        w->now.argument != NULL ? g_path_get_basename(w->now.argument) : NULL;
+    const gboolean other = session != NULL && !g_str_equal(session, name);
+    g_autofree char *title = g_strdup_printf("%s on %s – %s%sMesorig", name, shape,
+                                             other ? session : "", other ? " – " : "");
     if (g_strcmp0(title, w->title) == 0)
         return;
     glfwSetWindowTitle(w->glfw, title);
@@ -140,20 +150,21 @@ static void window_set_title(struct window *w) {
     w->title = g_steal_pointer(&title);
 }
 
-/* The panel is drawn again after every event, the picture behind it when it has changed. */
+/* The panel is drawn again after every event, the picture beside it when it has changed. */
 static gboolean window_draw_frame(struct window *w, struct window_result *ret, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
+    width -= panel_pixels(w);
     if (width < 1 || height < 1) { /* until on_size() */
         w->stale = FALSE;
         w->frames_due = 0;
         return TRUE;
     }
-    if ((w->stale || w->options->close_after > 0 || w->scene.width != width ||
+    if ((w->stale || w->now.close_after > 0 || w->scene.width != width ||
          w->scene.height != height) &&
         !window_draw_scene(w, width, height, ret, error))
         return FALSE;
-    paint(w);
+    window_paint(w);
     glfwSwapBuffers(w->glfw);
     w->frames_due = MAX(w->frames_due - 1, 0);
     window_set_title(w);
@@ -163,18 +174,19 @@ static gboolean window_draw_frame(struct window *w, struct window_result *ret, G
 /* An idle window draws nothing. What is being opened shows its progress, a text field its cursor.
  */
 static gboolean window_must_draw(const struct window *w) {
-    return w->stale || w->frames_due > 0 || w->options->close_after > 0 ||
-           opener_is_busy(w->opener) || ui_wants_keyboard();
+    return w->stale || w->frames_due > 0 || w->now.close_after > 0 || opener_is_busy(w->opener) ||
+           ui_wants_keyboard();
 }
 
 static gboolean window_loop(struct window *w, struct window_result *ret, GError **error) {
-    int close_after = w->options->close_after;
+    int close_after = w->now.close_after;
     while (!glfwWindowShouldClose(w->glfw) && (close_after == 0 || ret->n_frames < close_after)) {
         if (close_after > 0 || w->stale || w->frames_due > 0)
             glfwPollEvents();
         else
             glfwWaitEventsTimeout(0.25);
         window_follow(w);
+        window_follow_chooser(w);
         if (!window_take_opened(w, error))
             return FALSE;
         if (close_after > 0 && !w->first_open) /* frames of the demonstration do not count */
@@ -182,61 +194,84 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
         else if (window_must_draw(w) && !window_draw_frame(w, ret, error))
             return FALSE;
     }
-    return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
+    return w->now.screenshot == NULL || window_save(w, w->now.screenshot, error);
+}
+
+/* The shape that was asked for, or the default one and a sentence. */
+static gboolean window_set_first_shape(struct window *w, GError **error) {
+    window_set_shape(w, w->now.shape, &w->now.settings);
+    if (w->mesh != NULL)
+        return TRUE;
+    g_autofree char *why = g_steal_pointer(&w->message);
+    if (w->now.close_after == 0) {
+        w->own_shape = scene_shape_names[1];
+        window_set_shape(w, w->own_shape, &w->now.settings);
+        window_tell(w, why);
+        w->is_error = TRUE;
+    }
+    if (w->mesh == NULL)
+        g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE, "%s", why);
+    return w->mesh != NULL;
 }
 
 static gboolean window_do_run(struct window *w, struct window_result *ret, GError **error) {
     w->viewer = viewer_new(NULL, error);
     w->compose = w->viewer != NULL ? compose_new(error) : NULL;
-    if (w->compose == NULL || !window_set_environment(w, w->viewer, error))
+    if (w->compose == NULL)
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
-    window_set_shape(w, w->options->shape, &w->options->settings);
-    if (w->mesh == NULL) {
-        g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE, "%s", w->message);
+    if (!window_set_first_shape(w, error))
         return FALSE;
-    }
-    w->outlines = w->settings.silhouettes;
-    w->settings.silhouettes = FALSE;
+    w->outlines = w->now.settings.silhouettes;
+    w->now.settings.silhouettes = FALSE;
     /* A demonstration at once, without the panel: reading the material may take seconds. */
-    w->method = method_find(METHOD_DEMO);
+    w->now.method = method_find(METHOD_DEMO);
     w->material = g_strdup(METHOD_DEMO);
-    w->panel = FALSE;
-    if (!viewer_open(w->viewer, w->method, NULL, error) || !window_draw_frame(w, ret, error))
+    if (w->start->environment != NULL) { /* until it is open, which may fail */
+        w->now.environment = NULL;
+        w->now.settings.backdrop = FALSE;
+        viewer_options_default_light(&w->now.settings, FALSE);
+    }
+    w->now.compose.mode = COMPOSE_ONE; /* until there is a second */
+    w->now.second = NULL;
+    if (!viewer_open(w->viewer, w->now.method, NULL, error) || !window_draw_frame(w, ret, error))
         return FALSE;
-    ret->first_seconds = (double)(g_get_monotonic_time() - w->options->started_us) / G_USEC_PER_SEC;
+    ret->first_seconds = (double)(g_get_monotonic_time() - w->start->started_us) / G_USEC_PER_SEC;
     ret->n_frames = 0;
     ret->seconds = 0.0;
     w->panel = w->stale = TRUE;
     if ((w->opener = opener_new(w->glfw, error)) == NULL)
         return FALSE;
-    w->how = w->options->compose;
-    w->how.mode = COMPOSE_ONE; /* until there is a second */
     window_open_first(w);
     const gboolean good = window_loop(w, ret, error);
     ret->memory = viewer_memory(w->viewer);
     return good;
 }
 
-gboolean window_run(const struct viewer_options *options, const struct environment *environment,
-                    struct window_result *ret, GError **error) {
-    struct window w = {.options = options,
-                       .environment = environment,
-                       .settings = options->settings,
-                       .how = {.mode = COMPOSE_ONE},
+gboolean window_run(const struct viewer_options *options, struct window_result *ret,
+                    GError **error) {
+    struct window w = {.start = options,
+                       .now = *options,
+                       .own_shape = options->shape,
+                       .n_lamps = options->settings.n_lamps,
                        .stale = TRUE};
     *ret = (struct window_result){0};
     w.glfw = open_window(options, error);
     if (w.glfw == NULL)
         return FALSE;
+    w.texts = g_string_chunk_new(256);
+    w.chooser = chooser_new();
     window_listen(&w);
     w.ui = ui_new(w.glfw);
     const gboolean good = window_do_run(&w, ret, error);
     window_clear_sources(&w);
+    window_files_clear(&w);
+    chooser_free(w.chooser);
     compose_free(w.compose);
     gpu_target_clear(&w.scene);
     g_free(w.title);
     ui_free(w.ui);
     glfwDestroyWindow(w.glfw);
+    g_string_chunk_free(w.texts);
     return good;
 }

@@ -1,14 +1,13 @@
 /*
- * The preview window: a picture that the mouse turns, and a panel over it. Drag left: orbit; drag
- * right: move the light; wheel: zoom; F1: help.
+ * The preview window: a picture that the mouse turns, and beside it a panel that folds. Drag left:
+ * orbit; drag right: move the light; wheel: zoom; F1: all keys.
  *
  * A session is followed: its products are opened again when they change, and while it has no
  * eigen-maps yet, those of the views that are there are made (live.h). Until something can be
- * shown, a material that needs no file is.
+ * shown, a material that needs no file is. What cannot be opened is a sentence in the window.
  */
 #pragma once
 
-#include "scene/environment.h"
 #include "viewer_options.h"
 
 struct window_result {
@@ -19,6 +18,7 @@ struct window_result {
     struct viewer_memory memory;
 };
 
-/* environment: or NULL. */
-gboolean window_run(const struct viewer_options *options, const struct environment *environment,
-                    struct window_result *ret, GError **error);
+/* Returns when the user closes the window. Fails if there is none, if the card cannot draw, and
+ * with close_after also if the material, the shape or the environment cannot be opened. */
+gboolean window_run(const struct viewer_options *options, struct window_result *ret,
+                    GError **error);

@@ -1,9 +1,12 @@
 /* Shared by the files of the window. */
 #pragma once
 
+#include "desktop/chooser.h"
+#include "file_kind.h"
 #include "live.h"
 #include "opener.h"
 #include "scene/measured.h"
+#include "settings.h"
 #include "ui.h"
 #include "window.h"
 
@@ -13,38 +16,45 @@
 
 struct GLFWwindow;
 
+/* A dialog over the picture; one at a time. */
+enum window_page { WINDOW_NO_PAGE, WINDOW_START, WINDOW_KEYS, WINDOW_FILES };
+
 struct window {
     struct GLFWwindow *glfw;
-    const struct viewer_options *options;
-    const struct environment *environment; /* or NULL */
+    const struct viewer_options *start; /* what the program was started with */
+    /* What is shown: settings, methods, files. Its texts are those of start, or kept in texts as
+     * long as the window lives. */
+    struct viewer_options now;
+    GStringChunk *texts;
     Ui *ui;
     Compose *compose;
     struct gpu_target scene; /* the picture without the panel */
+    double aspect;           /* of the picture that the camera's distance fits; 0: none yet */
     Viewer *viewer, *second;
-    const struct method *method, *second_method;
-    struct compose how;
-    struct viewer_settings settings;
     struct mesh *mesh;
-    const char *shape;
-    char *session; /* directory, or NULL */
+    const char *own_shape; /* the one that was given or opened, beside those that are computed */
+    char *session;         /* directory, or NULL */
     char *material, *second_material;
-    char *message; /* the last error, or NULL */
-    char *title;   /* the present title of the window */
-    double x, y;   /* of the mouse */
+    char *message; /* the last sentence for the user, or NULL */
+    gboolean is_error;
+    char *title; /* the present title of the window */
+    double x, y; /* of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
-    gboolean stale;       /* must be drawn again */
-    int frames_due;       /* in which the panel follows what has happened */
-    gboolean panel, help; /* shown */
-    gint64 file_time,
-        asked_time; /* of the file that is shown, and of the one that is being opened */
-    gint64 mdf_time, looked_us, views_us;
-    int n_screenshots;
+    gboolean stale; /* must be drawn again */
+    int frames_due; /* in which the panel follows what has happened */
+    gboolean panel; /* unfolded */
+    enum window_page page;
+    int before_full_screen[4];              /* x, y, width, height */
+    gint64 file_time, asked_time, mdf_time; /* of the file that is shown, of the one that is being
+                                               opened, and of the MDF */
+    gint64 looked_us;
     Live *live; /* NULL: there is nothing to follow */
     int n_live;
     struct eigenmaps *live_maps; /* the last that came; NULL: none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
+    const char *asked_argument;    /* MATERIAL that is being opened; NULL: that of now */
     gboolean first_open;           /* the material given at the start was opened, or has failed */
     enum compose_mode second_mode; /* once what is being opened as the second is there */
     gboolean outlines;             /* silhouettes, once the MDF is there */
@@ -52,35 +62,87 @@ struct window {
     gboolean show_measured;
     struct measured measured;
     guint measured_texture;
+    struct environment *environment; /* NULL: none */
+    const char *own_environment;     /* file that was opened, beside those that are computed */
+    int n_lamps;                     /* further lamps that are not the environment's */
+    int lamp;                        /* the chosen one: 0 the first, then further ones; n_lamps + 1:
+                                        the environment */
+    Chooser *chooser;
+    enum chooser_what chooser_what;
+    struct window_files *files; /* of WINDOW_FILES */
+    GPtrArray *recent;          /* of WINDOW_START */
 };
 
 /* window_source.c: what is shown. Errors become the message, and what was shown stays. */
-void window_say(struct window *w, const char *message); /* NULL: nothing is wrong */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
-void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles);
-void window_scale_tiles(struct window *w, double factor);
-gboolean window_set_environment(const struct window *w, Viewer *viewer, GError **error);
-void window_toggle_backdrop(struct window *w);
 void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);
 void window_follow(struct window *w); /* once a second looks at the files */
-void window_open_first(struct window *w);
-/* Takes materials opened meanwhile. FALSE: the one given at the start cannot be opened. */
+void window_ask_material(struct window *w, const char *argument, const struct method *method);
+void window_ask_mdf(struct window *w, const char *path);
+void window_ask_environment(struct window *w, const char *name);
+void window_watch_session(struct window *w, const char *session); /* that is being captured */
+/* Takes materials opened meanwhile. FALSE: the one given at the start cannot be opened, and the
+ * window is to close by itself. */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
+
+/* window_open.c: whatever the user opens. */
+void window_open(struct window *w, const char *path);
+void window_open_first(struct window *w);
+void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles);
+void window_scale_tiles(struct window *w, double factor);
+void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialog */
+void window_follow_chooser(struct window *w);
+
+/* window_lamps.c */
+void window_relight(struct window *w); /* after a change of the environment or its lamps */
+void window_set_environment(struct window *w, struct environment *environment, const char *name);
+void window_add_lamp(struct window *w);
+void window_remove_lamp(struct window *w);
+void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
+void window_toggle_backdrop(struct window *w);
+void window_draw_lamps(struct window *w); /* their part of the panel */
 
 /* Of the panel, after an event: its windows take their size from what the frame before had in them.
  */
 #define WINDOW_FRAMES 3
 
 /* window_input.c */
-extern const char window_help[];
+struct window_key {
+    const char *keys, *does;
+};
+extern const struct window_key window_keys[]; /* ends with NULL */
 void window_listen(struct window *w);
-void window_screenshot(struct window *w);
 
 /* window_panel.c */
-void window_panel(struct window *w);
+#define WINDOW_PANEL 300.0F /* width of the panel, times ui_scale() */
+void window_draw_panel(struct window *w, struct ui_box box);
+/* A control of the table; TRUE: it was changed, and the picture is stale. */
+gboolean window_draw_setting(struct window *w, enum setting_id id);
 
-/* window.c */
+/* window_pages.c: dialogs, and the line of text at the bottom. */
+void window_say(struct window *w, const char *error); /* on stderr, too; NULL: nothing is wrong */
+void window_tell(struct window *w, const char *sentence);
+void window_show_page(struct window *w, enum window_page page);
+void window_draw_pages(struct window *w, struct ui_box picture);
+
+/* window_files.c: a list of folders and files, where the desktop has no dialog. */
+void window_files_begin(struct window *w, enum chooser_what what, const char *folder,
+                        const char *name);
+void window_files_enter(struct window *w); /* the key was pressed */
+void window_files_draw(struct window *w, struct ui_box picture);
+void window_files_clear(struct window *w);
+
+/* window_save.c */
 gboolean window_save(struct window *w, const char *path, GError **error);
+void window_save_named(struct window *w, const char *path); /* says how it went */
+void window_screenshot(struct window *w);                   /* under the next free name */
+char *window_picture_name(const struct window *w, char **ret_folder);
+void window_copy_command(struct window *w);
+
+/* window.c: the picture and the panel over it, into the window's back buffer; the size of the
+ * picture beside the panel. */
+void window_paint(struct window *w);
+gboolean window_has_panel(const struct window *w); /* unfolded, and there is room for it */

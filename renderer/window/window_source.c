@@ -1,18 +1,11 @@
 #include "window_private.h"
 
+#include "desktop/recent.h"
 #include "series.h"
 
 #include <epoxy/gl.h>
 #include <glib/gstdio.h>
 #include <string.h>
-
-void window_say(struct window *w, const char *message) {
-    if (message != NULL)
-        g_printerr("mesorig-view: %s\n", message);
-    g_free(w->message);
-    w->message = g_strdup(message);
-    w->frames_due = WINDOW_FRAMES;
-}
 
 static gint64 time_of(const char *path) {
     GStatBuf info;
@@ -22,24 +15,48 @@ static gint64 time_of(const char *path) {
 }
 
 static void ask_mdf(struct window *w) {
-    w->mdf_time = time_of(w->options->mdf_path);
-    opener_ask(w->opener, OPENER_MDF, NULL, w->options->mdf_path);
+    w->mdf_time = time_of(w->now.mdf_path);
+    opener_ask(w->opener, OPENER_MDF, NULL, w->now.mdf_path);
 }
 
+void window_ask_mdf(struct window *w, const char *path) {
+    w->outlines = TRUE;
+    w->now.mdf_path = g_string_chunk_insert_const(w->texts, path);
+    ask_mdf(w);
+}
+
+void window_ask_environment(struct window *w, const char *name) {
+    opener_ask(w->opener, OPENER_ENVIRONMENT, NULL, name);
+}
+
+/* Of the MATERIAL that is being opened, or is shown. */
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
-    g_autofree char *path = viewer_options_path(w->options, method);
+    struct viewer_options options = w->now;
+    if (w->asked_argument != NULL)
+        options.argument = w->asked_argument;
+    if (options.argument == NULL && method->product != NULL) {
+        window_say(w, "There is no material yet that this method could draw: open a session first "
+                      "(Ctrl+O).");
+        return;
+    }
+    g_autofree char *path = viewer_options_path(&options, method);
     if (place == OPENER_FIRST)
         w->asked_time = time_of(path);
     opener_ask(w->opener, place, method, path);
+}
+
+void window_ask_material(struct window *w, const char *argument, const struct method *method) {
+    w->asked_argument = g_string_chunk_insert_const(w->texts, argument);
+    ask_method(w, OPENER_FIRST, method);
 }
 
 static void show_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     const gboolean good = viewer_set_material(w->viewer, w->live_maps, &error);
     if (good) {
-        w->method = methods[0];
+        w->now.method = methods[0];
         g_free(w->material);
-        w->material = method_path(w->method, w->session);
+        w->material = method_path(w->now.method, w->session);
         w->file_time = time_of(w->material);
         w->stale = TRUE;
     }
@@ -55,17 +72,6 @@ void window_set_method(struct window *w, const struct method *method) {
         ask_method(w, OPENER_FIRST, method);
 }
 
-static gboolean take_first(struct window *w, struct opened *o, GError **error) {
-    if (!viewer_set_method(w->viewer, o->method, o->material, error))
-        return FALSE;
-    o->material = NULL;
-    w->method = o->method;
-    w->file_time = w->asked_time;
-    g_free(w->material);
-    w->material = g_steal_pointer(&o->path);
-    return TRUE;
-}
-
 /* Hatches pictures where views are missing. */
 static void show_planned(struct window *w) {
     Viewer *const both[2] = {w->viewer, w->second};
@@ -76,15 +82,74 @@ static void show_planned(struct window *w) {
     w->stale = TRUE;
 }
 
-gboolean window_set_environment(const struct window *w, Viewer *viewer, GError **error) {
-    return w->environment == NULL || viewer_set_environment(viewer, w->environment, error);
+/* What belonged to the material before, and where the files of another one are. */
+static void change_argument(struct window *w, const char *argument) {
+    g_autofree char *folder = g_file_test(argument, G_FILE_TEST_IS_DIR)
+                                  ? g_build_filename(argument, "products", NULL)
+                                  : g_path_get_dirname(argument);
+    g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
+    const gboolean outlines = w->now.settings.silhouettes;
+    g_clear_pointer(&w->live, live_free);
+    g_clear_pointer(&w->live_maps, eigenmaps_free);
+    g_clear_pointer(&w->planned, g_array_unref);
+    g_clear_pointer(&w->mdf, mdf_source_free);
+    g_clear_pointer(&w->session, g_free);
+    viewer_set_planned(w->viewer, NULL, 0);
+    if (w->second != NULL)
+        viewer_set_planned(w->second, NULL, 0);
+    w->now.compose.mode = COMPOSE_ONE; /* the other half is of the material before */
+    w->now.second = NULL;
+    w->now.settings.silhouettes = FALSE;
+    w->now.argument = argument;
+    w->now.mdf_path = g_string_chunk_insert_const(w->texts, mdf);
+    w->show_measured = FALSE;
+    w->mdf_time = w->n_live = 0;
+    w->looked_us = 0; /* the files are looked at now */
+    g_autofree char *database = g_build_filename(argument, "session.db", NULL);
+    if (g_file_test(database, G_FILE_TEST_EXISTS))
+        w->session = g_strdup(argument);
+    if (outlines && g_file_test(mdf, G_FILE_TEST_EXISTS))
+        window_ask_mdf(w, mdf);
+}
+
+void window_watch_session(struct window *w, const char *session) {
+    g_autoptr(GError) error = NULL;
+    opener_cancel(w->opener, OPENER_FIRST);
+    w->asked_argument = NULL;
+    change_argument(w, g_string_chunk_insert_const(w->texts, session));
+    w->live = live_new(session);
+    recent_add(session);
+    w->now.method = method_find(METHOD_DEMO);
+    g_free(w->material);
+    w->material = g_strdup(METHOD_DEMO);
+    w->file_time = -1;
+    if (!viewer_open(w->viewer, w->now.method, NULL, &error))
+        window_say(w, error->message);
+    w->stale = TRUE;
+}
+
+static gboolean take_first(struct window *w, struct opened *o, GError **error) {
+    if (!viewer_set_method(w->viewer, o->method, o->material, error))
+        return FALSE;
+    o->material = NULL;
+    const gboolean is_new = w->asked_argument != NULL || !w->first_open;
+    if (w->asked_argument != NULL)
+        change_argument(w, w->asked_argument);
+    w->asked_argument = NULL;
+    if (is_new && w->now.argument != NULL && w->now.close_after == 0)
+        recent_add(w->now.argument);
+    w->now.method = o->method;
+    w->file_time = w->asked_time;
+    g_free(w->material);
+    w->material = g_steal_pointer(&o->path);
+    return TRUE;
 }
 
 static gboolean take_second(struct window *w, struct opened *o, GError **error) {
     if (w->second == NULL) {
         g_autoptr(Viewer) viewer = viewer_new(NULL, error);
         if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
-            !window_set_environment(w, viewer, error) ||
+            (w->environment != NULL && !viewer_set_environment(viewer, w->environment, error)) ||
             (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
             return FALSE;
         w->second = g_steal_pointer(&viewer);
@@ -93,10 +158,10 @@ static gboolean take_second(struct window *w, struct opened *o, GError **error) 
     if (!viewer_set_method(w->second, o->method, o->material, error))
         return FALSE;
     o->material = NULL;
-    w->second_method = o->method;
+    w->now.second = o->method;
     g_free(w->second_material);
     w->second_material = g_steal_pointer(&o->path);
-    w->how.mode = w->second_mode;
+    w->now.compose.mode = w->second_mode;
     return TRUE;
 }
 
@@ -106,16 +171,24 @@ static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
         return FALSE;
     mdf_source_free(w->mdf);
     w->mdf = g_steal_pointer(&o->mdf);
-    w->settings.silhouettes |= w->outlines;
+    w->now.settings.silhouettes |= w->outlines;
     w->outlines = FALSE;
+    return TRUE;
+}
+
+static gboolean take_environment(struct window *w, struct opened *o, GError **error) {
+    if (!viewer_set_environment(w->viewer, o->environment, error) ||
+        (w->second != NULL && !viewer_set_environment(w->second, o->environment, error)))
+        return FALSE;
+    window_set_environment(w, g_steal_pointer(&o->environment), o->path);
     return TRUE;
 }
 
 gboolean window_take_opened(struct window *w, GError **error) {
     for (struct opened *o; (o = opener_poll(w->opener)) != NULL; opened_free(o)) {
-        static gboolean (*const takers[OPENER_PLACES])(struct window * w, struct opened * o,
-                                                       GError * *error) = {take_first, take_second,
-                                                                           take_mdf};
+        static gboolean (*const takers[OPENER_PLACES])(
+            struct window * w, struct opened * o, GError * *error) = {take_first, take_second,
+                                                                      take_mdf, take_environment};
         g_autoptr(GError) why = g_steal_pointer(&o->error);
         if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
             w->file_time =
@@ -124,12 +197,17 @@ gboolean window_take_opened(struct window *w, GError **error) {
             w->outlines = FALSE;
         const gboolean good = why == NULL && takers[o->place](w, o, &why);
         w->stale = TRUE;
-        if (!good && !w->first_open) {
+        if (!good && o->place == OPENER_FIRST)
+            w->asked_argument = NULL;
+        if (!good && !w->first_open && w->now.close_after > 0) {
             g_propagate_error(error, g_steal_pointer(&why));
             opened_free(o);
             return FALSE;
         }
-        window_say(w, good ? NULL : why->message);
+        if (!good)
+            window_say(w, why->message);
+        else if (w->is_error) /* of what was tried before */
+            window_say(w, NULL);
     }
     if (!w->first_open && !opener_is_busy(w->opener)) {
         w->first_open = TRUE;
@@ -140,57 +218,18 @@ gboolean window_take_opened(struct window *w, GError **error) {
 
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode) {
     w->second_mode = mode;
-    if (mode != COMPOSE_ONE && method != w->second_method)
+    if (mode != COMPOSE_ONE && method != w->now.second)
         ask_method(w, OPENER_SECOND, method);
     else
-        w->how.mode = mode;
-    w->stale = TRUE;
-}
-
-void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles) {
-    g_autoptr(GError) error = NULL;
-    struct scene_options scene = {.up = w->options->upward, .floor = w->options->floor};
-    if (tiles != NULL) {
-        scene.tiles_u = tiles->tiles_u;
-        scene.tiles_v = tiles->tiles_v;
-    }
-    struct mesh *mesh = scene_make(shape, &scene, &error);
-    if (mesh == NULL || !viewer_set_mesh(w->viewer, mesh, &error) ||
-        (w->second != NULL && !viewer_set_mesh(w->second, mesh, &error))) {
-        window_say(w, error->message);
-        mesh_free(mesh);
-        return;
-    }
-    mesh_free(w->mesh);
-    w->mesh = mesh;
-    w->shape = shape;
-    w->settings.tiles_u = mesh->tiles_u;
-    w->settings.tiles_v = mesh->tiles_v;
-    w->settings.camera_distance = w->options->settings.camera_distance;
-    w->stale = TRUE;
-    window_say(w, NULL);
-}
-
-void window_scale_tiles(struct window *w, double factor) {
-    w->settings.tiles_u = CLAMP(w->settings.tiles_u * factor, 0.01, 500.0);
-    w->settings.tiles_v = CLAMP(w->settings.tiles_v * factor, 0.01, 500.0);
-    w->stale = TRUE;
-}
-
-void window_toggle_backdrop(struct window *w) {
-    if (w->environment == NULL)
-        window_say(w, "there is no environment to be seen: start with --environment FILE.exr");
-    else
-        w->settings.backdrop = !w->settings.backdrop;
+        w->now.compose.mode = mode;
     w->stale = TRUE;
 }
 
 void window_toggle_silhouettes(struct window *w) {
     if (w->mdf != NULL) {
-        w->settings.silhouettes = !w->settings.silhouettes;
+        w->now.settings.silhouettes = !w->now.settings.silhouettes;
     } else {
-        w->outlines = TRUE;
-        ask_mdf(w);
+        window_ask_mdf(w, w->now.mdf_path);
     }
     w->stale = TRUE;
 }
@@ -202,7 +241,7 @@ void window_compare_measured(struct window *w) {
     g_autoptr(Reference) reference = btf != NULL ? reference_open(btf, &error) : NULL;
     struct measured found = {0};
     if (reference != NULL &&
-        measured_compare(reference, w->viewer, &w->settings, 3 * 64, &found, &error)) {
+        measured_compare(reference, w->viewer, &w->now.settings, 3 * 64, &found, &error)) {
         measured_clear(&w->measured);
         glDeleteTextures(1, &w->measured_texture);
         w->measured = found;
@@ -226,7 +265,8 @@ static void follow_live(struct window *w) {
         window_say(w, error->message);
     if (maps == NULL)
         return;
-    const gboolean other = w->live_maps != NULL && w->method != methods[0]; /* was chosen since */
+    const gboolean other =
+        w->live_maps != NULL && w->now.method != methods[0]; /* was chosen since */
     w->n_live = n_views;
     eigenmaps_free(w->live_maps);
     w->live_maps = maps;
@@ -243,12 +283,12 @@ void window_follow(struct window *w) {
         return;
     w->looked_us = now;
     if (!opener_is_busy(w->opener)) { /* else the file may not be the one that is shown */
-        if (w->mdf_time > 0 && time_of(w->options->mdf_path) != w->mdf_time)
+        if (w->mdf_time > 0 && time_of(w->now.mdf_path) != w->mdf_time)
             ask_mdf(w);
         /* Processing replaces the file as a whole, so an existing file can be read at once. */
         const gint64 changed = time_of(w->material);
         if (changed != w->file_time && changed >= 0)
-            window_set_method(w, w->method);
+            window_set_method(w, w->now.method);
     }
     if (w->live != NULL)
         follow_live(w);
@@ -267,24 +307,6 @@ void window_follow(struct window *w) {
         show_planned(w);
 }
 
-/* A session without the product that is asked for is one that is still being captured. */
-void window_open_first(struct window *w) {
-    const struct viewer_options *o = w->options;
-    g_autofree char *path = viewer_options_path(o, o->method);
-    if (o->argument != NULL && g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-        g_autofree char *database = g_build_filename(o->argument, "session.db", NULL);
-        w->session = g_file_test(database, G_FILE_TEST_EXISTS) ? g_strdup(o->argument) : NULL;
-    }
-    if (w->session != NULL && o->method == methods[0] && time_of(path) < 0)
-        w->live = live_new(w->session);
-    else
-        ask_method(w, OPENER_FIRST, o->method);
-    if (w->outlines)
-        ask_mdf(w);
-    if (o->second != NULL)
-        window_set_second(w, o->second, o->compose.mode);
-}
-
 void window_clear_sources(struct window *w) {
     opener_free(w->opener);
     live_free(w->live);
@@ -296,6 +318,8 @@ void window_clear_sources(struct window *w) {
     viewer_free(w->second);
     mesh_free(w->mesh);
     mdf_source_free(w->mdf);
+    environment_free(w->environment);
+    g_clear_pointer(&w->recent, g_ptr_array_unref);
     g_free(w->session);
     g_free(w->material);
     g_free(w->second_material);

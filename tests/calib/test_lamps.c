@@ -2,7 +2,7 @@
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
 #include "methods/microfacet.h"
-#include "scene/environment.h"
+#include "scene/environment_made.h"
 #include "shapes/scene.h"
 
 #include <glib/gstdio.h>
@@ -98,6 +98,69 @@ static void test_point(void) {
     g_assert_cmpfloat((double)lamps[0].rgb[0], ==, 0);
 }
 
+/* Light of a picture of directions, in closed form where sky and boxes have one: ∫ L dω / π, and
+ * what a white diffuser that faces the zenith gets of it. */
+static void sum_light(const struct environment *e, double *ret_all, double *ret_up) {
+    *ret_all = *ret_up = 0.0;
+    for (int y = 0; y < e->height; y++)
+        for (int x = 0; x < e->width; x++) {
+            const double from = G_PI * y / e->height, to = G_PI * (y + 1) / e->height;
+            const double solid = 2 * G_PI / e->width * (cos(from) - cos(to)) / G_PI;
+            const double green = (double)e->rgb[3 * (y * e->width + x) + 1];
+            *ret_all += green * solid;
+            *ret_up += green * solid * fmax(cos((from + to) / 2), 0);
+        }
+}
+
+static void test_overcast(void) {
+    struct environment *sky = environment_open("overcast", NULL);
+    double all, up;
+    sum_light(sky, &all, &up);
+    g_assert_cmpfloat_with_epsilon(up, 1.0, 1e-3);
+    /* 2 π L_z / 3 (1 + 1) above, 2 π 0.2 below */
+    g_assert_cmpfloat_with_epsilon(all, 2 * 9.0 / 7 * 2 / 3 + 2 * 0.2, 1e-3);
+    environment_free(sky);
+}
+
+static void test_studio(void) {
+    struct environment *room = environment_open("studio", NULL);
+    double all, up, expected = 4 * ENVIRONMENT_ROOM;
+    for (int k = 0; k < ENVIRONMENT_BOXES; k++) {
+        const struct environment_box *box = &environment_studio[k];
+        const double a = box->half_width, b = box->half_height;
+        const double solid = 4 * atan(a * b / sqrt(1 + a * a + b * b));
+        const double lit = box->radiance * (double)box->rgb[1];
+        /* ∫ cos dω of a rectangle on its axis: the room behind it has 1 + cos θ. */
+        const double r = sqrt(1 + a * a), q = sqrt(1 + b * b);
+        const double projected = 2 * (a / r * atan(b / r) + b / q * atan(a / q));
+        const double up_share = cos(box->theta_deg * G_PI / 180);
+        expected += (lit * solid - ENVIRONMENT_ROOM * (solid + up_share * projected)) / G_PI;
+        /* The pixel at its centre. */
+        const int y = (int)(box->theta_deg / 180 * room->height);
+        const int x =
+            (int)((180 - box->phi_deg + (box->phi_deg > 180 ? 360 : 0)) / 360 * room->width);
+        g_assert_cmpfloat_with_epsilon((double)room->rgb[3 * (y * room->width + x) + 1], lit, 1e-5);
+    }
+    sum_light(room, &all, &up);
+    g_assert_cmpfloat_with_epsilon(all, expected, 2e-3);
+    g_assert_cmpfloat(up, >, 0.5); /* as bright as the default lamp, about */
+    g_assert_cmpfloat(up, <, 1.5);
+    environment_free(room);
+}
+
+/* Turned lamps are where they were, turned; and no more than are asked for. */
+static void test_turned(void) {
+    struct environment *room = environment_open("studio", NULL);
+    struct viewer_settings s = viewer_settings_default, turned = s;
+    s.environment_lamps = turned.environment_lamps = 9;
+    turned.environment_turn_deg = 30.0;
+    g_assert_true(environment_light(room, &s, NULL) && environment_light(room, &turned, NULL));
+    g_assert_cmpint(s.n_lamps, ==, 9);
+    for (int k = 0; k < 9; k++)
+        g_assert_cmpfloat_with_epsilon(turned.lamps[k].phi_deg, s.lamps[k].phi_deg + 30, 1e-9);
+    environment_free(room);
+}
+
 static void check_file(const char *path, int width, int height, float value, const char *said) {
     static const char *const channels[] = {"B", "G", "R", NULL};
     g_autoptr(GError) error = NULL;
@@ -115,7 +178,6 @@ static void check_file(const char *path, int width, int height, float value, con
     g_assert_cmpint(good, ==, said == NULL);
     g_assert_true(said == NULL || strstr(error->message, said) != NULL);
     g_assert_cmpint(s.n_lamps, ==, good ? 1 : 0);
-    g_assert_cmpfloat(s.lamp, ==, good ? 0 : 1);
 }
 
 static void test_files(void) {
@@ -230,15 +292,18 @@ static void test_source(struct fixture *f, gconstpointer data) {
     struct viewer_settings s;
     g_autoptr(Viewer) viewer = before(&sky, &s);
     s.camera_elevation_deg = lamp[0].theta_deg - 90;
-    s.camera_azimuth_deg = lamp[0].phi_deg + 180;
-    g_autofree float *seen = draw(viewer, &s);
-    for (int i = 0; i < SIZE * SIZE; i++) {
-        const int x = i % SIZE - SIZE / 2, y = i / SIZE - SIZE / 2;
-        g_assert_true(isfinite(seen[4 * i]));
-        if (x >= -1 && x <= 0 && y >= -1 && y <= 0)
-            g_assert_cmpfloat((double)seen[4 * i], >, 1e3);
-        else if (x * x + y * y > 16 && seen[4 * i + 3] < 0.5F)
-            g_assert_cmpfloat((double)seen[4 * i], ==, 0);
+    for (int turn_deg = 0; turn_deg <= 50; turn_deg += 50) {
+        s.environment_turn_deg = turn_deg;
+        s.camera_azimuth_deg = lamp[0].phi_deg + turn_deg + 180;
+        g_autofree float *seen = draw(viewer, &s);
+        for (int i = 0; i < SIZE * SIZE; i++) {
+            const int x = i % SIZE - SIZE / 2, y = i / SIZE - SIZE / 2;
+            g_assert_true(isfinite(seen[4 * i]));
+            if (x >= -1 && x <= 0 && y >= -1 && y <= 0)
+                g_assert_cmpfloat((double)seen[4 * i], >, 1e3);
+            else if (x * x + y * y > 16 && seen[4 * i + 3] < 0.5F)
+                g_assert_cmpfloat((double)seen[4 * i], ==, 0);
+        }
     }
 }
 
@@ -263,6 +328,9 @@ int main(int argc, char **argv) {
                gpu_fixture_tear_down);
     g_test_add_func("/lamps/even", test_even);
     g_test_add_func("/lamps/point", test_point);
+    g_test_add_func("/lamps/overcast", test_overcast);
+    g_test_add_func("/lamps/studio", test_studio);
+    g_test_add_func("/lamps/turned", test_turned);
     g_test_add_func("/lamps/files", test_files);
     g_test_add_func("/lamps/full", test_full);
     g_test_add("/lamps/backdrop", struct fixture, NULL, gpu_fixture_set_up, test_backdrop,

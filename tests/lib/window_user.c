@@ -12,13 +12,19 @@ static gboolean start(struct user *u, const char *const *options) {
         g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
     g_autoptr(GPtrArray) argv = g_ptr_array_new();
     g_ptr_array_add(argv, VIEWER);
-    g_ptr_array_add(argv, u->session);
+    if (*u->session != '\0')
+        g_ptr_array_add(argv, u->session);
     for (; options != NULL && *options != NULL; options++)
         g_ptr_array_add(argv, (gpointer)*options);
     g_ptr_array_add(argv, NULL);
     g_subprocess_launcher_set_cwd(launcher, u->folder);
     g_subprocess_launcher_setenv(launcher, "DISPLAY", x_display_name(u->x), TRUE);
+    g_subprocess_launcher_setenv(launcher, "XDG_DATA_HOME", u->folder, TRUE);
+    g_subprocess_launcher_setenv(launcher, "XDG_RUNTIME_DIR", u->folder, TRUE);
     g_subprocess_launcher_unsetenv(launcher, "WAYLAND_DISPLAY");
+    g_subprocess_launcher_unsetenv(launcher, "DBUS_SESSION_BUS_ADDRESS");
+    if (u->bus != NULL)
+        g_subprocess_launcher_setenv(launcher, "DBUS_SESSION_BUS_ADDRESS", u->bus, TRUE);
     u->program = g_subprocess_launcher_spawnv(launcher, (const char *const *)argv->pdata, &error);
     g_assert_no_error(error);
     u->says = g_data_input_stream_new(g_subprocess_get_stdout_pipe(u->program));
@@ -26,15 +32,21 @@ static gboolean start(struct user *u, const char *const *options) {
 }
 
 gboolean user_sit_down(struct user *u, const char *session, const char *const *options) {
-    *u = (struct user){.x = x_display_new()};
+    return user_sit_down_on(u, NULL, NULL, session, options);
+}
+
+gboolean user_sit_down_on(struct user *u, const char *bus, const char *folder, const char *session,
+                          const char *const *options) {
+    *u = (struct user){.x = x_display_new(), .bus = bus};
     if (u->x == NULL || !g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE)) {
         x_display_free(u->x);
-        if (session != NULL)
+        if (session != NULL && *session != '\0')
             remove_tree(session);
         test_skip_or_fail("no Xvfb, or mesorig-view is not built");
         return FALSE;
     }
-    u->folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    u->folder = folder != NULL ? g_strdup(folder) : g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    u->keeps_folder = folder != NULL;
     u->session = session != NULL ? g_strdup(session) : view_fixture_write_session();
     g_assert_true(start(u, options));
     return TRUE;
@@ -50,8 +62,10 @@ char *user_stand_up(struct user *u, int code) {
     g_assert_true(g_subprocess_get_if_exited(u->program));
     g_assert_cmpint(g_subprocess_get_exit_status(u->program), ==, code);
     g_assert_cmpint(g_get_monotonic_time() - from, <, 30 * G_USEC_PER_SEC);
-    remove_tree(u->folder);
-    remove_tree(u->session);
+    if (!u->keeps_folder)
+        remove_tree(u->folder);
+    if (*u->session != '\0')
+        remove_tree(u->session);
     g_object_unref(u->says);
     g_object_unref(u->program);
     x_display_free(u->x);
@@ -61,7 +75,7 @@ char *user_stand_up(struct user *u, int code) {
 }
 
 char *user_leave(struct user *u) {
-    x_display_key(u->x, "Escape");
+    x_display_chord(u->x, NULL, "Control_L", "q");
     return user_stand_up(u, 0);
 }
 
@@ -93,9 +107,8 @@ static void keep_result(GObject *source, GAsyncResult *result, gpointer data) {
     *(GAsyncResult **)data = g_object_ref(result);
 }
 
-GHashTable *user_look(struct user *u) {
+char *user_read_line(struct user *u) {
     g_autoptr(GError) error = NULL;
-    x_display_key(u->x, "s");
     g_autoptr(GCancellable) deadline = g_cancellable_new();
     const guint timer = g_timeout_add_seconds(60, stop_waiting, deadline);
     g_autoptr(GAsyncResult) result = NULL;
@@ -103,12 +116,17 @@ GHashTable *user_look(struct user *u) {
                                         &result);
     while (result == NULL)
         g_main_context_iteration(NULL, TRUE);
-    g_autofree char *line = g_data_input_stream_read_line_finish(u->says, result, NULL, &error);
+    char *line = g_data_input_stream_read_line_finish(u->says, result, NULL, &error);
     if (!g_cancellable_is_cancelled(deadline))
         g_source_remove(timer);
     g_assert_no_error(error);
     g_assert_nonnull(line);
-    g_autofree char *path = g_build_filename(u->folder, line, NULL);
+    return line;
+}
+
+GHashTable *user_look(struct user *u) {
+    x_display_key(u->x, "s");
+    g_autofree char *path = user_read_line(u);
     return read_texts(path);
 }
 

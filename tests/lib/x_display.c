@@ -135,6 +135,38 @@ void x_display_key(XDisplay *x, const char *key) {
     settle(x);
 }
 
+static void press_key(XDisplay *x, const char *key, Bool down) {
+    if (key == NULL)
+        return;
+    const KeyCode code = XKeysymToKeycode(x->display, XStringToKeysym(key));
+    g_assert_cmpint(code, !=, 0);
+    XTestFakeKeyEvent(x->display, code, down, CurrentTime);
+}
+
+void x_display_chord(XDisplay *x, const char *before, const char *held, const char *key) {
+    press_key(x, before, True);
+    press_key(x, held, True);
+    x_display_key(x, key);
+    press_key(x, held, False);
+    press_key(x, before, False);
+    settle(x);
+}
+
+void x_display_type(XDisplay *x, const char *text) {
+    for (; *text != '\0'; text++) {
+        const char *name = XKeysymToString((KeySym)(guchar)*text); /* Latin 1 is the same */
+        g_assert_nonnull(name);
+        x_display_key(x, name);
+    }
+}
+
+void x_display_size(XDisplay *x, int *ret_width, int *ret_height) {
+    XWindowAttributes attributes;
+    g_assert_true(XGetWindowAttributes(x->display, x->window, &attributes));
+    *ret_width = attributes.width;
+    *ret_height = attributes.height;
+}
+
 void x_display_move(XDisplay *x, int to_x, int to_y) {
     int root_x = 0, root_y = 0;
     Window child;
@@ -159,6 +191,71 @@ void x_display_drag(XDisplay *x, int button, int from_x, int from_y, int by_x, i
 
 void x_display_click(XDisplay *x, int button, int at_x, int at_y) {
     x_display_drag(x, button, at_x, at_y, 0, 0);
+}
+
+static Atom atom(XDisplay *x, const char *name) {
+    return XInternAtom(x->display, name, False);
+}
+
+static void send_message(XDisplay *x, Window source, const char *type, const long data[4]) {
+    XEvent event = {.xclient = {.type = ClientMessage,
+                                .window = x->window,
+                                .message_type = atom(x, type),
+                                .format = 32}};
+    event.xclient.data.l[0] = (long)source;
+    for (int k = 0; k < 4; k++)
+        event.xclient.data.l[k + 1] = data[k];
+    XSendEvent(x->display, x->window, False, NoEventMask, &event);
+    XFlush(x->display);
+}
+
+/* Gives the text to whoever asks for it, until the message of this type comes. */
+static void wait_message(XDisplay *x, const char *type, const char *text) {
+    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
+    while (g_get_monotonic_time() < until) {
+        XEvent event;
+        if (XPending(x->display) == 0) {
+            g_usleep(STEP_US);
+            continue;
+        }
+        XNextEvent(x->display, &event);
+        if (event.type == ClientMessage && event.xclient.message_type == atom(x, type))
+            return;
+        if (event.type != SelectionRequest)
+            continue;
+        const XSelectionRequestEvent *asked = &event.xselectionrequest;
+        XChangeProperty(x->display, asked->requestor, asked->property, asked->target, 8,
+                        PropModeReplace, (const guchar *)text, (int)strlen(text));
+        XEvent answer = {.xselection = {.type = SelectionNotify,
+                                        .requestor = asked->requestor,
+                                        .selection = asked->selection,
+                                        .target = asked->target,
+                                        .property = asked->property,
+                                        .time = asked->time}};
+        XSendEvent(x->display, asked->requestor, False, NoEventMask, &answer);
+        XFlush(x->display);
+    }
+    g_error("%s did not come", type);
+}
+
+void x_display_drop(XDisplay *x, const char *const *paths) {
+    g_autoptr(GString) uris = g_string_new(NULL);
+    for (; *paths != NULL; paths++) {
+        g_autofree char *uri = g_filename_to_uri(*paths, NULL, NULL);
+        g_string_append_printf(uris, "%s\r\n", uri);
+    }
+    const Window source =
+        XCreateSimpleWindow(x->display, DefaultRootWindow(x->display), 0, 0, 1, 1, 0, 0, 0);
+    XSetSelectionOwner(x->display, atom(x, "XdndSelection"), source, CurrentTime);
+    send_message(x, source, "XdndEnter", (const long[4]){5L << 24, (long)atom(x, "text/uri-list")});
+    send_message(
+        x, source, "XdndPosition",
+        (const long[4]){0, 100L << 16 | 100, CurrentTime, (long)atom(x, "XdndActionCopy")});
+    wait_message(x, "XdndStatus", uris->str);
+    send_message(x, source, "XdndDrop", (const long[4]){0, CurrentTime});
+    wait_message(x, "XdndFinished", uris->str);
+    XDestroyWindow(x->display, source);
+    settle(x);
 }
 
 void x_display_ask_to_close(XDisplay *x) {

@@ -1,0 +1,76 @@
+/*
+ * The settings of a picture, in one table: the options of the command line and the controls of the
+ * window's panel are made of it, and so is the command that draws the window's picture again.
+ */
+#pragma once
+
+#include "viewer_options.h"
+
+enum setting_kind {
+    SETTING_NUMBER, /* double */
+    SETTING_WHOLE,  /* int */
+    SETTING_FLAG,   /* gboolean */
+    SETTING_OTHER,  /* has code of its own for the option, the control and the command */
+};
+
+enum setting_id {
+    SETTING_METHOD,
+    SETTING_SPLIT,
+    SETTING_SPLIT_AT,
+    SETTING_DIFFERENCE,
+    SETTING_DIFFERENCE_GAIN,
+    SETTING_ROTATION,
+    SETTING_PLAIN,
+    SETTING_NEAREST,
+    SETTING_SHAPE,
+    SETTING_TILES,
+    SETTING_SILHOUETTES,
+    SETTING_SHADOWS,
+    SETTING_FLOOR,
+    SETTING_LAYERS,
+    SETTING_STRAIGHT,
+    SETTING_SHADOW_MAP,
+    SETTING_LIGHT_THETA,
+    SETTING_LIGHT_PHI,
+    SETTING_LIGHT_BRIGHTNESS,
+    SETTING_LAMP,
+    SETTING_ENVIRONMENT,
+    SETTING_ENVIRONMENT_TURN,
+    SETTING_ENVIRONMENT_LAMPS,
+    SETTING_BACKDROP,
+    SETTING_AMBIENT,
+    SETTING_EXPOSURE,
+    SETTING_CAMERA_AZIMUTH,
+    SETTING_CAMERA_ELEVATION,
+    SETTING_CAMERA_DISTANCE,
+    SETTING_CAMERA_PAN,
+    SETTING_CAMERA_FOV,
+    SETTING_MEASURED,
+    SETTINGS
+};
+
+struct setting {
+    const char *option; /* name on the command line, without dashes */
+    const char *label;  /* in the panel; NULL: the panel does not have it */
+    enum setting_kind kind;
+    gsize offset;                /* in struct viewer_options; unused for SETTING_OTHER */
+    double low, high;            /* of the slider */
+    const char *format;          /* of the slider, as for printf() with a double */
+    const char *argument, *help; /* of the option; help NULL: SETTING_OTHER */
+};
+
+extern const struct setting settings_table[SETTINGS]; /* by enum setting_id */
+
+/* Entries of all rows but SETTING_OTHER, for values in options; ret has room for SETTINGS. Returns
+ * their number. */
+int settings_entries(struct viewer_options *options, GOptionEntry *ret);
+
+/* The command that writes this picture, quoted for a shell; g_free(). n_lamps: number of
+ * settings.lamps that do not come from the environment. live: eigen-maps of a session that is still
+ * being captured. */
+struct settings_picture {
+    int width, height, samples, n_lamps;
+    gboolean live;
+};
+char *settings_command(const struct viewer_options *options,
+                       const struct settings_picture *picture);

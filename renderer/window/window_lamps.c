@@ -1,0 +1,189 @@
+/* Lamps and the environment, and their part of the panel. */
+#include "window_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#define GLYPH 150.0F /* width of the hemisphere in the panel, times ui_scale() */
+
+void window_relight(struct window *w) {
+    struct viewer_settings *s = &w->now.settings;
+    g_autoptr(GError) error = NULL;
+    s->n_lamps = w->n_lamps;
+    if (w->environment != NULL && !environment_light(w->environment, s, &error))
+        window_say(w, error->message);
+    w->lamp = MIN(w->lamp, w->n_lamps + (w->environment != NULL));
+    w->stale = TRUE;
+}
+
+/* environment: taken; NULL: none, and name is, too. */
+void window_set_environment(struct window *w, struct environment *environment, const char *name) {
+    struct viewer_settings *s = &w->now.settings;
+    const gboolean had = w->environment != NULL, first = !w->first_open;
+    environment_free(w->environment);
+    w->environment = environment;
+    w->now.environment = name != NULL ? g_string_chunk_insert_const(w->texts, name) : NULL;
+    if (name != NULL && !g_strv_contains(environment_names, name))
+        w->own_environment = w->now.environment;
+    if (first) { /* the options say it */
+        s->lamp = w->start->settings.lamp;
+        s->ambient = w->start->settings.ambient;
+    } else if (had != (environment != NULL)) {
+        viewer_options_default_light(s, environment != NULL);
+    }
+    s->backdrop = environment != NULL && (first ? w->start->settings.backdrop : s->backdrop);
+    window_relight(w);
+}
+
+void window_add_lamp(struct window *w) {
+    struct viewer_settings *s = &w->now.settings;
+    if (w->n_lamps >= VIEWER_MAX_LAMPS - (w->environment != NULL)) {
+        window_say(w, "There are 64 lamps already; remove one first.");
+        return;
+    }
+    s->lamps[w->n_lamps++] =
+        (struct viewer_lamp){45.0, s->light_phi_deg + 120.0 * w->n_lamps, {0.5F, 0.5F, 0.5F}};
+    w->lamp = w->n_lamps;
+    window_relight(w);
+}
+
+void window_remove_lamp(struct window *w) {
+    struct viewer_settings *s = &w->now.settings;
+    if (w->lamp == 0) {
+        s->lamp = 0.0; /* switched off: its brightness brings it back */
+    } else if (w->lamp > w->n_lamps) {
+        window_set_environment(w, NULL, NULL);
+    } else {
+        memmove(&s->lamps[w->lamp - 1], &s->lamps[w->lamp],
+                sizeof *s->lamps * (gsize)(w->n_lamps - w->lamp));
+        w->n_lamps--;
+        w->lamp--;
+    }
+    window_relight(w);
+}
+
+static double around(double deg) {
+    return deg - 360.0 * floor(deg / 360.0);
+}
+
+/* Turning moves the environment's lamps without cutting it into lamps again. */
+static void window_turn_environment(struct window *w, double to_deg) {
+    struct viewer_settings *s = &w->now.settings;
+    for (int k = w->n_lamps; k < s->n_lamps; k++)
+        s->lamps[k].phi_deg += to_deg - s->environment_turn_deg;
+    s->environment_turn_deg = to_deg;
+    w->stale = TRUE;
+}
+
+void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg) {
+    struct viewer_settings *s = &w->now.settings;
+    if (w->lamp > w->n_lamps) {
+        window_turn_environment(w, around(s->environment_turn_deg + by_phi_deg));
+        return;
+    }
+    double *theta = w->lamp == 0 ? &s->light_theta_deg : &s->lamps[w->lamp - 1].theta_deg;
+    double *phi = w->lamp == 0 ? &s->light_phi_deg : &s->lamps[w->lamp - 1].phi_deg;
+    *theta = CLAMP(*theta + by_theta_deg, 0.0, 180.0);
+    *phi = fmod(*phi + by_phi_deg, 360.0);
+    w->stale = TRUE;
+}
+
+void window_toggle_backdrop(struct window *w) {
+    if (w->environment == NULL)
+        window_say(w, "There is no environment to be seen: choose one in the panel.");
+    else
+        w->now.settings.backdrop = !w->now.settings.backdrop;
+    w->stale = TRUE;
+}
+
+static void draw_glyph(struct window *w) {
+    const struct viewer_settings *s = &w->now.settings;
+    struct ui_dot dots[VIEWER_MAX_LAMPS + 2];
+    int n = 0;
+    double theta = 0.0, phi = 0.0;
+    for (int k = 0; k <= w->n_lamps; k++)
+        dots[n++] = (struct ui_dot){k == 0 ? s->light_theta_deg : s->lamps[k - 1].theta_deg,
+                                    k == 0 ? s->light_phi_deg : s->lamps[k - 1].phi_deg,
+                                    k == w->lamp ? UI_DOT_CHOSEN_LIGHT : UI_DOT_LIGHT};
+    dots[n++] = (struct ui_dot){MAX(90.0 - s->camera_elevation_deg, 0.0), s->camera_azimuth_deg,
+                                UI_DOT_CAMERA};
+    const int held = ui_hemisphere("lamps", dots, n, GLYPH * ui_scale(), &theta, &phi);
+    if (held < 0)
+        return;
+    w->lamp = held;
+    if (theta != dots[held].theta_deg || phi != dots[held].phi_deg)
+        window_move_lamp(w, theta - dots[held].theta_deg, phi - dots[held].phi_deg);
+}
+
+static void draw_chosen_lamp(struct window *w) {
+    struct viewer_settings *s = &w->now.settings;
+    if (w->lamp == 0) {
+        const double phi = s->light_phi_deg;
+        s->light_phi_deg = around(phi);
+        window_draw_setting(w, SETTING_LIGHT_THETA);
+        if (!window_draw_setting(w, SETTING_LIGHT_PHI))
+            s->light_phi_deg = phi;
+        window_draw_setting(w, SETTING_LIGHT_BRIGHTNESS);
+    } else if (w->lamp <= w->n_lamps) {
+        struct viewer_lamp *lamp = &s->lamps[w->lamp - 1];
+        double phi = around(lamp->phi_deg);
+        w->stale |= ui_slider("θ", &lamp->theta_deg, 0.0, 180.0, "%.0f°");
+        if (ui_slider("φ", &phi, 0.0, 360.0, "%.0f°")) {
+            lamp->phi_deg = phi;
+            w->stale = TRUE;
+        }
+        w->stale |= ui_colour("colour", lamp->rgb);
+    } else {
+        double turn = around(s->environment_turn_deg);
+        if (ui_slider(settings_table[SETTING_ENVIRONMENT_TURN].label, &turn, 0.0, 360.0, "%.0f°"))
+            window_turn_environment(w, turn);
+        if (window_draw_setting(w, SETTING_ENVIRONMENT_LAMPS))
+            window_relight(w);
+        window_draw_setting(w, SETTING_BACKDROP);
+    }
+}
+
+static void choose_lamp(struct window *w) {
+    g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
+    for (int k = 0; k <= w->n_lamps; k++)
+        g_ptr_array_add(names, g_strdup_printf("lamp %d", k + 1));
+    if (w->environment != NULL)
+        g_ptr_array_add(names, g_strdup("environment"));
+    ui_choice(settings_table[SETTING_LAMP].label, (const char *const *)names->pdata,
+              (int)names->len, &w->lamp);
+    draw_chosen_lamp(w);
+    if (ui_button("add a lamp"))
+        window_add_lamp(w);
+    ui_same_line();
+    if (ui_button(w->lamp == 0 ? "switch it off" : "remove it"))
+        window_remove_lamp(w);
+}
+
+static void choose_environment(struct window *w) {
+    const char *names[8] = {"none"};
+    g_autofree char *own =
+        w->own_environment != NULL ? g_path_get_basename(w->own_environment) : NULL;
+    int n = 1, chosen = 0;
+    for (int k = 0; environment_names[k] != NULL; k++, n++) {
+        names[n] = environment_names[k];
+        chosen = g_strcmp0(w->now.environment, names[n]) == 0 ? n : chosen;
+    }
+    if (own != NULL) {
+        names[n] = own;
+        chosen = w->now.environment != NULL && chosen == 0 ? n : chosen;
+        n++;
+    }
+    if (!ui_choice(settings_table[SETTING_ENVIRONMENT].label, names, n, &chosen))
+        return;
+    if (chosen == 0)
+        window_set_environment(w, NULL, NULL);
+    else
+        window_ask_environment(w,
+                               own != NULL && chosen == n - 1 ? w->own_environment : names[chosen]);
+}
+
+void window_draw_lamps(struct window *w) {
+    choose_environment(w);
+    choose_lamp(w);
+    draw_glyph(w);
+}

@@ -1,0 +1,203 @@
+/* Opening of whatever the user names: at the start, in a dialog, by dropping it on the window. */
+#include "desktop/recent.h"
+#include "window_private.h"
+
+#include <string.h>
+
+/* The first method, and rather the present one, that the session has a product for. NULL: none. */
+static const struct method *window_method_of(const struct window *w, const char *session) {
+    for (int k = -1; k < 0 || methods[k] != NULL; k++) {
+        const struct method *method = k < 0 ? w->now.method : methods[k];
+        g_autofree char *path = method->product != NULL ? method_path(method, session) : NULL;
+        if (path != NULL && g_file_test(path, G_FILE_TEST_EXISTS))
+            return method;
+    }
+    return NULL;
+}
+
+static void window_open_session(struct window *w, const char *path) {
+    const struct method *method = window_method_of(w, path);
+    g_autofree char *database = g_build_filename(path, "session.db", NULL);
+    if (method != NULL)
+        window_ask_material(w, path, method);
+    else if (g_file_test(database, G_FILE_TEST_EXISTS))
+        window_watch_session(w, path);
+    else
+        window_ask_material(w, path, methods[0]); /* the error says how its file is made */
+}
+
+static void window_open_shape(struct window *w, const char *path) {
+    const char *before = w->own_shape, *name = g_string_chunk_insert_const(w->texts, path);
+    w->own_shape = name;
+    window_set_shape(w, name, NULL);
+    if (w->now.shape != name)
+        w->own_shape = before;
+    else
+        recent_add(path);
+}
+
+void window_open(struct window *w, const char *path) {
+    struct file_opened file;
+    g_autoptr(GError) error = NULL;
+    w->stale = TRUE;
+    if (!file_kind_find(path, &file, &error)) {
+        window_say(w, error->message);
+        return;
+    }
+    window_show_page(w, WINDOW_NO_PAGE);
+    window_say(w, NULL);
+    switch (file.kind) {
+    case FILE_KIND_SESSION:
+        window_open_session(w, file.path);
+        break;
+    case FILE_KIND_MATERIAL:
+        window_ask_material(w, file.path, file.method);
+        break;
+    case FILE_KIND_MDF:
+        window_ask_mdf(w, file.path);
+        break;
+    case FILE_KIND_SHAPE:
+        window_open_shape(w, file.path);
+        break;
+    case FILE_KIND_NORMALS:
+        w->now.normal_map = g_string_chunk_insert(w->texts, file.path);
+        window_set_method(w, w->now.method->takes_normals ? w->now.method
+                                                          : method_find("metal-ashikhmin"));
+        break;
+    case FILE_KIND_ENVIRONMENT:
+        window_ask_environment(w, file.path);
+        break;
+    }
+    file_opened_clear(&file);
+}
+
+/* The folder of a session that is being captured still lacks the product. */
+static gboolean is_being_captured(const struct window *w, const char *path) {
+    return w->session != NULL && w->start->method == methods[0] &&
+           !g_file_test(path, G_FILE_TEST_EXISTS);
+}
+
+/* MATERIAL of the command line may be anything that window_open() takes. TRUE: it is a material, or
+ * the error of opening it as one is wanted. */
+static gboolean window_has_material(struct window *w) {
+    const struct viewer_options *o = w->start;
+    struct file_opened file;
+    g_autoptr(GError) error = NULL;
+    if (o->argument == NULL || o->close_after > 0)
+        return TRUE;
+    const gboolean good = file_kind_find(o->argument, &file, &error);
+    if (good && (file.kind == FILE_KIND_SESSION || file.kind == FILE_KIND_MATERIAL)) {
+        file_opened_clear(&file);
+        return TRUE;
+    }
+    w->now.argument = NULL;
+    if (good) {
+        window_open(w, o->argument);
+        file_opened_clear(&file);
+    } else {
+        window_show_page(w, WINDOW_START);
+        window_say(w, error->message);
+    }
+    return FALSE;
+}
+
+void window_open_first(struct window *w) {
+    const struct viewer_options *o = w->start;
+    if (!window_has_material(w)) {
+        if (o->environment != NULL)
+            window_ask_environment(w, o->environment);
+        return;
+    }
+    g_autofree char *path = viewer_options_path(o, o->method);
+    if (o->argument != NULL && g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
+        g_autofree char *database = g_build_filename(o->argument, "session.db", NULL);
+        w->session = g_file_test(database, G_FILE_TEST_EXISTS) ? g_strdup(o->argument) : NULL;
+    }
+    if (o->environment != NULL)
+        window_ask_environment(w, o->environment);
+    if (is_being_captured(w, path)) {
+        w->live = live_new(w->session);
+        if (o->close_after == 0)
+            recent_add(w->session);
+    } else {
+        window_set_method(w, o->method);
+    }
+    if (w->outlines)
+        window_ask_mdf(w, o->mdf_path);
+    if (o->second != NULL)
+        window_set_second(w, o->second, o->compose.mode);
+    if (o->argument == NULL && o->method_name == NULL && o->close_after == 0)
+        window_show_page(w, WINDOW_START);
+}
+
+void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles) {
+    g_autoptr(GError) error = NULL;
+    struct scene_options scene = {.up = w->now.upward, .floor = w->now.floor};
+    if (tiles != NULL) {
+        scene.tiles_u = tiles->tiles_u;
+        scene.tiles_v = tiles->tiles_v;
+    }
+    struct mesh *mesh = scene_make(shape, &scene, &error);
+    if (mesh == NULL || !viewer_set_mesh(w->viewer, mesh, &error) ||
+        (w->second != NULL && !viewer_set_mesh(w->second, mesh, &error))) {
+        window_say(w, error->message);
+        mesh_free(mesh);
+        return;
+    }
+    mesh_free(w->mesh);
+    w->mesh = mesh;
+    w->now.shape = (char *)shape;
+    w->now.settings.tiles_u = mesh->tiles_u;
+    w->now.settings.tiles_v = mesh->tiles_v;
+    w->now.settings.camera_distance = w->start->settings.camera_distance;
+    w->stale = TRUE;
+    if (w->is_error)
+        window_say(w, NULL);
+}
+
+void window_scale_tiles(struct window *w, double factor) {
+    w->now.settings.tiles_u = CLAMP(w->now.settings.tiles_u * factor, 0.01, 500.0);
+    w->now.settings.tiles_v = CLAMP(w->now.settings.tiles_v * factor, 0.01, 500.0);
+    w->stale = TRUE;
+}
+
+/* Where the last material came from. */
+static char *window_folder(const struct window *w) {
+    g_autofree char *whole =
+        w->now.argument != NULL ? g_canonicalize_filename(w->now.argument, NULL) : NULL;
+    return whole != NULL ? g_path_get_dirname(whole) : g_get_current_dir();
+}
+
+void window_ask_file(struct window *w, enum chooser_what what) {
+    g_autofree char *folder = NULL, *name = NULL;
+    if (what == CHOOSER_SAVE)
+        name = window_picture_name(w, &folder);
+    else
+        folder = window_folder(w);
+    w->chooser_what = what;
+    chooser_ask(w->chooser, what, folder, name);
+    window_follow_chooser(w);
+}
+
+static void window_take_chosen(struct window *w, const char *path) {
+    if (w->chooser_what == CHOOSER_SAVE)
+        window_save_named(w, path);
+    else
+        window_open(w, path);
+}
+
+void window_follow_chooser(struct window *w) {
+    g_autofree char *path = NULL;
+    const enum chooser_state state = chooser_poll(w->chooser, &path);
+    if (state == CHOOSER_CHOSEN) {
+        window_take_chosen(w, path);
+    } else if (state == CHOOSER_UNAVAILABLE) {
+        g_autofree char *folder = NULL, *name = NULL;
+        if (w->chooser_what == CHOOSER_SAVE)
+            name = window_picture_name(w, &folder);
+        else
+            folder = window_folder(w);
+        window_files_begin(w, w->chooser_what, folder, name);
+        window_show_page(w, WINDOW_FILES);
+    }
+}
