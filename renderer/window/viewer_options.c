@@ -99,6 +99,7 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
     const GOptionEntry others[] = {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
+        FLAG("sample", &o->sample, "Show the sample material that comes with the package"),
         OPTION("shape", FILENAME, &o->shape, "SHAPE",
                "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file"),
         OPTION("method", STRING, &o->method_name, "METHOD",
@@ -213,10 +214,20 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
     return TRUE;
 }
 
+const char *viewer_options_sample(void) {
+    return g_file_test(MESORIG_SAMPLE, G_FILE_TEST_EXISTS) ? MESORIG_SAMPLE : NULL;
+}
+
 /* Sets the methods of --method, --split and --difference. */
 static gboolean parse_methods(struct viewer_options *o, GError **error) {
     const char *second = o->split != NULL ? o->split : o->difference;
-    o->argument = o->rest != NULL ? o->rest[0] : NULL;
+    o->argument = o->sample ? viewer_options_sample() : o->rest != NULL ? o->rest[0] : NULL;
+    if (o->sample && o->rest != NULL)
+        return refuse_options(error, "--sample is a material: leave %s out", o->rest[0]);
+    if (o->sample && o->argument == NULL)
+        return refuse_options(error, "--sample: there is no " MESORIG_SAMPLE
+                                     ". It comes with the package; "
+                                     "from a source tree, “etc/sample/make BUILD DIR” makes it");
     o->method = o->argument != NULL ? methods[0] : method_find(METHOD_DEMO);
     if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL) {
         g_autoptr(GString) names = g_string_new(methods[0]->name);
@@ -294,7 +305,7 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
 gboolean viewer_options_check(struct viewer_options *o, GError **error) {
     if (!parse_methods(o, error))
         return FALSE;
-    if (o->argument != NULL ? o->rest[1] != NULL : o->method->product != NULL)
+    if (o->rest != NULL ? o->rest[1] != NULL : o->argument == NULL && o->method->product != NULL)
         return refuse_options(
             error, "one MATERIAL is expected: a session directory or what “%s” made of one",
             o->method->made_by != NULL ? o->method->made_by : "mesorig process");

@@ -22,7 +22,7 @@ struct viewer_options {
     int series[SERIES_MAX], n_series; /* percentages of the views */
     double wait_s;
     int frames, close_after, supersample, sheet;
-    gboolean floor, reference, light_turn, camera_turn, json, version;
+    gboolean floor, reference, light_turn, camera_turn, json, version, sample;
     struct viewer_settings settings;
     char **rest;
     const char
@@ -44,6 +44,9 @@ gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
+
+/* The material of --sample; NULL: it is not installed. */
+const char *viewer_options_sample(void);
 
 /* Path of the file that a method opens. */
 char *viewer_options_path(const struct viewer_options *options, const struct method *method);

@@ -32,6 +32,7 @@ void window_show_page(struct window *w, enum window_page page) {
 }
 
 static void draw_start(struct window *w, struct ui_box picture) {
+    const char *sample = viewer_options_sample();
     int chosen = -1;
     ui_dialog_begin("Mesorig", picture, 460.0F * ui_scale());
     ui_text("Open a session that mesorig has captured, a file made of one, a shape or an "
@@ -43,7 +44,9 @@ static void draw_start(struct window *w, struct ui_box picture) {
     if (ui_button("Open a file …"))
         window_ask_file(w, CHOOSER_FILE);
     ui_same_line();
-    if (ui_button("Look at woven fabric"))
+    const gboolean looks =
+        ui_button(sample != NULL ? "Look at the sample" : "Look at woven fabric");
+    if (looks && sample == NULL)
         window_show_page(w, WINDOW_NO_PAGE);
     ui_gap();
     ui_text(w->recent->len > 0 ? "Opened last:" : "Nothing was opened yet.");
@@ -54,7 +57,9 @@ static void draw_start(struct window *w, struct ui_box picture) {
             chosen = (int)k;
     }
     ui_end_window();
-    if (chosen >= 0)
+    if (looks && sample != NULL)
+        window_open(w, sample);
+    else if (chosen >= 0)
         window_open(w, w->recent->pdata[chosen]);
 }
 

@@ -494,6 +494,22 @@ static void test_shapes(gconstpointer data) {
     remove_tree(dir);
 }
 
+/* Without the package's sample. */
+static void test_no_sample(void) {
+    if (!view_fixture_have_program())
+        return;
+    const char *arguments[] = {VIEWER, "--sample", "-o", "out.png", NULL, NULL};
+    g_autofree char *err = NULL;
+    if (!g_file_test("/usr/local/share/mesorig/sample/weave.exr", G_FILE_TEST_EXISTS)) {
+        g_assert_cmpint(run_without(NULL, NULL, arguments, &err), ==, 2);
+        g_assert_nonnull(strstr(err, "etc/sample/make"));
+    }
+    g_autofree char *both = NULL;
+    arguments[4] = "cloth.session";
+    g_assert_cmpint(run_without(NULL, NULL, arguments, &both), ==, 2);
+    g_assert_nonnull(strstr(both, "leave cloth.session out"));
+}
+
 /* OpenGL 3.3 is enough, for silhouettes too; what needs more says so. */
 static void test_least_gl(gconstpointer data) {
     if (!have_programs())
@@ -532,5 +548,6 @@ int main(int argc, char **argv) {
     gpu_fixture_add("/view-mistakes/no-library", test_no_library, NULL);
     gpu_fixture_add("/view-mistakes/shapes", test_shapes, NULL);
     gpu_fixture_add("/view-mistakes/least-gl", test_least_gl, NULL);
+    g_test_add_func("/view-mistakes/no-sample", test_no_sample);
     return g_test_run();
 }
