@@ -35,8 +35,8 @@ gboolean cameras_refuse(GError **error, enum cameras_error code, const char *for
 void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
-/* cameras_arm.c: the camera arm's axis from the stops with pictures; known: there are enough. FALSE:
- * they do not turn about one axis, or not about the rig file's. */
+/* cameras_arm.c: the camera arm's axis from the stops with pictures; known: there are enough.
+ * FALSE: they do not turn about one axis, or not about the rig file's. */
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error);
 /* Takes the axis over, and places the stops without pictures by it. */
