@@ -5,7 +5,8 @@
 #include "command/link.h"
 #include "plan/plan.h"
 
-/* Whether a session takes so many pictures that a few test shots hardly prolong it. */
+/* Whether the BTF of a session has so many pictures, views × lights, that a few test shots hardly
+ * prolong it. Exposures of a bracket, dark frames and laser sweeps do not count. */
 gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *rig);
 
 /* Homes turntable and arc, turns the arc to a planned light away from the cameras, and takes test

@@ -60,8 +60,14 @@ gpointer method_open(const struct method *method, const char *path, GError **err
             g_propagate_error(error, g_steal_pointer(&why));
         return material;
     }
-    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "there is no %s; “%s” makes it from a session",
-                path, method->made_by);
+    g_autofree char *name = g_path_get_basename(path);
+    if (g_str_equal(name, method->product))
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "there is no %s; “%s” makes it from a session", path, method->made_by);
+    else
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "there is no %s; give the directory of a session, or a file that “%s” makes",
+                    path, method->made_by);
     return NULL;
 }
 

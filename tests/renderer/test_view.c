@@ -324,6 +324,8 @@ static void test_program_usage(gconstpointer data) {
     check_usage(1, (const char *[]){VIEWER, "/nowhere", "-o", "b.png", NULL}, "/nowhere");
     check_usage(1, (const char *[]){VIEWER, "/nowhere", "-o", "b", "--shape", "cow", NULL}, "cow");
     check_usage(1, (const char *[]){VIEWER, "/", "-o", "b.png", NULL}, "products/eigenmaps.exr");
+    check_usage(1, (const char *[]){VIEWER, "no.session", "-o", "b.png", NULL},
+                "there is no no.session; give the directory of a session");
 }
 
 static void test_program_renders(gconstpointer data) {
