@@ -40,6 +40,21 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
+/* Whoever made the session may have ended, or failed, before the session's own name was synced: a
+ * power cut would take all frames with it. */
+static gboolean sync_name(const Session *session, GError **error) {
+    g_autofree char *parent = g_path_get_dirname(session->path);
+    const int fd = open(parent, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    /* A folder that may not be read cannot be synced, nor can folders of some file systems. */
+    const gboolean ok = fd < 0 || fsync(fd) == 0 || errno == EINVAL;
+    const int saved = errno;
+
+    if (fd >= 0)
+        close(fd);
+    return ok || session_fail(error, SESSION_ERROR_IO, "%s: cannot be synced: %s; check the disk",
+                              parent, g_strerror(saved));
+}
+
 static gboolean session_start(Session *session, GError **error) {
     static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
     g_autofree char *db = session_file(session, "session.db");
@@ -51,7 +66,7 @@ static gboolean session_start(Session *session, GError **error) {
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
         session->lock = session_lock(session->path, error);
-        if (session->lock < 0)
+        if (session->lock < 0 || !sync_name(session, error))
             return FALSE;
     }
     if (!session_db_open(session, FALSE, error))
