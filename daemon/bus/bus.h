@@ -36,6 +36,8 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 /* As the method OpenRig. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
+gboolean bus_has_rig(const Bus *bus); /* one is open */
+
 /* One line for people: "running, 12 % (120 of 1000 shots), 1 h 20 min left"; g_free(). */
 char *bus_status(Bus *bus);
 
@@ -44,7 +46,8 @@ char *bus_status(Bus *bus);
 void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
 /* A server for clients of the same user, which the kernel alone authenticates (EXTERNAL). address
- * is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. */
+ * is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. Commands of
+ * the same user find the daemon (bus_client.h). */
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
 
 /* Ends it, before bus_free(): a client that connects at that moment is refused. */
