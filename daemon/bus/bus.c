@@ -21,6 +21,8 @@ static void bus_notify(Bus *bus) {
 
 void bus_report(Bus *bus, const char *level, const char *source, const char *message) {
     const gboolean bad = strcmp(level, "error") == 0;
+    /* Clients see what went before it first. */
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(bus->object));
     bus_rig1_emit_event(bus->object, level, source, message);
     if (bad)
         g_hash_table_insert(bus->faults, g_strdup(source), g_strdup(message));
@@ -37,7 +39,8 @@ static void bus_on_event(Capture *capture, const char *level, const char *source
 static void show_status(Bus *bus, const struct capture_status *status) {
     double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1; /* in real time */
     if (left_s >= 0 && clock_is_virtual(bus->devices->clock)) {
-        /* A simulated rig's clock runs at a pace of its own, taken from what was done so far. */
+        /* A simulated rig's clock runs at a pace of its own, taken from what was done since its
+         * axes were homed, which takes it no time at all. */
         const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
         const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
         left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
@@ -45,6 +48,10 @@ static void show_status(Bus *bus, const struct capture_status *status) {
     const guint64 end = left_s >= 0 && left_s < 1e9
                             ? (guint64)(g_get_real_time() / G_USEC_PER_SEC) + (guint64)left_s
                             : 0;
+    if (status->state == CAPTURE_HOMING) {
+        bus->started_us = g_get_monotonic_time();
+        bus->started_elapsed_s = status->elapsed_s;
+    }
     g_object_set(bus->object, "state", state_names[status->state], "reason",
                  status->reason ? status->reason : "", "prompt",
                  status->prompt ? status->prompt : "", "doing", status->doing ? status->doing : "",
@@ -60,6 +67,7 @@ void bus_show_devices(Bus *bus) {
 }
 
 static void end_capture(Bus *bus) {
+    g_clear_handle_id(&bus->tick_id, g_source_remove);
     if (bus->end_id)
         g_source_remove(bus->end_id);
     bus->end_id = 0;
@@ -98,6 +106,13 @@ static void bus_changed(Capture *capture, gpointer data) {
     bus_notify(bus);
 }
 
+/* Nothing else is told while axes home, or while a long exposure goes on. */
+static gboolean on_tick(gpointer data) {
+    Bus *bus = data;
+    bus_changed(bus->capture, bus);
+    return G_SOURCE_CONTINUE;
+}
+
 gboolean bus_need_rig(Bus *bus, GError **error) {
     if (bus->ending) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is being closed", bus->rig_path);
@@ -118,11 +133,14 @@ gboolean bus_need_free(Bus *bus, GError **error) {
     const char *beginning = bus_jobs_beginning(bus);
     if (bus->capture)
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "%s is being captured (%s): Abort it, or wait for its end", bus->directory,
-                    bus_rig1_get_state(bus->object));
+                    "%s is being captured (%s) on this rig: wait for its end; if it is yours, "
+                    "“mesorig abort %s” ends it",
+                    bus->directory, bus_rig1_get_state(bus->object), bus->directory);
     else if (beginning)
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "%s is about to begin: Abort it, or wait for its end", beginning);
+                    "%s is about to begin on this rig: wait for its end; if it is yours, “mesorig "
+                    "abort” ends it",
+                    beginning);
     return !bus->capture && !beginning;
 }
 
@@ -230,6 +248,8 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     bus->capture = capture;
     bus_hold_clock(bus, FALSE);
     bus_drop_thumbnails(bus);
+    g_clear_handle_id(&bus->tick_id, g_source_remove);
+    bus->tick_id = g_timeout_add_seconds(1, on_tick, bus);
     capture_get_status(capture, &status);
     bus->started_us = g_get_monotonic_time();
     bus->started_elapsed_s = status.elapsed_s;
@@ -365,6 +385,10 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error) {
     bus_queue_guard(bus->queue, connection);
     g_signal_connect_object(connection, "closed", G_CALLBACK(connection_closed), skeleton, 0);
     return TRUE;
+}
+
+gboolean bus_has_rig(const Bus *bus) {
+    return bus->devices != NULL;
 }
 
 char *bus_status(Bus *bus) {

@@ -41,6 +41,8 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
  * and to whoever asks for it: the rig serves all the same. */
 void bus_keep_queue(Bus *bus, const char *path);
 
+gboolean bus_has_rig(const Bus *bus); /* one is open */
+
 /* One line for people: "running, 12 % (120 of 1000 shots), 1 h 20 min left"; g_free(). */
 char *bus_status(Bus *bus);
 
@@ -49,7 +51,8 @@ char *bus_status(Bus *bus);
 void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
 /* A server for clients of the same user, which the kernel alone authenticates (EXTERNAL). address
- * is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. */
+ * is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. Commands of
+ * the same user find the daemon (bus_client.h). */
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
 
 /* Ends it, before bus_free(): a client that connects at that moment is refused. */

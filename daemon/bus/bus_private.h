@@ -43,7 +43,8 @@ struct Bus {
     double thumbnail_time_s[RIG_MAX_CAMERAS];
     gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
     struct capture_thumbnail kept[RIG_MAX_CAMERAS]; /* the last of a capture that has ended */
-    guint end_id; /* the idle source that frees a capture that has ended */
+    guint tick_id; /* shows the time that passes, during a capture */
+    guint end_id;  /* the idle source that frees a capture that has ended */
     BusFunc func;
     gpointer data;
     GDBusConnection *client; /* the client that started it; only compared */

@@ -1,4 +1,5 @@
 #include "bus.h"
+#include "bus_client.h"
 
 #include <gio/gunixsocketaddress.h>
 #include <glib/gstdio.h>
@@ -62,10 +63,18 @@ GDBusServer *bus_serve(Bus *bus, const char *address, GError **error) {
         return NULL;
     g_signal_connect(server, "new-connection", G_CALLBACK(new_connection), bus);
     g_dbus_server_start(server);
+    g_autoptr(GError) why = NULL;
+    char *folder = bus_client_announce(address, &why);
+    if (why)
+        g_warning("commands will find this daemon by --address alone: %s", why->message);
+    g_object_set_data_full(G_OBJECT(server), "announced", folder, g_free);
     return server;
 }
 
 void bus_unserve(Bus *bus, GDBusServer *server) {
+    const char *announced = g_object_get_data(G_OBJECT(server), "announced");
+    if (announced)
+        bus_client_remove_folder(announced);
     g_signal_handlers_disconnect_by_func(server, new_connection, bus);
     g_dbus_server_stop(server);
     g_object_unref(server);

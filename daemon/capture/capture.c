@@ -368,8 +368,15 @@ void capture_abort(Capture *capture) {
 static double time_left_s(Capture *capture) {
     if (capture->state == CAPTURE_DONE || !capture->plan_left_s)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
-    if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED)
-        return capture->plan_left_s[capture->committed];
+    if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
+        /* The axes are homed again before it goes on. */
+        const struct devices *devices = capture->devices;
+        return plan_homing_s(&devices->geometry, &devices->timing) +
+               plan_remaining_s((const struct session_shot *const *)capture->remaining->pdata +
+                                    capture->committed,
+                                (int)(capture->remaining->len - capture->committed), &capture->conf,
+                                &devices->timing, 0, 0);
+    }
     const double passed_s = capture_now_s(capture) - capture->left_at_s;
     return MAX(capture->left_s - passed_s, capture->left_least_s);
 }
@@ -378,12 +385,32 @@ static gboolean waits_for_somebody(const Capture *capture) {
     return capture->state == CAPTURE_PAUSED && capture->wanted_mount >= 0;
 }
 
+/* "homing sweep30, sweep60 (2 of 4 axes are done)" */
+static char *homing_text(const Capture *capture) {
+    const struct devices *devices = capture->devices;
+    const Axis *axes[2 + RIG_MAX_LASERS] = {devices->turntable, devices->arc};
+    g_autoptr(GString) left = g_string_new(NULL);
+    int n = 0, done = 0;
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        axes[2 + i] = rig_laser_unit(&devices->timing, i) == i ? devices->sweeps[i] : NULL;
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
+        if (!axes[i])
+            continue;
+        n++;
+        done += axis_is_homed(axes[i]);
+        if (!axis_is_homed(axes[i]))
+            g_string_append_printf(left, "%s%s", left->len ? ", " : "", axes[i]->device.name);
+    }
+    return left->len ? g_strdup_printf("homing %s (%d of %d axes are done)", left->str, done, n)
+                     : g_strdup("homing the axes");
+}
+
 static char *doing_now(const Capture *capture) {
     int sub, n;
     const struct rig *rig = &capture->devices->geometry;
     const struct session_shot *shot = sequencer_shot(capture->sequencer, &sub, &n);
     if (capture->state == CAPTURE_HOMING)
-        return g_strdup("homing the axes");
+        return homing_text(capture);
     if (waits_for_somebody(capture))
         return g_strdup("waiting for a laser to be mounted");
     if (!shot)

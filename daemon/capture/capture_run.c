@@ -168,7 +168,8 @@ static void stop_for(Capture *capture, enum capture_fault fault, const char *sou
     gboolean safe = sequencer_stop(capture->sequencer, &error);
     g_autofree char *text =
         safe ? g_strdup(reason)
-             : g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
+             : g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand first. %s",
+                               error->message, reason);
     capture_pause_for(capture, safe ? fault : CAPTURE_FAULT_RIG, source, text);
 }
 
@@ -430,6 +431,9 @@ static void capture_run_note_left(Capture *capture, guint n, double at_s) {
 static void on_homed(gpointer data) {
     Capture *capture = data;
     capture_run_note_left(capture, 0, capture_now_s(capture));
+    /* For the history: since the last shot, or the beginning, only axes were homed. */
+    session_add_event(capture->session, capture_now_s(capture), "info", "capture",
+                      SESSION_EVENT_HOMED, NULL);
     if (capture->state == CAPTURE_HOMING)
         capture_set_state(capture, CAPTURE_RUNNING);
 }
@@ -501,25 +505,17 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_run_changed(capture);
 }
 
-static void capture_run_begin(gpointer data) {
-    Capture *capture = data;
-    capture->starter = 0;
+/* What this run is to take, and how long that will be, homing included. */
+static void note_remaining(Capture *capture) {
+    const struct devices *devices = capture->devices;
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();
     capture->committed = 0;
-    capture->all_taken = FALSE;
     for (guint i = 0; i < capture->shots->len; i++) {
         struct session_shot *shot = capture->shots->pdata[i];
         if (shot->state == SHOT_PLANNED)
             g_ptr_array_add(capture->remaining, shot);
     }
-    capture_start_clock(capture);
-    if (capture->remaining->len == 0) {
-        capture_come_to_rest(capture, CAPTURE_DONE);
-        return;
-    }
-    guint n = capture_mount_reach(capture);
-    const struct devices *devices = capture->devices;
     g_free(capture->plan_left_s);
     capture->plan_left_s = g_new(double, capture->remaining->len + 1);
     plan_left_s((const struct session_shot *const *)capture->remaining->pdata,
@@ -528,6 +524,18 @@ static void capture_run_begin(gpointer data) {
     capture_run_note_left(capture, 0, capture_now_s(capture));
     capture->left_s += plan_homing_s(&devices->geometry, &devices->timing);
     capture->left_least_s = capture->plan_left_s[0];
+}
+
+static void capture_run_begin(gpointer data) {
+    Capture *capture = data;
+    capture->starter = 0;
+    capture->all_taken = FALSE;
+    capture_start_clock(capture);
+    if (capture->remaining->len == 0) {
+        capture_come_to_rest(capture, CAPTURE_DONE);
+        return;
+    }
+    guint n = capture_mount_reach(capture);
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     capture->leg = g_ptr_array_sized_new(n);
     for (guint i = 0; i < n; i++)
@@ -541,6 +549,7 @@ static void capture_run_begin(gpointer data) {
 /* Not from within the caller's call, since events may follow at once. */
 void capture_begin_soon(Capture *capture) {
     g_clear_pointer(&capture->reason, g_free);
+    note_remaining(capture);
     capture_set_state(capture, CAPTURE_HOMING);
     capture->starter = clock_call_in(capture->devices->clock, 0, capture_run_begin, capture);
 }

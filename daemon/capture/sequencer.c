@@ -61,10 +61,13 @@ gboolean sequencer_stop(Sequencer *seq, GError **error) {
 static void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig) {
     g_autoptr(GError) error = NULL;
     g_autofree char *text = g_strdup(reason);
-    if (!sequencer_stop(seq, &error)) {
-        rig = TRUE;
+    const gboolean safe = sequencer_stop(seq, &error);
+    rig = rig || !safe;
+    /* The reason may be just that a light did not go off. */
+    if (!safe && !strstr(reason, error->message)) {
         g_free(text);
-        text = g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
+        text = g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand first. %s",
+                               error->message, reason);
     }
     seq->hooks.fault(source, text, rig, seq->hooks.data);
 }

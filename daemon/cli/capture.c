@@ -64,14 +64,15 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     g_autofree char *summary = monitor_summary(monitor);
     const char *go_on = link_is_private(link) ? "resume" : "continue";
     const char *reason = monitor_reason(monitor);
+    g_autofree char *again = link_again(link);
     const gboolean done = end == MONITOR_DONE || end == MONITOR_DETACHED;
     if (end == MONITOR_LOST) {
         g_autofree char *log = link_log(link);
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
                     "mesorigd has ended unexpectedly; committed frames are kept: continue with "
                     "mesorig resume "
-                    "%s%s%s",
-                    directory, *log ? "\nIts last messages:\n" : "", log);
+                    "%s%s%s%s",
+                    directory, again, *log ? "\nIts last messages:\n" : "", log);
         return CLI_FAILED;
     }
     if (cli_json)
@@ -79,14 +80,15 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     if (end == MONITOR_DONE)
         g_print("done: %s\n", summary);
     else if (end == MONITOR_DETACHED)
-        g_print("the capture goes on in mesorigd: mesorig watch, pause, abort\n");
+        g_print("the capture goes on in mesorigd: mesorig watch, pause or abort %s%s\n", directory,
+                again);
     else if (end == MONITOR_FAULT)
-        g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s\n",
+        g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s%s\n",
                    strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
-                   directory);
+                   directory, again);
     else
-        g_printerr("mesorig: %s, the rig is safe: %s\nto go on: mesorig resume %s\n",
-                   end == MONITOR_PAUSED ? "paused" : "aborted", summary, directory);
+        g_printerr("mesorig: %s, the rig is safe: %s\nto go on: mesorig resume %s%s\n",
+                   end == MONITOR_PAUSED ? "paused" : "aborted", summary, directory, again);
     return done ? CLI_DONE : CLI_FAILED;
 }
 

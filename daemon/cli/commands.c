@@ -14,7 +14,7 @@ static const struct command *const commands[] = {
     &cli_compare,  &cli_check,   &cli_calibrate, &cli_board,        &cli_info,     &cli_drivers,
     &cli_devices,  &hands_snap,  &hands_live,    &hands_lamp,       &hands_laser,  &hands_move,
     &hands_home,   &hands_test,  &cli_import,    &cli_export,       &cli_resample, &cli_verify,
-    &cli_report,   NULL,
+    &cli_report,   &cli_close,   NULL,
 };
 
 const struct command *const *cli_commands(void) {

@@ -1,11 +1,11 @@
-/* status, watch, pause, continue, abort, safe: the commands about a daemon's work. */
+/* status, watch, pause, continue, abort, safe, close: the commands about a daemon's work. */
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
+#include "command/status.h"
 #include "command/watching.h"
 #include "commands.h"
 #include "info.h"
-#include "plan/report.h"
 #include "unattended/unattended.h"
 
 /* NULL: none was given. g_free(). */
@@ -13,40 +13,18 @@ static char *directory_of(const struct call *call) {
     return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }
 
-/* Reports how much of the session is done, the elapsed time and the predicted end. */
-static void tell_progress(Record *to, BusRig1 *rig) {
-    const int shots = bus_rig1_get_shots(rig), done = bus_rig1_get_shots_done(rig);
-    const guint64 end = bus_rig1_get_predicted_end(rig);
-    g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
-    g_autofree char *left = report_duration(bus_rig1_get_left(rig));
-    record_say(to, "session    %s\n", bus_rig1_get_session(rig));
-    record_say(to, "shots      %d of %d, %.1f %%\n", done, shots, 100.0 * done / shots);
-    record_say(to, "frames     %" G_GINT64_FORMAT ", %" G_GINT64_FORMAT " retakes\n",
-               bus_rig1_get_frames(rig), bus_rig1_get_retakes(rig));
-    record_say(to, "time       %s, %s left%s", elapsed, left,
-               bus_rig1_get_simulated(rig) ? " (simulated)" : "");
-    if (end) {
-        g_autoptr(GDateTime) time = g_date_time_new_from_unix_local((gint64)end);
-        g_autofree char *text = time ? g_date_time_format(time, "%F %H:%M") : g_strdup("?");
-        record_say(to, ", ends about %s", text);
-    }
-    record_say(to, "\n");
-}
-
 static void tell_status(Record *to, BusRig1 *rig) {
     const char *reason = bus_rig1_get_reason(rig), *doing = bus_rig1_get_doing(rig);
     const char *prompt = bus_rig1_get_prompt(rig);
-    const char *class_name, *name, *driver, *health;
-    GVariantIter iter;
     GVariant *devices = bus_rig1_get_devices(rig);
     monitor_status(to, rig);
     if (devices)
         record_variant(to, "devices", devices);
     record_say(to, "state      %s\n", bus_rig1_get_state(rig));
     if (*prompt)
-        record_say(to, "to do      %s\n", prompt);
+        status_say_sentences(to, "to do", prompt);
     else if (*reason)
-        record_say(to, "reason     %s\n", reason);
+        status_say_sentences(to, "reason", reason);
     g_autofree char *pose = watching_pose(rig);
     if (*doing)
         record_say(to, "doing      %s\n", doing);
@@ -54,14 +32,10 @@ static void tell_status(Record *to, BusRig1 *rig) {
         record_say(to, "pose       %s\n", pose);
     record_say(to, "rig        %s\n", bus_rig1_get_rig_path(rig));
     if (bus_rig1_get_shots(rig) > 0)
-        tell_progress(to, rig);
+        status_say_progress(to, rig);
     unattended_tell(to, rig, FALSE);
-    if (!devices || g_variant_n_children(devices) == 0)
-        return;
-    record_say(to, "\n%-10s %-16s %-16s %s\n", "CLASS", "NAME", "DRIVER", "HEALTH");
-    g_variant_iter_init(&iter, devices);
-    while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health))
-        record_say(to, "%-10s %-16s %-16s %s\n", class_name, name, driver, health);
+    if (devices && g_variant_n_children(devices) > 0)
+        status_say_devices(to, devices, reason);
 }
 
 static int run_status(const struct call *call, GError **error) {
@@ -87,6 +61,13 @@ static int run_watch(const struct call *call, GError **error) {
     g_autoptr(Link) link = link_find(directory, error);
     if (!link)
         return CLI_FAILED;
+    if (bus_rig1_get_shots(link_rig(link)) == 0 && !status_is_capturing(link_rig(link))) {
+        const char *rig = bus_rig1_get_rig_path(link_rig(link));
+        monitor_status(call->record, link_rig(link));
+        record_say(call->record, "nothing is being captured (%s%s)\n",
+                   *rig ? "rig " : "the daemon has no rig open", rig);
+        return CLI_DONE;
+    }
     g_autoptr(Monitor) monitor = monitor_new(link, FALSE);
     monitor_watch(monitor, !no_pictures);
     const enum monitor_end end = monitor_run(monitor, TRUE);
@@ -98,29 +79,71 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* Commands that send one request to the daemon, with the text that is printed on success. */
+/* Whose session and rig it is that a command has changed. The session is what is being captured, or
+ * "". */
+static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
+    record_string(to, "done", done);
+    record_string(to, "rig", rig);
+    record_string(to, "session", session);
+}
+
+/* Commands that send one request to the daemon. They print done, session and rig, and, unless they
+ * are NULL, how it is done and the command that goes on. */
 static const struct request {
     const char *name;
     gboolean (*call)(BusRig1 *rig, GCancellable *cancellable, GError **error);
-    const char *done;
+    const char *done, *how, *next;
 } requests[] = {
-    {"pause", bus_rig1_call_pause_sync,
-     "pausing after the shot under way; “mesorig continue” goes on"},
-    {"continue", bus_rig1_call_continue_sync, "going on"},
-    {"abort", bus_rig1_call_abort_sync,
-     "aborted, the rig is safe; what was taken stays: “mesorig resume” goes on"},
+    {"pause", bus_rig1_call_pause_sync, "pausing", "after the shot under way", "continue"},
+    {"continue", bus_rig1_call_continue_sync, "going on with", NULL, NULL},
+    {"abort", bus_rig1_call_abort_sync, "aborted", "the rig is safe, what was taken stays",
+     "resume"},
 };
 
 static int run_request(const struct call *call, GError **error) {
     const struct request *request = requests;
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);
+    if (!link)
+        return CLI_FAILED;
+    BusRig1 *rig = link_rig(link);
+    g_autofree char *path = g_strdup(bus_rig1_get_rig_path(rig));
+    g_autofree char *session = g_strdup(status_is_capturing(rig) ? bus_rig1_get_session(rig) : "");
+    g_autofree char *again = link_again(link);
     while (!g_str_equal(request->name, call->command->name))
         request++;
-    if (!link || !request->call(link_rig(link), NULL, error))
+    if (!request->call(rig, NULL, error))
         return CLI_FAILED;
-    record_string(call->record, "done", request->name);
-    record_say(call->record, "%s\n", request->done);
+    tell_whose(call->record, request->name, path, session);
+    if (!*session)
+        record_say(call->record, "%s what was about to begin on the rig %s\n", request->done, path);
+    else if (!request->next)
+        record_say(call->record, "%s %s (rig %s)\n", request->done, session, path);
+    else
+        record_say(call->record, "%s %s (rig %s): %s; “mesorig %s %s%s” goes on\n", request->done,
+                   session, path, request->how, request->next, session, again);
+    return CLI_DONE;
+}
+
+static int run_close(const struct call *call, GError **error) {
+    g_autoptr(Link) link = link_find(NULL, error);
+    if (!link)
+        return CLI_FAILED;
+    BusRig1 *rig = link_rig(link);
+    g_autofree char *path = g_strdup(bus_rig1_get_rig_path(rig));
+    g_autofree char *again = link_again(link);
+    if (status_is_capturing(rig)) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "the rig %s captures %s (%s): wait for its end, or end it with “mesorig abort "
+                    "%s%s”",
+                    path, bus_rig1_get_session(rig), bus_rig1_get_state(rig),
+                    bus_rig1_get_session(rig), again);
+        return CLI_FAILED;
+    }
+    if (!bus_rig1_call_close_rig_sync(rig, NULL, error))
+        return CLI_FAILED;
+    tell_whose(call->record, "close", path, "");
+    record_say(call->record, "closed the rig %s; its devices are free for other programs\n", path);
     return CLI_DONE;
 }
 
@@ -131,7 +154,12 @@ static int run_safe(const struct call *call, GError **error) {
     g_autoptr(GVariant) devices = NULL;
     g_autoptr(GString) open = g_string_new(NULL);
     gboolean safe = FALSE;
-    if (!link || !bus_rig1_call_safe_state_sync(link_rig(link), &safe, &devices, NULL, error))
+    if (!link)
+        return CLI_FAILED;
+    BusRig1 *rig = link_rig(link);
+    g_autofree char *path = g_strdup(bus_rig1_get_rig_path(rig));
+    g_autofree char *session = g_strdup(status_is_capturing(rig) ? bus_rig1_get_session(rig) : "");
+    if (!bus_rig1_call_safe_state_sync(rig, &safe, &devices, NULL, error))
         return CLI_FAILED;
     GVariantIter iter;
     const char *class_name, *name, *state;
@@ -142,17 +170,18 @@ static int run_safe(const struct call *call, GError **error) {
             g_string_append_printf(open, "%s%s %s (%s)", open->len ? ", " : "", class_name, name,
                                    state);
     }
-    record_string(call->record, "done", "safe");
+    tell_whose(call->record, "safe", path, session);
     record_boolean(call->record, "safe", safe);
     record_variant(call->record, "devices", devices);
     if (safe) {
-        record_say(call->record, "lamps and lasers are off, axes stand\n");
+        record_say(call->record, "rig %s: lamps and lasers are off, axes stand%s%s\n", path,
+                   *session ? "; ended: " : "", session);
         return CLI_DONE;
     }
     g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
-                "the rig was commanded into its safe state, but these devices did not confirm it: "
-                "%s; look at them and switch them off by hand",
-                open->str);
+                "the rig %s was commanded into its safe state, but these devices did not confirm "
+                "it: %s; look at them and switch them off by hand",
+                path, open->str);
     return CLI_FAILED;
 }
 
@@ -170,5 +199,12 @@ const struct command cli_continue =
     CONTROL("continue", run_request, "Go on after a pause or a fault.");
 const struct command cli_abort =
     CONTROL("abort", run_request, "End a capture now; it can be resumed.");
+const struct command cli_close = {
+    .name = "close",
+    .arguments = "",
+    .examples = "  mesorig close\n",
+    .help = "Make the daemon close its rig, so that another may be opened.",
+    .daemon = TRUE,
+    .run = run_close};
 const struct command cli_safe =
     CONTROL("safe", run_safe, "End what is under way; lamps and lasers off, axes stopped.");

@@ -19,6 +19,7 @@ static const struct colour ink = {0.13, 0.14, 0.16}, faint = {0.85, 0.86, 0.88},
 static const struct colour kinds[] = {[SHOT_DARK] = {0.35, 0.36, 0.40},
                                       [SHOT_LAMP] = {0.96, 0.80, 0.28},
                                       [SHOT_SWEEP] = {0.80, 0.20, 0.27}};
+static const struct colour rest = {0.72, 0.73, 0.75};
 
 struct take { /* of one shot, when its last picture came */
     double end_s;
@@ -170,16 +171,36 @@ static void draw_angles(const struct history *h, double top, double bottom) {
     }
 }
 
+/* When the axes had last been homed between two takes; from_s: they were not. What was done before
+ * in that time was lost: a shot that a fault or an abort has interrupted. */
+static double homed_s(const struct history *h, double from_s, double to_s) {
+    double at_s = from_s;
+    for (guint i = 0; i < h->events->len; i++) {
+        const struct session_event *event = h->events->pdata[i];
+        if (g_str_equal(event->message, SESSION_EVENT_HOMED) && event->time_s > from_s &&
+            event->time_s < to_s)
+            at_s = MAX(at_s, event->time_s);
+    }
+    return at_s;
+}
+
+static void draw_span(const struct history *h, double from_s, double to_s, double top,
+                      double bottom, struct colour colour) {
+    const double from = cli_history_x_of(h, from_s), to = cli_history_x_of(h, to_s);
+    cli_history_set_colour(h, colour, 1);
+    cairo_rectangle(h->cr, from, top, to - from + 0.3, bottom - top);
+    cairo_fill(h->cr);
+}
+
 static void draw_kinds(const struct history *h, double top, double bottom) {
-    double from = 0;
+    double from_s = 0;
     for (guint i = 0; i < h->takes->len; i++) {
         const struct take *take = &g_array_index(h->takes, struct take, i);
-        cli_history_set_colour(h, kinds[take->shot->kind], 1);
-        cairo_rectangle(h->cr, cli_history_x_of(h, from), top,
-                        cli_history_x_of(h, take->end_s) - cli_history_x_of(h, from) + 0.3,
-                        bottom - top);
-        cairo_fill(h->cr);
-        from = take->end_s;
+        const double begun_s = homed_s(h, from_s, take->end_s);
+        if (begun_s > from_s)
+            draw_span(h, from_s, begun_s, top, bottom, rest);
+        draw_span(h, begun_s, take->end_s, top, bottom, kinds[take->shot->kind]);
+        from_s = take->end_s;
     }
     draw_time(h, bottom, bottom + 6, TRUE);
 }
@@ -193,6 +214,7 @@ static void draw_keys(const struct history *h, double y) {
                 {kinds[SHOT_LAMP], "lamps"},
                 {kinds[SHOT_SWEEP], "laser sweeps"},
                 {kinds[SHOT_DARK], "dark frames"},
+                {rest, "homing"},
                 {warning, "warning"},
                 {fault, "error"}};
     double x = LEFT;

@@ -17,8 +17,8 @@ static const GOptionEntry json_entries[] = {
 };
 
 static const GOptionEntry link_entries[] = {
-    {"address", 0, 0, G_OPTION_ARG_STRING, &cli_address, "Talk to the daemon at this address",
-     "unix:path=…"},
+    {"address", 0, 0, G_OPTION_ARG_STRING, &cli_address,
+     "Talk to the daemon at this address (MESORIG_ADDRESS in the environment)", "unix:path=…"},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &cli_bus, "Talk to the daemon on this bus",
      "system|session"},
     {NULL},
@@ -63,6 +63,10 @@ static gboolean cli_parse(const struct command *command, int *argc, char ***argv
     }
     if (!g_option_context_parse(context, argc, argv, &error)) {
         nearest_add_option(error, tables);
+        const char *number = strstr(error->message, " -");
+        if (number && g_ascii_isdigit(number[2]))
+            g_prefix_error(&error, "before a negative number write --, as in “mesorig %s -- …%s”: ",
+                           command->name, number);
         cli_usage(command, "%s", error->message);
         return FALSE;
     }

@@ -95,7 +95,9 @@ static char *progress_text(const Monitor *monitor) {
         g_string_append_printf(text, ", paused: %s", reason);
     } else {
         /* What matters most comes first: a narrow terminal cuts the end. */
-        if (strcmp(state, "running") != 0)
+        if (strcmp(state, "homing") == 0)
+            g_string_append_printf(text, ", %s", bus_rig1_get_doing(rig));
+        else if (strcmp(state, "running") != 0)
             g_string_append_printf(text, ", %s", state);
         if (end) {
             const double left_s = (double)end - (double)g_get_real_time() / G_USEC_PER_SEC;
@@ -178,8 +180,9 @@ static void check_prompt(Monitor *monitor) {
             g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, on_enter, monitor);
         progress_line(monitor->progress, "press Enter when it is done");
     } else {
-        progress_line(monitor->progress, "to answer: mesorig continue %s",
-                      bus_rig1_get_session(rig));
+        g_autofree char *again = link_again(monitor->link);
+        progress_line(monitor->progress, "to answer: mesorig continue %s%s",
+                      bus_rig1_get_session(rig), again);
     }
 }
 
@@ -190,10 +193,12 @@ static void cli_monitor_check(Monitor *monitor) {
         return;
     }
     const char *state = bus_rig1_get_state(rig);
+    /* Another property may change between the event of a fault and the state that follows it: only
+     * a state that is new says that it goes on again. */
+    if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
+        monitor->faulty = FALSE;
     cli_monitor_show(monitor);
     check_prompt(monitor);
-    if (strcmp(state, "running") == 0)
-        monitor->faulty = FALSE;
     if (strcmp(state, "done") == 0) {
         cli_monitor_finish(monitor, MONITOR_DONE);
     } else if (strcmp(state, "paused") == 0) {

@@ -14,7 +14,7 @@ Link *hand_link(GError **error) {
     g_autofree char *rig = hand_rig ? g_canonicalize_filename(hand_rig, NULL) : NULL;
     g_autoptr(Link) link = rig ? rig_link_find(rig, &simulated, error) : link_find(NULL, error);
     if (!link) {
-        if (!rig && error)
+        if (!rig && error && g_error_matches(*error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND))
             g_prefix_error(error, "give --rig RIG, or start the daemon: ");
         return NULL;
     }

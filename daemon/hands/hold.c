@@ -91,10 +91,11 @@ static int run_light(const struct call *call, gboolean laser, GError **error) {
     g_autoptr(Link) link = hand_link(error);
     if (!link || !hand_light(link, laser, name, TRUE, error))
         return CLI_FAILED;
+    const char *rig = bus_rig1_get_rig_path(link_rig(link));
     if (!cli_json && seconds > 0)
-        g_print("%s is on for %g s\n", name, seconds);
+        g_print("%s is on for %g s (rig %s)\n", name, seconds, rig);
     else if (!cli_json)
-        g_print("%s is on; Ctrl-C switches it off\n", name);
+        g_print("%s is on (rig %s); Ctrl-C switches it off\n", name, rig);
     g_autofree char *fault = wait_for_end(link);
     if (fault)
         g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, fault);
@@ -102,7 +103,8 @@ static int run_light(const struct call *call, gboolean laser, GError **error) {
         return CLI_FAILED;
     record_string(call->record, laser ? "laser" : "lamp", name);
     record_boolean(call->record, "on", FALSE);
-    record_say(call->record, "%s is off\n", name);
+    record_string(call->record, "rig", rig);
+    record_say(call->record, "%s is off (rig %s)\n", name, rig);
     return CLI_DONE;
 }
 
@@ -114,10 +116,12 @@ static int run_laser(const struct call *call, GError **error) {
     return run_light(call, TRUE, error);
 }
 
-static void tell_axis(Record *to, const char *axis, double deg) {
+static void tell_axis(Record *to, Link *link, const char *axis, double deg) {
+    const char *rig = bus_rig1_get_rig_path(link_rig(link));
     record_string(to, "axis", axis);
     record_double(to, "position_deg", deg);
-    record_say(to, "%s stands at %g°\n", axis, deg);
+    record_string(to, "rig", rig);
+    record_say(to, "%s stands at %g° (rig %s)\n", axis, deg, rig);
 }
 
 static int run_move(const struct call *call, GError **error) {
@@ -138,7 +142,7 @@ static int run_move(const struct call *call, GError **error) {
             g_prefix_error(error, "%s: ", axis);
         return CLI_FAILED;
     }
-    tell_axis(call->record, axis, deg);
+    tell_axis(call->record, link, axis, deg);
     return CLI_DONE;
 }
 
@@ -147,7 +151,7 @@ static int run_home(const struct call *call, GError **error) {
     g_autoptr(Link) link = hand_link(error);
     if (!link || !hand_home(link, call->arguments[0], &deg, error))
         return CLI_FAILED;
-    tell_axis(call->record, call->arguments[0], deg);
+    tell_axis(call->record, link, call->arguments[0], deg);
     return CLI_DONE;
 }
 

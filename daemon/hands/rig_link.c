@@ -1,6 +1,6 @@
 #include "rig_link.h"
 
-#include "bus/bus.h"
+#include "bus/bus_client.h"
 #include "rig/devices.h"
 
 Link *rig_link_find(const char *rig, gboolean *ret_simulated, GError **error) {
@@ -22,7 +22,7 @@ Link *rig_link_find(const char *rig, gboolean *ret_simulated, GError **error) {
     if (why)
         g_propagate_error(error, why);
     else if (!link)
-        link = simulated ? link_start(error) : link_find(NULL, error);
+        link = simulated ? link_start(error) : link_find_free(rig, error);
     return link;
 }
 
@@ -32,8 +32,11 @@ gboolean rig_link_open(Link *link, const char *rig, GError **error) {
         return TRUE;
     if (!open || !*open)
         return bus_rig1_call_open_rig_sync(link_rig(link), rig, NULL, error);
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                "the daemon has another rig open, %s; busctl call %s %s %s CloseRig closes it",
-                open, BUS_NAME, BUS_PATH, BUS_NAME);
+    g_set_error(
+        error, G_IO_ERROR, G_IO_ERROR_BUSY,
+        "the daemon of %s is not for the rig %s: it has %s open. Name the daemon of that rig "
+        "by --address or %s, or start one: mesorigd --listen unix:path=/tmp/NAME --rig %s "
+        "(“mesorig close %s” makes that daemon give its rig up)",
+        link_option(link), rig, open, BUS_CLIENT_VARIABLE, rig, link_option(link));
     return FALSE;
 }

@@ -8,6 +8,7 @@
 #include <glib-unix.h>
 #include <locale.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <systemd/sd-daemon.h>
 
@@ -58,6 +59,32 @@ static int safe_state(const char *path) {
     return safe_state_make(state) ? 0 : 1;
 }
 
+/* To the journal as it is, with its level; elsewhere a line that people can read. */
+static GLogWriterOutput write_log(GLogLevelFlags level, const GLogField *fields, gsize n,
+                                  gpointer data) {
+    const char *message = NULL, *domain = NULL;
+    for (gsize i = 0; i < n; i++) {
+        if (strcmp(fields[i].key, "MESSAGE") == 0)
+            message = fields[i].value;
+        else if (strcmp(fields[i].key, "GLIB_DOMAIN") == 0)
+            domain = fields[i].value;
+    }
+    if (g_log_writer_default_would_drop(level, domain))
+        return G_LOG_WRITER_HANDLED;
+    if (g_log_writer_is_journald(fileno(stderr)) &&
+        g_log_writer_journald(level, fields, n, NULL) == G_LOG_WRITER_HANDLED)
+        return G_LOG_WRITER_HANDLED;
+    g_autoptr(GDateTime) now = g_date_time_new_now_local();
+    g_autofree char *time = g_date_time_format(now, "%H:%M:%S");
+    g_autofree char *of = domain ? g_strconcat(domain, ": ", NULL) : g_strdup("");
+    g_printerr("%s mesorigd: %s%s%s\n", time,
+               level & G_LOG_LEVEL_WARNING                          ? "warning: "
+               : level & (G_LOG_LEVEL_ERROR | G_LOG_LEVEL_CRITICAL) ? "error: "
+                                                                    : "",
+               of, message ? message : "");
+    return G_LOG_WRITER_HANDLED;
+}
+
 static void quit(struct daemon *daemon, int exit_code) {
     daemon->exit_code = exit_code;
     g_main_loop_quit(daemon->loop);
@@ -84,6 +111,12 @@ static gboolean feed_watchdog(gpointer data) {
 
 static void say_ready(struct daemon *daemon) {
     guint64 watchdog_us = 0;
+    g_autofree char *rig =
+        rig_path ? g_strdup_printf("the rig %s is open", rig_path) : g_strdup("no rig is open yet");
+    if (listen_address)
+        g_message("ready: %s; listening at %s", rig, listen_address);
+    else
+        g_message("ready: %s; on the %s bus", rig, bus_kind);
     g_autofree char *status = bus_status(daemon->bus);
     sd_notifyf(0, "READY=1\nSTATUS=%s", status);
     bus_listen(daemon->bus, on_changed, daemon);
@@ -159,10 +192,13 @@ static int mesorigd_serve(void) {
     /* Make the rig safe first, before clients are disconnected. */
     g_autoptr(GError) unsafe = NULL;
     sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
-    if (bus_end(daemon.bus, &unsafe))
-        g_message("the rig is safe");
-    else
+    const gboolean is_open = bus_has_rig(daemon.bus);
+    if (!bus_end(daemon.bus, &unsafe)) {
         g_warning("the rig is NOT safe: %s", unsafe->message);
+        daemon.exit_code = 1;
+    } else if (is_open) {
+        g_message("the rig is safe");
+    }
     g_clear_handle_id(&daemon.watchdog_id, g_source_remove);
     if (daemon.server)
         bus_unserve(daemon.bus, daemon.server);
@@ -185,6 +221,7 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     setlocale(LC_CTYPE, "");
     setvbuf(stdout, NULL, _IOLBF, 0);
+    g_log_set_writer_func(write_log, NULL, NULL);
     g_option_context_set_summary(context, "Runs a material-capture rig, as told over D-Bus "
                                           "(org.mesorig.Rig1).");
     g_option_context_add_main_entries(context, entries, NULL);

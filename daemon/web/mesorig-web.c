@@ -1,6 +1,7 @@
 /* mesorig-web: a rig in the browser. A process of its own, which needs no privileges but to call
  * the daemon. */
 #include "base/nearest.h"
+#include "bus/bus_client.h"
 #include "web_server.h"
 
 #include <glib-unix.h>
@@ -27,7 +28,8 @@ static const GOptionEntry entries[] = {
      "(none may)",
      "FILE"},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
-    {"address", 0, 0, G_OPTION_ARG_STRING, &address, "A daemon's own socket, in place of a bus",
+    {"address", 0, 0, G_OPTION_ARG_STRING, &address,
+     "A daemon's own socket, in place of a bus (MESORIG_ADDRESS in the environment)",
      "unix:path=…"},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
@@ -61,7 +63,7 @@ static int serve(GError **error) {
     g_autofree char *token = NULL;
     if (token_path && !(token = read_token(error)))
         return 1;
-    WebRig *rig = web_rig_new(address, bus, error);
+    WebRig *rig = web_rig_new(address ? address : bus ? NULL : bus_client_address(), bus, error);
     const struct web_options options = {.address = listen_address,
                                         .port = (guint)port,
                                         .token = token,

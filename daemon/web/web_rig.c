@@ -3,12 +3,14 @@
 #include "base/json.h"
 #include "base/png_bytes.h"
 #include "bus/bus.h"
+#include "bus/bus_client.h"
 #include "rig1-bus.h"
 
 #include <string.h>
 
 #define STATE_INTERVAL_MS 500
 #define CALL_TIMEOUT_MS   60000
+#define AGAIN_S           2    /* until a daemon that has gone is looked for again */
 #define MOST_SAMPLES      2000 /* of the progress; every other one goes when there are more */
 #define STEPS             64   /* of a histogram */
 #define WHITE             250  /* of 255 */
@@ -32,9 +34,12 @@ struct sample {
 };
 
 struct WebRig {
-    BusRig1 *rig;
+    BusRig1 *rig; /* NULL: away from address */
     GDBusConnection *connection;
-    gboolean is_private, lost;
+    char *address;       /* NULL: on a bus, where the daemon's name comes and goes */
+    char *away;          /* why it is */
+    gboolean connecting; /* to address */
+    guint again_id;
     WebRigNews news;
     gpointer news_data;
     guint state_id;
@@ -59,8 +64,8 @@ static void camera_free(gpointer data) {
 
 static gboolean is_away(const WebRig *rig) {
     g_autofree char *owner =
-        rig->is_private ? NULL : g_dbus_proxy_get_name_owner(G_DBUS_PROXY(rig->rig));
-    return rig->is_private ? rig->lost : !owner;
+        rig->address ? NULL : g_dbus_proxy_get_name_owner(G_DBUS_PROXY(rig->rig));
+    return rig->address ? !rig->rig : !owner;
 }
 
 static void add_text(GVariantBuilder *to, const char *key, const char *value) {
@@ -107,11 +112,13 @@ char *web_rig_state(const WebRig *rig) {
     BusRig1 *bus = rig->rig;
     GVariantBuilder to, devices;
     const gboolean away = is_away(rig);
-    const int shots = bus_rig1_get_shots(bus), done = bus_rig1_get_shots_done(bus);
     g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
     add_text(&to, "state", away ? "away" : bus_rig1_get_state(bus));
     add_text(&to, "version", MESORIG_VERSION);
+    if (away && rig->away)
+        add_text(&to, "reason", rig->away);
     if (!away) {
+        const int shots = bus_rig1_get_shots(bus), done = bus_rig1_get_shots_done(bus);
         add_text(&to, "reason", bus_rig1_get_reason(bus));
         add_text(&to, "prompt", bus_rig1_get_prompt(bus));
         add_text(&to, "doing", bus_rig1_get_doing(bus));
@@ -202,7 +209,8 @@ static void take_sample(WebRig *rig) {
 static gboolean tell_state(gpointer data) {
     WebRig *rig = data;
     rig->state_id = 0;
-    take_sample(rig);
+    if (rig->rig)
+        take_sample(rig);
     g_autofree char *json = web_rig_state(rig);
     tell(rig, "state", json);
     return G_SOURCE_REMOVE;
@@ -220,12 +228,6 @@ static void on_properties(GDBusProxy *proxy, GVariant *properties, GStrv invalid
 
 static void on_owner(GDBusProxy *proxy, GParamSpec *spec, gpointer data) {
     changed(data);
-}
-
-static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
-    WebRig *rig = data;
-    rig->lost = TRUE;
-    changed(rig);
 }
 
 static void on_event(BusRig1 *bus, const char *level, const char *source, const char *message,
@@ -259,34 +261,131 @@ static void on_thumbnail(BusRig1 *bus, const char *name, gpointer data) {
     tell(rig, "picture", json->str);
 }
 
-WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
-    const GBusType type = g_strcmp0(bus, "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM;
-    GDBusConnection *connection =
-        address ? g_dbus_connection_new_for_address_sync(
-                      address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, error)
-                : g_bus_get_sync(type, NULL, error);
-    if (!connection)
-        return NULL;
-    g_dbus_connection_set_exit_on_close(connection, FALSE);
-    BusRig1 *proxy = bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,
-                                             address ? NULL : BUS_NAME, BUS_PATH, NULL, error);
-    if (!proxy) {
-        g_object_unref(connection);
-        return NULL;
-    }
-    WebRig *rig = g_new0(WebRig, 1);
+static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data);
+
+/* Takes proxy. */
+static void attach(WebRig *rig, BusRig1 *proxy) {
     rig->rig = proxy;
-    rig->connection = connection;
-    rig->is_private = address != NULL;
-    rig->cancellable = g_cancellable_new();
-    rig->samples = g_array_new(FALSE, FALSE, sizeof(struct sample));
-    rig->cameras = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, camera_free);
+    rig->connection = g_object_ref(g_dbus_proxy_get_connection(G_DBUS_PROXY(proxy)));
+    g_dbus_connection_set_exit_on_close(rig->connection, FALSE);
     g_dbus_proxy_set_default_timeout(G_DBUS_PROXY(proxy), CALL_TIMEOUT_MS);
     g_signal_connect(proxy, "g-properties-changed", G_CALLBACK(on_properties), rig);
     g_signal_connect(proxy, "notify::g-name-owner", G_CALLBACK(on_owner), rig);
     g_signal_connect(proxy, "event", G_CALLBACK(on_event), rig);
     g_signal_connect(proxy, "thumbnail-changed", G_CALLBACK(on_thumbnail), rig);
-    g_signal_connect(connection, "closed", G_CALLBACK(on_closed), rig);
+    if (rig->address)
+        g_signal_connect(rig->connection, "closed", G_CALLBACK(on_closed), rig);
+}
+
+/* Calls under way end by themselves, with an error. Pictures are of another daemon from now on. */
+static void detach(WebRig *rig) {
+    GHashTableIter iter;
+    gpointer camera;
+    if (!rig->rig)
+        return;
+    g_signal_handlers_disconnect_by_data(rig->rig, rig);
+    g_signal_handlers_disconnect_by_data(rig->connection, rig);
+    g_clear_object(&rig->rig);
+    g_clear_object(&rig->connection);
+    g_hash_table_iter_init(&iter, rig->cameras);
+    while (g_hash_table_iter_next(&iter, NULL, &camera)) {
+        clear_picture(&((struct camera *)camera)->picture);
+        ((struct camera *)camera)->stale = TRUE;
+    }
+}
+
+static gboolean connect_again(gpointer data);
+
+/* The reason is told once, as it changes. Takes why. */
+static void stay_away(WebRig *rig, GError *why) {
+    if (g_strcmp0(rig->away, why->message) != 0)
+        g_printerr("mesorig-web: %s; it is tried again every %d s\n", why->message, AGAIN_S);
+    g_free(rig->away);
+    rig->away = g_strdup(why->message);
+    g_error_free(why);
+    rig->again_id = g_timeout_add_seconds(AGAIN_S, connect_again, rig);
+    changed(rig);
+}
+
+static void on_proxy(GObject *source, GAsyncResult *result, gpointer data) {
+    GError *error = NULL;
+    BusRig1 *proxy = bus_rig1_proxy_new_finish(result, &error);
+    WebRig *rig = data; /* gone where this was cancelled */
+    if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
+        g_error_free(error);
+        return;
+    }
+    rig->connecting = FALSE;
+    if (!proxy) {
+        stay_away(rig, error);
+        return;
+    }
+    if (rig->away)
+        g_printerr("mesorig-web: mesorigd answers at %s\n", rig->address);
+    g_clear_pointer(&rig->away, g_free);
+    attach(rig, proxy);
+    if (g_dbus_connection_is_closed(rig->connection))
+        on_closed(rig->connection, TRUE, NULL, rig);
+    changed(rig);
+}
+
+static void on_connected(GObject *source, GAsyncResult *result, gpointer data) {
+    GError *error = NULL;
+    WebRig *rig = data; /* gone where this was cancelled */
+    g_autoptr(GDBusConnection) connection = bus_client_connect_finish(result, &error);
+    if (connection) {
+        bus_rig1_proxy_new(connection, G_DBUS_PROXY_FLAGS_NONE, NULL, BUS_PATH, rig->cancellable,
+                           on_proxy, rig);
+    } else if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
+        g_error_free(error);
+    } else {
+        rig->connecting = FALSE;
+        stay_away(rig, error);
+    }
+}
+
+static gboolean connect_again(gpointer data) {
+    WebRig *rig = data;
+    rig->again_id = 0;
+    rig->connecting = TRUE;
+    bus_client_connect_async(rig->address, rig->cancellable, on_connected, rig);
+    return G_SOURCE_REMOVE;
+}
+
+static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
+    WebRig *rig = data;
+    detach(rig);
+    stay_away(rig,
+              g_error_new(G_IO_ERROR, G_IO_ERROR_CLOSED, "mesorigd at %s has ended", rig->address));
+}
+
+static WebRig *web_rig_make(const char *address) {
+    WebRig *rig = g_new0(WebRig, 1);
+    rig->address = g_strdup(address);
+    rig->cancellable = g_cancellable_new();
+    rig->samples = g_array_new(FALSE, FALSE, sizeof(struct sample));
+    rig->cameras = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, camera_free);
+    return rig;
+}
+
+WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
+    const GBusType type = g_strcmp0(bus, "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM;
+    if (address) {
+        WebRig *rig = web_rig_make(address);
+        connect_again(rig);
+        while (rig->connecting)
+            g_main_context_iteration(NULL, TRUE);
+        return rig;
+    }
+    g_autoptr(GDBusConnection) connection = g_bus_get_sync(type, NULL, error);
+    BusRig1 *proxy = connection
+                         ? bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,
+                                                   BUS_NAME, BUS_PATH, NULL, error)
+                         : NULL;
+    if (!proxy)
+        return NULL;
+    WebRig *rig = web_rig_make(NULL);
+    attach(rig, proxy);
     return rig;
 }
 
@@ -294,17 +393,18 @@ void web_rig_free(WebRig *rig) {
     if (!rig)
         return;
     g_cancellable_cancel(rig->cancellable);
+    g_clear_handle_id(&rig->again_id, g_source_remove);
     while (g_main_context_iteration(NULL, FALSE)) /* lets cancelled calls end */
         ;
+    g_clear_handle_id(&rig->again_id, g_source_remove);
     g_clear_handle_id(&rig->state_id, g_source_remove);
-    g_signal_handlers_disconnect_by_data(rig->rig, rig);
-    g_signal_handlers_disconnect_by_data(rig->connection, rig);
+    detach(rig);
     g_queue_clear_full(&rig->events, g_free);
     g_array_unref(rig->samples);
     g_hash_table_unref(rig->cameras);
     g_object_unref(rig->cancellable);
-    g_object_unref(rig->rig);
-    g_object_unref(rig->connection);
+    g_free(rig->address);
+    g_free(rig->away);
     g_free(rig);
 }
 
@@ -327,7 +427,19 @@ static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
     action->back(error, action->data);
 }
 
+/* An error for who asks a daemon that is away; NULL: it is there. */
+static GError *refuse_away(const WebRig *rig) {
+    return rig->rig ? NULL
+                    : g_error_new_literal(G_IO_ERROR, G_IO_ERROR_NOT_CONNECTED,
+                                          rig->away ? rig->away : "no mesorigd answers");
+}
+
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data) {
+    g_autoptr(GError) away = refuse_away(rig);
+    if (away) {
+        back(away, data);
+        return;
+    }
     struct action *action = g_new(struct action, 1);
     *action = (struct action){back, data};
     g_dbus_proxy_call(G_DBUS_PROXY(rig->rig), method, NULL, G_DBUS_CALL_FLAGS_NONE, -1,
@@ -425,6 +537,11 @@ void web_rig_picture(WebRig *rig, const char *name, WebRigPicture back, gpointer
     const struct waiting who = {back, data};
     if (camera && camera->picture.png) {
         back(&camera->picture, NULL, data);
+        return;
+    }
+    g_autoptr(GError) away = refuse_away(rig);
+    if (away) {
+        back(NULL, away, data);
         return;
     }
     if (!camera) {

@@ -9,8 +9,9 @@
 
 typedef struct WebRig WebRig;
 
-/* address: of a private daemon ("unix:path=…"), or NULL: the bus, "system" or "session". On a bus
- * the daemon may end and start again; a private one that has ended does not come back. */
+/* address: of a daemon that listens for its user ("unix:path=…"), or NULL: the bus, "system" or
+ * "session". The daemon may end and start again, and need not be there yet; at an address it is
+ * looked for every 2 s, which is told on standard error. Waits for the first answer, for 5 s. */
 WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */
 
@@ -20,7 +21,8 @@ typedef void (*WebRigNews)(const char *name, const char *json, gpointer data);
 void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
 
 /* As JSON; g_free(). */
-char *web_rig_state(const WebRig *rig);  /* an object; "state" is "away" where no daemon answers */
+char *web_rig_state(
+    const WebRig *rig); /* an object; "state" is "away" where no daemon answers, "reason" why */
 char *web_rig_events(const WebRig *rig); /* the last WEB_RIG_EVENTS, an array */
 char *
 web_rig_progress(const WebRig *rig); /* what was done when: {"elapsed_s": […], "shots": […]} */

@@ -5,7 +5,9 @@
 #include <math.h>
 #include <string.h>
 
-#define DEADLINE_MS   1500
+#define DEADLINE_MS 1500
+#define COMMAND_MS                                                                                 \
+    3000 /* for a drive that is held up; the class waits 4 s more than a move takes */
 #define IDLE_MS       200 /* between polls of a drive that stands */
 #define LEAST_UNHEARD 3   /* failed polls in a row before a drive is lost: the delay may be ours */
 #define MAX_WRITES    6   /* of one list in the section */
@@ -259,7 +261,7 @@ static void modbus_axis_command(Axis *axis, enum phase phase, const struct modbu
     priv->n_unheard = 0;
     priv->left_home = priv->was_still = FALSE;
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
-    modbus_bus_start(priv->bus, &priv->link, job, FALSE, DEADLINE_MS, on_commanded, axis);
+    modbus_bus_start(priv->bus, &priv->link, job, FALSE, COMMAND_MS, on_commanded, axis);
 }
 
 /* Call it last: the listener may close the axis. */

@@ -122,11 +122,16 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     /* libmodbus leaves an errno of 0, or that of its last try, when a name is not known. */
     line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
     line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
-    if (why == EWOULDBLOCK && !is_tcp(line))
+    if (why == EWOULDBLOCK && !is_tcp(line)) {
+        g_autofree char *holder = modbus_serial_holder(line->link.bus);
+        const gboolean daemon = holder && g_str_has_prefix(holder, "mesorigd ");
         return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
-                                "cannot open %s: another program uses it" ERROR_ADVICE
-                                "end that program",
-                                line->link.bus);
+                                "cannot open %s: %s uses it" ERROR_ADVICE "%s", line->link.bus,
+                                holder ? holder : "another program",
+                                daemon ? "let that daemon do this (its address is that of its "
+                                         "--listen), or end it"
+                                       : "end that program");
+    }
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "cannot open %s: %s" ERROR_ADVICE "check %s", line->link.bus,
                             why ? modbus_strerror(why) : "no such host",
@@ -263,13 +268,16 @@ static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
 
-/* One attempt; 0 or the reason, with the line ready for the next. */
+/* One attempt; 0 or the reason, with the line ready for the next. was_late: an earlier attempt at
+ * this request was overtaken; more answers may be on their way, so more silence is asked for.
+ * ret_late: an answer to an earlier request has come. */
 static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
-                   gint64 deadline_us) {
+                   gint64 deadline_us, gboolean was_late, gboolean *ret_late) {
     gboolean distrust = line->owed;
+    *ret_late = FALSE;
     /* Discard what came before the request: it cannot be its answer. */
     if (distrust || modbus_line_is_readable(line, 0))
-        await_silence(line, distrust ? line->link.late_ms : SILENCE_MS);
+        *ret_late = !await_silence(line, distrust ? line->link.late_ms : SILENCE_MS) && distrust;
     gint64 left_us = deadline_us - g_get_monotonic_time();
     if (left_us <= 0)
         return ETIMEDOUT;
@@ -283,6 +291,8 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);
+        /* Whole, but to another request. Over TCP it may be to none. */
+        *ret_late |= distrust && is_damage(why) && why != EMBBADCRC && !is_tcp(line);
         if (why == EMBBADCRC && !distrust) {
             /* No earlier answer is outstanding: the damaged one was this request's. */
             await_silence(line, SILENCE_MS);
@@ -292,8 +302,9 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
         }
         return why;
     }
-    if (distrust && !await_silence(line, line->link.late_ms)) {
+    if (distrust && !await_silence(line, line->link.late_ms * (was_late || *ret_late ? 2 : 1))) {
         line->counts.disbelieved++;
+        *ret_late = TRUE;
         return EMBBADDATA;
     }
     line->owed = FALSE;
@@ -302,10 +313,25 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     return why;
 }
 
+static const char *damage_text(int why) {
+    return why == EMBBADCRC     ? "their check sums are wrong"
+           : why == EMBBADSLAVE ? "they come from another unit"
+           : why == EMBMDATA    ? "they are too long"
+                                : "they do not belong to what was asked";
+}
+
 static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                                     const struct modbus_request *request, int why, int tries,
-                                    GError **error) {
+                                    int late, GError **error) {
     g_autofree char *what = request_text(line, unit, request);
+    if (late > 0 && (why == ETIMEDOUT || is_damage(why)))
+        return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
+                                "%s: answers come too late (%d of %d tries were overtaken by the "
+                                "answer to an earlier one)" ERROR_ADVICE
+                                "see whether the device or this computer is overloaded, or raise "
+                                "timeout_ms (%g) and late_ms (%g)",
+                                what, late, tries + late, line->link.timeout_ms,
+                                line->link.late_ms);
     if (why == ETIMEDOUT)
         return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                                 "%s: no answer within %g ms (%d tries)" ERROR_ADVICE
@@ -320,28 +346,36 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "%s: damaged answers (%d tries): %s" ERROR_ADVICE
                                 "check the cable, its termination, baud and parity",
-                                what, tries, modbus_strerror(why));
+                                what, tries, damage_text(why));
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "%s: the line was lost: %s" ERROR_ADVICE
                             "check its power and the cable",
                             what, modbus_strerror(why));
 }
 
+/* A try that was overtaken by a late answer is not counted: the device lives, and was only held up.
+ * The deadline ends them. */
 static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request *request,
                        gint64 deadline_us, GError **error) {
     gint64 try_us = (gint64)((line->link.late_ms + line->link.timeout_ms) * 1000);
-    for (int tries = 1;; tries++) {
+    for (int tries = 0, late = 0;;) {
+        gboolean is_late;
         if (!modbus_line_connect(line, deadline_us, error))
             return FALSE;
-        int why = attempt(line, unit, request, deadline_us);
+        int why = attempt(line, unit, request, deadline_us, late > 0, &is_late);
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
         /* This program may have been held up for all of the time: one try proves nothing. */
-        if (tries == 1)
+        if (tries + late == 0)
             deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us);
+        /* The last chance to hear that it lives. */
+        if (!is_late && why == ETIMEDOUT && tries == line->link.retries && tries > 0)
+            is_late = !await_silence(line, line->link.late_ms);
+        late += is_late;
+        tries += !is_late;
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
-            return modbus_line_give_up(line, unit, request, why, tries, error);
+            return modbus_line_give_up(line, unit, request, why, tries, late, error);
         if (is_busy(why))
             g_usleep(BUSY_PAUSE_US);
     }

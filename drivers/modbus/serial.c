@@ -2,7 +2,11 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
 #include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -14,6 +18,36 @@ int modbus_serial_take(const char *path) {
     close(fd);
     errno = why;
     return -1;
+}
+
+/* A line of /proc/locks: "1: FLOCK  ADVISORY  WRITE 708 00:17:3 0 EOF", with the device in
+ * hexadecimal, the inode in decimal digits (proc(5)). */
+static int holder_of(const char *line, const struct stat *file) {
+    unsigned int major_number, minor_number;
+    unsigned long long inode;
+    int pid;
+    return sscanf(line, "%*d: FLOCK %*s %*s %d %x:%x:%llu", &pid, &major_number, &minor_number,
+                  &inode) == 4 &&
+                   major_number == major(file->st_dev) && minor_number == minor(file->st_dev) &&
+                   inode == file->st_ino
+               ? pid
+               : 0;
+}
+
+char *modbus_serial_holder(const char *path) {
+    g_autofree char *locks = NULL;
+    struct stat file;
+    int pid = 0;
+    if (stat(path, &file) != 0 || !g_file_get_contents("/proc/locks", &locks, NULL, NULL))
+        return NULL;
+    g_auto(GStrv) lines = g_strsplit(locks, "\n", -1);
+    for (char **line = lines; *line && pid <= 0; line++)
+        pid = holder_of(*line, &file);
+    g_autofree char *of = g_strdup_printf("/proc/%d/comm", pid);
+    g_autofree char *name = NULL;
+    if (pid <= 0 || !g_file_get_contents(of, &name, NULL, NULL))
+        return NULL;
+    return g_strdup_printf("%s (process %d)", g_strstrip(name), pid);
 }
 
 void modbus_serial_unsettle(int fd) {

@@ -7,6 +7,9 @@
  * EWOULDBLOCK: another program has it. The caller closes it. */
 int modbus_serial_take(const char *path);
 
+/* The program that has locked it: "mesorigd (process 708)"; NULL: it cannot be told; g_free(). */
+char *modbus_serial_holder(const char *path);
+
 /* Changes the settings of the line, so that setting the wanted ones succeeds. Debian's C library
  * returns EINVAL for settings that change nothing; a pseudo-terminal has no parity, so one that a
  * killed program left behind could not be opened again. */

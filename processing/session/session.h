@@ -84,6 +84,7 @@ struct session_frame {
     double captured_s; /* on the session's clock */
 };
 
+#define SESSION_EVENT_HOMED "homed" /* its message: what was captured follows from here on */
 struct session_event {
     double time_s;
     char *level;  /* "info", "warning", "error" */

@@ -3,9 +3,13 @@
 #include "rig.h"
 #include "virtual/testbed.h"
 
+#include <gio/gunixinputstream.h>
 #include <glib-unix.h>
 #include <glib/gstdio.h>
 #include <locale.h>
+#include <signal.h>
+#include <string.h>
+#include <unistd.h>
 
 static char *virtual_path, *out_path, **usb, **u3v;
 static gboolean json, version;
@@ -52,7 +56,7 @@ static gboolean virtual_rig_main_write_file(const VirtualRig *rig, GError **erro
     g_print("\n%s is the rig file. In another terminal:\n"
             "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
             "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
-            "Ctrl-C ends the devices.\n",
+            "Ctrl-C ends the devices; “help” and Enter says what else can be done to them here.\n",
             out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
     return TRUE;
 }
@@ -60,6 +64,57 @@ static gboolean virtual_rig_main_write_file(const VirtualRig *rig, GError **erro
 static gboolean virtual_rig_main_on_signal(gpointer data) {
     g_main_loop_quit(data);
     return G_SOURCE_CONTINUE;
+}
+
+/* One line of standard input. */
+static void obey(VirtualRig *rig, const char *line) {
+    g_auto(GStrv) words = g_strsplit(line, " ", 2);
+    const char *command = words[0] ? words[0] : "";
+    g_autofree char *what = words[0] && words[1] ? g_strstrip(g_strdup(words[1])) : g_strdup("");
+    g_autoptr(GError) error = NULL;
+    const gboolean plugs = g_str_equal(command, "plug");
+    if (!*command)
+        return;
+    if (*what && (plugs || g_str_equal(command, "unplug"))) {
+        if (virtual_rig_plug(rig, what, plugs, &error))
+            g_print("%s is %s\n", what, plugs ? "plugged in" : "unplugged");
+    } else if (*what && g_str_equal(command, "world")) {
+        if (virtual_rig_set_world(rig, what, &error))
+            g_print("the world is %s\n", what);
+    } else {
+        g_printerr("unplug NAME   cut a device off, by the name of its section\n"
+                   "plug NAME     connect it again\n"
+                   "world FILE    lay the sample of this world file on the turntable\n"
+                   "help          this list\n");
+    }
+    if (error)
+        g_printerr("mesorig-rig: %s\n", error->message);
+}
+
+static void read_command(GDataInputStream *in, VirtualRig *rig);
+
+static void on_line(GObject *source, GAsyncResult *result, gpointer rig) {
+    g_autofree char *line =
+        g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(source), result, NULL, NULL);
+    if (!line)
+        return; /* its end, which is not that of the devices */
+    obey(rig, g_strstrip(line));
+    read_command(G_DATA_INPUT_STREAM(source), rig);
+}
+
+static void read_command(GDataInputStream *in, VirtualRig *rig) {
+    g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
+}
+
+/* NULL for a job in the background, which its terminal would stop. */
+static GDataInputStream *listen_to_input(VirtualRig *rig) {
+    if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
+        return NULL;
+    signal(SIGTTIN, SIG_IGN);
+    g_autoptr(GInputStream) input = g_unix_input_stream_new(STDIN_FILENO, FALSE);
+    GDataInputStream *in = g_data_input_stream_new(input);
+    read_command(in, rig);
+    return in;
 }
 
 static int virtual_rig_main_run(void) {
@@ -73,7 +128,9 @@ static int virtual_rig_main_run(void) {
     fflush(stdout);
     struct virtual_camera_faults faults = {.loss = loss};
     virtual_rig_fail_cameras(rig, &faults);
+    setvbuf(stdout, NULL, _IOLBF, 0);
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
+    g_autoptr(GDataInputStream) input = listen_to_input(rig);
     g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
     g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
     g_main_loop_run(loop);

@@ -284,9 +284,11 @@ static gboolean virtual_rig_on_timer(gpointer data) {
 static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
                                      guint16 *ret_pixels) {
     struct vision_camera *vision = data;
-    World *world = vision->rig->world;
     struct world_state state;
     couple(vision->rig);
+    g_mutex_lock(&vision->rig->coupling);
+    g_autoptr(World) world = world_ref(vision->rig->world); /* it may be replaced */
+    g_mutex_unlock(&vision->rig->coupling);
     world_snapshot(world, exposure->start_us, exposure->exposure_us, &state);
     world_expose(world, vision->camera, &state, exposure->exposure_us, exposure->gain_db,
                  exposure->n, ret_pixels);
@@ -436,6 +438,7 @@ const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsiz
 }
 
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults) {
+    rig->camera_faults = *faults;
     for (int i = 0; i < rig->n_cameras; i++) {
         if (rig->cameras[i].gige)
             virtual_gige_fail(rig->cameras[i].gige, faults);

@@ -49,6 +49,16 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_fault
 /* Faults of all its Modbus devices from now on. */
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
+/* Cuts a device off, or connects it again. name: of its section, "cam30" or "camera cam30". A
+ * Modbus board goes with all sections that share it. Devices on USB that are not USB3 Vision
+ * cameras stay. */
+gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
+
+/* Another sample: the devices act on the world of this file from now on. Its cameras, lamps and
+ * lasers must have the names and sensors of the present one; a rig with devices on USB other than
+ * USB3 Vision cameras keeps its world. */
+gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error);
+
 /* Interrupts the power of a GigE Vision camera. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 

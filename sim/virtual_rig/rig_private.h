@@ -53,7 +53,8 @@ struct VirtualRig {
     VirtualRelays *relays[MAX_USB], *switches; /* switches: of all lasers; one of relays */
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
     int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
-    struct board *power; /* lasers and interlocks share one */
+    struct virtual_camera_faults camera_faults; /* of those that are plugged in */
+    struct board *power;                        /* lasers and interlocks share one */
     GMutex coupling;
     guint timer;
 };

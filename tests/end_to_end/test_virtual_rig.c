@@ -216,6 +216,67 @@ static void mishaps(void) {
     g_free(mishap.out);
 }
 
+/* A command on standard input, and what is said to it. */
+static void tell_rig(GSubprocess *devices, GDataInputStream *out, const char *command,
+                     const char *answer) {
+    g_autofree char *line = g_strconcat(command, "\n", NULL);
+    GOutputStream *to = g_subprocess_get_stdin_pipe(devices);
+    g_assert_true(g_output_stream_write_all(to, line, strlen(line), NULL, NULL, NULL));
+    g_assert_true(g_output_stream_flush(to, NULL, NULL));
+    g_autofree char *said = g_data_input_stream_read_line(out, NULL, NULL, NULL);
+    g_assert_cmpstr(said, ==, answer);
+}
+
+static double mean_dn(const char *address) {
+    g_autofree char *picture = twin_path("picture.png");
+    g_autofree char *json = process_mesorig(
+        0, "snap cam30 --address %s -l lamp30 -e 20000 -o %s --json", address, picture);
+    const char *mean = strstr(json, "\"mean_dn\": ");
+    g_assert_nonnull(mean);
+    return g_ascii_strtod(mean + strlen("\"mean_dn\": "), NULL);
+}
+
+/* Plugs are pulled and put in again, and another sample is laid on it, while it runs. */
+static void by_hand(void) {
+    g_autofree char *rig = twin_path("hand.conf"), *socket = twin_path("hand");
+    g_autofree char *other = twin_path("other.conf"), *text = NULL;
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    g_assert_true(g_file_get_contents(SMALL "world.conf", &text, NULL, NULL));
+    g_autoptr(GString) world = g_string_new(text);
+    g_assert_cmpuint(
+        g_string_replace(world, "width_mm = 50\nheight_mm = 50", "width_mm = 5\nheight_mm = 5", 1),
+        ==, 1);
+    g_assert_true(g_file_set_contents(other, world->str, -1, NULL));
+    GSubprocess *devices =
+        starts(G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE, BIN("mesorig-rig"),
+               "--virtual", SMALL "rig.conf", "-o", rig, "--json", NULL);
+    g_autoptr(GDataInputStream) out =
+        g_data_input_stream_new(g_subprocess_get_stdout_pipe(devices));
+    g_free(g_data_input_stream_read_line(out, NULL, NULL, NULL));
+
+    const char *const safe[] = {BIN("mesorigd"), "--safe-state", rig, NULL};
+    tell_rig(devices, out, "unplug turntable", "turntable is unplugged");
+    g_autofree char *gone = process_text(1, safe);
+    assert_has(gone, "axis turntable: NOT safe: ");
+    assert_has(gone, "axis arc: stands, read back");
+    tell_rig(devices, out, "plug turntable", "turntable is plugged in");
+    g_free(process_text(0, safe));
+
+    GSubprocess *daemon = starts_daemon(rig, address);
+    const double before = mean_dn(address);
+    g_autofree char *replaces = g_strconcat("world ", other, NULL);
+    g_autofree char *replaced = g_strconcat("the world is ", other, NULL);
+    tell_rig(devices, out, replaces, replaced);
+    const double after = mean_dn(address);
+    g_test_message("mean %.1f DN of the sample, %.1f DN of a small one", before, after);
+    g_assert_cmpfloat(after, <, 0.7 * before);
+    tell_rig(devices, out, "unplug cam30", "cam30 is unplugged");
+    g_free(process_mesorig(1, "snap cam30 --address %s", address));
+    tell_rig(devices, out, "plug cam30", "cam30 is plugged in");
+    ends(daemon);
+    ends(devices);
+}
+
 static void refused(void) {
     static const struct {
         const char *text, *said;
@@ -244,6 +305,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     twin_folder = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_test_add_func("/virtual-rig/refused", refused);
+    g_test_add_func("/virtual-rig/by-hand", by_hand);
     g_test_add_func("/virtual-rig/mishaps", mishaps);
     g_test_add_func("/virtual-rig/abandoned", abandoned);
     g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);

@@ -331,7 +331,8 @@ static void test_cancel(struct fixture *fixture, gconstpointer data) {
         if (i == 0)
             tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
         begin_call(fixture, "Start", start_parameters(large, fixture->directory));
-        refused(fixture, "Start", start_parameters(SESSION, fixture->directory), "Busy", "Abort");
+        refused(fixture, "Start", start_parameters(SESSION, fixture->directory), "Busy",
+                "mesorig abort");
         tell(fixture, methods[i], NULL);
         assert_cancelled(fixture, words[i]);
         g_assert_false(g_file_test(fixture->directory, G_FILE_TEST_EXISTS));
@@ -382,7 +383,7 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
     tell(fixture, "Start", start_parameters(fixture->session, fixture->directory));
     assert_control(fixture, TRUE);
     refused(fixture, "Start", start_parameters(fixture->session, fixture->directory), "Busy",
-            "Abort");
+            "mesorig abort");
     refused(fixture, "OpenRig", g_variant_new("(s)", RIG), "Busy", NULL);
     wait_for_state(fixture, "running");
     tell(fixture, "Pause", NULL);

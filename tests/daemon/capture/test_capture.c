@@ -215,6 +215,57 @@ static void test_pause(void) {
     run_finish(run);
 }
 
+/* What is left in a pause contains that the axes are homed again, and so does what is left from the
+ * first moment after it, also in another process: it is as long as that takes. */
+static void test_left_after_pause(void) {
+    for (int resumed = 0; resumed < 2; resumed++) {
+        struct run *run = run_begin(NULL);
+        run_until(run, 40);
+        if (resumed) {
+            capture_abort(run->capture);
+        } else {
+            capture_pause(run->capture);
+            run_to_pause(run, "by the user");
+        }
+        const struct capture_status rests = run_status(run);
+        g_assert_cmpint(rests.shots_done, >, 0);
+        g_assert_cmpfloat(rests.left_s, <, rests.predicted_s);
+        if (resumed)
+            run_resume(run);
+        else
+            run_continue(run);
+        const struct capture_status begins = run_status(run);
+        g_assert_cmpint(begins.state, ==, CAPTURE_HOMING);
+        g_assert_cmpfloat_with_epsilon(begins.left_s, rests.left_s, 1e-6);
+        gboolean named = FALSE;
+        while (run_status(run).state == CAPTURE_HOMING) {
+            named |= strstr(run_status(run).doing, "homing turntable") != NULL;
+            g_main_context_iteration(NULL, FALSE);
+        }
+        g_assert_true(named);
+        run_until(run, 0);
+        const double took_s = run_status(run).elapsed_s - rests.elapsed_s;
+        g_test_message("%.2f s left, took %.2f s", rests.left_s, took_s);
+        g_assert_cmpfloat_with_epsilon(rests.left_s / took_s, 1, 0.05);
+
+        g_autoptr(GError) error = NULL;
+        g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+        g_assert_no_error(error);
+        g_autoptr(GPtrArray) events = session_events(session, &error);
+        int homed = 0;
+        for (guint i = 0; i < events->len; i++) {
+            const struct session_event *event = events->pdata[i];
+            if (!g_str_equal(event->message, SESSION_EVENT_HOMED))
+                continue;
+            homed++;
+            g_assert_true(homed == 1 || event->time_s > rests.elapsed_s);
+            g_assert_true(homed == 2 || event->time_s < rests.elapsed_s);
+        }
+        g_assert_cmpint(homed, ==, 2);
+        run_free(run);
+    }
+}
+
 static void test_abort(void) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
@@ -525,6 +576,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/capture/whole", test_whole);
     g_test_add_func("/capture/radiance", test_radiance);
     g_test_add_func("/capture/pause", test_pause);
+    g_test_add_func("/capture/left-after-pause", test_left_after_pause);
     g_test_add_func("/capture/abort", test_abort);
     g_test_add_func("/capture/resume", test_resume);
     g_test_add_func("/capture/lost-files", test_lost_files);

@@ -147,6 +147,7 @@ static void test_usage(void) {
         {2, "compress S -x", "Unknown option -x\n"},
         {2, "calibrate camras", "there is no “calibrate camras”; did you mean “cameras”?"},
         {2, "plan " RIG " " SESSION " --adress=x", "did you mean --address?"},
+        {2, "move arc -15", "as in “mesorig move -- … -15”: Unknown option -15"},
         {0, "capture --help", "  mesorig capture rig.conf session.conf -o weave.session\n"},
         {0, "snap --help", "Examples:\n  mesorig snap cam45 --lamp lamp30\n"},
         {2, "plan " RIG},

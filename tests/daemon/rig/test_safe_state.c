@@ -312,7 +312,8 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
     g_assert_false(has_light(fixture->devices[BANK]));
     g_assert_true(has_light(fixture->devices[LASER]) == (which == LASER));
     assert_has(fixture->said, which == LASER ? "laser top: NOT safe: " : "axis arc: NOT safe: ");
-    assert_has(fixture->said, "another program uses it");
+    g_autofree char *holder = g_strdup_printf("(process %d) uses it", pid);
+    assert_has(fixture->said, holder);
     assert_has(fixture->said, "lamps bank: off, read back\n");
 }
 
@@ -430,8 +431,12 @@ static void test_normal_end(struct fixture *fixture, gconstpointer data) {
     g_assert_true(is_dark(fixture));
     wait_for_guardian_end(fixture);
     read_log(fixture);
-    assert_has(fixture->said, "the rig is safe");
+    assert_has(fixture->said, "mesorigd: the rig is safe\n");
+    assert_says_not(fixture, "** ");
     assert_says_not(fixture, "guardian");
+    g_autofree char *ready =
+        g_strdup_printf("mesorigd: ready: the rig %s is open; listening at ", fixture->rig);
+    assert_has(fixture->said, ready);
 }
 
 /* The laser does not listen any more when the daemon is asked to end. */
@@ -442,6 +447,7 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_fail(fixture->devices[LASER], &deaf);
     g_subprocess_send_signal(fixture->daemon, SIGTERM);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 1);
     read_log(fixture);
     assert_has(fixture->said, "the rig is NOT safe: ");
     assert_says_not(fixture, "the rig is safe");

@@ -21,6 +21,15 @@ struct site {
     SoupSession *http;
 };
 
+static void site_starts_daemon(struct site *site) {
+    g_autofree char *socket = g_build_filename(site->run->directory, "bus", NULL);
+    site->daemon =
+        process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+                      (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->bus, NULL});
+    for (int i = 0; i < 10 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
+        g_usleep(G_USEC_PER_SEC / 10);
+}
+
 static struct site *site_with(gboolean acts, const struct change *changes) {
     struct site *site = g_new0(struct site, 1);
     g_autoptr(GError) error = NULL;
@@ -28,12 +37,7 @@ static struct site *site_with(gboolean acts, const struct change *changes) {
     site->bus = g_strdup_printf("unix:path=%s/bus", site->run->directory);
     g_autofree char *token = g_build_filename(site->run->directory, "token", NULL);
     g_assert_true(g_file_set_contents(token, TOKEN "\n", -1, NULL));
-    site->daemon =
-        process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
-                      (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->bus, NULL});
-    g_autofree char *socket = g_build_filename(site->run->directory, "bus", NULL);
-    for (int i = 0; i < 10 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(G_USEC_PER_SEC / 10);
+    site_starts_daemon(site);
     site->server =
         process_start(G_SUBPROCESS_FLAGS_STDOUT_PIPE, NULL,
                       (const char *[]){BUILD_DIR "/bin/mesorig-web", "--address", site->bus,
@@ -146,6 +150,47 @@ static void shows(void) {
     g_assert_cmpuint(ask(site, "GET", "api/v1/cameras/nobody.png", NULL, NULL), ==, 404);
     g_assert_cmpuint(ask(site, "GET", "api/v1/", NULL, NULL), ==, 404);
     g_assert_cmpuint(ask(site, "GET", "etc/passwd", NULL, NULL), ==, 404);
+    site_free(site);
+}
+
+static void wait_for_state(const struct site *site, const char *wanted) {
+    g_autofree char *state = NULL;
+    for (int i = 0; i < 10 * WAIT_S; i++) {
+        g_free(state);
+        state = state_of(site);
+        if (g_str_equal(state, wanted))
+            return;
+        g_usleep(G_USEC_PER_SEC / 10);
+    }
+    g_error("within %d s the state was not %s, but %s", WAIT_S, wanted, state);
+}
+
+/* The daemon is killed and started again at its address: the server says so, and finds it. */
+static void comes_back(void) {
+    struct site *site = site_new(TRUE);
+    g_autofree char *away = NULL, *refused = NULL;
+    capture(site);
+    g_assert_cmpuint(ask(site, "GET", "api/v1/cameras/cam30.png", NULL, NULL), ==, 200);
+    g_subprocess_force_exit(site->daemon);
+    g_subprocess_wait(site->daemon, NULL, NULL);
+    g_clear_object(&site->daemon);
+    wait_for_state(site, "away");
+    g_usleep(3 * G_USEC_PER_SEC); /* it has been looked for in vain */
+    g_assert_cmpuint(ask(site, "GET", "api/v1/state", NULL, &away), ==, 200);
+    assert_has(away, "no mesorigd answers at unix:path=");
+    assert_has(away, site->bus);
+    g_assert_cmpuint(ask(site, "POST", "api/v1/safe", "Authorization: Bearer " TOKEN, &refused), >=,
+                     400);
+    assert_has(refused, site->bus);
+    g_assert_cmpuint(ask(site, "GET", "api/v1/cameras/cam30.png", NULL, NULL), >=, 400);
+
+    site_starts_daemon(site);
+    wait_for_state(site, "closed");
+    g_autofree char *other = g_strconcat(site->run->directory, "/other.session", NULL);
+    operator_does(site->run, 0, "capture", "--address", site->bus, site->run->rig, site->run->conf,
+                  "-o", other, NULL);
+    wait_for_state(site, "done");
+    g_assert_cmpuint(ask(site, "GET", "api/v1/cameras/cam30.png", NULL, NULL), ==, 200);
     site_free(site);
 }
 
@@ -367,6 +412,7 @@ int main(int argc, char **argv) {
     g_setenv("ASAN_OPTIONS", "fast_unwind_on_malloc=0", TRUE);
     g_test_add_func("/web/shows", shows);
     g_test_add_func("/web/streams", streams);
+    g_test_add_func("/web/comes-back", comes_back);
     g_test_add_func("/web/refuses", refuses);
     g_test_add_func("/web/survives", survives);
     g_test_add_func("/web/faults", faults);

@@ -130,6 +130,39 @@ static void late_is_not_the_next(void) {
     g_assert_cmpint(n_late, >, 0);
 }
 
+/* A device that is held up, as a program is on a busy machine, and then answers all that it was
+ * asked meanwhile at once: it lives, so its answers do not count as damaged or missing ones. */
+static void held_up_is_asked_again(void) {
+    static const struct virtual_modbus_faults held_up[] = {{.late = 1, .late_ms = 500},
+                                                           {.late = 1, .late_ms = 1000}};
+    for (gsize i = 0; i < G_N_ELEMENTS(held_up); i++) {
+        struct opened opened;
+        begin_with(&opened, modbus_rig_device(TRUE), 2);
+        virtual_modbus_fail(opened.device, &held_up[i]);
+        expect_plain(&opened, 0, 111);
+        expect_plain(&opened, 1, 222);
+        end(&opened, NULL);
+    }
+}
+
+/* One that always is, is not asked for ever, and the error says what is wrong. */
+static void always_held_up_is_an_error(struct opened *opened, gconstpointer unused) {
+    struct virtual_modbus_faults late = {.late = -1, .late_ms = 400};
+    const gint64 begun_us = g_get_monotonic_time();
+    GError *error = NULL;
+    guint16 value;
+    virtual_modbus_fail(opened->device, &late);
+    g_assert_false(read_plain(opened, 0, &value, &error));
+    g_assert_cmpint(g_get_monotonic_time() - begun_us, <, 20 * G_USEC_PER_SEC);
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_assert_nonnull(strstr(error->message, "answers come too late"));
+    g_clear_error(&error);
+    late.late = 0;
+    virtual_modbus_fail(opened->device, &late);
+    g_usleep(G_USEC_PER_SEC); /* it answers what it was asked */
+    expect_plain(opened, 1, 222);
+}
+
 static gpointer change_later(gpointer data) {
     g_usleep(180000);
     virtual_modbus_set_plain(data, 0, 333);
@@ -262,7 +295,8 @@ static void in_use(void) {
     struct modbus_line *line = modbus_line_new(&link, &error);
     g_assert_no_error(error);
     g_assert_false(modbus_line_connect(line, g_get_monotonic_time() + 100000, &error));
-    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "another program uses it");
+    g_autofree char *holder = g_strdup_printf("test_modbus_rtu (process %d) uses it", getpid());
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, holder);
     close(other);
     g_assert_true(modbus_line_connect(line, g_get_monotonic_time() + 3000000, &error));
     g_assert_cmpint(modbus_serial_take(link.bus), ==, -1);
@@ -279,6 +313,9 @@ int main(int argc, char **argv) {
     g_test_add("/modbus/rtu/late-is-asked-again", struct opened, NULL, begin, late_is_asked_again,
                end);
     g_test_add_func("/modbus/rtu/late-is-not-the-next", late_is_not_the_next);
+    g_test_add_func("/modbus/rtu/held-up-is-asked-again", held_up_is_asked_again);
+    g_test_add("/modbus/rtu/always-held-up-is-an-error", struct opened, NULL, begin,
+               always_held_up_is_an_error, end);
     g_test_add("/modbus/rtu/very-late-is-disbelieved", struct opened, NULL, begin,
                very_late_is_disbelieved, end);
     g_test_add("/modbus/rtu/damaged-is-repeated", struct opened, NULL, begin, damaged_is_repeated,

@@ -1,0 +1,239 @@
+/* Which daemon a command means. Where that is not clear the command is refused, and what there is
+ * is listed: it could otherwise act on somebody else's capture. */
+#include "bus/bus.h"
+#include "bus/bus_client.h"
+#include "cli.h"
+#include "link_private.h"
+
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define MOST_CONTROL  1024 /* bytes of a control file */
+#define STALE_AFTER_S 60
+
+static const char *const buses[] = {"system", "session"};
+
+static const char *session_of(Link *link) {
+    const char *session = bus_rig1_get_session(link->rig);
+    return session ? session : "";
+}
+
+static const char *rig_of(Link *link) {
+    const char *rig = bus_rig1_get_rig_path(link->rig);
+    return rig ? rig : "";
+}
+
+/* Adds it, unless the daemon is in the list already. Takes link, which may be NULL. */
+static void add(GPtrArray *links, Link *link) {
+    if (!link)
+        return;
+    const char *guid = g_dbus_connection_get_guid(link->connection);
+    for (guint i = 0; i < links->len; i++) {
+        const Link *other = links->pdata[i];
+        if (g_strcmp0(g_dbus_connection_get_guid(other->connection), guid) == 0) {
+            link_free(link);
+            return;
+        }
+    }
+    g_ptr_array_add(links, link);
+}
+
+/* By a folder of bus_client.h, which is removed if its daemon was killed. */
+static Link *link_in_folder(const char *folder) {
+    g_autofree char *at = g_build_filename(folder, "bus", NULL);
+    g_autofree char *target = g_file_read_link(at, NULL);
+    g_autofree char *path = g_dbus_address_escape_value(target ? target : at);
+    g_autofree char *address = g_strconcat("unix:path=", path, NULL);
+    g_autoptr(GError) error = NULL;
+    GStatBuf info;
+    if (g_lstat(folder, &info) != 0 || info.st_uid != getuid() || !S_ISDIR(info.st_mode))
+        return NULL;
+    Link *link = link_to(address, &error);
+    if (link)
+        link->passing = !target;
+    else if ((g_error_matches(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND) ||
+              g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CONNECTION_REFUSED)) &&
+             info.st_mtime + STALE_AFTER_S < g_get_real_time() / G_USEC_PER_SEC)
+        bus_client_remove_folder(folder);
+    return link;
+}
+
+/* Every daemon that this user may ask: those that listen for this user, then those on buses. */
+static GPtrArray *find_all(void) {
+    GPtrArray *links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
+    g_autoptr(GDir) dir = g_dir_open(bus_client_folder(), 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *folder = g_build_filename(bus_client_folder(), name, NULL);
+        if (g_str_has_prefix(name, "mesorig-"))
+            add(links, link_in_folder(folder));
+    }
+    if (bus_client_address())
+        add(links, link_to(bus_client_address(), NULL));
+    for (gsize i = 0; i < G_N_ELEMENTS(buses); i++)
+        add(links, link_on_bus(buses[i], NULL));
+    return links;
+}
+
+static char *list(const GPtrArray *links) {
+    GString *text = g_string_new(NULL);
+    for (guint i = 0; i < links->len; i++) {
+        Link *link = links->pdata[i];
+        const char *state = bus_rig1_get_state(link->rig);
+        g_string_append_printf(text, "\n  %s\n    rig %s, %s%s%s%s", link->option,
+                               *rig_of(link) ? rig_of(link) : "none",
+                               *session_of(link) ? "session " : "", session_of(link),
+                               *session_of(link) ? ", " : "", state ? state : "it does not answer");
+    }
+    return g_string_free(text, FALSE);
+}
+
+/* The only one, taken from the list; NULL without an error: there is none. */
+static Link *the_only(GPtrArray *links, GError **error) {
+    if (links->len == 1)
+        return g_ptr_array_steal_index(links, 0);
+    if (links->len == 0)
+        return NULL;
+    g_autofree char *text = list(links);
+    g_set_error(
+        error, G_IO_ERROR, G_IO_ERROR_FAILED,
+        "%u daemons are running; say which one is meant, by its session directory or by one "
+        "of these options (%s may hold an address for all commands):%s",
+        links->len, BUS_CLIENT_VARIABLE, text);
+    return NULL;
+}
+
+/* The address in a session's control file. The directory may belong to others: a link, a file of
+ * another user, or something that is not a regular file, is ignored. NULL: nothing. */
+static char *read_control(const char *directory) {
+    g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
+    const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    char text[MOST_CONTROL + 1] = "";
+    struct stat info;
+    gssize n = -1;
+    if (fd >= 0 && fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size <= MOST_CONTROL)
+        n = read(fd, text, MOST_CONTROL);
+    const gboolean own = n > 0 && info.st_uid == geteuid();
+    if (fd >= 0)
+        close(fd);
+    g_strstrip(text);
+    if (n > 0 && (strcmp(text, "system") == 0 || strcmp(text, "session") == 0))
+        return g_strdup(text);
+    /* A single address of a local socket: others may name a host, and a file to send to it. */
+    return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
+}
+
+static Link *link_by_directory(const char *directory, GError **error) {
+    g_autofree char *text = read_control(directory);
+    if (text) {
+        const gboolean bus = strcmp(text, "system") == 0 || strcmp(text, "session") == 0;
+        Link *link = bus ? link_on_bus(text, NULL) : link_to(text, NULL);
+        if (link && (!bus || g_strcmp0(bus_rig1_get_session(link->rig), directory) == 0))
+            return link;
+        link_free(link);
+    }
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "no daemon captures into %s at present; “mesorig resume %s” goes on with it",
+                directory, directory);
+    return NULL;
+}
+
+/* None of this user's, so one on a bus that is running but refuses is the one that was meant. */
+static Link *none_at_all(GError **error) {
+    for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
+        g_autoptr(GError) why = NULL;
+        Link *link = link_on_bus(buses[i], &why);
+        if (link)
+            return link;
+        if (!g_error_matches(why, G_IO_ERROR, G_IO_ERROR_NOT_FOUND)) {
+            g_propagate_error(error, g_steal_pointer(&why));
+            return NULL;
+        }
+    }
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "no mesorigd is running: neither for this user nor on the system or session "
+                "bus (systemctl start mesorigd, or mesorigd --listen unix:path=/tmp/NAME --rig "
+                "RIG; one that was started where this user's runtime directory was another is "
+                "named by --address or %s)",
+                BUS_CLIENT_VARIABLE);
+    return NULL;
+}
+
+/* By --address or --bus; NULL without an error: neither was given. */
+static Link *link_named(GError **error) {
+    return cli_address ? link_to(cli_address, error) : cli_bus ? link_on_bus(cli_bus, error) : NULL;
+}
+
+static Link *link_named_for(const char *directory, GError **error) {
+    g_autoptr(Link) link = link_named(error);
+    if (!link || !directory || g_str_equal(session_of(link), directory))
+        return g_steal_pointer(&link);
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "the daemon of %s does not capture into %s, but into %s; leave out that option or "
+                "the directory",
+                link->option, directory, *session_of(link) ? session_of(link) : "nothing");
+    return NULL;
+}
+
+Link *link_find(const char *directory, GError **error) {
+    GError *why = NULL;
+    if (cli_address || cli_bus)
+        return link_named_for(directory, error);
+    if (directory)
+        return link_by_directory(directory, error);
+    if (bus_client_address())
+        return link_to(bus_client_address(), error);
+    g_autoptr(GPtrArray) links = find_all();
+    Link *link = the_only(links, &why);
+    if (!link && !why)
+        link = none_at_all(&why);
+    if (why)
+        g_propagate_error(error, why);
+    return link;
+}
+
+/* Leaves those that have this rig open; "" is none. Other terminals' own daemons do not count. */
+static void keep_rig(GPtrArray *links, const char *rig_path) {
+    for (guint i = links->len; i-- > 0;) {
+        Link *link = links->pdata[i];
+        if (link->passing || !g_str_equal(rig_of(link), rig_path))
+            g_ptr_array_remove_index(links, i);
+    }
+}
+
+Link *link_find_rig(const char *rig_path, GError **error) {
+    if (cli_address || cli_bus)
+        return link_named(error);
+    g_autoptr(GPtrArray) links = find_all();
+    keep_rig(links, rig_path);
+    return the_only(links, error);
+}
+
+Link *link_find_free(const char *rig_path, GError **error) {
+    GError *why = NULL;
+    if (cli_address || cli_bus)
+        return link_named(error);
+    if (bus_client_address())
+        return link_to(bus_client_address(), error);
+    g_autoptr(GPtrArray) links = find_all();
+    if (links->len == 0)
+        return none_at_all(error);
+    g_autofree char *text = list(links);
+    keep_rig(links, "");
+    Link *link = the_only(links, &why);
+    if (why)
+        g_propagate_error(error, why);
+    else if (!link)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "no mesorigd has the rig %s open, and none is free to open it; start one: "
+                    "mesorigd --listen unix:path=/tmp/NAME --rig %s. There are:%s",
+                    rig_path, rig_path, text);
+    return link;
+}
+
+char *link_again(const Link *link) {
+    return cli_address || cli_bus ? g_strconcat(" ", link->option, NULL) : g_strdup("");
+}

@@ -1,0 +1,133 @@
+/* What somebody does at a virtual rig by hand: pulls plugs, and lays another sample on it. */
+#include "rig_private.h"
+
+#include <string.h>
+
+static gboolean set_cut(VirtualModbus *device, gboolean cut) {
+    const struct virtual_modbus_faults faults = {.cut = cut};
+    virtual_modbus_fail(device, &faults);
+    return TRUE;
+}
+
+/* The Modbus device that serves at the beginning of where: "/dev/pts/5 unit 1". */
+static VirtualModbus *find_modbus(const VirtualRig *rig, const char *where) {
+    for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
+        VirtualModbus *device =
+            i < rig->n_drives ? rig->drives[i].device : rig->boards[i - rig->n_drives].device;
+        const char *bus = virtual_modbus_bus(device);
+        if (g_str_has_prefix(where, bus) && where[strlen(bus)] == ' ')
+            return device;
+    }
+    return NULL;
+}
+
+static gboolean plug_camera(VirtualRig *rig, const char *name, gboolean plugged) {
+    for (int i = 0; i < rig->n_cameras; i++) {
+        const struct vision_camera *camera = &rig->cameras[i];
+        struct virtual_camera_faults faults = rig->camera_faults;
+        if (!g_str_equal(camera->name, name))
+            continue;
+        faults.unplugged = !plugged;
+        if (camera->gige)
+            virtual_gige_fail(camera->gige, &faults);
+        else
+            (plugged ? virtual_u3v_plug : virtual_u3v_unplug)(camera->u3v);
+        return TRUE;
+    }
+    return FALSE;
+}
+
+gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    for (guint i = 0; i < rig->devices->len; i++) {
+        const struct virtual_rig_device *device =
+            &g_array_index(rig->devices, struct virtual_rig_device, i);
+        const char *blank = strchr(device->section, ' ');
+        const char *own = blank ? blank + 1 : device->section;
+        VirtualModbus *modbus = find_modbus(rig, device->where);
+        g_string_append_printf(names, "%s%s", names->len ? ", " : "", own);
+        if (!g_str_equal(own, name) && !g_str_equal(device->section, name))
+            continue;
+        if (modbus ? set_cut(modbus, !plugged) : plug_camera(rig, own, plugged))
+            return TRUE;
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+            "%s (%s) cannot be unplugged here: only devices on Modbus, GigE Vision and USB3 "
+            "Vision can",
+            own, device->driver);
+        return FALSE;
+    }
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "there is no device “%s”; there are: %s",
+                name, names->str);
+    return FALSE;
+}
+
+static gboolean have_same_names(char *const *a, char *const *b, int n_a, int n_b) {
+    for (int i = 0; i < n_a && n_a == n_b; i++)
+        if (!g_str_equal(a[i], b[i]))
+            return FALSE;
+    return n_a == n_b;
+}
+
+/* Cameras, lamps and lasers are known by their numbers in the world. */
+static gboolean fits(const World *is, const World *new, const char *path, GError **error) {
+    gboolean same =
+        have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras) &&
+        have_same_names(is->lamp_names, new->lamp_names, is->n_lamps, new->n_lamps) &&
+        have_same_names(is->laser_names, new->laser_names, is->n_lasers, new->n_lasers);
+    for (int c = 0; c < is->n_cameras && same; c++) {
+        struct world_sensor a, b;
+        world_sensor(is, c, &a);
+        world_sensor(new, c, &b);
+        same = a.width == b.width && a.height == b.height && a.bits == b.bits && a.cfa == b.cfa;
+    }
+    if (!same)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s: its cameras, lamps or lasers are not those of this rig; change the sample "
+                    "alone",
+                    path);
+    return same;
+}
+
+static void replace(struct world_part *part, World *world) {
+    if (!part->world)
+        return;
+    world_unref(part->world);
+    part->world = world_ref(world);
+}
+
+gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error) {
+    if (rig->n_tics + rig->n_relays + rig->n_videos > 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "Tics, relay boards and V4L2 cameras keep their world: leave out --usb");
+        return FALSE;
+    }
+    World *world = world_get(path, error);
+    if (world && world == rig->world) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
+                    "%s is the present world, as it was when it was read first; give a changed one "
+                    "another name",
+                    path);
+        world_unref(world);
+        return FALSE;
+    }
+    if (!world || !fits(rig->world, world, path, error)) {
+        world_unref(world);
+        return FALSE;
+    }
+    g_mutex_lock(&rig->coupling);
+    for (int i = 0; i < rig->n_drives; i++)
+        replace(&rig->drives[i].part, world);
+    for (int i = 0; i < rig->n_boards; i++) {
+        struct board *board = &rig->boards[i];
+        for (int k = 0; k < board->n_coils; k++) {
+            replace(&board->parts[k], world);
+            if (board->on[k])
+                world_part_switch(&board->parts[k], TRUE, g_get_monotonic_time());
+        }
+    }
+    world_unref(rig->world);
+    rig->world = world;
+    g_mutex_unlock(&rig->coupling);
+    return TRUE;
+}
