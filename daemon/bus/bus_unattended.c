@@ -281,17 +281,17 @@ static void on_parked(Bus *bus, const GError *error) {
 static void park(struct unattended *at) {
     Bus *bus = at->bus;
     g_autoptr(GError) error = NULL;
-    Axis *const axes[] = {bus->devices->turntable, bus->devices->arc};
     at->has_worked = FALSE;
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(bus->devices, &error))
         bus_report(bus, "error", "queue", error->message);
     at->n_parking = 1; /* until all have set off */
-    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
+    for (int i = 0; i < DEVICES_POSITIONERS; i++) {
+        Axis *axis = devices_positioner(bus->devices, i);
         g_autoptr(GError) why = NULL;
-        if (axes[i] && bus_hands_park(bus, axes[i], on_parked, &why))
+        if (axis && bus_hands_park(bus, axis, on_parked, &why))
             at->n_parking++;
-        else if (axes[i])
+        else if (axis)
             note_not_parked(at, why);
     }
     if (--at->n_parking == 0)

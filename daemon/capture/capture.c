@@ -375,7 +375,7 @@ static double time_left_s(Capture *capture) {
                plan_remaining_s((const struct session_shot *const *)capture->remaining->pdata +
                                     capture->committed,
                                 (int)(capture->remaining->len - capture->committed), &capture->conf,
-                                &devices->timing, 0, 0);
+                                &devices->geometry, &devices->timing, NULL);
     }
     const double passed_s = capture_now_s(capture) - capture->left_at_s;
     return MAX(capture->left_s - passed_s, capture->left_least_s);
@@ -388,12 +388,16 @@ static gboolean waits_for_somebody(const Capture *capture) {
 /* "homing sweep30, sweep60 (2 of 4 axes are done)" */
 static char *homing_text(const Capture *capture) {
     const struct devices *devices = capture->devices;
-    const Axis *axes[2 + RIG_MAX_LASERS] = {devices->turntable, devices->arc};
+    const Axis *axes[DEVICES_POSITIONERS + RIG_MAX_LASERS];
     g_autoptr(GString) left = g_string_new(NULL);
     int n = 0, done = 0;
-    for (int i = 0; i < devices->geometry.n_lasers; i++)
-        axes[2 + i] = rig_laser_unit(&devices->timing, i) == i ? devices->sweeps[i] : NULL;
-    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        axes[i] = devices_positioner(devices, i);
+    const int n_lasers = devices->geometry.n_lasers;
+    for (int i = 0; i < n_lasers; i++)
+        axes[DEVICES_POSITIONERS + i] =
+            rig_laser_unit(&devices->timing, i) == i ? devices->sweeps[i] : NULL;
+    for (int i = 0; i < DEVICES_POSITIONERS + n_lasers; i++) {
         if (!axes[i])
             continue;
         n++;
