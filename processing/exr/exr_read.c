@@ -29,7 +29,7 @@ struct source {
     exr_context_t context;
     char message[256]; /* last error message of the library */
     gint64 reached;    /* farthest offset read */
-    gboolean cancelled;
+    gboolean cancelled, failed;
     struct exr_scratch scratch;
 };
 
@@ -77,16 +77,17 @@ static int64_t source_read(exr_const_context_t context, void *data, void *buffer
     if (watcher.watch != NULL && source->size > 0)
         source->cancelled |=
             !watcher.watch((double)source->reached / (double)source->size, watcher.data);
+    /* A short read, not −1: for a negative count OpenEXRCore 3.1 clears memory before its buffer.
+     */
     if (source->cancelled)
-        return -1;
+        return 0;
     while (done < size) {
         gssize n = pread(source->fd, (guint8 *)buffer + done, size - done, (off_t)(offset + done));
 
         if (n < 0 && errno == EINTR)
             continue;
-        if (n < 0)
-            return -1;
-        if (n == 0)
+        source->failed |= n < 0;
+        if (n <= 0)
             break;
         done += (gsize)n;
     }
@@ -350,7 +351,9 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     decode->decoding_user_data = part;
     if (rc == EXR_ERR_SUCCESS && chunk.packed_size == 0)
         rc = EXR_ERR_BAD_CHUNK_LEADER;
-    return rc == EXR_ERR_SUCCESS ? exr_decoding_run(source->context, index, decode) : rc;
+    if (rc == EXR_ERR_SUCCESS)
+        rc = exr_decoding_run(source->context, index, decode);
+    return source->failed || source->cancelled ? EXR_ERR_READ_IO : rc;
 }
 
 /* Reads a part chunk by chunk. The memory it takes is checked before anything is allocated. */
