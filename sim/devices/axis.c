@@ -9,7 +9,7 @@
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
 enum stall_kind { STALL_REPORTED, STALL_SILENT };
-enum part { PART_TURNTABLE, PART_ARC, PART_ARM, PART_PROBE, PART_SWEEP };
+enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_ARM, PART_PROBE, PART_SWEEP };
 
 struct sim_axis {
     char *world_path, *part_name;

@@ -36,7 +36,7 @@ static const struct mistake mistakes[] = {
     {"rig.conf", "[axis arc]", "world = welt.conf", " [axis arc] world: there is no file ",
      "welt.conf"},
     {"rig.conf", "[axis arc]", "part = leg",
-     " [axis arc] part: ", "choose from: turntable, arc, laser30, laser60"},
+     " [axis arc] part: ", "choose from: turntable, arc, arm, probe, laser30, laser60"},
     {"rig.conf", "[lamps bank]", "fault_dead = lamp61",
      " [lamps bank] fault_dead: ", "has no lamp \"lamp61\""},
     {"session.conf", "[views]", "rings = 30:2; 45:2",
