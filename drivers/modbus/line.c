@@ -268,11 +268,10 @@ static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
 
-/* One attempt; 0 or the reason, with the line ready for the next. was_late: an earlier attempt at
- * this request was overtaken; more answers may be on their way, so more silence is asked for.
- * ret_late: an answer to an earlier request has come. */
+/* One attempt; 0 or the reason, with the line ready for the next. ret_late: an answer to an earlier
+ * request has come. */
 static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
-                   gint64 deadline_us, gboolean was_late, gboolean *ret_late) {
+                   gint64 deadline_us, gboolean *ret_late) {
     gboolean distrust = line->owed;
     *ret_late = FALSE;
     /* Discard what came before the request: it cannot be its answer. */
@@ -302,7 +301,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
         }
         return why;
     }
-    if (distrust && !await_silence(line, line->link.late_ms * (was_late || *ret_late ? 2 : 1))) {
+    if (distrust && !await_silence(line, line->link.late_ms)) {
         line->counts.disbelieved++;
         *ret_late = TRUE;
         return EMBBADDATA;
@@ -362,7 +361,7 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         gboolean is_late;
         if (!modbus_line_connect(line, deadline_us, error))
             return FALSE;
-        int why = attempt(line, unit, request, deadline_us, late > 0, &is_late);
+        int why = attempt(line, unit, request, deadline_us, &is_late);
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
