@@ -12,7 +12,7 @@
 /* Sessions in a row that have stopped, after which the rig is suspected. */
 #define MOST_STOPPED 2
 
-/* What of a capture was told last. */
+/* The moment of a capture of which clients were told last. */
 enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAULT, MOMENT_ENDED };
 
 struct unattended {
@@ -130,7 +130,7 @@ static void pause_queue(struct unattended *at, const char *why) {
     tell(at, "queue-paused", NULL, why);
 }
 
-/* What has not begun waits again, in its place. */
+/* Returns a session that has not begun to its place in the queue, where it waits again. */
 static void put_back(struct unattended *at) {
     g_clear_pointer(&at->trial, bus_trial_free);
     if (at->item && at->item->state != QUEUE_BEGUN) {

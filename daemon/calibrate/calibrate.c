@@ -13,8 +13,7 @@ static const struct command *const commands[] = {
     &calibrate_cameras, &calibrate_lights, &calibrate_laser,  &calibrate_radiometry,
     &calibrate_colour,  &calibrate_show,   &calibrate_report, NULL};
 
-/* Of a calibration file: for each part that was calibrated from sessions that lacked shots, a list
- * of which. */
+/* The group of a calibration file that lists, for each part, the sessions that lacked shots. */
 #define INCOMPLETE_GROUP "incomplete sessions"
 
 char *calibrate_output, *calibrate_from;

@@ -77,7 +77,7 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
  * part's name is that of the command, "laser". NULL: all were complete. g_strfreev(). */
 char **calibrate_lacking(const struct calibration *calibration, const char *part);
 
-/* What a part leaves out one by one: "sights". */
+/* The name of the observations that a part leaves out one by one, as in "sights". */
 const char *calibrate_left_out(enum calibration_kind kind);
 
 /* Adds the last lines for people: how many items were left out (what: "sights"), and whether

@@ -40,7 +40,8 @@ static void show_part(Record *to, const struct calibration *calibration,
         record_say(to, "  incomplete: %s\n", lacking[i]);
 }
 
-/* What was left out comes last, and only if it is asked for: it may be hundreds of lines. */
+/* Lists the observations that were left out, if the user asks for them; otherwise tells
+ * how to ask. They may be hundreds of lines, and come last. */
 static void show_left_out(Record *to, const struct calibration *calibration, const char *path) {
     guint n = 0;
     for (int i = 0; i < CALIBRATION_PARTS; i++) {

@@ -311,6 +311,7 @@ void capture_free(Capture *capture) {
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);
     g_free(capture->plan_left_s);
+    g_free(capture->footprints);
     g_free(capture->reason);
     g_free(capture->doing);
     g_free(capture);

@@ -14,12 +14,14 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
 
 /* The same without open devices: for the rig file at rig_path, whose geometry is given. path: the
  * file to use in place of the one that the rig file names; or NULL. text: of that file, if it is
- * not to be read; or NULL. ret_line (g_free()): the line
- * that tells people which one a capture would use. */
-char *capture_calibration_line(const char *rig_path, GError **error); /* that of the rig file */
+ * not to be read; or NULL. ret_line (g_free()): the line that tells people which one a capture
+ * would use. */
 struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
                                             const char *path, const char *text, char **ret_line,
                                             GError **error);
+
+/* That line for the calibration that the rig file names. g_free() */
+char *capture_calibration_line(const char *rig_path, GError **error);
 
 /* How to give a calibration to a capture; for calibration_line(). */
 #define CAPTURE_CALIBRATION_HOW                                                                    \

@@ -63,8 +63,9 @@ struct Capture {
     struct { /* of frames of each kind (enum session_shot_kind) and camera: their bytes on disk */
         double sum, planned;
     } bytes[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
-    double predicted_bytes; /* by the plan */
-    double expected_bytes;  /* of the whole session, as last said */
+    struct plan_footprint *footprints; /* of each camera; NULL: not needed yet */
+    double predicted_bytes;            /* by the plan */
+    double expected_bytes;             /* of the whole session, as last said */
     double *plan_left_s; /* before each of remaining and after the last: plan_left_s(); or NULL */
     double left_s, left_at_s; /* predicted, and when */
     double left_least_s;      /* not before the shot under way has been exposed */

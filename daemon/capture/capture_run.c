@@ -200,16 +200,25 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
+/* Of each camera whose bytes vary. They are computed once: neither camera nor plane moves. */
+static const struct plan_footprint *capture_footprints(Capture *capture) {
+    const struct rig *rig = &capture->devices->geometry;
+    if (capture->footprints)
+        return capture->footprints;
+    capture->footprints = g_new0(struct plan_footprint, rig->n_cameras);
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (plan_bytes_vary(&rig->cameras[c]))
+            capture->footprints[c] = plan_footprint(&capture->conf, &rig->cameras[c]);
+    return capture->footprints;
+}
+
 /* Frames of a kind and camera differ from what was planned as much as those seen did. */
 static void note_bytes(Capture *capture, const struct session_shot *shot,
                        const struct session_frame *frames, int n) {
     const struct rig *rig = &capture->devices->geometry;
     const int *bits = capture->devices->timing.bits;
-    struct plan_footprint footprints[RIG_MAX_CAMERAS];
+    const struct plan_footprint *footprints = capture_footprints(capture);
     double all = 0, left = 0, said = 0;
-    for (int c = 0; c < rig->n_cameras; c++)
-        if (plan_bytes_vary(&rig->cameras[c]))
-            footprints[c] = plan_footprint(&capture->conf, &rig->cameras[c]);
     for (int i = 0; i < n; i++) {
         const int c = frames[i].camera;
         capture->bytes[shot->kind][c].sum += (double)frames[i].bytes;
@@ -505,7 +514,7 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_run_changed(capture);
 }
 
-/* What this run is to take, and how long that will be, homing included. */
+/* Lists the shots that this run takes, and predicts their time, homing included. */
 static void note_remaining(Capture *capture) {
     const struct devices *devices = capture->devices;
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);

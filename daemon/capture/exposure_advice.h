@@ -12,7 +12,7 @@ struct exposure_retakes {
 /* shortened_us: as the sequencer's hook “retake” has it. */
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us);
 
-/* Of all runs of a session, as its value "saturated_retakes". */
+/* Reads and writes the session's value "saturated_retakes", the sum over all runs. */
 void exposure_advice_load(struct exposure_retakes *ret, Session *session);
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session);
 

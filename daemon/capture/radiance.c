@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Of full scale: the mean difference from which exposures disagree. */
+/* Exposures disagree if their mean difference is above this part of full scale. */
 #define UNEVEN_PART 0.0025
 
 int radiance_saturation(int bits) {
