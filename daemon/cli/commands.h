@@ -1,12 +1,11 @@
-/* All commands but `calibrate` and those for devices by hand, which have rooms of their own. */
+/* The commands that have no room of their own. */
 #pragma once
 
 #include "command/cli.h"
 
 extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
     cli_continue, cli_abort, cli_safe, cli_close, cli_process, cli_compress, cli_compare, cli_check,
-    cli_board, cli_info, cli_drivers, cli_devices, cli_import, cli_export, cli_resample, cli_verify,
-    cli_report;
+    cli_board, cli_info, cli_drivers, cli_devices, cli_resample, cli_verify, cli_report;
 
 /* All commands; the table ends with NULL. */
 const struct command *const *cli_commands(void);

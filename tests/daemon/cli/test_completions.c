@@ -50,7 +50,7 @@ static const struct {
     {"mesorig process weave.session --fol\t\n", "[process][weave.session][--follow]"},
     {"mesorig import rel\tx\n", "[import][relight][x]"},
     {"mesorig import poses t.csv --cfa rg\t\n", "[import][poses][t.csv][--cfa][rggb]"},
-    {"mesorig export --format df\tbtf x\n", "[export][--format][dfmf][btf][x]"},
+    {"mesorig export btf --format df\tx\n", "[export][btf][--format][dfmf][x]"},
     {"mesorig compress x -m eig\t\n", "[compress][x][-m][eigenmaps]"},
     {"mesorig calibrate rad\tx\n", "[calibrate][radiometry][x]"},
     {"mesorig calibrate lights x --tar\tt\n", "[calibrate][lights][x][--target][t]"},

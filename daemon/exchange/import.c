@@ -1,6 +1,6 @@
 /* import: other people's measurements, made into a session. */
-#include "command/cli.h"
 #include "command/work.h"
+#include "exchange.h"
 #include "formats/import_poses.h"
 #include "formats/nominal.h"
 #include "plan/report.h"
@@ -62,12 +62,12 @@ struct job {
     struct import_result result;
 };
 
-static gboolean cli_import_work(const struct work *work, gpointer data, GError **error) {
+static gboolean import_command_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     return job->kind->import(output, job->source, &job->wish, work, &job->result, error);
 }
 
-static void cli_import_tell(Record *to, const struct import_result *result, double seconds) {
+static void import_command_tell(Record *to, const struct import_result *result, double seconds) {
     g_autofree char *time = report_duration(seconds);
     record_string(to, "session", output);
     record_int(to, "views", result->n_views);
@@ -191,7 +191,7 @@ static int run_poses(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-static int cli_import_run(const struct call *call, GError **error) {
+static int import_command_run(const struct call *call, GError **error) {
     const struct command *command = call->command;
     const char *kind = call->arguments[0];
     struct job job = {.source = call->arguments[1], .wish.texel_mm = texel_mm};
@@ -216,15 +216,15 @@ static int cli_import_run(const struct call *call, GError **error) {
                           &more) != 4 ||
                    wish->x < 0 || wish->y < 0 || wish->width <= 0 || wish->height <= 0))
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
-    if (!cli_work_run(cli_import_work, &job, &seconds, error))
+    if (!cli_work_run(import_command_work, &job, &seconds, error))
         return CLI_FAILED;
-    cli_import_tell(call->record, &job.result, seconds);
+    import_command_tell(call->record, &job.result, seconds);
     return CLI_DONE;
 }
 
 static const char *const kind_words[] = {"btf", "pictures", "rti", "relight", "poses", NULL};
 
-const struct command cli_import = {
+const struct command exchange_import = {
     .words = kind_words,
     .name = "import",
     .arguments = "KIND SOURCE -o DIR",
@@ -238,4 +238,4 @@ const struct command cli_import = {
     .options = entries,
     .min = 2,
     .max = 2,
-    .run = cli_import_run};
+    .run = import_command_run};

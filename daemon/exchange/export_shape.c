@@ -1,0 +1,159 @@
+/* export points, height, normals: the surface of a session's material. */
+#include "command/work.h"
+#include "exchange.h"
+#include "formats/export_surface.h"
+#include "normals/fit_normals.h"
+#include "plan/report.h"
+
+static char *output;
+static int least_views;
+static gboolean layered, maximum;
+
+static const GOptionEntry point_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ply"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "Least number of views that saw each (2)",
+     "N"},
+    {NULL},
+};
+
+static const GOptionEntry map_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.exr"},
+    {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
+     "Write the upper layer if the surface is not a height field", NULL},
+    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum, "Of a PTM: the light of its greatest value",
+     NULL},
+    {NULL},
+};
+
+struct job {
+    const char *session;
+    struct export_surface_options options;
+    struct export_surface_result surface;
+    struct fit_normals_result fit;
+};
+
+static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    return export_surface(job->session, output, &job->options, work, &job->surface, error);
+}
+
+static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    return fit_normals(job->session, output, job->options.what == EXPORT_HEIGHT,
+                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work, &job->fit, error);
+}
+
+/* From how brightness depends on the light, where no laser has measured the surface. */
+static int export_by_fit(const struct call *call, struct job *job, GError **error) {
+    const struct fit_normals_result *result = &job->fit;
+    Record *to = call->record;
+    double seconds = 0;
+    if (least_views || layered)
+        return cli_usage(call->command,
+                         "--views and --layered are for materials with an MDF; %s "
+                         "has none",
+                         job->session);
+    if (!cli_work_run(work_fit, job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_string(to, "model", result->model);
+    record_int(to, "points", result->texels - result->holes);
+    record_int(to, "holes", result->holes);
+    record_int(to, "clipped", result->clipped);
+    record_int(to, "shadowed", result->shadowed);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d of %d texels from their %s", output, result->texels - result->holes,
+               result->texels, result->model);
+    if (maximum)
+        record_say(to, "; %d texels are holes, since their maximum is clipped\n", result->clipped);
+    else
+        record_say(to,
+                   "; %d are in shadow or shine under more than a quarter of the lights they "
+                   "face, and are less certain\n",
+                   result->shadowed);
+    return CLI_DONE;
+}
+
+static int export_shape(const struct call *call, enum export_surface what, GError **error) {
+    struct job job = {.session = call->arguments[0]};
+    const struct export_surface_result *result = &job.surface;
+    Record *to = call->record;
+    double seconds = 0;
+    if (least_views < 0 || least_views > 255)
+        return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
+    if (!(what == EXPORT_POINTS ? exchange_check_output(output, "points", "PLY", ".ply", error)
+                                : exchange_check_output(output, "maps", "OpenEXR", ".exr", error)))
+        return CLI_FAILED;
+    job.options = (struct export_surface_options){
+        .what = what, .least_views = least_views, .layered = layered};
+    if (what != EXPORT_POINTS && fit_normals_applies(job.session))
+        return export_by_fit(call, &job, error);
+    if (maximum)
+        return cli_usage(call->command,
+                         "--maximum is for height and normals of a PTM; %s is to be "
+                         "exported from its MDF",
+                         job.session);
+    if (!cli_work_run(work_surface, &job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "seen", result->seen);
+    record_int(to, "points", result->points);
+    record_int(to, "holes", result->holes);
+    record_int(to, "stacked", result->stacked);
+    record_double(to, "real_s", seconds);
+    if (what == EXPORT_POINTS)
+        record_say(to,
+                   "%s: %" G_GINT64_FORMAT " points; %d views saw %" G_GINT64_FORMAT
+                   ", and points that several views saw were merged into one\n",
+                   output, result->points, result->n_views, result->seen);
+    else
+        record_say(to,
+                   "%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with "
+                   "structure below structure\n",
+                   output, result->points, result->texels, result->n_views, result->holes,
+                   result->stacked);
+    return CLI_DONE;
+}
+
+static int export_points_run(const struct call *call, GError **error) {
+    return export_shape(call, EXPORT_POINTS, error);
+}
+
+static int export_height_run(const struct call *call, GError **error) {
+    return export_shape(call, EXPORT_HEIGHT, error);
+}
+
+static int export_normals_run(const struct call *call, GError **error) {
+    return export_shape(call, EXPORT_NORMALS, error);
+}
+
+const struct command exchange_points = {
+    .name = "export points",
+    .arguments = "DIR -o FILE.ply",
+    .examples = "  mesorig export points weave.session -o weave.ply\n",
+    .help = "Write the measured surface as points with normals (PLY).",
+    .options = point_entries,
+    .min = 1,
+    .max = 1,
+    .run = export_points_run};
+const struct command exchange_height = {
+    .name = "export height",
+    .arguments = "DIR|FILE -o FILE.exr",
+    .examples = "  mesorig export height weave.session -o height.exr\n",
+    .help = "Write heights as a map (EXR); of a session without MDF from its PTM or HSH, or such a "
+            "file.",
+    .options = map_entries,
+    .min = 1,
+    .max = 1,
+    .run = export_height_run};
+const struct command exchange_normals = {
+    .name = "export normals",
+    .arguments = "DIR|FILE -o FILE.exr",
+    .examples = "  mesorig export normals weave.session -o normals.exr\n",
+    .help = "Write normals as a map (EXR); of a session without MDF from its PTM or HSH, or such a "
+            "file.",
+    .options = map_entries,
+    .min = 1,
+    .max = 1,
+    .run = export_normals_run};
