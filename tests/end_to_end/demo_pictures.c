@@ -1,9 +1,10 @@
 #include "demo_pictures.h"
 
+#include <cairo.h>
 #include <math.h>
-#include <png.h>
 
-enum { SCALE = 6, GAP = 8, BAR = 14 };
+/* Pixels; LINE: of a line of text. */
+enum { SCALE = 6, GAP = 8, BAR = 14, LINE = 18 };
 
 /* The colours of a height picture, viridis: dark violet is deepest, yellow highest; of equal steps
  * in lightness, so that grey prints show the same. −1, not measured, is grey. */
@@ -27,16 +28,65 @@ static void difference_colour(float difference, float most, guint8 *rgb) {
     rgb[2] = (guint8)(t > 0 ? 255 - 255 * t : 255);
 }
 
+/* Text beside the panels; y is the top of its line. */
+struct caption {
+    int x, y;
+    gboolean to_left; /* x is its right end */
+    char *text;
+};
+
+static void caption_clear(gpointer caption) {
+    g_free(((struct caption *)caption)->text);
+}
+
+static GArray *captions_new(void) {
+    GArray *captions = g_array_new(FALSE, FALSE, sizeof(struct caption));
+    g_array_set_clear_func(captions, caption_clear);
+    return captions;
+}
+
+static void G_GNUC_PRINTF(5, 6)
+    captions_add(GArray *captions, int x, int y, gboolean to_left, const char *format, ...) {
+    va_list values;
+    va_start(values, format);
+    const struct caption caption = {x, y, to_left, g_strdup_vprintf(format, values)};
+    va_end(values);
+    g_array_append_val(captions, caption);
+}
+
 static gboolean write_png(const char *path, const guint8 *rgb, int width, int height,
-                          GError **error) {
-    png_image image = {.version = PNG_IMAGE_VERSION,
-                       .width = (png_uint_32)width,
-                       .height = (png_uint_32)height,
-                       .format = PNG_FORMAT_RGB};
-    if (png_image_write_to_file(&image, path, 0, rgb, 0, NULL))
-        return TRUE;
-    g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_IO, "%s: %s", path, image.message);
-    return FALSE;
+                          const GArray *captions, GError **error) {
+    cairo_surface_t *surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height);
+    guint8 *pixels = cairo_image_surface_get_data(surface);
+    const int stride = cairo_image_surface_get_stride(surface);
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            const guint8 *from = rgb + ((gsize)y * width + x) * 3;
+            const guint32 to = (guint32)from[0] << 16 | (guint32)from[1] << 8 | from[2];
+            memcpy(pixels + (gsize)y * stride + (gsize)x * 4, &to, sizeof to);
+        }
+    cairo_surface_mark_dirty(surface);
+    cairo_t *cr = cairo_create(surface);
+    cairo_select_font_face(cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    cairo_set_font_size(cr, 13);
+    cairo_set_source_rgb(cr, 0.92, 0.92, 0.92);
+    for (guint i = 0; i < captions->len; i++) {
+        const struct caption *caption = &g_array_index(captions, struct caption, i);
+        cairo_text_extents_t extents;
+        cairo_text_extents(cr, caption->text, &extents);
+        cairo_move_to(cr, caption->to_left ? caption->x - extents.x_advance : caption->x,
+                      caption->y + LINE - 5);
+        cairo_show_text(cr, caption->text);
+    }
+    cairo_status_t status = cairo_status(cr);
+    cairo_destroy(cr);
+    if (status == CAIRO_STATUS_SUCCESS)
+        status = cairo_surface_write_to_png(surface, path);
+    cairo_surface_destroy(surface);
+    if (status != CAIRO_STATUS_SUCCESS)
+        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_IO, "%s: %s", path,
+                    cairo_status_to_string(status));
+    return status == CAIRO_STATUS_SUCCESS;
 }
 
 static void blow_up(guint8 *picture, int stride, int x0, int y0, int scale, const guint8 *rgb) {
@@ -64,7 +114,8 @@ static void paint_bars(guint8 *picture, int stride, int panel, int top, float le
 gboolean demo_write_mdf(const char *path, const struct session_grid *grid, const float *measured,
                         const float *truth, GError **error) {
     const int w = grid->width, h = grid->height;
-    const int width = 3 * w * SCALE + 2 * GAP, height = h * SCALE + GAP + BAR;
+    const int width = 3 * w * SCALE + 2 * GAP, height = LINE + h * SCALE + GAP + BAR + LINE;
+    const int panel = w * SCALE, step = panel + GAP, bars = LINE + h * SCALE + GAP;
     const float span = (float)(0.25 * grid->width_mm / w);
     float least = INFINITY, most = 0;
     for (int i = 0; i < w * h; i++) {
@@ -80,22 +131,28 @@ gboolean demo_write_mdf(const char *path, const struct session_grid *grid, const
             const float d = measured[y * w + x], t = truth[y * w + x];
             guint8 rgb[3];
             height_colour(d, least, most, rgb);
-            blow_up(picture, width, x * SCALE, y * SCALE, SCALE, rgb);
+            blow_up(picture, width, x * SCALE, LINE + y * SCALE, SCALE, rgb);
             height_colour(t, least, most, rgb);
-            blow_up(picture, width, w * SCALE + GAP + x * SCALE, y * SCALE, SCALE, rgb);
+            blow_up(picture, width, step + x * SCALE, LINE + y * SCALE, SCALE, rgb);
             if (d < 0 || t < 0)
                 height_colour(-1, least, most, rgb);
             else
                 difference_colour(d - t, span, rgb);
-            blow_up(picture, width, 2 * (w * SCALE + GAP) + x * SCALE, y * SCALE, SCALE, rgb);
+            blow_up(picture, width, 2 * step + x * SCALE, LINE + y * SCALE, SCALE, rgb);
         }
-    paint_bars(picture, width, w * SCALE, h * SCALE + GAP, least, most);
-    g_printerr(
-        "%s: measured, true, difference; depths along the line of sight from %.2f mm (violet) to "
-        "%.2f mm (yellow), differences from %+.2f mm (blue) to %+.2f mm (red); grey: not "
-        "measured\n",
-        path, (double)most, (double)least, (double)-span, (double)span);
-    return write_png(path, picture, width, height, error);
+    paint_bars(picture, width, panel, bars, least, most);
+    static const char *const titles[] = {"measured depth", "true depth", "measured − true"};
+    const float from[] = {most, most, -span}, to[] = {least, least, span};
+    g_autoptr(GArray) captions = captions_new();
+    for (int i = 0; i < 3; i++) {
+        captions_add(captions, i * step + 2, 0, FALSE, "%s", titles[i]);
+        captions_add(captions, i * step + 2, bars + BAR, FALSE, i < 2 ? "%.2f mm" : "%+.2f mm",
+                     (double)from[i]);
+        captions_add(captions, i * step + panel - 2, bars + BAR, TRUE,
+                     i < 2 ? "%.2f mm" : "%+.2f mm", (double)to[i]);
+    }
+    captions_add(captions, panel - 2, 0, TRUE, "grey: not measured");
+    return write_png(path, picture, width, height, captions, error);
 }
 
 static guint8 to_srgb(float value) {
@@ -108,6 +165,7 @@ struct demo_btf {
     struct session_grid grid;
     int width, height, n; /* n: columns */
     guint8 *picture;
+    GArray *captions;
 };
 
 enum { BTF_SCALE = SCALE / 2 };
@@ -116,8 +174,14 @@ struct demo_btf *demo_btf_new(const struct session_grid *grid) {
     struct demo_btf *btf = g_new0(struct demo_btf, 1);
     btf->grid = *grid;
     btf->width = DEMO_BTF_COLUMNS * (grid->width * BTF_SCALE + GAP) - GAP;
-    btf->height = 3 * (grid->height * BTF_SCALE + GAP) - GAP;
-    btf->picture = g_malloc0((gsize)btf->width * btf->height * 3);
+    btf->height = 2 * LINE + 3 * (LINE + grid->height * BTF_SCALE);
+    btf->picture = g_malloc((gsize)btf->width * btf->height * 3);
+    memset(btf->picture, 40, (gsize)btf->width * btf->height * 3);
+    btf->captions = captions_new();
+    static const char *const titles[] = {"measured", "true", "four times measured − true"};
+    for (int row = 0; row < 3; row++)
+        captions_add(btf->captions, 2, 2 * LINE + row * (LINE + grid->height * BTF_SCALE), FALSE,
+                     "%s", titles[row]);
     return btf;
 }
 
@@ -125,14 +189,17 @@ void demo_btf_free(struct demo_btf *btf) {
     if (!btf)
         return;
     g_free(btf->picture);
+    g_array_unref(btf->captions);
     g_free(btf);
 }
 
-/* Measured, true, and four times the difference around grey, one below the other. */
-gboolean demo_btf_add(struct demo_btf *btf, const struct exr_part *part, const float *truth) {
+gboolean demo_btf_add(struct demo_btf *btf, const struct exr_part *part,
+                      const struct session_direction *view, const struct session_direction *light,
+                      const float *truth) {
     const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                               exr_part_plane(part, "B")};
     const int w = btf->grid.width, h = btf->grid.height;
+    const int left = btf->n * (w * BTF_SCALE + GAP);
     if (btf->n == DEMO_BTF_COLUMNS)
         return FALSE;
     for (int y = 0; y < h; y++)
@@ -144,11 +211,15 @@ gboolean demo_btf_add(struct demo_btf *btf, const struct exr_part *part, const f
                 rgb[1][c] = to_srgb(should);
                 rgb[2][c] = (guint8)CLAMP(127.5f + 4 * 255 * (is - should), 0.0f, 255.0f);
             }
-            const int left = btf->n * (w * BTF_SCALE + GAP) + x * BTF_SCALE;
+            const int top = 3 * LINE + y * BTF_SCALE;
             for (int row = 0; row < 3; row++)
-                blow_up(btf->picture, btf->width, left, row * (h * BTF_SCALE + GAP) + y * BTF_SCALE,
-                        BTF_SCALE, rgb[row]);
+                blow_up(btf->picture, btf->width, left + x * BTF_SCALE,
+                        top + row * (LINE + h * BTF_SCALE), BTF_SCALE, rgb[row]);
         }
+    captions_add(btf->captions, left + 2, 0, FALSE, "view θ %.0f°, φ %.0f°", view->theta_deg,
+                 view->phi_deg);
+    captions_add(btf->captions, left + 2, LINE, FALSE, "light θ %.0f°, φ %.0f°", light->theta_deg,
+                 light->phi_deg);
     btf->n++;
     return TRUE;
 }
@@ -158,5 +229,5 @@ int demo_btf_columns(const struct demo_btf *btf) {
 }
 
 gboolean demo_btf_write(const struct demo_btf *btf, const char *path, GError **error) {
-    return write_png(path, btf->picture, btf->width, btf->height, error);
+    return write_png(path, btf->picture, btf->width, btf->height, btf->captions, error);
 }

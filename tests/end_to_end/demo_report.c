@@ -197,7 +197,7 @@ static gboolean measure_btf_pair(struct report *report, const struct session_dir
                                                         : report->products[k].errors,
                                    relative_error);
             }
-        if (k == CALIBRATED && draw && demo_btf_add(report->picture, part, truth))
+        if (k == CALIBRATED && draw && demo_btf_add(report->picture, part, view, light, truth))
             g_printerr("%s: column %d, view from theta %g, phi %g, light from %g, %g degrees\n",
                        btf_png, demo_btf_columns(report->picture), view->theta_deg, view->phi_deg,
                        light->theta_deg, light->phi_deg);

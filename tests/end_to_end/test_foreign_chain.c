@@ -4,8 +4,8 @@
  * measured. Every picture is made by the formulas of lib/foreign_rig.h, which share no code with
  * sim/, calib/ or processing/, and goes in by a table of “mesorig import poses”.
  *
- * The rig: three cameras, four lamps and two lasers that stand still, and a turntable. Its nominal
- * values are some millimetres off, as a ruler's are, and say nothing of brightness.
+ * The nominal values of the rig (foreign_album.h) are some millimetres off, as a ruler's are, and
+ * say nothing of brightness.
  *
  * --print: prints errors and error bars' χ² of each view. FOREIGN_CHAIN=DIR: writes pictures and
  * tables there, and does nothing else.
@@ -14,136 +14,20 @@
 #include "btf/btf_sigma.h"
 #include "calibration/calibration.h"
 
-#include "lib/foreign_rig.h"
+#include "foreign_album.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 
 #include <stdio.h>
 
-#define DEGREE     (G_PI / 180)
-#define CAMERAS    3
-#define LAMPS      4
-#define LASERS     2
-#define TEXELS     20
-#define SIDE_MM    32.0
-#define TEXEL_MM   (SIDE_MM / TEXELS)
-#define SPOTS      14 /* of a texel, each way, for its true mean */
-#define STEPS      48
-#define BITS       12
-#define BLACK      256
-#define FULL_WELL  10000
-#define READ_NOISE 5
-#define WHITE      0.96 /* of the tile */
-
-static const struct pinhole cameras[CAMERAS] = {
-    {256, 192, 15 * DEGREE, 650, 1625, 4 * DEGREE, {2.3, -1.7}, -0.3},
-    {256, 192, 35 * DEGREE, 655, 1640, -21 * DEGREE, {-3.1, 0.8}, -0.2},
-    {256, 192, 55 * DEGREE, 640, 1610, 26 * DEGREE, {0.6, 2.2}, -0.4},
-};
-static const struct arc_lamp lamp = {40 * DEGREE, 500, 400, 1.5};
-static const double lamp_azimuths_deg[LAMPS] = {20, 110.4, 200, 289.7};
-static const struct line_laser laser = {45 * DEGREE, 400};
-static const double laser_azimuths_deg[LASERS] = {60, 240};
-/* What the lasers' angles are: zero + (1 + stretch) times what their software says. */
-static const double zero_deg[LASERS] = {0.12, -0.07}, stretch[LASERS] = {0.004, -0.003};
+#define TEXELS   20
+#define SIDE_MM  32.0
+#define TEXEL_MM (SIDE_MM / TEXELS)
+#define SPOTS    14   /* of a texel, each way, for its true mean */
+#define WHITE    0.96 /* of the tile */
 
 static gboolean printing;
 static char *folder; /* of all pictures */
-
-/* A folder of pictures with its table. */
-struct album {
-    char *dir;
-    GString *rows;
-    struct foreign_sensor sensor;
-};
-
-static struct album album_begin(const char *name) {
-    struct album album = {.dir = g_build_filename(folder, name, NULL),
-                          .sensor = {FULL_WELL, READ_NOISE, g_str_hash(name)}};
-    g_assert_cmpint(g_mkdir_with_parents(album.dir, 0777), ==, 0);
-    album.rows = g_string_new(
-        "file,camera,lamp,laser,turntable_deg,sweep_deg,exposure_ms,bits,black_level\n");
-    return album;
-}
-
-static void album_end(struct album *album) {
-    g_autofree char *path = g_build_filename(album->dir, "poses.csv", NULL);
-    g_assert_true(g_file_set_contents(path, album->rows->str, -1, NULL));
-    g_string_free(album->rows, TRUE);
-    g_free(album->dir);
-}
-
-/* planes: n_planes × pixels, shares of white, which get noise. */
-static void album_write(struct album *album, const char *name, float *planes, int n_planes) {
-    const int n = cameras[0].width * cameras[0].height, white = (1 << BITS) - 1;
-    g_autofree char *path = g_build_filename(album->dir, name, NULL);
-    g_autofree guint16 *codes = g_new(guint16, n_planes * n);
-    foreign_expose(&album->sensor, planes, (gsize)n_planes * (gsize)n);
-    for (int i = 0; i < n_planes * n; i++)
-        codes[i] = (guint16)lround(
-            MAX(BLACK + (double)planes[i % n_planes * n + i / n_planes] * (white - BLACK), 0));
-    foreign_write_png(path, codes, cameras[0].width, cameras[0].height, n_planes, 16);
-}
-
-/* How pictures under lamps are taken. */
-struct look {
-    int n_cameras, n_lamps; /* the first ones */
-    double exposure_ms;
-    int n_spots;    /* samples of a pixel, each way */
-    double fine_mm; /* as in struct foreign_shot */
-    gboolean grey;
-};
-
-/* A picture of each camera under each lamp. */
-static void album_lamps(struct album *album, const struct foreign_scene *scene,
-                        const struct look *look, double turntable_deg) {
-    const int n = cameras[0].width * cameras[0].height;
-    for (int i = 0; i < look->n_cameras * look->n_lamps; i++) {
-        const int c = i / look->n_lamps, l = i % look->n_lamps;
-        const struct foreign_shot shot = {&cameras[c],
-                                          &lamp,
-                                          lamp_azimuths_deg[l] * DEGREE,
-                                          turntable_deg * DEGREE,
-                                          look->exposure_ms,
-                                          look->n_spots,
-                                          look->fine_mm};
-        g_autofree float *planes = foreign_render(scene, &shot);
-        g_autofree char *name = g_strdup_printf("t%03.0f_cam%d_lamp%d.png", turntable_deg, c, l);
-        album_write(album, name, planes + (look->grey ? n : 0), look->grey ? 1 : 3);
-        g_string_append_printf(album->rows, "%s,cam%d,lamp%d,,%g,,%g,%d,%d\n", name, c, l,
-                               turntable_deg, look->exposure_ms, BITS, BLACK);
-    }
-}
-
-/* A sweep in grey of each laser for each camera, over ±reach_deg. */
-static void album_sweeps(struct album *album, const struct foreign_scene *scene, int n_cameras,
-                         double turntable_deg, double reach_deg, double fine_mm) {
-    const int n = cameras[0].width * cameras[0].height;
-    const double step_deg = 2 * reach_deg / (STEPS - 1);
-    for (int i = 0; i < n_cameras * LASERS; i++) {
-        const int c = i / LASERS, k = i % LASERS;
-        const struct foreign_sweep sweep = {
-            .camera = &cameras[c],
-            .laser = &laser,
-            .arc = laser_azimuths_deg[k] * DEGREE,
-            .turntable = turntable_deg * DEGREE,
-            .from_rad = (zero_deg[k] - (1 + stretch[k]) * reach_deg) * DEGREE,
-            .step_rad = (1 + stretch[k]) * step_deg * DEGREE,
-            .steps = STEPS,
-            .sigma_rad = step_deg * DEGREE,
-            .peak = 0.9,
-            .samples = 3,
-            .fine_mm = fine_mm};
-        g_autofree float *frames = foreign_render_sweep(scene, &sweep);
-        for (int f = 0; f < STEPS; f++) {
-            g_autofree char *name =
-                g_strdup_printf("t%03.0f_cam%d_laser%d_%02d.png", turntable_deg, c, k, f);
-            album_write(album, name, frames + (gsize)f * (gsize)n, 1);
-            g_string_append_printf(album->rows, "%s,cam%d,,laser%d,%g,%.5f,1,%d,%d\n", name, c, k,
-                                   turntable_deg, -reach_deg + f * step_deg, BITS, BLACK);
-        }
-    }
-}
 
 /* Prints. */
 
@@ -235,7 +119,7 @@ static void write_boards(void) {
         const struct foreign_plate board =
             board_at(lays[k].height_mm, lays[k].tilt_deg, lays[k].towards_deg, lays[k].turn_deg);
         const struct foreign_scene scene = {.print = dark_print, .plates = &board, .n_plates = 1};
-        struct album album = album_begin(lays[k].name);
+        struct album album = album_begin(folder, lays[k].name);
         for (int t = 0; t < 6; t++)
             album_lamps(&album, &scene, &look, 60 * t);
         album_end(&album);
@@ -267,7 +151,7 @@ static void write_poles(void) {
     g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
     const struct foreign_scene scene = {
         .plane_mm = PLATE_MM, .print = light_print, .tubes = poles, .n_tubes = POLES};
-    struct album album = album_begin("poles");
+    struct album album = album_begin(folder, "poles");
     for (int t = 0; t < 2; t++)
         album_lamps(&album, &scene, &look, 120 * t);
     album_end(&album);
@@ -278,7 +162,7 @@ static const double plate_heights_mm[] = {1, 8};
 static void write_plates(void) {
     for (gsize k = 0; k < G_N_ELEMENTS(plate_heights_mm); k++) {
         g_autofree char *name = g_strdup_printf("plate%g", plate_heights_mm[k]);
-        struct album album = album_begin(name);
+        struct album album = album_begin(folder, name);
         const struct foreign_scene scene = {.plane_mm = plate_heights_mm[k], .print = grey_print};
         album_sweeps(&album, &scene, CAMERAS, 0, 3, 1);
         album_end(&album);
@@ -293,7 +177,7 @@ static void write_tile(void) {
     const struct foreign_plate tile = {
         {0, 0, PLATE_MM}, {1, 0, 0}, {0, 1, 0}, {TILE_MM / 2, TILE_MM / 2}, tile_print};
     const struct foreign_scene scene = {.print = dark_print, .plates = &tile, .n_plates = 1};
-    struct album album = album_begin("tile");
+    struct album album = album_begin(folder, "tile");
     for (gsize t = 0; t < G_N_ELEMENTS(tile_turns_deg); t++)
         album_lamps(&album, &scene, &look, tile_turns_deg[t]);
     album_end(&album);
@@ -304,7 +188,7 @@ static void write_chart(void) {
     const struct foreign_scene scene = {.plane_mm = PLATE_MM, .print = chart_print};
     g_autofree char *path = g_build_filename(folder, "chart.csv", NULL);
     g_autoptr(GString) text = g_string_new("# x_mm,y_mm,radius_mm,X,Y,Z\n");
-    struct album album = album_begin("chart");
+    struct album album = album_begin(folder, "chart");
     album_lamps(&album, &scene, &look, 0);
     album_end(&album);
     for (int i = 0; i < PATCHES; i++) {
@@ -361,7 +245,7 @@ static const double turns_deg[TURNS] = {0, 90};
 static void write_samples(void) {
     const struct look look = {CAMERAS, LAMPS, 1.2, 4, 26};
     for (gsize s = 0; s < G_N_ELEMENTS(samples); s++) {
-        struct album album = album_begin(samples[s].name);
+        struct album album = album_begin(folder, samples[s].name);
         for (int t = 0; t < TURNS; t++) {
             album_lamps(&album, &samples[s].scene, &look, turns_deg[t]);
             if (samples[s].swept)
