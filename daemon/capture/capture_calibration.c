@@ -59,12 +59,12 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
     return calibration;
 }
 
-char *capture_calibration_line(const char *rig_path, GError **error) {
+char *capture_calibration_line(const char *rig_path, const char *path, GError **error) {
     struct rig geometry;
     char *line = NULL;
     g_autoptr(Calibration) calibration =
         devices_read_geometry(rig_path, &geometry, error)
-            ? capture_calibration_for(rig_path, &geometry, NULL, NULL, &line, error)
+            ? capture_calibration_for(rig_path, &geometry, path, NULL, &line, error)
             : NULL;
     return line;
 }

@@ -20,8 +20,8 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
                                             const char *path, const char *text, char **ret_line,
                                             GError **error);
 
-/* That line for the calibration that the rig file names. g_free() */
-char *capture_calibration_line(const char *rig_path, GError **error);
+/* That line for the calibration at path, or NULL: for the one that the rig file names. g_free() */
+char *capture_calibration_line(const char *rig_path, const char *path, GError **error);
 
 /* How to give a calibration to a capture; for calibration_line(). */
 #define CAPTURE_CALIBRATION_HOW                                                                    \

@@ -7,11 +7,13 @@
 #include "plan/report.h"
 #include "rig/devices.h"
 
-static char *output;
+static char *output, *calibration;
 static gboolean offline;
 static const GOptionEntry entries[] = {
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
      "Use the options in the rig file only: no device need be connected", NULL},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
+     "Show this calibration in place of the one that the rig file names", "FILE"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
      "Session directory that it would be captured into; checks that, too", "DIR"},
     {NULL},
@@ -106,7 +108,7 @@ static int run_plan(const struct call *call, GError **error) {
         g_propagate_error(error, failed);
         return CLI_FAILED;
     }
-    g_autofree char *line = capture_calibration_line(rig, error);
+    g_autofree char *line = capture_calibration_line(rig, calibration, error);
     if (!line)
         return CLI_FAILED;
     g_autofree char *text = report_text(report);
