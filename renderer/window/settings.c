@@ -27,7 +27,7 @@ const struct setting settings_table[SETTINGS] = {
     [SETTING_NEAREST] = FLAG("nearest", "texels not filtered", settings.style.nearest,
                              "Do not filter between texels"),
     [SETTING_SHAPE] = OTHER("shape", "shape"),
-    [SETTING_TILES] = OTHER("tiles", "tiles, log2"),
+    [SETTING_TILES] = OTHER("tiles", "tiles"),
     [SETTING_SILHOUETTES] = OTHER("silhouettes", "silhouettes"),
     [SETTING_SHADOWS] =
         FLAG("shadows", "shadows", settings.shadows, "With the shadows that the shape casts"),

@@ -239,6 +239,12 @@ gboolean ui_slider(const char *label, double *value, double low, double high, co
     return ImGui::SliderScalar(label, ImGuiDataType_Double, value, &low, &high, format);
 }
 
+gboolean ui_slider_log(const char *label, double *value, double low, double high,
+                       const char *format) {
+    return ImGui::SliderScalar(label, ImGuiDataType_Double, value, &low, &high, format,
+                               ImGuiSliderFlags_Logarithmic);
+}
+
 gboolean ui_pair(const char *label, double values[2], double low, double high, const char *format) {
     return ImGui::SliderScalarN(label, ImGuiDataType_Double, values, 2, &low, &high, format);
 }

@@ -48,6 +48,9 @@ void ui_text(const char *text);
 void ui_note(const char *text); /* a text that stands out */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
+/* The same on a logarithmic scale; low is above 0. */
+gboolean ui_slider_log(const char *label, double *value, double low, double high,
+                       const char *format);
 gboolean ui_pair(const char *label, double values[2], double low, double high, const char *format);
 gboolean ui_check(const char *label, gboolean *value);
 gboolean ui_button(const char *label);

@@ -87,9 +87,9 @@ static void draw_shape(struct window *w) {
         window_set_shape(w, chosen == own ? w->own_shape : names[chosen],
                          chosen == own && w->own_shape == w->start->shape ? &w->start->settings
                                                                           : NULL);
-    double tiles = log2(w->now.settings.tiles_u);
-    if (ui_slider(label_of(SETTING_TILES), &tiles, -3.0, 8.0, "%.2f"))
-        window_scale_tiles(w, exp2(tiles) / w->now.settings.tiles_u);
+    double tiles = w->now.settings.tiles_u;
+    if (ui_slider_log(label_of(SETTING_TILES), &tiles, 0.125, 256.0, "%.2f"))
+        window_scale_tiles(w, tiles / w->now.settings.tiles_u);
     gboolean silhouettes = w->now.settings.silhouettes;
     if (ui_check(label_of(SETTING_SILHOUETTES), &silhouettes))
         window_toggle_silhouettes(w);

@@ -4,6 +4,7 @@
 const $ = id => document.getElementById(id);
 const api = "/api/v1/";
 const pictureInterval = 2000; // ms between two pictures of a camera
+const clockTime = { hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
 let state = {};
 
 function text(id, value) {
@@ -46,7 +47,7 @@ function showState() {
   // Of our clock: that of a simulated rig runs at a pace of its own.
   text("left", runs && state.predicted_end ? duration(Math.max(0, state.predicted_end - Date.now() / 1000)) : "–");
   text("end", runs && state.predicted_end
-    ? new Date(1000 * state.predicted_end).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" })
+    ? new Date(1000 * state.predicted_end).toLocaleTimeString([], clockTime)
     : "–");
   text("elapsed", state.elapsed_s ? duration(state.elapsed_s) + (state.simulated ? " (simulated)" : "") : "–");
   text("frames", state.frames ?? "–");
@@ -163,7 +164,7 @@ const queueStates = { empty: "Nothing waits.", waiting: "It waits for the rig.",
 const itemStates = { begun: "is being captured", hands: "waits for somebody", trying: "test shots are taken" };
 
 function time(seconds) {
-  return seconds ? new Date(1000 * seconds).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" }) : "–";
+  return seconds ? new Date(1000 * seconds).toLocaleTimeString([], clockTime) : "–";
 }
 
 // When each session begins and ends, by the plans' predictions from the end of the one before.
@@ -251,7 +252,7 @@ function drawCourse(course) {
 }
 
 function addEvent(event) {
-  const time = new Date(1000 * event.time).toLocaleTimeString();
+  const time = new Date(1000 * event.time).toLocaleTimeString([], { ...clockTime, second: "2-digit" });
   const row = element("li", event.level, `${time} ${event.source}: ${event.message}`);
   $("events").prepend(row);
   while ($("events").children.length > 200) $("events").lastChild.remove();
