@@ -2,8 +2,8 @@
 
 #include "base/work.h"
 #include "btf/btf.h"
+#include "directions/directions.h"
 #include "exr/exr.h"
-#include "gl/directions.h"
 #include "session/session.h"
 
 #include <math.h>
@@ -32,6 +32,7 @@ struct sample {
 struct shading {
     const Reference *reference;
     const struct viewer_settings *settings;
+    const Directions *views, *lights;
     struct sample *samples;
     guint n_samples;
     const float *texel, *view, *light, *lit; /* as viewer_render_geometry() gives them */
@@ -144,22 +145,19 @@ static Directions *light_directions(const Reference *r, GError **error) {
                           (const float *)(const void *)r->light_phi->data, r->names->len, error);
 }
 
-/* Finds the directions and weights of a part of the samples. Directions belong to one thread, so
- * each part makes its own; shade_samples() has checked that this succeeds. */
+/* Finds the directions and weights of a part of the samples. */
 static void reference_prepare(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;
-    g_autoptr(Directions) views = view_directions(s->reference, NULL);
-    g_autoptr(Directions) lights = light_directions(s->reference, NULL);
     for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
         struct sample *sample = &s->samples[k];
         const gsize at = 4 * (gsize)sample->at;
         const float *texel = s->texel + at, *v = s->view + at, *l = s->light + at;
         sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
         sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
-        directions_weights(views, vec3(v[0], v[1], v[2]), &sample->view);
-        directions_weights(lights, vec3(l[0], l[1], l[2]), &sample->light);
-        float fade = l[2] >= 0.0f ? directions_fade(lights, vec3(l[0], l[1], l[2])) : 0.0;
+        directions_weights(s->views, vec3(v[0], v[1], v[2]), &sample->view);
+        directions_weights(s->lights, vec3(l[0], l[1], l[2]), &sample->light);
+        float fade = l[2] >= 0.0f ? directions_fade(s->lights, vec3(l[0], l[1], l[2])) : 0.0;
         fade *= s->lit[at];
         for (int i = 0; i < 4; i++)
             sample->light.weight[i] *= fade;
@@ -275,6 +273,8 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     g_autoptr(Directions) lights = views != NULL ? light_directions(r, error) : NULL;
     if (lights == NULL)
         return FALSE;
+    s->views = views;
+    s->lights = lights;
     s->layer_size = 4 * (gsize)r->width * r->height;
     g_autofree float *layers = g_try_new0(float, s->layer_size *(r->names->len + 2));
     g_autofree float *pole_share = g_new0(float, r->names->len), *sky = g_new(float, r->names->len);
