@@ -251,7 +251,11 @@ void directions_weights(const Directions *d, struct vec3 v, struct direction_wei
 
 double directions_fade(const Directions *d, struct vec3 v) {
     struct direction_weights weights;
-    double theta, end = directions_weigh(d, v, &weights, &theta);
+    return directions_fade_weights(d, v, &weights);
+}
+
+double directions_fade_weights(const Directions *d, struct vec3 v, struct direction_weights *ret) {
+    double theta, end = directions_weigh(d, v, ret, &theta);
     if (v.z <= 0.0)
         return 0.0;
     if (theta <= end)

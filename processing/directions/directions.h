@@ -54,6 +54,10 @@ void directions_weights(const Directions *directions, struct vec3 direction,
  * horizon. */
 double directions_fade(const Directions *directions, struct vec3 direction);
 
+/* Both at once. */
+double directions_fade_weights(const Directions *directions, struct vec3 direction,
+                               struct direction_weights *ret);
+
 /* The weight of each of the n directions in the reflectance under a sky of even radiance,
  * (1/π) ∫ BTF dω. */
 void directions_sky(const Directions *directions, float *ret_share);
