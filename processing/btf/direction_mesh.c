@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "triangulation.h"
+#include "directions/triangulation.h"
 
 #define TOGETHER                                                                                   \
     (0.25 * G_PI / 180 / 2) /* distance in the plane near its centre: closer directions are one */

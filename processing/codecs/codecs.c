@@ -27,8 +27,7 @@ const struct codec *codecs_find(const char *name) {
     return NULL;
 }
 
-/* By mesorig.kind of its first part that has one. */
-static Material *codecs_open(const char *path, const char *label, GError **error) {
+const struct codec *codecs_of_file(const char *path, GError **error) {
     if (!session_check_product(path, error))
         return NULL;
     struct exr_file *file = exr_read_headers(path, error);
@@ -49,6 +48,11 @@ static Material *codecs_open(const char *path, const char *label, GError **error
                     "compress” wrote",
                     path, kind);
     exr_file_free(file);
+    return codec;
+}
+
+static Material *codecs_open(const char *path, const char *label, GError **error) {
+    const struct codec *codec = codecs_of_file(path, error);
     gpointer model = codec ? codec->read(path, error) : NULL;
     return model ? material_new(label, codec, model) : NULL;
 }

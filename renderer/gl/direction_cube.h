@@ -7,7 +7,7 @@
 #pragma once
 
 #include "direction_textures.h"
-#include "directions.h"
+#include "directions/directions.h"
 
 /* directions: triangulated. fade: as direction_table_new(). Indices are held as 1/65535. */
 struct direction_textures direction_cube_new(Directions *directions, gboolean fade);

@@ -7,7 +7,7 @@
 #pragma once
 
 #include "direction_textures.h"
-#include "directions.h"
+#include "directions/directions.h"
 
 /* fade: the weights fall to 0 at the horizon, as reflectance under a light does; see
  * directions_fade(). The index of the pole is that of the directions' number, see

@@ -2,7 +2,7 @@
  * texels as textures, which lpca_texel.glsl reads. */
 #pragma once
 
-#include "gl/directions.h"
+#include "directions/directions.h"
 #include "lpca/lpca.h"
 #include "lpca/lpca_levels.h"
 #include "method.h"

@@ -1,7 +1,7 @@
 #include "method.h"
 
+#include "directions/directions.h"
 #include "eigenmaps_view.h"
-#include "gl/directions.h"
 #include "gl/gpu.h"
 #include "hsh_view.h"
 #include "lobes_view.h"

@@ -7,7 +7,7 @@
 
 #include "btf/btf_layout.h"
 
-typedef struct Directions Directions; /* gl/directions.h */
+typedef struct Directions Directions; /* directions/directions.h */
 
 #define METHOD_UNITS                                                                               \
     8 /* texture units 0 … 7 are a method's, higher ones belong to viewer and relief */

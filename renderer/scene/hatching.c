@@ -1,6 +1,6 @@
 #include "hatching.h"
 
-#include "gl/directions.h"
+#include "directions/directions.h"
 #include "gl/gpu.h"
 
 #include <epoxy/gl.h>

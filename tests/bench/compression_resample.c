@@ -1,7 +1,7 @@
 #include "compression_parts.h"
 
 #include "bench.h"
-#include "btf/triangulation.h"
+#include "directions/triangulation.h"
 #include "lpca_codec/lpca_resample.h"
 
 #include <math.h>

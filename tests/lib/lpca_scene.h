@@ -2,8 +2,8 @@
 #pragma once
 
 #include "btf/direction_grid.h"
+#include "directions/directions.h"
 #include "formula_fixture.h"
-#include "gl/directions.h"
 #include "lpca/lpca.h"
 #include "rings.h"
 

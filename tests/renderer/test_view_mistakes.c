@@ -9,7 +9,7 @@
 #include "lib/view_fixture.h"
 #include "lib/x_display.h"
 #include "lpca/lpca_levels.h"
-#include "relief/mdf_source.h"
+#include "mdf_codecs/mdf_source.h"
 
 #include <dlfcn.h>
 #include <link.h>

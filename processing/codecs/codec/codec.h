@@ -53,6 +53,24 @@ struct codec_point {
 typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
                                gpointer data, GError **error);
 
+/* Two directions between the measured ones, prepared once for all texels. */
+struct codec_query {
+    float view[3], light[3]; /* unit vectors above the horizon */
+    /* The views around one and the lights around the other, and their weights, which are above 0;
+     * those of views sum to 1, those of lights to directions_fade(). */
+    int n_views, n_lights;
+    const int *views, *lights;
+    const float *view_weights, *light_weights;
+};
+
+#define CODEC_MAX_TEXELS 512
+/* Texels of a model, and the share of each in what is asked for. */
+struct codec_texels {
+    int n; /* at most CODEC_MAX_TEXELS */
+    const int *index;
+    const float *share;
+};
+
 struct codec {
     const char *name;  /* of --method, and mesorig.kind of its files */
     const char *title; /* for people, as in "local PCA" */
@@ -86,6 +104,18 @@ struct codec {
     gint64 (*bytes)(gconstpointer model); /* as a renderer holds it */
     /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
+    /* Adds Σ_k share_k B(texel_k, view, light) to ret (R, G, B), from what the model holds for it
+     * alone: no texel is reconstructed. B is interpolated between the measured directions where the
+     * model is a table, and its formula, at least 0, where it has one. */
+    void (*evaluate)(gconstpointer model, const struct codec_query *query,
+                     const struct codec_texels *texels, float ret[3]);
+    /* Optional: n, where the model's views and lights are the n × n samples of direction_grid.h; 0:
+     * they are those measured. */
+    int (*grid)(gconstpointer model);
+    gsize error; /* offset of a model's relative RMS error, a double; 0: it does not know it */
+    /* Optional: all mip levels of a file, models from level 0 on, with a free function; NULL: its
+     * files have level 0 alone. */
+    GPtrArray *(*read_levels)(const char *path, GError **error);
 
     /* Encodes the BTF at several sizes and reports each by calling tell(). */
     gboolean (*curve)(const struct codec *codec, const struct btf_matrix *btf,

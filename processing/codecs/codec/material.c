@@ -26,12 +26,30 @@ static void material_btf_reconstruct(gconstpointer model, int texel, float *ret)
     memcpy(ret, btf->values + (gsize)texel * n, sizeof(float) * n);
 }
 
+/* Σ_a Σ_b g_a h_b B(x, v_a, l_b). */
+static void material_btf_evaluate(gconstpointer model, const struct codec_query *query,
+                                  const struct codec_texels *texels, float ret[COLOURS]) {
+    const struct btf_matrix *btf = model;
+    const gsize n = btf_layout_values(&btf->layout), row = btf->layout.lights.n * COLOURS;
+    for (int k = 0; k < texels->n; k++)
+        for (int a = 0; a < query->n_views; a++) {
+            const float *from =
+                btf->values + (gsize)texels->index[k] * n + (gsize)query->views[a] * row;
+            const float share = texels->share[k] * query->view_weights[a];
+            for (int b = 0; b < query->n_lights; b++)
+                for (int c = 0; c < COLOURS; c++)
+                    ret[c] += share * query->light_weights[b] *
+                              from[(gsize)query->lights[b] * COLOURS + (gsize)c];
+        }
+}
+
 const struct codec material_btf_codec = {
     .name = "btf",
     .free = material_btf_free,
     .layout = G_STRUCT_OFFSET(struct btf_matrix, layout),
     .bytes = material_btf_bytes,
     .reconstruct = material_btf_reconstruct,
+    .evaluate = material_btf_evaluate,
 };
 
 Material *material_new(const char *label, const struct codec *codec, gpointer model) {

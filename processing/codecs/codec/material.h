@@ -8,8 +8,8 @@
 
 typedef struct Material Material;
 
-/* The BTF itself, seen as a codec that loses nothing: free, layout, bytes and reconstruct alone.
- * Its models are struct btf_matrix with values in memory. */
+/* The BTF itself, seen as a codec that loses nothing: free, layout, bytes, reconstruct and evaluate
+ * alone. Its models are struct btf_matrix with values in memory. */
 extern const struct codec material_btf_codec;
 
 /* Takes model; label is copied. */

@@ -161,6 +161,28 @@ static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *r
         }
 }
 
+/* Σ_i (Σ_a g_a W_i(v_a)) Σ_b h_b E_i(x, l_b). */
+static void eigenmaps_codec_evaluate(gconstpointer model, const struct codec_query *query,
+                                     const struct codec_texels *texels, float ret[3]) {
+    const struct eigenmaps *maps = model;
+    const gsize n = btf_layout_texels(&maps->layout), n_lights = maps->layout.lights.n;
+    for (gsize term = 0; term < (gsize)maps->n_terms; term++) {
+        float sum[3] = {0}, weight = 0;
+        for (int a = 0; a < query->n_views; a++)
+            weight += query->view_weights[a] *
+                      maps->weights[term * maps->layout.views.n + (gsize)query->views[a]];
+        for (int b = 0; b < query->n_lights; b++) {
+            const float *map = maps->maps + (term * n_lights + (gsize)query->lights[b]) * n * 3;
+            for (int k = 0; k < texels->n; k++)
+                for (int c = 0; c < 3; c++)
+                    sum[c] += query->light_weights[b] * texels->share[k] *
+                              map[(gsize)texels->index[k] * 3 + (gsize)c];
+        }
+        for (int c = 0; c < 3; c++)
+            ret[c] += weight * sum[c];
+    }
+}
+
 /* Maps are in the order of the variance they explain, so that the last ones are left out, by powers
  * of two. */
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
@@ -204,5 +226,6 @@ const struct codec eigenmaps_codec = {
     .layout = G_STRUCT_OFFSET(struct eigenmaps, layout),
     .bytes = eigenmaps_codec_bytes,
     .reconstruct = eigenmaps_codec_reconstruct,
+    .evaluate = eigenmaps_codec_evaluate,
     .curve = eigenmaps_codec_curve,
 };

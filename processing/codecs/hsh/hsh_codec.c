@@ -68,6 +68,26 @@ static void hsh_codec_reconstruct(gconstpointer model, int texel, float *ret) {
     hsh_reconstruct(model, texel, ret);
 }
 
+/* Σ_a g_a max(0, f_a(x, l)): the harmonics may be negative between the lights. */
+static void hsh_codec_evaluate(gconstpointer model, const struct codec_query *query,
+                               const struct codec_texels *texels, float ret[3]) {
+    const struct hsh *hsh = model;
+    const gsize row = (gsize)hsh->n_terms * 3, n = btf_layout_texels(&hsh->layout);
+    float basis[HSH_MAX_TERMS];
+    hsh_basis(query->light, hsh->n_terms, basis);
+    for (int k = 0; k < texels->n; k++)
+        for (int a = 0; a < query->n_views; a++) {
+            const float *values =
+                hsh->values + ((gsize)query->views[a] * n + (gsize)texels->index[k]) * row;
+            float sum[3] = {0};
+            for (int i = 0; i < hsh->n_terms; i++)
+                for (int c = 0; c < 3; c++)
+                    sum[c] += basis[i] * values[3 * i + c];
+            for (int c = 0; c < 3; c++)
+                ret[c] += texels->share[k] * query->view_weights[a] * MAX(sum[c], 0);
+        }
+}
+
 static gboolean hsh_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                 const struct work *work, CodecPoint tell, gpointer data,
                                 GError **error) {
@@ -103,5 +123,7 @@ const struct codec hsh_codec = {
     .layout = G_STRUCT_OFFSET(struct hsh, layout),
     .bytes = hsh_codec_bytes,
     .reconstruct = hsh_codec_reconstruct,
+    .evaluate = hsh_codec_evaluate,
+    .error = G_STRUCT_OFFSET(struct hsh, error),
     .curve = hsh_codec_curve,
 };

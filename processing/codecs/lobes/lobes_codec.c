@@ -104,6 +104,31 @@ static void lobes_codec_reconstruct(gconstpointer model, int texel, float *ret) 
     lobes_reconstruct(model, texel, ret);
 }
 
+/* The formula, at least 0; of models of each view on its own, Σ_a g_a of the views around. */
+static void lobes_codec_evaluate(gconstpointer model, const struct codec_query *query,
+                                 const struct codec_texels *texels, float ret[3]) {
+    const struct lobes *lobes = model;
+    const gboolean sliced = lobes_traits[lobes->model].each_view;
+    for (int k = 0; k < texels->n; k++)
+        for (int a = 0; a < (sliced ? query->n_views : 1); a++) {
+            const float share = texels->share[k] * (sliced ? query->view_weights[a] : 1);
+            float rgb[3];
+            lobes_evaluate(lobes, sliced ? query->views[a] : 0, texels->index[k], query->view,
+                           query->light, rgb);
+            for (int c = 0; c < 3; c++)
+                ret[c] += share * MAX(rgb[c], 0);
+        }
+}
+
+static GPtrArray *lobes_codec_read_levels(const char *path, GError **error) {
+    struct lobes *levels[LOBES_MAX_LEVELS] = {NULL};
+    const int n = lobes_read_levels(path, levels, error);
+    GPtrArray *ret = n ? g_ptr_array_new_with_free_func((GDestroyNotify)lobes_free) : NULL;
+    for (int i = 0; i < n; i++)
+        g_ptr_array_add(ret, levels[i]);
+    return ret;
+}
+
 static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                   const struct work *work, CodecPoint tell, gpointer data,
                                   GError **error) {
@@ -146,6 +171,9 @@ static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_ma
         .layout = G_STRUCT_OFFSET(struct lobes, layout),                                           \
         .bytes = lobes_codec_bytes,                                                                \
         .reconstruct = lobes_codec_reconstruct,                                                    \
+        .evaluate = lobes_codec_evaluate,                                                          \
+        .error = G_STRUCT_OFFSET(struct lobes, error),                                             \
+        .read_levels = lobes_codec_read_levels,                                                    \
         .curve = lobes_codec_curve,                                                                \
     }
 

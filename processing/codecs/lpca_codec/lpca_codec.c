@@ -5,6 +5,7 @@
 #include "lpca/lpca_choose.h"
 #include "lpca/lpca_levels.h"
 #include "lpca/lpca_pack.h"
+#include "lpca_evaluate.h"
 #include "lpca_resample.h"
 
 #include <math.h>
@@ -317,6 +318,19 @@ static void lpca_codec_reconstruct(gconstpointer model, int texel, float *ret) {
     lpca_reconstruct(model, texel, ret);
 }
 
+static int lpca_codec_grid(gconstpointer model) {
+    return ((const struct lpca *)model)->n_grid;
+}
+
+static GPtrArray *lpca_codec_read_levels(const char *path, GError **error) {
+    struct lpca *levels[LPCA_MAX_LEVELS] = {NULL};
+    const int n = lpca_read_levels(path, levels, error);
+    GPtrArray *ret = n ? g_ptr_array_new_with_free_func(lpca_codec_free) : NULL;
+    for (int i = 0; i < n; i++)
+        g_ptr_array_add(ret, levels[i]);
+    return ret;
+}
+
 /* One point of the curve for each way to round it. */
 static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int components,
                                           const struct btf_matrix *btf, CodecPoint tell,
@@ -413,5 +427,9 @@ const struct codec lpca_codec = {
     .layout = G_STRUCT_OFFSET(struct lpca, layout),
     .bytes = lpca_codec_bytes,
     .reconstruct = lpca_codec_reconstruct,
+    .evaluate = lpca_evaluate,
+    .grid = lpca_codec_grid,
+    .error = G_STRUCT_OFFSET(struct lpca, error),
+    .read_levels = lpca_codec_read_levels,
     .curve = lpca_codec_curve,
 };

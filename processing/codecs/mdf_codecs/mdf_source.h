@@ -1,10 +1,10 @@
 /* The MDF (mesostructure distance function) of a material in any form that a file can have, read
- * and ready to be uploaded. */
+ * and ready to be uploaded or asked. */
 #pragma once
 
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
-#include "mdf_codecs/mdf_packed.h"
+#include "mdf_blocks.h"
+#include "mdf_factors.h"
+#include "mdf_packed.h"
 
 /* The form is that of the most specific member that is set: factors, else blocks, else table. */
 struct mdf_source {

@@ -1,6 +1,6 @@
 #include "directions.h"
 
-#include "btf/triangulation.h"
+#include "triangulation.h"
 
 #include <string.h>
 
@@ -225,7 +225,7 @@ static double ring_weights(const Directions *d, double theta, double phi,
 
 /* Returns the polar angle, in degrees, at which the measured directions end, or one beyond theta.
  */
-static double directions_weigh(Directions *d, struct vec3 v, struct direction_weights *ret,
+static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;
     double phi = atan2(v.y, v.x) / DEG;
@@ -244,14 +244,18 @@ static double directions_weigh(Directions *d, struct vec3 v, struct direction_we
     return moved == 0.0 ? theta : 2.0 * atan(hypot(nearest[0], nearest[1])) / DEG;
 }
 
-void directions_weights(Directions *d, struct vec3 v, struct direction_weights *ret) {
+void directions_weights(const Directions *d, struct vec3 v, struct direction_weights *ret) {
     double theta;
     directions_weigh(d, v, ret, &theta);
 }
 
-double directions_fade(Directions *d, struct vec3 v) {
+double directions_fade(const Directions *d, struct vec3 v) {
     struct direction_weights weights;
-    double theta, end = directions_weigh(d, v, &weights, &theta);
+    return directions_fade_weights(d, v, &weights);
+}
+
+double directions_fade_weights(const Directions *d, struct vec3 v, struct direction_weights *ret) {
+    double theta, end = directions_weigh(d, v, ret, &theta);
     if (v.z <= 0.0)
         return 0.0;
     if (theta <= end)
@@ -270,7 +274,7 @@ double directions_square_density(double a, double b) {
     return 0.5 / (length * length * length);
 }
 
-void directions_sky(Directions *d, float *ret_share) {
+void directions_sky(const Directions *d, float *ret_share) {
     const double step = 2.0 / SKY_CELLS;
     memset(ret_share, 0, d->n * sizeof(float));
     for (int j = 0; j < SKY_CELLS; j++)

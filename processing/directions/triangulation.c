@@ -1,5 +1,6 @@
 /* Incremental triangulation in order of x, then edge flips until it is Delaunay. The number of
- * points is that of measured directions (some hundred), so that linear searches suffice. */
+ * points is that of measured directions (some hundred), so that linear searches suffice to build
+ * it. Queries look into a grid of cells, each with the triangles that may cover a part of it. */
 #include "triangulation.h"
 
 #include <math.h>
@@ -16,7 +17,11 @@ struct Triangulation {
     double *points; /* n × 2, displaced */
     GArray *triangles;
     GArray *hull; /* of int, counter-clockwise */
-    guint last;   /* triangle of the last query: the next one is likely near */
+    /* A grid over the points: cell k has triangles covering[first[k] … first[k + 1] − 1], in
+     * ascending order. */
+    int n_cells;            /* each way */
+    double low[2], cell[2]; /* its corner, and the size of a cell */
+    int *first, *covering;
 };
 
 static const double *triangulation_point(const Triangulation *t, int index) {
@@ -108,6 +113,63 @@ static gboolean triangulation_flip(Triangulation *t, guint k, int edge) {
     return TRUE;
 }
 
+/* Index of the cell along an axis; points beyond the grid belong to its outermost cells. */
+static int triangulation_along(const Triangulation *t, double at, int axis) {
+    const double k = (at - t->low[axis]) / t->cell[axis];
+    return k > 0.0 ? (int)MIN(k, (double)(t->n_cells - 1)) : 0;
+}
+
+static int triangulation_cell(const Triangulation *t, const double at[2]) {
+    return triangulation_along(t, at[1], 1) * t->n_cells + triangulation_along(t, at[0], 0);
+}
+
+/* The cells x[0] … x[1], y[0] … y[1] that the bounding box of a triangle meets. */
+static void triangulation_box(const Triangulation *t, guint k, int ret_x[2], int ret_y[2]) {
+    const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
+    int *const range[2] = {ret_x, ret_y};
+    for (int axis = 0; axis < 2; axis++)
+        for (int c = 0; c < 3; c++) {
+            const int here = triangulation_along(t, triangulation_point(t, corner[c])[axis], axis);
+            range[axis][0] = c == 0 ? here : MIN(range[axis][0], here);
+            range[axis][1] = c == 0 ? here : MAX(range[axis][1], here);
+        }
+}
+
+/* About as many cells as triangles. Counts what each cell has, then puts it there. */
+static void triangulation_make_grid(Triangulation *t) {
+    double high[2] = {-G_MAXDOUBLE, -G_MAXDOUBLE};
+    t->low[0] = t->low[1] = G_MAXDOUBLE;
+    for (int k = 0; k < 2 * t->n; k++) {
+        t->low[k % 2] = MIN(t->low[k % 2], t->points[k]);
+        high[k % 2] = MAX(high[k % 2], t->points[k]);
+    }
+    t->n_cells = MAX(1, (int)sqrt((double)t->triangles->len));
+    for (int axis = 0; axis < 2; axis++)
+        t->cell[axis] = MAX((high[axis] - t->low[axis]) / t->n_cells, JITTER);
+    const int n = t->n_cells * t->n_cells;
+    t->first = g_new0(int, n + 1);
+    for (int fill = 0; fill < 2; fill++) {
+        for (guint k = 0; k < t->triangles->len; k++) {
+            int x[2], y[2];
+            triangulation_box(t, k, x, y);
+            for (int j = y[0]; j <= y[1]; j++)
+                for (int i = x[0]; i <= x[1]; i++)
+                    if (fill)
+                        t->covering[t->first[j * t->n_cells + i]++] = (int)k;
+                    else
+                        t->first[j * t->n_cells + i + 1]++;
+        }
+        /* Counts become beginnings; after filling, ends become beginnings again. */
+        for (int cell = 0; !fill && cell < n; cell++)
+            t->first[cell + 1] += t->first[cell];
+        if (!fill)
+            t->covering = g_new(int, MAX(t->first[n], 1));
+        for (int cell = n; fill && cell > 0; cell--)
+            t->first[cell] = t->first[cell - 1];
+    }
+    t->first[0] = 0;
+}
+
 Triangulation *triangulation_new(const double *points, int n) {
     Triangulation *t = g_new0(Triangulation, 1);
     t->n = n;
@@ -125,8 +187,10 @@ Triangulation *triangulation_new(const double *points, int n) {
     g_qsort_with_data(order, n, sizeof(int), compare_x, t);
     /* Any triangulation, by adding points from left to right. */
     g_array_append_vals(t->hull, order, MIN(n, 3));
-    if (n < 3)
+    if (n < 3) {
+        triangulation_make_grid(t);
         return t;
+    }
     struct triangle first = {{order[0], order[1], order[2]}};
     if (triangulation_turn(t, order[0], order[1], order[2]) < 0.0) {
         first = (struct triangle){{order[0], order[2], order[1]}};
@@ -145,6 +209,7 @@ Triangulation *triangulation_new(const double *points, int n) {
             for (int edge = 0; edge < 3; edge++)
                 flipped |= triangulation_flip(t, k, edge);
     }
+    triangulation_make_grid(t);
     return t;
 }
 
@@ -154,6 +219,8 @@ void triangulation_free(Triangulation *t) {
     g_array_unref(t->hull);
     g_array_unref(t->triangles);
     g_free(t->points);
+    g_free(t->first);
+    g_free(t->covering);
     g_free(t);
 }
 
@@ -171,13 +238,13 @@ static gboolean inside(const Triangulation *t, guint k, const double at[2], doub
     return ret[0] >= 0.0 && ret[1] >= 0.0 && ret[2] >= 0.0;
 }
 
-void triangulation_weights(Triangulation *t, const double at[2], int ret_index[3],
+void triangulation_weights(const Triangulation *t, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]) {
-    for (guint k = 0; k < t->triangles->len; k++) {
-        guint here = (t->last + k) % t->triangles->len;
+    const int cell = triangulation_cell(t, at);
+    for (int k = t->first[cell]; k < t->first[cell + 1]; k++) {
+        const guint here = (guint)t->covering[k];
         if (!inside(t, here, at, ret_weight))
             continue;
-        t->last = here;
         for (int c = 0; c < 3; c++)
             ret_index[c] = g_array_index(t->triangles, struct triangle, here).corner[c];
         ret_nearest[0] = at[0];

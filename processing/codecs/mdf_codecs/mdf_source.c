@@ -1,13 +1,13 @@
 #include "mdf_source.h"
 
-#include "gl/gpu.h"
+#include "exr/exr.h"
 #include "session/session.h"
 
 struct mdf_source *mdf_source_read(const char *path, GError **error) {
     if (!session_check_product(path, error))
         return NULL;
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO,
                     "there is no %s, which silhouettes need; “mesorig process” makes it from a "
                     "session with laser sweeps",
                     path);

@@ -30,7 +30,7 @@ struct direction_weights {
     float weight[4];
 };
 
-typedef struct Directions Directions; /* used by one thread at a time */
+typedef struct Directions Directions; /* any number of threads may ask one at once */
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
 /* Triangulated even where they are rings: three of them stand for any direction, not four. */
@@ -46,17 +46,21 @@ gboolean directions_are_rings(const Directions *directions);
 const int *directions_pole(const Directions *directions, int *ret_n);
 
 /* direction: a unit vector; below the horizon it is clamped to it. */
-void directions_weights(Directions *directions, struct vec3 direction,
+void directions_weights(const Directions *directions, struct vec3 direction,
                         struct direction_weights *ret);
 
 /* The factor by which reflectance, which contains n·l, falls from the nearest measured light to
  * this direction: 1 within the measured ones, beyond them cos θ / cos θ_nearest, 0 below the
  * horizon. */
-double directions_fade(Directions *directions, struct vec3 direction);
+double directions_fade(const Directions *directions, struct vec3 direction);
+
+/* Both at once. */
+double directions_fade_weights(const Directions *directions, struct vec3 direction,
+                               struct direction_weights *ret);
 
 /* The weight of each of the n directions in the reflectance under a sky of even radiance,
  * (1/π) ∫ BTF dω. */
-void directions_sky(Directions *directions, float *ret_share);
+void directions_sky(const Directions *directions, float *ret_share);
 
 struct vec3 directions_from_square(double a, double b);
 

@@ -1,6 +1,8 @@
-#include "gl/directions.h"
+#include "base/work.h"
+#include "directions/directions.h"
 
 #include <math.h>
+#include <string.h>
 
 #define DEG (G_PI / 180.0)
 
@@ -266,6 +268,43 @@ static void test_bad(void) {
     g_assert_error(bad_phi, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE);
 }
 
+#define ASKED   2000
+#define ASKERS  4
+#define STRIDES 7 /* does not divide ASKED: each thread asks all, in an order of its own */
+
+struct asked {
+    const Directions *directions;
+    struct vec3 at[ASKED];
+    struct direction_weights found[ASKERS][ASKED];
+};
+
+static void ask_all(int asker, gpointer data) {
+    struct asked *asked = data;
+    for (int k = 0; k < ASKED; k++) {
+        const int one = (int)((gint64)k * (STRIDES + 2 * asker) % ASKED);
+        directions_weights(asked->directions, asked->at[one], &asked->found[asker][one]);
+    }
+}
+
+/* What several threads find at once, each in another order, is the same to the last bit. */
+static void test_threads(void) {
+    const struct set sets[] = {rig_set(), spiral_set(), grid_set()};
+    g_autofree struct asked *asked = g_new0(struct asked, 1);
+    for (gsize s = 0; s < G_N_ELEMENTS(sets); s++) {
+        g_autoptr(Directions) directions = make(&sets[s]);
+        g_autoptr(GRand) random = g_rand_new_with_seed(4);
+        asked->directions = directions;
+        for (int k = 0; k < ASKED; k++)
+            asked->at[k] =
+                unit(g_rand_double_range(random, 0, 90), g_rand_double_range(random, 0, 360));
+        memset(asked->found, 0xff, sizeof asked->found);
+        work_for_each(ASKERS, ASKERS, ask_all, asked);
+        for (int asker = 1; asker < ASKERS; asker++)
+            g_assert_cmpmem(asked->found[0], sizeof asked->found[0], asked->found[asker],
+                            sizeof asked->found[asker]);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
@@ -275,6 +314,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/directions/fade", test_fade);
     g_test_add_func("/directions/few", test_few);
     g_test_add_func("/directions/square", test_square);
+    g_test_add_func("/directions/threads", test_threads);
     g_test_add_func("/directions/bad", test_bad);
     return g_test_run();
 }

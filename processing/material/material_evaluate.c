@@ -1,0 +1,215 @@
+#include "material_private.h"
+
+#include "btf/direction_grid.h"
+
+#include <math.h>
+#include <string.h>
+
+#define COLOURS 3
+#define ACROSS  16 /* points each way of a footprint, at most */
+
+/* Texels of one axis and their weights, whose sum is 1. */
+struct material_axis {
+    int n, index[ACROSS + 2];
+    float weight[ACROSS + 2];
+};
+
+/* Where one call evaluates: the directions' indices and weights lie in lists that grow to the
+ * members of a pole. */
+struct material_place {
+    struct codec_query query;
+    int *views, *lights;
+    float *view_weights, *light_weights;
+};
+
+static int material_wrap(double i, int n) {
+    const int rest = (int)fmod(i, n);
+    return rest < 0 ? rest + n : rest;
+}
+
+/* ∫ of the tent max(0, 1 − |t|) from −∞ to t. */
+static double material_tent(double t) {
+    t = CLAMP(t, -1, 1);
+    return t < 0 ? 0.5 * (t + 1) * (t + 1) : 1 - 0.5 * (1 - t) * (1 - t);
+}
+
+/* The mean of the linear interpolant over at − width/2 … at + width/2, texel i having its centre at
+ * i + ½. Wider than ACROSS texels: ACROSS of them, evenly spread. A width beyond the tile is all of
+ * it. */
+static void material_axis_find(double at, double width, int n, struct material_axis *ret) {
+    ret->n = 0;
+    width = MIN(width, n);
+    if (width > ACROSS) {
+        for (; ret->n < ACROSS; ret->n++) {
+            const double x = at + width * ((ret->n + 0.5) / ACROSS - 0.5);
+            ret->index[ret->n] = material_wrap(floor(x), n);
+            ret->weight[ret->n] = 1.0F / ACROSS;
+        }
+        return;
+    }
+    const double low = at - 0.5 * width - 0.5, high = at + 0.5 * width - 0.5;
+    if (width < 1e-6) {
+        const double first = floor(low), part = low - first;
+        *ret = (struct material_axis){2,
+                                      {material_wrap(first, n), material_wrap(first + 1, n)},
+                                      {(float)(1 - part), (float)part}};
+        return;
+    }
+    for (double i = floor(low); i <= ceil(high) && ret->n < ACROSS + 2; i++) {
+        const double weight = (material_tent(high - i) - material_tent(low - i)) / width;
+        if (weight <= 0)
+            continue;
+        ret->index[ret->n] = material_wrap(i, n);
+        ret->weight[ret->n++] = (float)weight;
+    }
+}
+
+/* Adds share times what the texels around (u, v) of a level reflect. width: of the footprint, in
+ * tiles. */
+static void material_evaluate_level(const mesorig_material *m, guint level, double u, double v,
+                                    double width, float share, const struct codec_query *query,
+                                    float ret[COLOURS]) {
+    gconstpointer model = m->levels->pdata[level];
+    const struct btf_layout *layout = G_STRUCT_MEMBER_P(model, m->codec->layout);
+    struct material_axis x, y;
+    int index[(ACROSS + 2) * (ACROSS + 2)], n = 0;
+    float shares[G_N_ELEMENTS(index)];
+    G_STATIC_ASSERT(G_N_ELEMENTS(index) <= CODEC_MAX_TEXELS);
+    material_axis_find(u * layout->width, width * layout->width, (int)layout->width, &x);
+    material_axis_find(v * layout->height, width * layout->height, (int)layout->height, &y);
+    for (int j = 0; j < y.n; j++)
+        for (int i = 0; i < x.n; i++) {
+            index[n] = y.index[j] * (int)layout->width + x.index[i];
+            shares[n] = share * x.weight[i] * y.weight[j];
+            n += shares[n] > 0;
+        }
+    m->codec->evaluate(model, query, &(struct codec_texels){n, index, shares}, ret);
+}
+
+/* Mip levels, where there are any, as the viewer takes them: log2 of the footprint in texels of
+ * level 0, the two nearest mixed. */
+static void material_evaluate_texels(const mesorig_material *m, double u, double v, double width,
+                                     const struct codec_query *query, float ret[COLOURS]) {
+    const double texels = width * (double)MAX(m->layout->width, m->layout->height);
+    if (m->levels->len == 1 || texels <= 1) {
+        material_evaluate_level(m, 0, u, v, m->levels->len == 1 ? width : 0, 1, query, ret);
+        return;
+    }
+    const double at = MIN(log2(texels), m->levels->len - 1), part = at - floor(at);
+    material_evaluate_level(m, (guint)at, u, v, 0, (float)(1 - part), query, ret);
+    if (part > 0)
+        material_evaluate_level(m, (guint)at + 1, u, v, 0, (float)part, query, ret);
+}
+
+/* Fills one list from up to four measured directions; the pole is replaced by its members. */
+static int material_list(const Directions *directions, gsize n, const struct direction_weights *at,
+                         float scale, int *ret_index, float *ret_weight) {
+    int count = 0, n_pole;
+    const int *pole = directions_pole(directions, &n_pole);
+    for (int k = 0; k < 4; k++) {
+        const gboolean is_pole = at->index[k] >= (int)n;
+        for (int i = 0; at->weight[k] > 0 && i < (is_pole ? n_pole : 1); i++) {
+            ret_index[count] = is_pole ? pole[i] : at->index[k];
+            ret_weight[count++] = scale * at->weight[k] / (float)(is_pole ? n_pole : 1);
+        }
+    }
+    return count;
+}
+
+static int material_grid_list(int n_grid, const float direction[3], int *ret_index,
+                              float *ret_weight) {
+    int count = 0, index[4];
+    float weight[4];
+    direction_grid_weights(n_grid, direction, index, weight);
+    for (int k = 0; k < 4; k++)
+        if (weight[k] > 0) {
+            ret_index[count] = index[k];
+            ret_weight[count++] = weight[k];
+        }
+    return count;
+}
+
+/* FALSE where nothing is reflected. */
+static gboolean material_place_set(const mesorig_material *m, const float view[3],
+                                   const float light[3], struct material_place *place) {
+    struct codec_query *query = &place->query;
+    struct vec3 v = vec3(view[0], view[1], view[2]), l = vec3(light[0], light[1], light[2]);
+    const double v_length = vec3_length(v), l_length = vec3_length(l);
+    if (!isfinite(v_length) || !isfinite(l_length) || !(v.z > 0) || !(l.z > 0))
+        return FALSE;
+    v = vec3_scale(v, 1 / v_length);
+    l = vec3_scale(l, 1 / l_length);
+    *query = (struct codec_query){
+        .view = {(float)v.x, (float)v.y, (float)v.z},
+        .light = {(float)l.x, (float)l.y, (float)l.z},
+        .views = place->views,
+        .lights = place->lights,
+        .view_weights = place->view_weights,
+        .light_weights = place->light_weights,
+    };
+    if (m->n_grid > 0) {
+        query->n_views =
+            material_grid_list(m->n_grid, query->view, place->views, place->view_weights);
+        query->n_lights =
+            material_grid_list(m->n_grid, query->light, place->lights, place->light_weights);
+        return TRUE;
+    }
+    struct direction_weights at;
+    directions_weights(m->views, v, &at);
+    query->n_views =
+        material_list(m->views, m->layout->views.n, &at, 1, place->views, place->view_weights);
+    const double fade = directions_fade_weights(m->lights, l, &at);
+    query->n_lights = material_list(m->lights, m->layout->lights.n, &at, (float)fade, place->lights,
+                                    place->light_weights);
+    return TRUE;
+}
+
+/* A view's or light's list: at most four directions, and the members of the pole. */
+static gsize material_most(const Directions *directions) {
+    int n_pole = 0;
+    if (directions)
+        directions_pole(directions, &n_pole);
+    return 4 + (gsize)n_pole;
+}
+
+static void material_evaluate_one(const mesorig_material *m, const float *uv, const float *view,
+                                  const float *light, float footprint, struct material_place *place,
+                                  float ret[COLOURS]) {
+    float sum[COLOURS] = {0};
+    if (isfinite(uv[0]) && isfinite(uv[1]) && footprint >= 0 && isfinite(footprint) &&
+        material_place_set(m, view, light, place))
+        material_evaluate_texels(m, uv[0] - floor(uv[0]), uv[1] - floor(uv[1]), footprint,
+                                 &place->query, sum);
+    for (int c = 0; c < COLOURS; c++)
+        ret[c] = isfinite(sum[c]) && sum[c] > 0 ? sum[c] : 0;
+}
+
+int mesorig_material_evaluate(const mesorig_material *m, size_t n, const float *uv,
+                              const float *view, const float *light, const float *footprint,
+                              float *ret_rgb) {
+    if (!m || (n > 0 && (!uv || !view || !light || !ret_rgb)))
+        return MESORIG_ERROR_ARGUMENT;
+    const gsize n_views = material_most(m->views), n_lights = material_most(m->lights);
+    int few_indices[64];
+    float few_weights[G_N_ELEMENTS(few_indices)];
+    g_autofree int *indices = NULL;
+    g_autofree float *weights = NULL;
+    if (n_views + n_lights > G_N_ELEMENTS(few_indices)) {
+        indices = g_try_new(int, n_views + n_lights);
+        weights = g_try_new(float, n_views + n_lights);
+        if (!indices || !weights)
+            return MESORIG_ERROR_MEMORY;
+    }
+    int *const index = indices ? indices : few_indices;
+    float *const weight = weights ? weights : few_weights;
+    struct material_place place = {
+        .views = index,
+        .lights = index + n_views,
+        .view_weights = weight,
+        .light_weights = weight + n_views,
+    };
+    for (size_t k = 0; k < n; k++)
+        material_evaluate_one(m, uv + 2 * k, view + 3 * k, light + 3 * k,
+                              footprint ? footprint[k] : 0, &place, ret_rgb + 3 * k);
+    return MESORIG_OK;
+}

@@ -1,0 +1,24 @@
+/* Shared by the files of material.h. */
+#pragma once
+
+#include "codecs/codecs.h"
+#include "directions/directions.h"
+#include "material.h"
+#include "material_relief.h"
+
+/* Nothing changes after opening, but for sampling. */
+struct mesorig_material {
+    const struct codec *codec;
+    GPtrArray *levels;               /* models of mip levels, at least the first */
+    const struct btf_layout *layout; /* of level 0 */
+    int n_grid;                     /* 0, or views and lights are the samples of direction_grid.h */
+    Directions *views, *lights;     /* NULL if n_grid */
+    double error;                   /* −1: not known */
+    struct material_relief *relief; /* NULL: none */
+    /* What material_sample.c makes of it at the first call, under g_once_init_enter
+     * (&sampling_once); freed with the material. Its functions cast const away for these three
+     * alone. */
+    gsize sampling_once;
+    gpointer sampling;
+    GDestroyNotify sampling_free;
+};
