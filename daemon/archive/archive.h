@@ -57,7 +57,7 @@ struct archive {
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN: not known */
-    struct calibration *calibration;                            /* of the products */
+    struct calibration *calibration; /* of the products; NULL: the session has none */
     struct archive_calibration calibrated;
     GPtrArray *devices;  /* of struct archive_device, in the rig file's order */
     GPtrArray *checks;   /* of struct archive_check */

@@ -97,7 +97,7 @@ static void add_facts(GString *to, const struct archive *archive) {
         {"Frames on disk", disk},
         {"Products on disk", products},
         {"Processing", processing},
-        {"Rig", archive->calibration->rig.id},
+        {"Rig", archive->calibration ? archive->calibration->rig.id : NULL},
         {"Calibration", archive->imported ? NULL : archive->calibrated.where},
         {"Captured by", archive->program},
         {"Reported by", "mesorig " MESORIG_VERSION}};
@@ -167,6 +167,8 @@ static void add_images(GString *to, const struct archive *archive) {
 
 static void add_calibration(GString *to, const struct archive *archive) {
     const struct calibration *calibration = archive->calibration;
+    if (!calibration)
+        return;
     add(to, "<h2>Calibration</h2>\n<p>The products were made with: %s%s.</p>\n",
         archive->calibrated.where,
         archive->calibrated.own ? ", as the session was captured"

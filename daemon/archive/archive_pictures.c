@@ -121,7 +121,7 @@ static gboolean add_frames(struct archive *archive, Session *session, GError **e
     g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
     guint32 seen = 0;
     guint s = 0;
-    for (guint f = 0; frames && f < frames->len; f++) {
+    for (guint f = 0; frames && archive->calibration && f < frames->len; f++) {
         const struct session_frame *frame = frames->pdata[f];
         while (s < shots->len && ((struct session_shot *)shots->pdata[s])->id < frame->shot)
             s++;

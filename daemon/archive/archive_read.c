@@ -113,6 +113,15 @@ static char *described(const Config *conf, const char *key) {
 /* The calibration that the products were made with, which is not always that of the capture. */
 static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
                                  GError **error) {
+    g_autofree char *own = session_text(session, "calibration.conf", error);
+    g_autoptr(Config) none = own ? config_parse(own, "calibration.conf", NULL) : NULL;
+    gsize n_sections = 1;
+    if (!own)
+        return FALSE;
+    if (none)
+        config_sections(none, &n_sections);
+    if (n_sections == 0) /* imported as a finished BTF, or resampled */
+        return TRUE;
     archive->calibration = archive_calibration(session, &archive->calibrated, error);
     if (!archive->calibration)
         return FALSE;

@@ -2,8 +2,9 @@
  * Who may call which method, on the system bus. The bus's policy file says who may call at all; of
  * those, polkit says who may do what (etc/polkit). It is asked before a call reaches its handler,
  * and the main loop never waits for it. SafeState is not asked for (bus_queue.c answers it); nor is
- * anything of clients of --listen, who are the daemon's own user, or on a session bus. Where polkit
- * is not installed the bus's policy decides alone. Main loop's thread.
+ * SetLaser that switches off, nor anything of clients of --listen, who are the daemon's own user,
+ * or on a session bus. Where polkit is not installed the bus's policy decides alone. Main loop's
+ * thread.
  */
 #pragma once
 

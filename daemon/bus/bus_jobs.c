@@ -1,5 +1,6 @@
 #include "bus_authority.h"
 #include "bus_errors.h"
+#include "bus_options.h"
 #include "bus_private.h"
 #include "bus_unattended.h"
 #include "plan/report.h"
@@ -196,67 +197,6 @@ static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **
     return FALSE;
 }
 
-typedef struct {
-    gboolean process, yes;
-    char *calibration;                     /* path; NULL: what the rig file names */
-    char *session_text, *calibration_text; /* of those files; NULL: they are to be read */
-    char *exposures;                       /* session_conf_choose(); NULL: nothing is auto */
-} JobOptions;
-
-static void job_options_clear(JobOptions *options) {
-    g_free(options->calibration);
-    g_free(options->session_text);
-    g_free(options->calibration_text);
-    g_free(options->exposures);
-}
-G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(JobOptions, job_options_clear)
-
-static gboolean bus_jobs_check_options(GVariant *options, JobOptions *ret, GError **error) {
-    const struct {
-        const char *key;
-        char **text;
-    } texts[] = {
-        {"calibration", &ret->calibration},
-        {"session_text", &ret->session_text},
-        {"calibration_text", &ret->calibration_text},
-        {"chosen", &ret->exposures},
-    };
-    const struct {
-        const char *key;
-        gboolean *flag;
-    } flags[] = {{"process", &ret->process}, {"yes", &ret->yes}};
-    GVariantIter iter;
-    const char *key;
-    g_autoptr(GVariant) value = NULL;
-    g_variant_iter_init(&iter, options);
-    while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
-        gboolean known = FALSE;
-        for (gsize i = 0; i < G_N_ELEMENTS(flags); i++)
-            if (strcmp(key, flags[i].key) == 0 &&
-                g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
-                *flags[i].flag = g_variant_get_boolean(value);
-                known = TRUE;
-            }
-        for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
-            if (strcmp(key, texts[i].key) == 0 &&
-                g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
-                g_free(*texts[i].text);
-                *texts[i].text = g_variant_dup_string(value, NULL);
-                known = TRUE;
-            }
-        if (!known) {
-            g_set_error(
-                error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                "the option %s does not exist or has the wrong type: give process or yes "
-                "(booleans), calibration, chosen, session_text or calibration_text (strings)",
-                key);
-            return FALSE;
-        }
-        g_clear_pointer(&value, g_variant_unref);
-    }
-    return TRUE;
-}
-
 /* The daemon may read more than its caller, and less: the caller reads it. */
 static gboolean check_readable(GDBusMethodInvocation *invocation, const char *path,
                                const char *text, const char *option, GError **error) {
@@ -270,10 +210,10 @@ static gboolean check_readable(GDBusMethodInvocation *invocation, const char *pa
 
 gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                       const char *directory, GVariant *options, GError **error) {
-    g_auto(JobOptions) chosen = {0};
+    g_auto(BusOptions) chosen = {0};
     if (!bus_need_rig(bus, error) || !bus_need_absolute(session_path, error) ||
         (*directory && !bus_need_absolute(directory, error)) ||
-        !bus_jobs_check_options(options, &chosen, error) ||
+        !bus_options_read(options, &chosen, error) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
         !may_check(bus, invocation, error))
         return FALSE;
@@ -306,11 +246,11 @@ static gboolean check_calibration(const char *path, const char *text, gboolean b
 
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                    const char *directory, GVariant *options, GError **error) {
-    g_auto(JobOptions) chosen = {0};
+    g_auto(BusOptions) chosen = {0};
     const gboolean begins = session_path != NULL;
     if (!bus_need_rig(bus, error) || !bus_need_free(bus, error) ||
         !bus_unattended_need_free(bus, error) || !bus_need_absolute(directory, error) ||
-        !bus_jobs_check_options(options, &chosen, error) ||
+        !bus_options_read(options, &chosen, error) ||
         !check_calibration(chosen.calibration, chosen.calibration_text, begins, error) ||
         (begins && !bus_need_absolute(session_path, error)) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
@@ -344,10 +284,10 @@ static char *kept_text(const char *path, const char *given, GError **error) {
 gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                           const char *directory, GVariant *options, GError **error) {
     const struct bus_caller *caller = bus_authority_caller(invocation);
-    g_auto(JobOptions) chosen = {0};
+    g_auto(BusOptions) chosen = {0};
     if (!bus_unattended_need_queue(bus, error) || !bus_need_rig(bus, error) ||
         !bus_need_absolute(session_path, error) || !bus_need_absolute(directory, error) ||
-        !bus_jobs_check_options(options, &chosen, error) ||
+        !bus_options_read(options, &chosen, error) ||
         !check_calibration(chosen.calibration, chosen.calibration_text, TRUE, error) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
         !check_readable(invocation, chosen.calibration, chosen.calibration_text, "calibration_text",

@@ -86,7 +86,18 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
                          limits->format->name, needed);
         return NULL;
     }
-    aravis_unpack(limits->format, bytes, (gsize)width * (gsize)height, frame->pixels);
+    aravis_unpack(limits->format, bytes, n, frame->pixels);
+    guint all = 0;
+    for (gsize i = 0; i < n; i++)
+        all |= frame->pixels[i];
+    if (all >> limits->bits) {
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "its picture has values of more than %d bits" ERROR_ADVICE
+                         "check bits and pixel_format in its section: a camera that puts its bits "
+                         "first in 16 has bits = 16",
+                         limits->bits);
+        return NULL;
+    }
     return g_steal_pointer(&frame);
 }
 

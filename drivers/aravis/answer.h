@@ -18,6 +18,7 @@ struct answer_state {
 void answer_begin(struct answer_state *state); /* the camera is armed: ids may restart */
 
 /* NULL without an error: the picture was exposed ret_before_us before the trigger, so it is not the
- * answer. NULL with an error: its size or format is not the one that was set up. */
+ * answer. NULL with an error: its size or format is not the one that was set up, or a value has
+ * more bits. */
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
                     GError **error);

@@ -143,6 +143,7 @@ static gboolean session_create_fill(const char *path, const char *name,
     session->path = g_strdup(path);
     session->mode = SESSION_CAPTURE;
     session->lock = -1;
+    session->is_new = TRUE;
     for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
         g_autofree char *folder = session_file(session, folders[i]);
 

@@ -27,6 +27,11 @@ gboolean session_fail(GError **error, enum session_error code, const char *forma
 static gboolean session_db_damaged(const Session *session, const char *what, GError **error) {
     g_autofree char *valid = g_utf8_make_valid(what ? what : "", -1);
 
+    if (session->is_new)
+        return session_fail(error, SESSION_ERROR_IO,
+                            "%s/session.db: a new database is not as it was written: %s; no "
+                            "session was made: check the disk and start again",
+                            session->path, valid);
     return session_fail(error, SESSION_ERROR_FORMAT,
                         "%s/session.db: damaged: %s; restore it from a backup, or try "
                         "'sqlite3 session.db .recover' on a copy",
@@ -56,8 +61,9 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
         return session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: refused: %s",
                             session->path, says);
     return session_fail(error, saved == EFBIG ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
-                        "%s/session.db: %s%s%s", session->path, says, saved ? ": " : "",
-                        saved ? g_strerror(saved) : "");
+                        "%s/session.db: %s%s%s%s", session->path, says, saved ? ": " : "",
+                        saved ? g_strerror(saved) : "",
+                        primary == SQLITE_IOERR ? "; check the disk and try again" : "");
 }
 
 static sqlite3_stmt *session_db_prepare(Session *session, GError **error, const char *sql,
@@ -151,6 +157,19 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     return text;
 }
 
+/* SQLite's check of the structure tells of a page that cannot be read as if it were damaged, with
+ * the code of the error in its text. */
+static gboolean session_db_unsound(const Session *session, const char *says, GError **error) {
+    static const char code[] = "error code=";
+    const char *at = strstr(says, code);
+
+    if (!at || (g_ascii_strtoll(at + strlen(code), NULL, 10) & 0xff) != SQLITE_IOERR)
+        return session_db_damaged(session, says, error);
+    return session_fail(error, SESSION_ERROR_IO,
+                        "%s/session.db: cannot be read: %s; check the disk and try again",
+                        session->path, says);
+}
+
 /* A table's text without its comments, which differ between versions. A text that hides code behind
  * a quoted or bracketed “--” keeps its quote or bracket, which no table has. */
 static char *session_db_without_comments(const char *sql) {
@@ -178,7 +197,7 @@ static gboolean session_db_check(Session *session, GError **error) {
     /* SQLite's own check of the file's structure. */
     g_autofree char *sound = must_text(session, "PRAGMA quick_check(1)", NULL, error);
     if (!sound || strcmp(sound, "ok") != 0)
-        return sound && session_db_damaged(session, sound, error);
+        return sound && session_db_unsound(session, sound, error);
     /* The text of each table must be that of the schema, so that no computed column or virtual
      * table can run code. */
     for (gsize i = 0; i < G_N_ELEMENTS(session_tables); i++) {

@@ -10,7 +10,8 @@ struct Session {
     char *path; /* absolute */
     char *name;
     enum session_mode mode;
-    int lock; /* file descriptor that holds the capture lock, or −1 */
+    int lock;        /* file descriptor that holds the capture lock, or −1 */
+    gboolean is_new; /* session_create() is making it: there is nothing to lose yet */
 };
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(sqlite3_stmt, sqlite3_finalize)

@@ -1,5 +1,6 @@
 #include "fuzz.h"
 
+#include "base/input_file.h"
 #include "lib/remove_tree.h"
 
 #include <fcntl.h>
@@ -45,6 +46,21 @@ const char *fuzz_file_in_folder(const char *name, const uint8_t *data, size_t si
     fill(fd, data, size);
     close(fd);
     return path;
+}
+
+/* The linker puts this before the program's own. */
+gboolean __real_input_file_check_pixels(const char *path, guint64 width, guint64 height,
+                                        guint64 file_bytes, GError **error);
+gboolean __wrap_input_file_check_pixels(const char *path, guint64 width, guint64 height,
+                                        guint64 file_bytes, GError **error);
+gboolean __wrap_input_file_check_pixels(const char *path, guint64 width, guint64 height,
+                                        guint64 file_bytes, GError **error) {
+    if (!__real_input_file_check_pixels(path, width, height, file_bytes, error))
+        return FALSE;
+    if (width * height <= FUZZ_MOST_PIXELS)
+        return TRUE;
+    g_set_error(error, INPUT_FILE_ERROR, INPUT_FILE_ERROR_TOO_LARGE, "%s: too large to fuzz", path);
+    return FALSE;
 }
 
 char *fuzz_text(const uint8_t *data, size_t size) {

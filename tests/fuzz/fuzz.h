@@ -5,6 +5,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Pictures of more pixels are refused before they are decoded: they would be slow. */
+#define FUZZ_MOST_PIXELS 1000000
+
+/* checkpoint_begin(): inputs of the checkpoints that fuzz_seeds writes. */
+#define FUZZ_CHECKPOINT_INPUTS "fuzz"
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 /* A file with these bytes, the same one again at every call; the path stays the fuzzer's. */

@@ -1,7 +1,8 @@
-/* Compressed materials: eigen-maps, local PCA, lobes. */
+/* Compressed materials: eigen-maps, local PCA, lobes, hemispherical harmonics. */
 #include "fuzz.h"
 
 #include "eigenmaps/eigenmaps.h"
+#include "hsh/hsh.h"
 #include "lobes/lobes.h"
 #include "lpca/lpca.h"
 
@@ -17,5 +18,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct lobes *lobes = lobes_read(path, &error);
     fuzz_check(lobes != NULL, &error);
     lobes_free(lobes);
+    struct hsh *hsh = hsh_read(path, &error);
+    fuzz_check(hsh != NULL, &error);
+    hsh_free(hsh);
     return 0;
 }

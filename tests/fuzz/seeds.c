@@ -1,14 +1,23 @@
 /* Writes small files of every kind that is not text, for fuzzing to begin with, and the calibration
  * of a rig file: seeds FOLDER RIG.conf. */
 #include "eigenmaps/eigenmaps.h"
+#include "exr/checkpoint.h"
 #include "exr/exr.h"
 #include "geometry/rig.h"
+#include "hsh/hsh.h"
+#include "lobes/lobes.h"
 #include "lpca/lpca.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
+#include "queue/queue.h"
 #include "rig/devices.h"
+#include "session/session.h"
+
+#include "fuzz.h"
+#include "lib/remove_tree.h"
 
 #include <glib/gstdio.h>
+#include <sqlite3.h>
 #include <string.h>
 
 #define SIDE 3
@@ -44,21 +53,35 @@ static void write_exrs(const char *folder) {
         }
 }
 
+static struct btf_layout seed_layout(float *angles) {
+    const struct direction_list two = {2, angles, angles};
+    return (struct btf_layout){SIDE, SIDE, 0.5, 0, two, two};
+}
+
+static void write_lobes(const char *folder) {
+    float angles[2] = {10, 40}, values[2 * SIDE * SIDE * 9] = {1, 0.5F};
+    g_autofree char *path = file_in(folder, "material", "ptm.exr");
+    g_autofree char *hsh_path = file_in(folder, "material", "hsh.exr");
+    const struct lobes lobes = {.model = LOBES_PTM,
+                                .name = (char[]){"seed"},
+                                .layout = seed_layout(angles),
+                                .n_slices = 2,
+                                .n_values = 9,
+                                .values = values};
+    float of_hsh[2 * SIDE * SIDE * 4 * 3] = {1, 0.5F};
+    const struct hsh hsh = {
+        .name = (char[]){"seed"}, .layout = seed_layout(angles), .n_terms = 4, .values = of_hsh};
+    g_assert_true(lobes_write(path, &lobes, NULL));
+    g_assert_true(hsh_write(hsh_path, &hsh, NULL));
+}
+
 static void write_maps(const char *folder) {
     g_autofree char *path = file_in(folder, "material", "eigenmaps.exr");
     float weights[4] = {0.5F, 0.5F, 0.5F, 0.5F}, angles[2] = {10, 40};
     float maps[2 * 2 * SIDE * SIDE * 3] = {1, 0.5F};
     const struct eigenmaps all = {.name = (char[]){"seed"},
-                                  .texel_mm = 0.5,
-                                  .width = SIDE,
-                                  .height = SIDE,
-                                  .n_views = 2,
-                                  .n_lights = 2,
+                                  .layout = seed_layout(angles),
                                   .n_terms = 2,
-                                  .view_theta_deg = angles,
-                                  .view_phi_deg = angles,
-                                  .light_theta_deg = angles,
-                                  .light_phi_deg = angles,
                                   .weights = weights,
                                   .maps = maps};
     g_assert_true(eigenmaps_write(path, &all, NULL));
@@ -72,17 +95,9 @@ static void write_lpca(const char *folder) {
         g_autofree char *name = g_strdup_printf("lpca%d.exr", kind);
         g_autofree char *path = file_in(folder, "material", name);
         struct lpca all = {.name = (char[]){"seed"},
-                           .texel_mm = 0.5,
-                           .width = SIDE,
-                           .height = SIDE,
-                           .n_views = 2,
-                           .n_lights = 2,
+                           .layout = seed_layout(angles),
                            .n_clusters = 1,
                            .n_components = 1,
-                           .view_theta_deg = angles,
-                           .view_phi_deg = angles,
-                           .light_theta_deg = angles,
-                           .light_phi_deg = angles,
                            .clusters = clusters,
                            .weights = weights,
                            .brdfs = brdfs,
@@ -179,13 +194,121 @@ static void write_calibration(const char *folder, const char *rig_path) {
     g_assert_true(g_file_set_contents(path, text, -1, NULL));
 }
 
+/* A session with all of its tables filled, in small pages and without a log beside it. */
+static void write_database(const char *folder) {
+    static const struct session_texts texts = {"[rig]\n", "[session]\n", "", "/etc/rig.conf"};
+    const struct session_direction view = {.theta_deg = 30, .phi_deg = 10, .note = (char[]){"n"}};
+    const struct session_shot shots[] = {
+        {.id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = 1},
+        {.id = 2, .kind = SHOT_LAMP, .cameras = 1},
+        {.id = 3, .kind = SHOT_SWEEP, .cameras = 1, .sweep_to_deg = 1, .sweep_steps = 3}};
+    const struct session_plan plan = {
+        .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1},
+        .views = &view,
+        .lights = &view,
+        .lasers = &view,
+        .n_views = 1,
+        .n_lights = 1,
+        .n_lasers = 1,
+        .shots = shots,
+        .n_shots = 3};
+    g_autofree char *path = g_build_filename(folder, "s.session", NULL);
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    g_autofree char *to = file_in(folder, "database", "session");
+    g_autoptr(GError) error = NULL;
+    Session *session = session_create(path, "s", &texts, &plan, &error);
+    g_assert_no_error(error);
+    g_autofree char *frame = session_frame_path(&shots[1], "cam");
+    g_autofree char *frame_file = session_file(session, frame);
+    g_autofree char *product = session_file(session, "products/x.exr");
+    g_assert_true(g_file_set_contents(frame_file, "f", 1, NULL));
+    g_assert_true(g_file_set_contents(product, "p", 1, NULL));
+    const struct session_frame row = {
+        .shot = 2,
+        .path = frame,
+        .sha256 = g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)"f", 1),
+        .bytes = 1};
+    g_assert_true(session_commit_shot(session, 2, SHOT_DONE, &row, 1, NULL, NULL));
+    g_assert_true(session_add_event(session, 1, "info", "axis", "homed", NULL));
+    g_assert_true(session_add_product(session, "products/x.exr", "compress", NULL));
+    session_close(session);
+    g_free(row.sha256);
+    sqlite3 *db = NULL;
+    g_assert_cmpint(sqlite3_open(file, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db,
+                                 "PRAGMA journal_mode = DELETE; PRAGMA page_size = 512; VACUUM;",
+                                 NULL, NULL, NULL),
+                    ==, SQLITE_OK);
+    sqlite3_close(db);
+    g_assert_cmpint(g_rename(file, to), ==, 0);
+    remove_tree(path);
+}
+
+static void write_checkpoint(const char *folder) {
+    static const double weights[6] = {1, -0.5, 1e300};
+    static const int done[5] = {1, 0, 1, 1, 0};
+    g_autofree char *path = file_in(folder, "checkpoint", "lpca");
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(path);
+    checkpoint_begin(checkpoint, FUZZ_CHECKPOINT_INPUTS);
+    checkpoint_keep(checkpoint, "weights", weights, sizeof weights);
+    checkpoint_keep_flags(checkpoint, "done", done, G_N_ELEMENTS(done));
+    checkpoint_save(checkpoint);
+    g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+/* A call as a message, and its options alone. */
+static void write_options(const char *folder) {
+    static const char *const options[] = {
+        "{'process': <true>, 'calibration': <'/c.conf'>}",
+        "{'session_text': <'[session]'>, 'calibration_text': <''>, 'chosen': <'a = 1'>}",
+        "{'yes': <false>, 'no': <(1, [2.5], {'a': <@ay []>})>}", "@a{sv} {}"};
+    for (gsize i = 0; i < G_N_ELEMENTS(options); i++) {
+        g_autoptr(GVariant) value = g_variant_ref_sink(g_variant_new_parsed(options[i]));
+        g_autoptr(GDBusMessage) message =
+            g_dbus_message_new_method_call("a.b", "/a", "a.b", "Start");
+        gsize n = 0;
+        g_dbus_message_set_serial(message, 1);
+        g_dbus_message_set_body(message, g_variant_new("(ss@a{sv})", "/x", "/y", value));
+        g_autofree guchar *blob =
+            g_dbus_message_to_blob(message, &n, G_DBUS_CAPABILITY_FLAGS_NONE, NULL);
+        g_autofree char *name = g_strdup_printf("message%d", (int)i);
+        g_autofree char *bare = g_strdup_printf("value%d", (int)i);
+        g_autofree char *path = file_in(folder, "options", name);
+        g_autofree char *bare_path = file_in(folder, "options", bare);
+        g_assert_true(g_file_set_contents(path, (const char *)blob, (gssize)n, NULL));
+        g_assert_true(g_file_set_contents(bare_path, g_variant_get_data(value),
+                                          (gssize)g_variant_get_size(value), NULL));
+    }
+}
+
+static void write_queue(const char *folder) {
+    g_autofree char *path = file_in(folder, "queue", "two");
+    g_autoptr(Queue) queue = queue_open(path, NULL);
+    for (int i = 0; i < 2; i++) {
+        struct queue_item *item = queue_item_new();
+        g_free(item->directory);
+        item->directory = g_strdup_printf("/d%d", i);
+        item->has_caller = i == 1;
+        g_array_append_val(item->groups, item->uid);
+        g_assert_true(queue_add(queue, item, NULL));
+    }
+    g_clear_pointer(&queue, queue_free);
+    g_autofree char *lock = g_strconcat(path, ".lock", NULL);
+    g_unlink(lock);
+}
+
 int main(int argc, char **argv) {
     g_assert_cmpint(argc, ==, 3);
     write_calibration(argv[1], argv[2]);
     write_exrs(argv[1]);
     write_maps(argv[1]);
     write_lpca(argv[1]);
+    write_lobes(argv[1]);
     write_mdfs(argv[1]);
     write_shapes(argv[1]);
+    write_database(argv[1]);
+    write_checkpoint(argv[1]);
+    write_options(argv[1]);
+    write_queue(argv[1]);
     return 0;
 }

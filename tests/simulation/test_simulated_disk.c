@@ -278,6 +278,41 @@ static void test_session(void) {
     g_assert_cmpint(left, >, 0);
 }
 
+/* Whichever call fails while a session is made, the error is the disk's: there is no session yet
+ * that a backup could have. */
+static void test_new_session(void) {
+    static const struct session_texts texts = {"", "", "", NULL};
+    const struct session_plan plan = {
+        .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1}};
+    for (int kind = 0; kind < DISK_KINDS; kind++) {
+        int refused = 0;
+        gboolean failed = TRUE;
+        for (int k = 1; failed; k++) {
+            struct bench *bench = bench_new();
+            g_autofree char *path = bench_path(bench, "s.session");
+            g_autoptr(GError) error = NULL;
+            bench->disk->faults[0] = (struct disk_fault){(enum disk_kind)kind, DISK_FAILS, k, 1};
+            bench->disk->n_faults = 1;
+            g_autoptr(Session) session = session_create(path, "s", &texts, &plan, &error);
+            failed = bench->disk->n_failed > 0;
+            g_assert_true((session != NULL) == (error == NULL));
+            if (error) {
+                refused++;
+                g_test_message("%s %d: %s", schedule_disk_kind((enum disk_kind)kind), k,
+                               error->message);
+                g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
+                g_assert_null(strstr(error->message, "backup"));
+                g_assert_nonnull(strstr(error->message, bench->root));
+            }
+            disk_use(NULL);
+            g_clear_pointer(&session, session_close);
+            bench_free(bench);
+        }
+        if (kind == DISK_READ || kind == DISK_WRITE || kind == DISK_SYNC)
+            g_assert_cmpint(refused, >, 0);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/disk/sync", test_sync);
@@ -287,5 +322,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/disk/faults", test_faults);
     g_test_add_func("/disk/sqlite", test_sqlite);
     g_test_add_func("/disk/session", test_session);
+    g_test_add_func("/disk/new-session", test_new_session);
     return g_test_run();
 }

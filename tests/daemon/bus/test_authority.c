@@ -235,6 +235,7 @@ static void test_asked(struct fixture *fixture, gconstpointer data) {
     call(fixture, "QueueRemove", g_variant_new("(u)", 1), BUS_ERROR_DENIED);
     call(fixture, "QueueResume", NULL, BUS_ERROR_DENIED);
     call(fixture, "SafeState", NULL, BUS_ERROR_NO_RIG);
+    call(fixture, "SetLaser", g_variant_new("(sb)", "top", FALSE), BUS_ERROR_NO_RIG);
     g_assert_cmpstr(fixture->asked->str, ==,
                     "org.mesorig.rig.capture org.mesorig.rig.administer org.mesorig.rig.laser "
                     "org.mesorig.rig.capture org.mesorig.rig.calibrate "
@@ -255,6 +256,8 @@ static void test_hangs(struct fixture *fixture, gconstpointer data) {
     while (!fixture->waiting)
         g_main_context_iteration(NULL, TRUE);
     g_clear_object(&fixture->waiting);
+    g_assert_null(pause);
+    call(fixture, "SetLaser", g_variant_new("(sb)", "top", FALSE), BUS_ERROR_NO_RIG);
     g_assert_null(pause);
     call(fixture, "SafeState", NULL, BUS_ERROR_NO_RIG);
     finish(fixture, &pause, BUS_ERROR_CANCELLED);

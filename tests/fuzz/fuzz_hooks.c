@@ -1,0 +1,11 @@
+/* hooks.conf: who is told of what. */
+#include "fuzz.h"
+
+#include "hooks/hooks_conf.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    g_auto(HooksConf) conf = {0};
+    GError *error = NULL;
+    fuzz_check(hooks_conf_load(&conf, fuzz_file(data, size), &error), &error);
+    return 0;
+}
