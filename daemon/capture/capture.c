@@ -53,14 +53,29 @@ static gboolean read_session(Capture *capture, GError **error) {
     if (!text || !session_conf_parse(&capture->conf, text, path, error) ||
         !(capture->shots = session_shots(session, error)))
         return FALSE;
-    for (guint i = 0; i < capture->shots->len; i++) {
-        const struct session_shot *shot = capture->shots->pdata[i];
-        capture->n_shots += shot->state != SHOT_SKIPPED;
-        capture->n_done += shot->state == SHOT_DONE;
-    }
     g_autofree char *calibration = session_text(session, "calibration.conf", error);
     return calibration &&
            (capture->calibration = calibration_from_text(calibration, path, error)) != NULL;
+}
+
+void capture_count(Capture *capture) {
+    capture->n_shots = capture->n_done = 0;
+    for (guint i = 0; i < capture->shots->len; i++) {
+        const struct session_shot *shot = capture->shots->pdata[i];
+        const gboolean chosen = !capture->adaptive || adaptive_is_chosen(capture->adaptive, shot);
+        capture->n_shots += shot->state != SHOT_SKIPPED && chosen;
+        capture->n_done += shot->state == SHOT_DONE;
+    }
+}
+
+static gboolean capture_open_adaptive(Capture *capture, GError **error) {
+    struct adaptive_hooks hooks = capture_adaptive_hooks;
+    hooks.data = capture;
+    if (capture->conf.laser_stop == STOP_COVERED)
+        capture->adaptive = adaptive_new(capture->session, &capture->conf, capture->shots,
+                                         &capture->devices->geometry, &capture->calibration->rig,
+                                         capture->devices->clock, &hooks, error);
+    return capture->adaptive || capture->conf.laser_stop == STOP_ALL;
 }
 
 /* A session directory with everything that captures into it; nothing begins yet. */
@@ -80,10 +95,11 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->state = CAPTURE_PAUSED;
     capture->since_us = -1;
     g_queue_init(&capture->flights);
-    if (!read_session(capture, error)) {
+    if (!read_session(capture, error) || !capture_open_adaptive(capture, error)) {
         capture_free(capture);
         return NULL;
     }
+    capture_count(capture);
     struct intake_setup setup = {.devices = devices,
                                  .conf = &capture->conf,
                                  .directory = session_path(session),
@@ -298,6 +314,7 @@ void capture_free(Capture *capture) {
     intake_free(capture->intake);
     g_queue_clear_full(&capture->flights, capture_flight_free);
     sequencer_free(capture->sequencer);
+    adaptive_free(capture->adaptive);
     session_close(capture->session);
     calibration_free(capture->calibration);
     capture_marks_forget(capture);

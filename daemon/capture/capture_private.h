@@ -3,6 +3,7 @@
  */
 #pragma once
 
+#include "adaptive/adaptive.h"
 #include "calibration/calibration.h"
 #include "capture.h"
 #include "exposure_advice.h"
@@ -38,6 +39,7 @@ struct Capture {
     struct session_conf conf;
     Session *session;
     struct calibration *calibration; /* the session's */
+    Adaptive *adaptive;              /* chooses sweeps; NULL: all are taken */
     Intake *intake;
     Sequencer *sequencer;
     enum capture_state state;
@@ -88,7 +90,12 @@ void capture_add_event(Capture *capture, const char *level, const char *source,
                        const char *message);
 void capture_save_value(Session *session, const char *key, double value);
 
+/* The shots of the session that will be taken as far as is known: skipped ones, and sweeps that are
+ * not chosen yet, do not count. */
+void capture_count(Capture *capture);
+
 extern const struct intake_hooks capture_intake_hooks;
+extern const struct adaptive_hooks capture_adaptive_hooks;
 extern const struct sequencer_hooks capture_sequencer_hooks;
 
 /* Starts with what remains, from the main loop. */

@@ -186,13 +186,22 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
 
+/* Nothing that was chosen remains: chooses more, or all is done. */
+static void capture_run_end_round(Capture *capture) {
+    if (capture->adaptive && !adaptive_is_over(capture->adaptive)) {
+        adaptive_choose(capture->adaptive);
+        return;
+    }
+    capture_add_event(capture, "info", "capture", "all shots are taken");
+    capture_come_to_rest(capture, CAPTURE_DONE);
+}
+
 static void when_all_is_committed(Capture *capture) {
     if (!capture->all_taken || !g_queue_is_empty(&capture->flights))
         return;
     capture->all_taken = FALSE;
     if (capture->committed == capture->remaining->len) {
-        capture_add_event(capture, "info", "capture", "all shots are taken");
-        capture_come_to_rest(capture, CAPTURE_DONE);
+        capture_run_end_round(capture);
     } else if (capture->committed == capture->leg->len) {
         capture_mount_ask(capture);
     } else {
@@ -291,6 +300,8 @@ static gboolean commit(Capture *capture, struct flight *flight) {
         return FALSE;
     }
     ((struct session_shot *)flight->shot)->state = SHOT_DONE;
+    if (capture->adaptive)
+        adaptive_take(capture->adaptive, flight->shot, frames, n);
     capture->n_done++;
     capture->committed++;
     note_bytes(capture, flight->shot, frames, n);
@@ -522,7 +533,8 @@ static void note_remaining(Capture *capture) {
     capture->committed = 0;
     for (guint i = 0; i < capture->shots->len; i++) {
         struct session_shot *shot = capture->shots->pdata[i];
-        if (shot->state == SHOT_PLANNED)
+        if (shot->state == SHOT_PLANNED &&
+            (!capture->adaptive || adaptive_is_chosen(capture->adaptive, shot)))
             g_ptr_array_add(capture->remaining, shot);
     }
     g_free(capture->plan_left_s);
@@ -541,7 +553,10 @@ static void capture_run_begin(gpointer data) {
     capture->all_taken = FALSE;
     capture_start_clock(capture);
     if (capture->remaining->len == 0) {
-        capture_come_to_rest(capture, CAPTURE_DONE);
+        if (capture->adaptive && !adaptive_is_over(capture->adaptive))
+            adaptive_choose(capture->adaptive);
+        else
+            capture_come_to_rest(capture, CAPTURE_DONE);
         return;
     }
     guint n = capture_mount_reach(capture);
@@ -563,6 +578,33 @@ void capture_begin_soon(Capture *capture) {
     capture->starter = clock_call_in(capture->devices->clock, 0, capture_run_begin, capture);
 }
 
+/* A session that was aborted or paused meanwhile goes on with the choice when it is resumed. */
+static void capture_run_on_chosen(int n, const char *message, const GError *error, gpointer data) {
+    Capture *capture = data;
+    const gboolean pausing = capture->state == CAPTURE_PAUSING;
+    if (capture->state != CAPTURE_RUNNING && capture->state != CAPTURE_HOMING && !pausing)
+        return;
+    if (error) {
+        stop_for_disk(capture, error);
+        return;
+    }
+    capture_count(capture);
+    g_autofree char *text =
+        n > 0
+            ? g_strdup_printf("%s; %d more sweep%s may add to that", message, n, n == 1 ? "" : "s")
+            : g_strdup_printf("%s; the sweeps that are left would hardly add to that", message);
+    capture_add_event(capture, "info", "lasers", text);
+    if (pausing)
+        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
+    else if (n > 0) {
+        capture->clock_base_s = capture_now_s(capture); /* capture_run_begin() starts it anew */
+        capture->since_us = -1;
+        capture_begin_soon(capture);
+    } else
+        capture_run_end_round(capture);
+}
+
+const struct adaptive_hooks capture_adaptive_hooks = {.chosen = capture_run_on_chosen};
 const struct intake_hooks capture_intake_hooks = {.result = on_result, .room = on_room};
 const struct sequencer_hooks capture_sequencer_hooks = {
     .homed = on_homed,

@@ -1,6 +1,7 @@
 /* info: what is in a session directory or an EXR. */
 #include "info.h"
 
+#include "adaptive/adaptive.h"
 #include "archive/archive.h"
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
@@ -18,7 +19,7 @@
 #define SHOWN_EVENTS 10
 
 struct counts {
-    int planned, done, skipped, frames, retakes, views, lights, lasers;
+    int planned, done, skipped, frames, retakes, views, lights, lasers, sweeps, left_out;
     gint64 bytes;
 };
 
@@ -39,6 +40,9 @@ static gboolean cli_info_count(Session *session, struct counts *ret, GError **er
         ret->planned += shot->state == SHOT_PLANNED;
         ret->done += shot->state == SHOT_DONE;
         ret->skipped += shot->state == SHOT_SKIPPED;
+        ret->sweeps += shot->kind == SHOT_SWEEP && shot->state == SHOT_DONE;
+        ret->left_out += shot->state == SHOT_SKIPPED && shot->note &&
+                         g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
     }
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = frames->pdata[i];
@@ -169,6 +173,23 @@ static void tell_events(Record *to, const GPtrArray *events) {
     record_end(to);
 }
 
+/* What [lasers] stop = covered has left out, and what is known of the surface. */
+static void tell_sweeps(Record *to, Session *session, const struct counts *counts) {
+    g_autofree char *known = session_value(session, ADAPTIVE_KNOWN_PCT);
+    g_autofree char *worst = session_value(session, ADAPTIVE_WORST_PCT);
+    if (!known || !worst)
+        return;
+    record_int(to, "sweeps_done", counts->sweeps);
+    record_int(to, "sweeps_left_out", counts->left_out);
+    record_double(to, "sweeps_known_pct", g_ascii_strtod(known, NULL));
+    record_double(to, "sweeps_worst_view_pct", g_ascii_strtod(worst, NULL));
+    record_say(to,
+               "sweeps     %d taken, %d left out as they would hardly add anything; two sweeps or "
+               "more agree on %.2f %% of what views see, %.1f %% in the worst view\n",
+               counts->sweeps, counts->left_out, g_ascii_strtod(known, NULL),
+               g_ascii_strtod(worst, NULL));
+}
+
 static gboolean tell_session(Record *to, Session *session, const char *state,
                              const struct session_grid *grid, const struct counts *counts,
                              const GPtrArray *events, GError **error) {
@@ -212,6 +233,7 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
                grid->width, grid->height);
     record_say(to, "directions %d views, %d lights, %d laser positions\n", counts->views,
                counts->lights, counts->lasers);
+    tell_sweeps(to, session, counts);
     if (chosen)
         record_say(to, "chosen     %s\n", chosen);
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);

@@ -37,7 +37,7 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
     plan_sweep_deg(b->conf, b->rig, shot->device, shot->turntable_deg, shot->arc_deg, &from, &to);
     shot->sweep_from_deg = from;
     shot->sweep_to_deg = to;
-    shot->sweep_steps = b->conf->sweep_steps;
+    shot->sweep_steps = plan_sweep_steps(b->conf, laser, to - from);
     if (from >= limits->min_deg && to <= limits->max_deg && to > from && to - from < 180)
         return TRUE;
     g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
@@ -367,6 +367,19 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
     return TRUE;
 }
 
+/* A further round would have the operator mount the units again. */
+static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
+    for (int i = 0; i < b->rig->n_lasers && b->conf->laser_stop == STOP_COVERED; i++)
+        if (b->timing->mounts[i] != 0) {
+            plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "lasers", "stop",
+                           "covered needs lasers that stay where they are, and the unit %s is "
+                           "mounted by hand at several places: set stop = all",
+                           b->rig->lasers[i].name);
+            return FALSE;
+        }
+    return TRUE;
+}
+
 static void plan_count(const struct plan_build *b, struct plan *plan) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
@@ -375,6 +388,39 @@ static void plan_count(const struct plan_build *b, struct plan *plan) {
         plan->n_frames += shot_n_frames(b->conf, shot) * __builtin_popcount(shot->cameras);
     }
     plan->bytes = plan_bytes(b);
+}
+
+/* Orders the shots: those of the first round of sweeps, then those that may follow. Returns how
+ * many the first are; sets the plan's poses and n_later. */
+static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *poses, int n_poses,
+                               struct plan *plan) {
+    g_autofree const struct session_shot **list = g_new(const struct session_shot *, b->shots->len);
+    g_autofree gboolean *is_first = g_new(gboolean, b->shots->len + 1);
+    g_autoptr(GArray) first = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+    g_autoptr(GArray) later = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+
+    for (guint i = 0; i < b->shots->len; i++)
+        list[i] = &g_array_index(b->shots, struct session_shot, i);
+    plan_first_sweeps(b->conf, b->rig, list, (int)b->shots->len, is_first);
+    for (guint i = 0; i < b->shots->len; i++) {
+        g_array_append_vals(is_first[i] && list[i]->state == SHOT_PLANNED ? first : later, list[i],
+                            1);
+        plan->n_later += !is_first[i] && list[i]->state == SHOT_PLANNED;
+    }
+    if (plan->n_later == 0) {
+        plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
+        return b->shots->len;
+    }
+    plan->n_poses = plan_order(first, poses, n_poses, b->rig, b->timing, b->conf->order);
+    const guint n_first = first->len;
+    const int n_later = plan_order(later, poses, n_poses, b->rig, b->timing, b->conf->order);
+    for (guint i = 0; i < later->len; i++)
+        g_array_index(later, struct session_shot, i).pose += plan->n_poses;
+    plan->n_poses += n_later;
+    /* The same shots in another order; what they own stays theirs. */
+    g_array_append_vals(first, later->data, later->len);
+    memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
+    return n_first;
 }
 
 static void plan_predict(struct plan_build *b, struct plan *plan) {
@@ -389,9 +435,18 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
     plan->nested_s = plan_total_s(nested, b->conf, b->rig, b->timing, &first_s);
     plan->lower_bound_s =
         homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->rig, b->timing);
-    plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
+    const guint n_first = plan_order_rounds(b, poses, n_poses, plan);
     plan->predicted_s =
         plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
+    /* The axes are homed again before a further round. */
+    plan->predicted_s += plan->n_later > 0 ? homing_s : 0;
+    plan->first_s = plan->predicted_s;
+    if (plan->n_later > 0) {
+        g_autoptr(GArray) round = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+        g_array_append_vals(round, b->shots->data, n_first);
+        plan->first_s =
+            plan_total_s(round, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
+    }
     /* Orders are chosen by what follows their first pose: this begins with the same move. */
     plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
@@ -479,6 +534,12 @@ static struct plan *plan_finish(struct plan_build *b) {
                                                      note->n == 1 ? "" : "s", note->text));
     }
     plan_note_auto(b->conf, plan->notes);
+    if (plan->n_later > 0)
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("[lasers] stop = covered: %d of the sweeps are taken only "
+                                        "as far as those before them leave something unseen; the "
+                                        "predicted time, frames and space are for all of them",
+                                        plan->n_later));
     plan_note_texels(b, plan->notes);
     for (int c = 0; c < b->rig->n_cameras; c++)
         if (b->shots->len > 0 && plan_bytes_vary(&b->rig->cameras[c]) &&
@@ -581,8 +642,9 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     b.pose_index = g_hash_table_new_full(pose_hash, pose_equal, g_free, NULL);
     b.shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
     b.notes = owning_array(sizeof(struct plan_note), plan_clear_note);
-    if (plan_add_directions(&b, &why) && plan_check_directions(&b, &why) &&
-        check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why))
+    if (plan_check_stop(&b, &why) && plan_add_directions(&b, &why) &&
+        plan_check_directions(&b, &why) && check_exposures(&b, &why) && add_poses(&b, &why) &&
+        check_poses(&b, &why))
         plan = plan_finish(&b);
     g_clear_pointer(&b.views, g_array_unref);
     g_clear_pointer(&b.lights, g_array_unref);

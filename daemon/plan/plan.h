@@ -30,6 +30,7 @@
  */
 #pragma once
 
+#include "coverage/coverage_model.h"
 #include "frames/laser_lines.h"
 #include "rig/devices.h"
 #include "session/session.h"
@@ -65,6 +66,9 @@ enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 /* ORDER_VIEWS: one turntable angle after the other, so that views are there long before the end. */
 enum session_order { ORDER_QUICKEST, ORDER_VIEWS };
 
+/* STOP_COVERED: sweeps are taken in rounds until what is left adds little (adaptive/adaptive.h). */
+enum laser_stop { STOP_ALL, STOP_COVERED };
+
 /* A session file, parsed strictly; see etc/demo/session.conf for every key. */
 struct session_conf {
     char *name;
@@ -91,6 +95,10 @@ struct session_conf {
     double laser_threshold_dn; /* above background, for a peak to count */
     enum on_blocked on_blocked;
     enum session_order order;
+    enum laser_stop laser_stop;
+    int laser_first;       /* sweeps of the first round at each turntable angle, at most */
+    double laser_gain_pct; /* what a further sweep must be expected to add to its views' texels */
+    double laser_line_mm;  /* full width at half maximum of the lines at the origin; 0: unknown */
     gboolean keep_laser_frames, keep_exposures;
     char *text; /* as it was read */
     char *path; /* for messages */
@@ -123,6 +131,8 @@ struct plan {
     double lower_bound_s;
     int n_mounts;     /* by hand, that at the beginning counted; 0: no unit has a further place */
     double nested_s;  /* predicted for the nested order: for τ, for α, for lamps */
+    double first_s;   /* STOP_COVERED: predicted if the first round suffices; else predicted_s */
+    int n_later;      /* sweeps that are taken only if the first round does not suffice */
     GPtrArray *notes; /* char *: what was re-planned or left out, and why */
 };
 
@@ -170,6 +180,22 @@ gboolean plan_bytes_vary(const struct rig_camera *camera);
 
 /* How long the axes take to home, all at once. */
 double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
+
+/* Which of n shots belong to the first round of [lasers] stop = covered (ret_first, n): all but the
+ * sweeps that the rig's geometry says may add little. Of the sweeps of each turntable angle those
+ * are chosen, one after the other, that coverage_model_adds() says most of for all of their cameras
+ * together. The order of the shots does not matter. Without STOP_COVERED: all. */
+void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
+                       const struct session_shot *const *shots, int n, gboolean *ret_first);
+
+/* Sweeps of the same turntable angle: numbers of n shots, in order of laser position; a GPtrArray
+ * of GArrays of int, in order of angle. At most COVERAGE_MAX_SWEEPS each; others are in none. */
+GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n);
+
+/* The model of a camera and the sweeps of a group. What a sweep tells of a distance is the inverse of
+ * its variance, which goes with the square of its depth resolution: q = (w / max w)². */
+CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
+                                const struct session_shot *const *shots, const GArray *group);
 
 /* The sweep angles at which a laser's sheet passes the edges of the sample's box and its margin. */
 void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,

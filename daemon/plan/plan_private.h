@@ -90,6 +90,11 @@ guint64 plan_bytes(const struct plan_build *b);
  * it will lack. g_free(); NULL: none. */
 char *plan_missing(const struct session_plan *plan);
 
+/* Steps of a sweep of span_deg by a laser: as fine as [lasers] line_mm asks for, sweep_steps at
+ * most. */
+int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *laser,
+                     double span_deg);
+
 /* Times of moves between poses, all axes together; tables, so that orders are tried quickly. */
 struct plan_axis_moves {
     gboolean wraps;

@@ -34,7 +34,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"views", plan->session.n_views},   {"lights", plan->session.n_lights},
         {"lasers", plan->session.n_lasers}, {"poses", plan->n_poses},
         {"shots", plan->session.n_shots},   {"frames", plan->n_frames},
-        {"mounts", plan->n_mounts},
+        {"mounts", plan->n_mounts},         {"later_sweeps", plan->n_later},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
@@ -47,6 +47,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"predicted_s", plan->predicted_s},
         {"lower_bound_s", plan->lower_bound_s},
         {"nested_s", plan->nested_s},
+        {"first_s", plan->n_later > 0 ? plan->first_s : plan->predicted_s},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(times); i++)
         g_variant_builder_add(&builder, "{sv}", times[i].key, g_variant_new_double(times[i].value));
@@ -100,6 +101,11 @@ char *report_text(GVariant *report) {
         g_string_append_printf(text, ", %.1f %% above the lower bound of %s",
                                100 * (predicted_s / bound_s - 1), bound);
     g_string_append(text, "\n");
+    if (get_int(report, "later_sweeps") > 0) {
+        g_autofree char *first = report_duration(get_double(report, "first_s"));
+        g_string_append_printf(text, "if it suffices  %s with the first round of sweeps alone\n",
+                               first);
+    }
     if (predicted_s > 0)
         g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,
                                nested_s / predicted_s);

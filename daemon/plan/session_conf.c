@@ -124,24 +124,52 @@ static const struct option capture_options[] = {
     {NULL},
 };
 
+static const char *const stop_choices[] = {"all", "covered", NULL};
+
 struct ring_fields {
     char *preset;
     char **rings, **devices;
     double offset_deg;
+    int stop, first; /* [lasers] */
+    double gain_pct, line_mm;
 };
 
 #define RING(member) G_STRUCT_OFFSET(struct ring_fields, member)
+#define RING_OPTIONS                                                                               \
+    {"preset", OPTION_STRING, .fallback = "", .offset = RING(preset),                              \
+     .help = "Directions by name: 12x5, 12x8, 81 or 26"},                                          \
+        {"rings", OPTION_STRINGS, .fallback = "", .offset = RING(rings),                           \
+         .help = "Directions as theta:count or theta:count:offset, in degrees, one item a ring"},  \
+        {"offset_deg",                                                                             \
+         OPTION_DOUBLE,                                                                            \
+         "degrees",                                                                                \
+         -360,                                                                                     \
+         360,                                                                                      \
+         "0",                                                                                      \
+         .offset = RING(offset_deg),                                                               \
+         .help = "Added to the azimuth of all rings"},                                             \
+    {                                                                                              \
+        "devices", OPTION_STRINGS,                                                                 \
+            .fallback = "", .offset = RING(devices),                                               \
+            .help = "Instead of rings, names of the rig's cameras (lamps, lasers), or all: their " \
+                    "directions with turntable and arc at 0"                                       \
+    }
 
-static const struct option ring_options[] = {
-    {"preset", OPTION_STRING, .fallback = "", .offset = RING(preset),
-     .help = "Directions by name: 12x5, 12x8, 81 or 26"},
-    {"rings", OPTION_STRINGS, .fallback = "", .offset = RING(rings),
-     .help = "Directions as theta:count or theta:count:offset, in degrees, one item a ring"},
-    {"offset_deg", OPTION_DOUBLE, "degrees", -360, 360, "0", .offset = RING(offset_deg),
-     .help = "Added to the azimuth of all rings"},
-    {"devices", OPTION_STRINGS, .fallback = "", .offset = RING(devices),
-     .help = "Instead of rings, names of the rig's cameras (lamps, lasers), or all: their "
-             "directions with turntable and arc at 0"},
+static const struct option ring_options[] = {RING_OPTIONS, {NULL}};
+
+static const struct option laser_options[] = {
+    RING_OPTIONS,
+    {"stop", OPTION_CHOICE, .fallback = "all", .choices = stop_choices, .offset = RING(stop),
+     .help = "All sweeps, or, in rounds, those that are expected to add something to what the "
+             "cameras have seen, until the surface is covered; what is left out is listed"},
+    {"first", OPTION_INT, NULL, 1, COVERAGE_MAX_SWEEPS, "7", .offset = RING(first),
+     .help = "With stop = covered: sweeps of the first round at each angle of the turntable"},
+    {"gain_pct", OPTION_DOUBLE, "%", 0, 100, "0.3", .offset = RING(gain_pct),
+     .help = "With stop = covered: part of the texels of its views that a further sweep must be "
+             "expected to make known"},
+    {"line_mm", OPTION_DOUBLE, "mm", 0, 100, "0", .offset = RING(line_mm),
+     .help = "Full width at half maximum of the lines at the rig's origin: sweeps have no more "
+             "steps than tell something, sweep_steps at most; 0: sweep_steps in all of them"},
     {NULL},
 };
 
@@ -151,7 +179,7 @@ const struct option *session_conf_options(const char *class_name) {
         const struct option *options;
     } tables[] = {{"session", session_options}, {"sample", sample_options},
                   {"views", ring_options},      {"lights", ring_options},
-                  {"lasers", ring_options},     {"capture", capture_options}};
+                  {"lasers", laser_options},    {"capture", capture_options}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
         if (g_str_equal(class_name, tables[i].class_name))
@@ -259,15 +287,16 @@ static char **preset_rings(const struct config_section *section, const char *nam
     return NULL;
 }
 
-static gboolean read_rings(const struct config_section *section, struct ring *rings, int *ret_n,
-                           char ***ret_devices, Mistakes *mistakes) {
+static gboolean read_rings(const struct config_section *section, const struct option *options,
+                           struct ring *rings, int *ret_n, char ***ret_devices,
+                           struct ring_fields *ret_fields, Mistakes *mistakes) {
     struct ring_fields fields = {0};
 
     *ret_n = 0;
     *ret_devices = NULL;
     if (!section)
         return TRUE;
-    if (!options_read(&(struct option_target){ring_options, &fields}, 1, section, NULL, mistakes))
+    if (!options_read(&(struct option_target){options, &fields}, 1, section, NULL, mistakes))
         return FALSE;
     gboolean ok = FALSE, has_preset = *fields.preset != '\0', has_rings = *fields.rings != NULL;
     const gboolean has_devices = *fields.devices != NULL;
@@ -285,7 +314,9 @@ static gboolean read_rings(const struct config_section *section, struct ring *ri
     } else if (!has_preset || (preset = preset_rings(section, fields.preset, mistakes)))
         ok = fill_rings(section, preset ? preset : fields.rings, fields.offset_deg, rings, ret_n,
                         mistakes);
-    options_clear(ring_options, &fields);
+    if (ret_fields)
+        *ret_fields = fields;
+    options_clear(options, &fields);
     return ok;
 }
 
@@ -420,9 +451,16 @@ static void session_conf_read_directions(struct session_conf *conf, const Config
 
     if (!views && all_sections)
         config_lacks(mistakes, config, "there is no section [views]");
-    read_rings(views, conf->views, &conf->n_views, &conf->views_of, mistakes);
-    read_rings(lights, conf->lights, &conf->n_lights, &conf->lights_of, mistakes);
-    read_rings(lasers, conf->lasers, &conf->n_lasers, &conf->lasers_of, mistakes);
+    struct ring_fields fields = {0};
+    read_rings(views, ring_options, conf->views, &conf->n_views, &conf->views_of, NULL, mistakes);
+    read_rings(lights, ring_options, conf->lights, &conf->n_lights, &conf->lights_of, NULL,
+               mistakes);
+    read_rings(lasers, laser_options, conf->lasers, &conf->n_lasers, &conf->lasers_of, &fields,
+               mistakes);
+    conf->laser_stop = (enum laser_stop)fields.stop;
+    conf->laser_first = fields.first;
+    conf->laser_gain_pct = fields.gain_pct;
+    conf->laser_line_mm = fields.line_mm;
     if (!lights && !lasers && all_sections)
         config_lacks(mistakes, config, "there is neither [lights] nor [lasers]: nothing to take");
 }

@@ -1,0 +1,41 @@
+/*
+ * What a laser sweep can be expected to add, before it is taken: which points of a surface are lit
+ * from one direction, given the directions from which they were lit, or were not.
+ *
+ * A surface point is seen from, and lit from, all directions within a cone about its axis: the rest
+ * of the sky is hidden by the point's own surface and by what stands around it. The model is a set
+ * of such cones with axes up to 60° from the sample's normal and half-angles of 25° to 85°, evenly
+ * spread over both and over all azimuths, so that no kind of relief is preferred. What was observed
+ * of a point weighs the cones (Bayes), with a chance that a sweep was misled.
+ *
+ * A sweep that lights a point settles its distance with a chance s that grows with the depth
+ * resolution of the pair of camera and laser: s = 0.03 + 0.5 q, q being what a sweep tells of a
+ * distance over the most that one of them tells, 0 … 1 (plan_sweep_model()). Several sweeps L settle it with 1 − Π (1 − s): less and less
+ * is added by each.
+ *
+ * Pure functions, any thread.
+ */
+#pragma once
+
+#include "base/vec.h"
+
+#include <glib.h>
+
+#define COVERAGE_MAX_SWEEPS 64 /* at one turntable angle: bits of a guint64 */
+
+typedef struct CoverageModel CoverageModel;
+
+/* Directions are unit vectors from the sample outwards, in one frame. quality: q of each sweep, 0 …
+ * 1. All are copied. */
+CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
+                                  const double *quality, int n);
+void coverage_model_free(CoverageModel *model); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
+
+/* The share of what the camera sees that one more sweep is expected to settle after the sweeps of
+ * a set were taken, before anything was observed. */
+double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
+
+/* The chance that a sweep lights a point that the camera sees, of which the taken sweeps in lit saw
+ * something and the other taken ones nothing. */
+double coverage_model_lights(const CoverageModel *model, guint64 taken, guint64 lit, int sweep);

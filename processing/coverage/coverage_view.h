@@ -1,0 +1,48 @@
+/*
+ * What the laser sweeps taken so far know of one view: for a sample of its texels, which sweeps saw
+ * something there, and whether they agree. This is the MDF (mdf/mdf.h) of few texels from single
+ * pixels, quick enough to be made of every sweep while a session is captured.
+ *
+ * A texel is known if two sweeps agree on its distance, and those that agree are at least half of
+ * those that saw something there: light reflected by the surroundings does not agree. The distance
+ * is looked up at the pixel next to the texel's centre that sees the laser, so that all sweeps look
+ * along one ray. Sheets of light are used as calibrated; what laser_lines.h corrects of them is
+ * less than the half texel that distances may differ.
+ *
+ * coverage_view_add() may be called in any thread for different sweeps of one view; everything else
+ * when none of them runs.
+ */
+#pragma once
+
+#include "coverage_model.h"
+#include "geometry/rig.h"
+#include "session/inputs.h"
+#include "session/session.h"
+
+#define COVERAGE_MOST_TEXELS 4096 /* that are looked at */
+
+typedef struct CoverageView CoverageView;
+
+/* rig is borrowed. */
+CoverageView *coverage_view_new(const struct rig *rig, int camera, double turntable_deg,
+                                const struct session_grid *grid);
+void coverage_view_free(CoverageView *view); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageView, coverage_view_free)
+
+/* Adds what a shot's file has of the view, as number sweep, below COVERAGE_MAX_SWEEPS, in place of
+ * what was added as that before. Errors as of input_read(). */
+gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_shot *shot,
+                           const struct input *input, GError **error);
+gboolean coverage_view_has(const CoverageView *view, int sweep);
+
+struct coverage_sums {
+    int texels; /* that were looked at and lie in the picture */
+    int known;
+};
+/* Of all sweeps that were added; coverage_view_expects() is about the same texels. */
+struct coverage_sums coverage_view_sum_up(CoverageView *view);
+
+/* The share of the view's texels that a sweep is expected to make known, of those that are not:
+ * one that no sweep has seen needs two, and counts half. model: of the view's camera, with the
+ * same numbers of sweeps. */
+double coverage_view_expects(const CoverageView *view, const CoverageModel *model, int sweep);

@@ -1,0 +1,204 @@
+/*
+ * Laser sweeps until the surface is known: what [lasers] stop = covered takes, against all sweeps
+ * of the same material, and what of the MDF is worse for it. Measures sessions that
+ * tests/bench/fast_materials has captured; the truth is the simulated world's.
+ *
+ * Laser time: of all sweeps, from the end of the shot before to the sweep's own end, moves and
+ * homing between rounds included. Coverage: share of the texels of all views that have a distance,
+ * measured by the view itself, or, with those, predicted by others. RMS: of the final distances
+ * against the truth, in texels, away from depth edges. wrong: share of all distances that are off
+ * by more than a texel.
+ */
+#include "bench.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/work.h"
+#include "mdf/mdf_views.h"
+#include "pipeline/catalogue.h"
+#include "pipeline/mdf_product.h"
+#include "world/truth.h"
+
+enum { ALL, COVERED, WAYS };
+static const char *const ways[WAYS] = {"all", "covered"};
+
+struct measured {
+    double laser_s, session_s;
+    int sweeps, left_out, rounds;
+    double coverage, known, rms, wrong;
+};
+
+struct scene {
+    World *world;
+    struct catalogue *catalogue;
+    struct mdf_result **results;
+    int n_texels;
+    float **truth; /* of each view */
+    guint8 **edges;
+};
+
+static gboolean json;
+static const GOptionEntry entries[] = {
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
+    {NULL},
+};
+
+static void fast_make_view(int view, gpointer data) {
+    struct scene *scene = data;
+    g_autoptr(GError) error = NULL;
+    struct mdf_job *job = NULL;
+    if (catalogue_mdf(scene->catalogue, view, &job) != CATALOGUE_READY)
+        bench_fail(1, "view %d has no sweeps, or its session is not finished", view);
+    scene->results[view] = mdf_make_view(job, &scene->catalogue->grid, NULL, &error);
+    bench_check(error);
+    mdf_job_free(job);
+}
+
+static void fast_ignore(gpointer data) {
+}
+
+/* Times of the sweeps, and how many of them were left out. */
+static void fast_count(Session *session, struct measured *ret) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    bench_check(error);
+    g_autoptr(GPtrArray) frames = session_frames(session, &error);
+    bench_check(error);
+    g_autofree double *end_s = g_new0(double, shots->len + 1);
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        end_s[frame->shot - 1] = MAX(end_s[frame->shot - 1], frame->captured_s);
+    }
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        double before_s = 0; /* in order of time: a further round begins in the list's middle */
+        ret->session_s = MAX(ret->session_s, end_s[i]);
+        if (shot->kind != SHOT_SWEEP)
+            continue;
+        ret->sweeps += shot->state == SHOT_DONE;
+        ret->left_out += shot->state == SHOT_SKIPPED;
+        for (guint k = 0; k < shots->len && shot->state == SHOT_DONE; k++)
+            if (end_s[k] < end_s[i])
+                before_s = MAX(before_s, end_s[k]);
+        ret->laser_s += shot->state == SHOT_DONE ? end_s[i] - before_s : 0;
+    }
+    g_autoptr(GHashTable) rounds = session_values(session, "lasers.round.", &error);
+    bench_check(error);
+    ret->rounds = MAX(1, (int)g_hash_table_size(rounds) - 1); /* the last one is empty */
+}
+
+static void fast_compare(const struct scene *scene, struct measured *ret) {
+    const double texel_mm = scene->catalogue->grid.width_mm / scene->catalogue->grid.width;
+    double squares = 0;
+    gint64 n = 0, known = 0, wrong = 0, all = 0;
+    double predicted;
+    ret->coverage = mdf_coverage(scene->results, (int)scene->catalogue->views->len, scene->n_texels,
+                                 &predicted);
+    ret->known = ret->coverage + predicted;
+    for (guint v = 0; v < scene->catalogue->views->len; v++)
+        for (int i = 0; i < scene->n_texels; i++, all++) {
+            const float mm = scene->results[v]->planes[0][i], truth = scene->truth[v][i];
+            if (mm < 0 || truth < 0)
+                continue;
+            const double error = (double)(mm - truth) / texel_mm;
+            known++;
+            wrong += fabs(error) > 1;
+            if (scene->edges[v][i])
+                continue;
+            squares += error * error;
+            n++;
+        }
+    ret->rms = sqrt(squares / (double)MAX(n, 1));
+    ret->wrong = (double)wrong / (double)MAX(known, 1);
+}
+
+static void fast_measure(struct scene *scene, const char *directory, struct measured *ret) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
+    bench_check(error);
+    *ret = (struct measured){0};
+    fast_count(session, ret);
+    scene->catalogue = catalogue_load(session, NULL, &error);
+    bench_check(error);
+    const struct session_grid *grid = &scene->catalogue->grid;
+    const int n = (int)scene->catalogue->views->len;
+    scene->n_texels = grid->width * grid->height;
+    scene->results = g_new0(struct mdf_result *, n);
+    work_for_each(0, n, fast_make_view, scene);
+    mdf_settle(scene->results, n, grid, NULL, fast_ignore, NULL);
+    if (!scene->truth) {
+        const struct truth_grid texels = {grid->width, grid->height, grid->width_mm,
+                                          grid->height_mm, grid->reference_mm};
+        scene->truth = g_new0(float *, n + 1);
+        scene->edges = g_new0(guint8 *, n + 1);
+        for (int v = 0; v < n; v++) {
+            const struct session_direction *view = scene->catalogue->views->pdata[v];
+            scene->truth[v] = g_new(float, scene->n_texels);
+            scene->edges[v] = g_new(guint8, scene->n_texels);
+            truth_mdf(scene->world, view->device, view->turntable_deg, &texels, scene->truth[v],
+                      scene->edges[v]);
+        }
+    }
+    fast_compare(scene, ret);
+    for (int v = 0; v < n; v++)
+        mdf_result_free(scene->results[v]);
+    g_free(scene->results);
+    g_clear_pointer(&scene->catalogue, catalogue_free);
+}
+
+static void fast_tell(const char *name, const struct measured *all, const struct measured *some,
+                      gboolean first) {
+    const double time = some->laser_s / all->laser_s, rms = some->rms / all->rms;
+    const double coverage = some->coverage / all->coverage;
+    if (!json) {
+        g_print("%-10s laser %5.0f s → %4.0f s (%.3f), sweeps %3d → %3d in %d rounds; measured "
+                "%.4f → %.4f (%.4f), known %.4f → %.4f; RMS %.4f → %.4f texels (%.3f), wrong "
+                "%.4f → %.4f\n",
+                name, all->laser_s, some->laser_s, time, all->sweeps, some->sweeps, some->rounds,
+                all->coverage, some->coverage, coverage, all->known, some->known, all->rms,
+                some->rms, rms, all->wrong, some->wrong);
+        return;
+    }
+    g_print("%s\n  \"%s\": {", first ? "{" : ",", name);
+    for (int k = 0; k < WAYS; k++) {
+        const struct measured *m = k == ALL ? all : some;
+        g_print("\n    \"%s\": {\"laser_s\": %.1f, \"session_s\": %.1f, \"sweeps\": %d, "
+                "\"left_out\": %d, \"rounds\": %d, \"coverage\": %.5f, \"known\": %.5f, "
+                "\"rms_texels\": %.5f, \"wrong\": %.5f},",
+                ways[k], m->laser_s, m->session_s, m->sweeps, m->left_out, m->rounds, m->coverage,
+                m->known, m->rms, m->wrong);
+    }
+    g_print("\n    \"laser_time_ratio\": %.4f, \"coverage_ratio\": %.5f, \"rms_ratio\": %.4f}",
+            time, coverage, rms);
+}
+
+int main(int argc, char **argv) {
+    bench_parse(&argc, &argv, entries, "DIR NAME …");
+    if (argc < 3)
+        bench_fail(2, "give the folder of fast_materials, and names of materials in it");
+    for (int i = 2; i < argc; i++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *path = g_build_filename(argv[1], argv[i], "world.conf", NULL);
+        struct scene scene = {.world = world_get(path, &error)};
+        struct measured measured[WAYS];
+        bench_check(error);
+        int n_views = 0;
+        for (int k = 0; k < WAYS; k++) {
+            g_autofree char *session =
+                g_strdup_printf("%s/%s/%s.session", argv[1], argv[i], ways[k]);
+            fast_measure(&scene, session, &measured[k]);
+        }
+        while (scene.truth[n_views]) {
+            g_free(scene.truth[n_views]);
+            g_free(scene.edges[n_views++]);
+        }
+        g_free(scene.truth);
+        g_free(scene.edges);
+        world_unref(scene.world);
+        fast_tell(argv[i], &measured[ALL], &measured[COVERED], i == 2);
+    }
+    if (json)
+        g_print("\n}\n");
+    return 0;
+}
