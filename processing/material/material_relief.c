@@ -4,7 +4,7 @@
 #include "mdf_codecs/mdf_source.h"
 
 struct material_relief {
-    struct mdf_table *table;
+    const struct mdf_table *table;
     Directions *views;
 };
 
@@ -14,7 +14,7 @@ struct material_relief *material_relief_read(const char *path, GError **error) {
         return NULL;
     struct material_relief *relief = g_new0(struct material_relief, 1);
     relief->table =
-        source->table ? mdf_table_copy(source->table) : mdf_factors_table(source->factors);
+        source->table ? g_steal_pointer(&source->table) : mdf_factors_table(source->factors);
     mdf_source_free(source);
     relief->views = directions_new(relief->table->theta_deg, relief->table->phi_deg,
                                    relief->table->n_views, error);
@@ -28,7 +28,7 @@ struct material_relief *material_relief_read(const char *path, GError **error) {
 void material_relief_free(struct material_relief *relief) {
     if (!relief)
         return;
-    mdf_table_free(relief->table);
+    mdf_table_free((struct mdf_table *)relief->table);
     directions_free(relief->views);
     g_free(relief);
 }
