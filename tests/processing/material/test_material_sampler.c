@@ -52,7 +52,8 @@ static void fixture_init(struct fixture *f, gboolean grid) {
         f->layout.views = direction_list_new(N_ALL);
         f->layout.lights = direction_list_new(N_ALL);
         for (int k = 1; k < N_ALL; k++) {
-            const float theta = 15.0F * (float)((k - 1) / A_RING + 1);
+            const int ring = (k - 1) / A_RING + 1;
+            const float theta = 15.0F * (float)ring;
             const float phi = 360.0F / A_RING * (float)((k - 1) % A_RING);
             f->layout.views.theta_deg[k] = f->layout.lights.theta_deg[k] = theta;
             f->layout.views.phi_deg[k] = f->layout.lights.phi_deg[k] = phi;
