@@ -33,7 +33,7 @@ gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback) {
     return value == rint(value) && fabs(value) < 1e15 ? (gint64)value : fallback;
 }
 
-static const char *gltf_string(JsonObject *object, const char *name) {
+const char *gltf_string(JsonObject *object, const char *name) {
     JsonNode *node = json_object_get_member(object, name);
     return node != NULL && JSON_NODE_HOLDS_VALUE(node) &&
                    json_node_get_value_type(node) == G_TYPE_STRING
@@ -97,10 +97,10 @@ static gboolean gltf_file_parse(struct gltf *gltf, const char *text, gsize lengt
     for (guint k = 0; required != NULL && k < json_array_get_length(required); k++) {
         JsonNode *node = json_array_get_element(required, k);
         const char *name = JSON_NODE_HOLDS_VALUE(node) ? json_node_get_string(node) : NULL;
-        /* Extensions of textures and materials do not matter here. */
+        /* Extensions of textures, materials and lamps do not matter here. */
         if (name == NULL ||
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
-             !g_str_has_prefix(name, "EXT_texture_")))
+             !g_str_equal(name, "KHR_lights_punctual") && !g_str_has_prefix(name, "EXT_texture_")))
             return gltf_bad(gltf, error,
                             "it needs the extension %s, which is not read; save it without "
                             "compression",

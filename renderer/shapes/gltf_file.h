@@ -28,6 +28,7 @@ JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GErr
 
 /* A member that is a whole number; fallback where there is none, or another thing. */
 gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback);
+const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 

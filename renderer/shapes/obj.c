@@ -161,7 +161,7 @@ struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up u
         good = obj_bad(&obj, error, "there is no face in this file");
     g_autofree char *where = g_strdup_printf("%s:%d", name, obj.line);
     if (good)
-        mesh = soup_mesh(&obj.soup, name, where, error);
+        mesh = soup_mesh(&obj.soup, name, where, TRUE, error);
     soup_clear(&obj.soup);
     return mesh;
 }

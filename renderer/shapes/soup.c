@@ -245,8 +245,9 @@ static struct mesh *soup_build(struct soup *soup, const char *name) {
     return mesh;
 }
 
-struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, GError **error) {
-    if (!soup_fit(soup, where, error))
+struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, gboolean fit,
+                       GError **error) {
+    if (fit && !soup_fit(soup, where, error))
         return NULL;
     soup->smooth = g_new0(float, 3 * (gsize)soup->positions->len);
     const struct soup_corner *corners = (const struct soup_corner *)soup->corners->data;
@@ -259,5 +260,10 @@ struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, G
                 soup->smooth[3 * (gsize)corners[k].v + axis] += normal[axis];
         corners += n;
     }
-    return soup_build(soup, name);
+    struct mesh *mesh = soup_build(soup, name);
+    for (guint k = 0; !fit && k < mesh->n_vertices; k++) {
+        const float *at = mesh->vertices[k].position, radius = sqrtf(float3_dot(at, at));
+        mesh->radius = k == 0 ? radius : MAX(mesh->radius, radius);
+    }
+    return mesh;
 }

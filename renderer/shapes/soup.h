@@ -23,5 +23,6 @@ void soup_clear(struct soup *soup);
 /* Rotates a vector from a y-up to the z-up convention. */
 void soup_y_to_z_up(float values[3]);
 
-/* Scales it to radius 1 around the origin. NULL with an error that begins with where. */
-struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, GError **error);
+/* fit: scales it to radius 1 around the origin. NULL with an error that begins with where. */
+struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, gboolean fit,
+                       GError **error);

@@ -28,8 +28,8 @@ struct btf_matrix *material_fixture_sized(int width, int height, int rings, gboo
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
     float *to = btf->values;
     for (int texel = 0; texel < width * height; texel++) {
-        const double x = 2 * G_PI * (texel % width) / width;
-        const double y = 2 * G_PI * (texel / width) / height;
+        const int column = texel % width, row = texel / width;
+        const double x = 2 * G_PI * column / width, y = 2 * G_PI * row / height;
         for (gsize v = 0; v < btf->layout.views.n; v++)
             for (gsize l = 0; l < btf->layout.lights.n; l++) {
                 double half[3], length = 0;

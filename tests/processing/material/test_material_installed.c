@@ -146,8 +146,9 @@ static void expected_mean(const char *path, double ret[3]) {
     const float up[] = {0, 0, 1}, light[] = {0.5F, 0, sqrtf(0.75F)};
     ret[0] = ret[1] = ret[2] = 0;
     for (int k = 0; k < MATERIAL_WIDTH * MATERIAL_HEIGHT; k++) {
-        const float uv[] = {((float)(k % MATERIAL_WIDTH) + 0.5F) / MATERIAL_WIDTH,
-                            ((float)(k / MATERIAL_WIDTH) + 0.5F) / MATERIAL_HEIGHT};
+        const int column = k % MATERIAL_WIDTH, row = k / MATERIAL_WIDTH;
+        const float uv[] = {((float)column + 0.5F) / MATERIAL_WIDTH,
+                            ((float)row + 0.5F) / MATERIAL_HEIGHT};
         float rgb[3];
         mesorig_material_evaluate(material, 1, uv, up, light, NULL, rgb);
         for (int c = 0; c < 3; c++)

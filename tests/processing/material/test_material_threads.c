@@ -17,7 +17,7 @@ static void write_mdf(const char *path, const struct btf_matrix *btf) {
         exr_set_double(part, "view.phi_deg", (double)btf->layout.views.phi_deg[v]);
         exr_set_double(part, "texel_mm", 0.4);
         for (int k = 0; k < 64; k++)
-            part->planes[0][k] = 0.1F * (float)(k % 8) + 0.05F * (float)(k / 8);
+            part->planes[0][k] = 0.02F * (float)k;
         exr_file_add(file, part);
     }
     g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));

@@ -1,0 +1,41 @@
+/* The nodes of a glTF file's scene, and the triangles of its meshes. */
+#pragma once
+
+#include "gltf_file.h"
+#include "soup.h"
+
+struct gltf_transform {
+    double m[4][4]; /* [row][column] */
+};
+
+/* w: 1 for a position, 0 for a direction. */
+void gltf_move_point(const struct gltf_transform *p, const float v[3], double w, float ret[3]);
+/* Transforms by the cofactors, so that a normal stays perpendicular to the surface. */
+void gltf_move_normal(const struct gltf_transform *p, const float v[3], float ret[3]);
+/* Negative: it mirrors. */
+double gltf_determinant(const struct gltf_transform *p);
+
+/* A member that is an array of n numbers; FALSE, and values are as they were: it is another thing.
+ */
+gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
+
+/* p: from the node to the world. node: NULL for meshes of a file without scenes. mesh: its index,
+ * −1: none. */
+typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
+                              gint64 mesh, gpointer data, GError **error);
+/* Calls visit for every node of its scene, or without one for all meshes, until one fails. */
+gboolean gltf_visit(struct gltf *gltf, GltfVisit visit, gpointer data, GError **error);
+
+/* Calls use for every primitive of a mesh, until one fails. */
+typedef gboolean (*GltfUse)(struct gltf *gltf, JsonObject *primitive, gpointer data,
+                            GError **error);
+gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpointer data,
+                             GError **error);
+
+/* Adds the triangles of a primitive where p puts them; points and lines have none. bare: it may
+ * lack texture coordinates, which are 0 then. */
+gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
+                            JsonObject *primitive, enum scene_up up, gboolean bare,
+                            struct soup *soup, GError **error);
+/* FALSE: a position is not a finite number after its transform. */
+gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, GError **error);

@@ -1,0 +1,290 @@
+/* mesorig-trace: a picture of a scene with captured materials, by path tracing. */
+#include "trace_output.h"
+
+#include "base/nearest.h"
+
+#include <locale.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#define MAX_LAMPS 64
+
+static char *png_path, *exr_path, **materials, *environment_name, **lamps, *size, *camera;
+static gboolean json, version, evenly;
+static double turn_deg, exposure_ev;
+static int samples = 64, depth = 16, threads;
+static gint64 seed = 1;
+
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &png_path, "The picture, exposed", "FILE.png"},
+    {"exr", 0, 0, G_OPTION_ARG_FILENAME, &exr_path, "The picture's radiance", "FILE.exr"},
+    {"material", 'm', 0, G_OPTION_ARG_FILENAME_ARRAY, &materials,
+     "The scene's material NAME is this captured one: a session, or a compressed file; so many "
+     "tiles of it in one unit of the texture coordinates, default 1",
+     "NAME=PATH[,TILES]"},
+    {"environment", 'e', 0, G_OPTION_ARG_FILENAME, &environment_name,
+     "Light from all around: studio, overcast, white, or a map as an EXR", "NAME|FILE.exr"},
+    {"turn", 0, 0, G_OPTION_ARG_DOUBLE, &turn_deg,
+     "Turn the environment about the vertical axis, counter-clockwise seen from above", "DEG"},
+    {"lamp", 'l', 0, G_OPTION_ARG_STRING_ARRAY, &lamps,
+     "A lamp far away, from the zenith and from +x; brightness 1 if not given",
+     "THETA,PHI[,BRIGHTNESS]"},
+    {"camera", 'c', 0, G_OPTION_ARG_STRING, &camera,
+     "A camera that sees all of the scene, in place of the file's; field of view 40",
+     "AZIMUTH,ELEVATION[,FOV]"},
+    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Size in pixels, default 640x480", "WxH"},
+    {"samples", 's', 0, G_OPTION_ARG_INT, &samples, "Samples of a pixel, default 64", "N"},
+    {"depth", 'd', 0, G_OPTION_ARG_INT, &depth, "Reflections at most, default 16", "N"},
+    {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &exposure_ev, "Of the PNG, default 0", "EV"},
+    {"seed", 0, 0, G_OPTION_ARG_INT64, &seed,
+     "Of the random numbers, default 1: the same seed gives the same picture", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Default: one a processor", "N"},
+    {"even", 0, 0, G_OPTION_ARG_NONE, &evenly,
+     "Draw directions evenly instead of by what the materials reflect, to compare noise", NULL},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what was made", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
+    {NULL},
+};
+
+static volatile sig_atomic_t stopped;
+
+static void on_signal(int number) {
+    stopped = 1;
+}
+
+/* On a terminal a line that is written over, and else none. */
+static void trace_main_tell(const struct work_progress *progress, gpointer cancellable) {
+    if (stopped)
+        g_cancellable_cancel(cancellable);
+    if (!isatty(STDERR_FILENO))
+        return;
+    g_printerr("\r%s: %d %%", progress->stage, 100 * progress->done / MAX(progress->total, 1));
+    if (progress->left_s >= 0.0)
+        g_printerr(", %.0f s left   ", progress->left_s);
+    if (progress->done == progress->total)
+        g_printerr("\r\033[K");
+}
+
+/* n_least to 3 numbers with commas between them; what is not given stays. */
+static gboolean trace_main_numbers(const char *option, const char *text, int n_least, double ret[3],
+                                   GError **error) {
+    g_auto(GStrv) parts = g_strsplit(text, ",", -1);
+    const int n = (int)g_strv_length(parts);
+    gboolean good = n >= n_least && n <= 3;
+    for (int k = 0; good && k < n; k++) {
+        char *end;
+        ret[k] = g_ascii_strtod(parts[k], &end);
+        good = end != parts[k] && *end == '\0' && isfinite(ret[k]);
+    }
+    if (!good)
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
+                    "--%s %s: %d to 3 numbers with commas between them are expected", option, text,
+                    n_least);
+    return good;
+}
+
+static gboolean trace_main_fail(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
+static gboolean trace_main_fail(GError **error, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    g_autofree char *text = g_strdup_vprintf(format, list);
+    va_end(list);
+    g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SETTING, text);
+    return FALSE;
+}
+
+/* NAME=PATH[,TILES]; what follows the last comma is a number or part of the path. */
+static gboolean trace_main_set_material(TraceScene *scene, const char *text, GError **error) {
+    const char *equals = strchr(text, '=');
+    double tiles = 1.0;
+    if (equals == NULL || equals == text || equals[1] == '\0')
+        return trace_main_fail(error, "--material %s: NAME=PATH or NAME=PATH,TILES is expected",
+                               text);
+    g_autofree char *name = g_strndup(text, (gsize)(equals - text));
+    g_autofree char *path = g_strdup(equals + 1);
+    char *comma = strrchr(path, ','), *end;
+    if (comma != NULL) {
+        const double number = g_ascii_strtod(comma + 1, &end);
+        if (end != comma + 1 && *end == '\0') {
+            tiles = number;
+            *comma = '\0';
+        }
+    }
+    return trace_scene_set_material(scene, name, path, tiles, error);
+}
+
+static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
+    if (environment_name == NULL)
+        return TRUE;
+    struct environment *environment;
+    if (g_str_equal(environment_name, "white")) {
+        environment = g_new(struct environment, 1);
+        *environment = (struct environment){2, 1, g_new(float, 6)};
+        for (int k = 0; k < 6; k++)
+            environment->rgb[k] = 1.0F;
+    } else {
+        environment = environment_open(environment_name, error);
+    }
+    if (environment == NULL)
+        return FALSE;
+    TraceSky *sky = trace_sky_new(environment, turn_deg);
+    environment_free(environment);
+    if (sky == NULL)
+        return trace_main_fail(error, "%s: the environment map is black everywhere: give another",
+                               environment_name);
+    trace_scene_set_sky(scene, sky);
+    return TRUE;
+}
+
+static gboolean trace_main_set_lamps(TraceScene *scene, GError **error) {
+    for (char **lamp = lamps; lamp != NULL && *lamp != NULL; lamp++) {
+        double numbers[3] = {0.0, 0.0, 1.0};
+        if (!trace_main_numbers("lamp", *lamp, 2, numbers, error))
+            return FALSE;
+        if (!(numbers[2] >= 0.0) || numbers[0] < 0.0 || numbers[0] > 180.0)
+            return trace_main_fail(error,
+                                   "--lamp %s: the first number is 0 to 180, the third not "
+                                   "negative",
+                                   *lamp);
+        trace_scene_add_lamp(scene, numbers[0], numbers[1], numbers[2]);
+    }
+    if (scene->lamps->len > MAX_LAMPS)
+        return trace_main_fail(error, "%u lamps are too many: at most %d", scene->lamps->len,
+                               MAX_LAMPS);
+    if (scene->lamps->len == 0 && scene->sky == NULL && scene->lit.n == 0)
+        return trace_main_fail(error,
+                               "nothing gives light in this scene: give --environment or --lamp");
+    return TRUE;
+}
+
+static gboolean trace_main_set_camera(TraceScene *scene, GError **error) {
+    double numbers[3] = {0.0, 0.0, 40.0};
+    if (camera == NULL)
+        return TRUE;
+    if (!trace_main_numbers("camera", camera, 2, numbers, error))
+        return FALSE;
+    if (fabs(numbers[1]) > 90.0 || !(numbers[2] >= 1.0 && numbers[2] <= 170.0))
+        return trace_main_fail(error,
+                               "--camera %s: the elevation is −90 to 90, the field of view 1 to "
+                               "170",
+                               camera);
+    trace_scene_look(scene, numbers[0], numbers[1], numbers[2]);
+    return TRUE;
+}
+
+static gboolean trace_main_options(struct trace_options *ret, GError **error) {
+    *ret = trace_options_default;
+    ret->samples = samples;
+    ret->depth = depth;
+    ret->seed = (guint64)seed;
+    ret->drawing = evenly ? TRACE_DRAW_EVENLY : TRACE_DRAW_BY_IMPORTANCE;
+    char end;
+    if (size != NULL && sscanf(size, "%dx%d%c", &ret->width, &ret->height, &end) != 2)
+        return trace_main_fail(error, "--size %s: WIDTHxHEIGHT is expected, as 640x480", size);
+    if (threads < 0 || threads > 1024)
+        return trace_main_fail(error, "--threads: %d is out of range: 0 to 1024", threads);
+    if (!isfinite(exposure_ev) || fabs(exposure_ev) > 50.0)
+        return trace_main_fail(error, "--exposure: %g is out of range: −50 to 50", exposure_ev);
+    return trace_options_check(ret, error);
+}
+
+/* Before hours of work: the folders must be there. */
+static gboolean trace_main_check_folder(const char *path, GError **error) {
+    g_autofree char *folder = path != NULL ? g_path_get_dirname(path) : NULL;
+    if (folder == NULL || access(folder, W_OK | X_OK) == 0)
+        return TRUE;
+    return trace_main_fail(error, "%s: its folder is not there or cannot be written to; make it",
+                           path);
+}
+
+static double trace_main_mean(const float *values, gsize n) {
+    double sum = 0.0;
+    for (gsize k = 0; k < n; k++)
+        sum += (double)values[k];
+    return sum / (double)n;
+}
+
+static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
+                           const struct trace_options *options, double seconds) {
+    const gsize n = (gsize)picture->width * (gsize)picture->height;
+    guint triangles = 0;
+    for (guint k = 0; k < scene->gltf->parts->len; k++)
+        triangles += ((const struct gltf_part *)scene->gltf->parts->pdata[k])->mesh->n_indices / 3;
+    const double variance = trace_main_mean(picture->variance, n);
+    if (json)
+        g_print("{\"width\": %d, \"height\": %d, \"samples\": %d, \"triangles\": %u, "
+                "\"seconds\": %.3f, \"mean_radiance\": %.6g, \"sample_variance\": %.6g}\n",
+                picture->width, picture->height, options->samples, triangles, seconds,
+                trace_main_mean(picture->rgb, 3 * n), variance);
+    else
+        g_print("%d × %d pixels, %d samples each, %u triangles: %.1f s; standard error of a "
+                "pixel %.2g\n",
+                picture->width, picture->height, options->samples, triangles, seconds,
+                sqrt(variance / options->samples));
+}
+
+static gboolean trace_main_run(const char *path, GError **error) {
+    struct trace_options options;
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    const struct work work = {threads, trace_main_tell, cancellable, cancellable};
+    const gint64 begun_us = g_get_monotonic_time();
+    if (!trace_main_options(&options, error) || !trace_main_check_folder(png_path, error) ||
+        !trace_main_check_folder(exr_path, error))
+        return FALSE;
+    g_autoptr(TraceScene) scene = trace_scene_read(path, error);
+    if (scene == NULL)
+        return FALSE;
+    for (char **material = materials; material != NULL && *material != NULL; material++)
+        if (!trace_main_set_material(scene, *material, error))
+            return FALSE;
+    if (!trace_main_set_sky(scene, error) || !trace_main_set_lamps(scene, error) ||
+        !trace_main_set_camera(scene, error))
+        return FALSE;
+    g_autoptr(TracePicture) picture = trace_render(scene, &options, &work, error);
+    if (picture == NULL ||
+        (exr_path != NULL && !trace_write_exr(picture, &options, exr_path, error)) ||
+        (png_path != NULL && !trace_write_png(picture, exposure_ev, png_path, error)))
+        return FALSE;
+    trace_main_say(scene, picture, &options, (double)(g_get_monotonic_time() - begun_us) / 1e6);
+    return TRUE;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GOptionContext) context = g_option_context_new("SCENE.gltf");
+    g_option_context_set_summary(
+        context, "A picture of a glTF scene with captured materials and global illumination,\n"
+                 "by path tracing.");
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error)) {
+        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
+        g_printerr("mesorig-trace: %s\n", error->message);
+        return 2;
+    }
+    if (version) {
+        g_print("mesorig-trace %s\n", MESORIG_VERSION);
+        return 0;
+    }
+    if (argc != 2 || (png_path == NULL && exr_path == NULL)) {
+        g_printerr(
+            "usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n"
+            "       [-m NAME=PATH[,TILES]…] [-e NAME|FILE.exr] [-l THETA,PHI[,BRIGHTNESS]…]\n"
+            "--output, --exr or both are needed; --help tells all options\n");
+        return 2;
+    }
+    const struct sigaction stop = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+    sigaction(SIGINT, &stop, NULL);
+    sigaction(SIGTERM, &stop, NULL);
+    if (trace_main_run(argv[1], &error))
+        return 0;
+    if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
+        g_printerr("\nmesorig-trace: interrupted; nothing was written\n");
+        return 130;
+    }
+    g_printerr("mesorig-trace: %s\n", error->message);
+    return error->domain == TRACE_ERROR && error->code == TRACE_ERROR_SETTING ? 2 : 1;
+}

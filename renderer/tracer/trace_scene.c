@@ -1,0 +1,350 @@
+#include "trace_scene.h"
+
+#include "base/direction.h"
+
+#include <embree3/rtcore.h>
+#include <string.h>
+
+#define LIFT 2e-5 /* of the scene's reach: how far off a surface rays begin */
+
+G_DEFINE_QUARK(trace_error, trace_error)
+
+static void surface_clear(gpointer data) {
+    struct trace_surface *surface = data;
+    mesorig_material_close(surface->material);
+    g_free(surface->name);
+}
+
+static const struct gltf_part *scene_part(const TraceScene *scene, guint k) {
+    return scene->gltf->parts->pdata[k];
+}
+
+static struct trace_surface *part_surface(const TraceScene *scene, const struct gltf_part *part) {
+    const guint last = scene->surfaces->len - 1;
+    return &g_array_index(scene->surfaces, struct trace_surface,
+                          part->material >= 0 ? (guint)part->material : last);
+}
+
+static void scene_take_materials(TraceScene *scene) {
+    const struct gltf_material none = {"", {1.0F, 1.0F, 1.0F}, 1.0F, 1.0F, 1.0F, {0.0F}};
+    const GArray *from = scene->gltf->materials;
+    for (guint k = 0; k <= from->len; k++) {
+        const struct gltf_material *m =
+            k < from->len ? &g_array_index(from, struct gltf_material, k) : &none;
+        struct trace_surface to = {.name = g_strdup(m->name), .tiles = 1.0};
+        to.plain.metallic = (double)m->metallic;
+        to.plain.roughness = (double)m->roughness;
+        to.plain.specular = (double)m->specular;
+        for (int c = 0; c < 3; c++) {
+            to.plain.base[c] = (double)m->base[c];
+            to.emission[c] = (double)m->emission[c];
+        }
+        g_array_append_val(scene->surfaces, to);
+    }
+}
+
+static struct vec3 of_floats(const float a[3]) {
+    return vec3((double)a[0], (double)a[1], (double)a[2]);
+}
+
+/* The middle of all corners' box, and the radius around it. */
+static void scene_measure(TraceScene *scene) {
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (guint k = 0; k < scene->gltf->parts->len; k++) {
+        const struct mesh *mesh = scene_part(scene, k)->mesh;
+        for (guint v = 0; v < mesh->n_vertices; v++)
+            for (int c = 0; c < 3; c++) {
+                low[c] = fmin(low[c], (double)mesh->vertices[v].position[c]);
+                high[c] = fmax(high[c], (double)mesh->vertices[v].position[c]);
+            }
+    }
+    scene->middle =
+        vec3(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]));
+    scene->reach = 0.5 * hypot(hypot(high[0] - low[0], high[1] - low[1]), high[2] - low[2]);
+}
+
+static void scene_build(TraceScene *scene) {
+    scene->device = rtcNewDevice("threads=1");
+    scene->rays = rtcNewScene(scene->device);
+    rtcSetSceneFlags(scene->rays, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneBuildQuality(scene->rays, RTC_BUILD_QUALITY_HIGH);
+    for (guint k = 0; k < scene->gltf->parts->len; k++) {
+        const struct mesh *mesh = scene_part(scene, k)->mesh;
+        RTCGeometry geometry = rtcNewGeometry(scene->device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                   mesh->vertices, G_STRUCT_OFFSET(struct vertex, position),
+                                   sizeof(struct vertex), mesh->n_vertices);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                   mesh->indices, 0, 3 * sizeof(guint32), mesh->n_indices / 3);
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometryByID(scene->rays, geometry, k);
+        rtcReleaseGeometry(geometry);
+    }
+    rtcCommitScene(scene->rays);
+}
+
+static void scene_add_area(TraceScene *scene, const struct mesh *mesh, guint triangle,
+                           const double *emission) {
+    struct vec3 p[3];
+    for (int c = 0; c < 3; c++)
+        p[c] = of_floats(mesh->vertices[mesh->indices[3 * triangle + (guint)c]].position);
+    struct trace_area area = {
+        p[0], {vec3_sub(p[1], p[0]), vec3_sub(p[2], p[0])}, {0}, 0.0, emission};
+    const struct vec3 across = vec3_cross(area.edges[0], area.edges[1]);
+    const double twice = vec3_length(across);
+    area.area = 0.5 * twice;
+    area.normal = twice > 0.0 ? vec3_scale(across, 1.0 / twice) : vec3(0, 0, 1);
+    g_array_append_val(scene->areas, area);
+}
+
+/* Every triangle whose surface gives light, and how likely each is drawn. */
+static void scene_find_areas(TraceScene *scene) {
+    trace_choice_clear(&scene->lit);
+    g_array_set_size(scene->areas, 0);
+    g_array_set_size(scene->part_areas, 0);
+    for (guint k = 0; k < scene->gltf->parts->len; k++) {
+        const struct gltf_part *part = scene_part(scene, k);
+        const double *emission = part_surface(scene, part)->emission;
+        const gboolean lit = emission[0] > 0.0 || emission[1] > 0.0 || emission[2] > 0.0;
+        const gint64 first = lit ? (gint64)scene->areas->len : -1;
+        g_array_append_val(scene->part_areas, first);
+        for (guint t = 0; lit && t < part->mesh->n_indices / 3; t++)
+            scene_add_area(scene, part->mesh, t, emission);
+    }
+    g_autofree double *power = g_new(double, scene->areas->len);
+    for (guint k = 0; k < scene->areas->len; k++) {
+        const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
+        power[k] = area->area * (0.2126 * area->emission[0] + 0.7152 * area->emission[1] +
+                                 0.0722 * area->emission[2]);
+    }
+    if (!trace_choice_init(&scene->lit, power, scene->areas->len))
+        trace_choice_clear(&scene->lit);
+}
+
+static struct vec3 of_doubles(const double a[3]) {
+    return vec3(a[0], a[1], a[2]);
+}
+
+TraceScene *trace_scene_read(const char *path, GError **error) {
+    g_autoptr(GltfScene) gltf = gltf_scene_read(path, error);
+    if (gltf == NULL)
+        return NULL;
+    TraceScene *scene = g_new0(TraceScene, 1);
+    scene->gltf = g_steal_pointer(&gltf);
+    scene->surfaces = g_array_new(FALSE, FALSE, sizeof(struct trace_surface));
+    scene->areas = g_array_new(FALSE, FALSE, sizeof(struct trace_area));
+    scene->part_areas = g_array_new(FALSE, FALSE, sizeof(gint64));
+    scene->lamps = g_array_ref(scene->gltf->lamps);
+    g_array_set_clear_func(scene->surfaces, surface_clear);
+    scene_take_materials(scene);
+    scene_measure(scene);
+    if (!(scene->reach > 0.0)) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "%s: all positions are the same", path);
+        trace_scene_free(scene);
+        return NULL;
+    }
+    scene_build(scene);
+    scene_find_areas(scene);
+    const struct gltf_camera *camera = &scene->gltf->camera;
+    if (scene->gltf->has_camera)
+        scene->camera = (struct trace_camera){of_doubles(camera->eye), of_doubles(camera->right),
+                                              of_doubles(camera->up), of_doubles(camera->back),
+                                              camera->fov_y_rad};
+    else
+        trace_scene_look(scene, -90.0, 30.0, 40.0);
+    return scene;
+}
+
+void trace_scene_free(TraceScene *scene) {
+    if (scene == NULL)
+        return;
+    if (scene->rays != NULL)
+        rtcReleaseScene(scene->rays);
+    if (scene->device != NULL)
+        rtcReleaseDevice(scene->device);
+    trace_choice_clear(&scene->lit);
+    trace_sky_free(scene->sky);
+    g_array_unref(scene->surfaces);
+    g_array_unref(scene->areas);
+    g_array_unref(scene->part_areas);
+    g_array_unref(scene->lamps);
+    gltf_scene_free(scene->gltf);
+    g_free(scene);
+}
+
+static char *scene_names(const TraceScene *scene) {
+    GString *names = g_string_new(NULL);
+    for (guint k = 0; k + 1 < scene->surfaces->len; k++)
+        g_string_append_printf(names, "%s“%s”", k > 0 ? ", " : "",
+                               g_array_index(scene->surfaces, struct trace_surface, k).name);
+    return g_string_free(names, FALSE);
+}
+
+/* Which surfaces have this name; each needs texture coordinates wherever it is. */
+static gboolean scene_check_name(const TraceScene *scene, const char *name, GError **error) {
+    gboolean found = FALSE;
+    for (guint k = 0; k + 1 < scene->surfaces->len; k++)
+        found |= g_str_equal(g_array_index(scene->surfaces, struct trace_surface, k).name, name);
+    if (!found) {
+        g_autofree char *names = scene_names(scene);
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "the scene has no material “%s”; it has %s", name, *names ? names : "none");
+        return FALSE;
+    }
+    for (guint k = 0; k < scene->gltf->parts->len; k++) {
+        const struct gltf_part *part = scene_part(scene, k);
+        if (!part->texture && g_str_equal(part_surface(scene, part)->name, name)) {
+            g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                        "the mesh “%s” of material “%s” has no texture coordinates (TEXCOORD_0): "
+                        "unwrap it and save it with them",
+                        part->name, name);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+gboolean trace_scene_set_material(TraceScene *scene, const char *name, const char *path,
+                                  double tiles, GError **error) {
+    if (!(tiles > 0.0) || !isfinite(tiles)) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
+                    "material “%s”: %g tiles are not possible: give a number above 0", name, tiles);
+        return FALSE;
+    }
+    if (!scene_check_name(scene, name, error))
+        return FALSE;
+    for (guint k = 0; k + 1 < scene->surfaces->len; k++) {
+        struct trace_surface *surface = &g_array_index(scene->surfaces, struct trace_surface, k);
+        struct mesorig_error why;
+        if (!g_str_equal(surface->name, name))
+            continue;
+        mesorig_material *material = mesorig_material_open(path, NULL, &why);
+        if (material == NULL) {
+            g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_MATERIAL, why.text);
+            return FALSE;
+        }
+        mesorig_material_close(surface->material);
+        surface->material = material;
+        surface->tiles = tiles;
+        memset(surface->emission, 0, sizeof surface->emission);
+    }
+    scene_find_areas(scene);
+    return TRUE;
+}
+
+void trace_scene_set_sky(TraceScene *scene, TraceSky *sky) {
+    trace_sky_free(scene->sky);
+    scene->sky = sky;
+}
+
+void trace_scene_add_lamp(TraceScene *scene, double theta_deg, double phi_deg, double brightness) {
+    struct gltf_lamp lamp = {.kind = GLTF_LAMP_DIRECTIONAL};
+    float to_lamp[3];
+    direction_from_deg(theta_deg, phi_deg, to_lamp);
+    for (int c = 0; c < 3; c++) {
+        lamp.towards[c] = -(double)to_lamp[c];
+        lamp.rgb[c] = G_PI * brightness;
+    }
+    g_array_append_val(scene->lamps, lamp);
+}
+
+void trace_scene_look(TraceScene *scene, double azimuth_deg, double elevation_deg, double fov_deg) {
+    float back[3], up[3];
+    direction_from_deg(90.0 - elevation_deg, azimuth_deg, back);
+    direction_from_deg(-elevation_deg, azimuth_deg, up);
+    struct trace_camera *camera = &scene->camera;
+    camera->fov_y_rad = fov_deg * G_PI / 180.0;
+    camera->back = of_floats(back);
+    camera->up = of_floats(up);
+    camera->right = vec3_cross(camera->up, camera->back);
+    const double distance = scene->reach / sin(0.5 * camera->fov_y_rad);
+    camera->eye = vec3_add(scene->middle, vec3_scale(camera->back, distance));
+}
+
+static struct RTCRay scene_ray(struct vec3 from, struct vec3 direction, double far) {
+    return (struct RTCRay){.org_x = (float)from.x,
+                           .org_y = (float)from.y,
+                           .org_z = (float)from.z,
+                           .dir_x = (float)direction.x,
+                           .dir_y = (float)direction.y,
+                           .dir_z = (float)direction.z,
+                           .tfar = (float)far,
+                           .mask = G_MAXUINT32};
+}
+
+/* The vertices' values at a point of a triangle, and the frame that they give. The frame's z is the
+ * interpolated normal, on the facet's side; where the ray would be below its horizon, the facet's.
+ */
+static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray, struct vec3 from,
+                           struct vec3 direction, struct trace_hit *ret) {
+    const struct gltf_part *part = scene_part(scene, ray->hit.geomID);
+    const guint32 *corners = part->mesh->indices + 3 * (gsize)ray->hit.primID;
+    const double share[3] = {1.0 - (double)ray->hit.u - (double)ray->hit.v, (double)ray->hit.u,
+                             (double)ray->hit.v};
+    struct vec3 normal = vec3(0, 0, 0), tangent = vec3(0, 0, 0), position = vec3(0, 0, 0);
+    struct vec3 facet = vec3((double)ray->hit.Ng_x, (double)ray->hit.Ng_y, (double)ray->hit.Ng_z);
+    double sense = 1.0;
+    ret->texel = (struct trace_texel){0.0, 0.0};
+    for (int c = 0; c < 3; c++) {
+        const struct vertex *v = &part->mesh->vertices[corners[c]];
+        position = vec3_add(position, vec3_scale(of_floats(v->position), share[c]));
+        normal = vec3_add(normal, vec3_scale(of_floats(v->normal), share[c]));
+        tangent = vec3_add(tangent, vec3_scale(of_floats(v->tangent), share[c]));
+        ret->texel.u += share[c] * (double)v->uv[0];
+        ret->texel.v += share[c] * (double)v->uv[1];
+        sense = (double)v->tangent[3];
+    }
+    facet = vec3_unit(facet);
+    const gboolean front = vec3_dot(facet, direction) < 0.0;
+    const gint64 first = g_array_index(scene->part_areas, gint64, ray->hit.geomID);
+    ret->area = first >= 0 && front ? first + (gint64)ray->hit.primID : -1;
+    if (!front)
+        facet = vec3_scale(facet, -1.0);
+    if (vec3_dot(normal, facet) < 0.0)
+        normal = vec3_scale(normal, -1.0);
+    if (!(vec3_length(normal) > 1e-6) || vec3_dot(normal, direction) >= 0.0)
+        normal = facet;
+    ret->surface = part_surface(scene, part);
+    ret->position = position;
+    ret->facet = facet;
+    ret->z = vec3_unit(normal);
+    tangent = vec3_sub(tangent, vec3_scale(ret->z, vec3_dot(tangent, ret->z)));
+    if (!(vec3_length(tangent) > 1e-6)) /* any at right angles */
+        tangent = vec3_cross(ret->z, fabs(ret->z.x) < 0.7 ? vec3(1, 0, 0) : vec3(0, 1, 0));
+    ret->x = vec3_unit(tangent);
+    ret->y = vec3_scale(vec3_cross(ret->z, ret->x), sense * (front ? 1.0 : -1.0));
+    ret->distance = vec3_length(vec3_sub(position, from));
+}
+
+gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
+                         struct trace_hit *ret) {
+    struct RTCIntersectContext context;
+    struct RTCRayHit ray = {.ray = scene_ray(from, direction, INFINITY)};
+    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcInitIntersectContext(&context);
+    rtcIntersect1(scene->rays, &context, &ray);
+    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+        return FALSE;
+    scene_fill_hit(scene, &ray, from, direction, ret);
+    return TRUE;
+}
+
+gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct vec3 direction,
+                             double distance) {
+    /* The end lies on a surface itself. */
+    const double far = isfinite(distance) ? distance - 2.0 * LIFT * scene->reach : INFINITY;
+    struct RTCIntersectContext context;
+    struct RTCRay ray = scene_ray(from, direction, far);
+    if (far <= 0.0)
+        return TRUE;
+    rtcInitIntersectContext(&context);
+    rtcOccluded1(scene->rays, &context, &ray);
+    return ray.tfar >= 0.0F;
+}
+
+struct vec3 trace_scene_leave(const TraceScene *scene, const struct trace_hit *hit,
+                              struct vec3 direction) {
+    const double side = vec3_dot(hit->facet, direction) >= 0.0 ? 1.0 : -1.0;
+    return vec3_add(hit->position, vec3_scale(hit->facet, side * LIFT * scene->reach));
+}

@@ -1,0 +1,142 @@
+/* Noise of path tracing: how far importance sampling lowers the variance of a sample against even
+ * directions, for the light that a material reflects of an even sky, and in pictures of a sphere of
+ * it in the studio, with and without the light being looked for as well. */
+#include "bench.h"
+#include "lib/material_fixture.h"
+#include "lib/remove_tree.h"
+#include "lib/trace_fixture.h"
+#include "scene/environment_made.h"
+#include "tracer/trace_path.h"
+
+#include <math.h>
+
+#define LIMIT  4.0 /* times less variance */
+#define POINTS 64  /* texels, each with a view */
+
+struct picture_noise {
+    double variance, seconds, mean;
+};
+
+static const char *const ways[2] = {"importance", "even"};
+
+/* A small BTF with a highlight, for those who give no material. */
+static char *made_material(const char *folder) {
+    char *path = g_build_filename(folder, "made.exr", NULL);
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    material_fixture_write(path, codecs_find("eigenmaps"), btf, "");
+    return path;
+}
+
+static TraceScene *bench_scene(const char *folder, const char *material, double tiles) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Mesh) sphere = scene_sphere();
+    const struct trace_object object = {sphere, 0, 1.0F, {0, 0, 0}, FALSE};
+    g_autofree char *text = trace_fixture_text(&object, 1, "{\"name\": \"sphere\"}", "", "", 0);
+    g_autofree char *path = g_build_filename(folder, "scene.gltf", NULL);
+    g_file_set_contents(path, text, -1, &error);
+    bench_check(error);
+    TraceScene *scene = trace_scene_read(path, &error);
+    bench_check(error);
+    trace_scene_set_material(scene, "sphere", material, tiles, &error);
+    bench_check(error);
+    struct environment *studio = environment_make("studio");
+    trace_scene_set_sky(scene, trace_sky_new(studio, 0.0));
+    environment_free(studio);
+    return scene;
+}
+
+/* Variance of one sample of ∫ value dω / π, mean over texels and views up to 70°; in G. */
+static double albedo_variance(const struct trace_surface *surface, enum trace_drawing drawing,
+                              int n, double *ret_mean) {
+    double variance = 0.0;
+    *ret_mean = 0.0;
+    for (int k = 0; k < POINTS; k++) {
+        struct trace_random random = trace_random_new(7, (guint64)k, drawing);
+        const double theta = 70.0 * G_PI / 180 * (k + 0.5) / POINTS, phi = 2.4 * k;
+        const struct vec3 view = vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+        const struct trace_texel at = {fmod(0.618 * k, 1.0), fmod(0.7548 * k, 1.0)};
+        double sum = 0.0, squares = 0.0;
+        for (int i = 0; i < n; i++) {
+            struct vec3 light;
+            double rgb[3];
+            const double p = trace_surface_draw(surface, at, view, drawing, &random, &light, rgb);
+            const double one = p > 0.0 ? rgb[1] / p : 0.0;
+            sum += one;
+            squares += one * one;
+        }
+        variance += (squares / n - sum / n * sum / n) / POINTS;
+        *ret_mean += sum / n / POINTS;
+    }
+    return variance;
+}
+
+static struct picture_noise picture_noise(const TraceScene *scene, int samples,
+                                          enum trace_drawing drawing, gboolean lamps_too) {
+    g_autoptr(GError) error = NULL;
+    struct trace_options options = trace_options_default;
+    const struct work work = {.n_threads = 1};
+    options.width = options.height = 96;
+    options.samples = samples;
+    options.drawing = drawing;
+    options.lamps_too = lamps_too;
+    const double begun_s = bench_cpu_s();
+    g_autoptr(TracePicture) picture = trace_render(scene, &options, &work, &error);
+    bench_check(error);
+    struct picture_noise ret = {0.0, bench_cpu_s() - begun_s, 0.0};
+    for (int k = 0; k < 96 * 96; k++) {
+        ret.variance += (double)picture->variance[k] / (96 * 96);
+        ret.mean += (double)picture->rgb[3 * k + 1] / (96 * 96);
+    }
+    return ret;
+}
+
+static void tell_albedo(const double variance[2], const double mean[2], gboolean json) {
+    g_print(json ? "{\"albedo\": {\"importance_mean\": %.5f, \"even_mean\": %.5f, "
+                   "\"importance_variance\": %.6g, \"even_variance\": %.6g, \"ratio\": %.3f, "
+                   "\"limit\": %.1f}, \"pictures\": ["
+                 : "reflected of an even sky: means %.5f and %.5f; variance of a sample %.3g by "
+                   "importance, %.3g evenly: 1:%.1f (at least %.0f)\n",
+            mean[0], mean[1], variance[0], variance[1], variance[1] / variance[0], LIMIT);
+}
+
+int main(int argc, char **argv) {
+    gboolean json = FALSE;
+    int samples = 64;
+    double tiles = 3.0;
+    g_autofree char *given = NULL;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
+        {"material", 0, 0, G_OPTION_ARG_FILENAME, &given,
+         "A session or a compressed material; default: a small one with a highlight", "PATH"},
+        {"tiles", 0, 0, G_OPTION_ARG_DOUBLE, &tiles, "Around the sphere, default 3", "N"},
+        {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Of each pixel, default 64", "N"},
+        {NULL}};
+    bench_parse(&argc, &argv, entries, NULL);
+    if (samples < 2 || samples > 100000 || !(tiles > 0.0) || argc > 1)
+        bench_fail(2, "bad arguments");
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *material = given ? g_strdup(given) : made_material(folder);
+    g_autoptr(TraceScene) scene = bench_scene(folder, material, tiles);
+    remove_tree(folder);
+    const struct trace_surface *surface = &g_array_index(scene->surfaces, struct trace_surface, 0);
+    double variance[2], mean[2];
+    for (int way = 0; way < 2; way++)
+        variance[way] =
+            albedo_variance(surface, (enum trace_drawing)way, 200 * samples, &mean[way]);
+    tell_albedo(variance, mean, json);
+    for (int lamps_too = 0; lamps_too < 2; lamps_too++) {
+        struct picture_noise noise[2];
+        for (int way = 0; way < 2; way++)
+            noise[way] = picture_noise(scene, samples, (enum trace_drawing)way, lamps_too != 0);
+        for (int way = 0; way < 2; way++)
+            g_print(json ? "%s{\"lights_looked_for\": %s, \"directions\": \"%s\", \"mean\": %.5f, "
+                           "\"variance\": %.6g, \"cpu_s\": %.3f}"
+                         : "%ssphere in the studio, lights looked for: %s, directions by %s: mean "
+                           "%.4f, variance of a sample %.3g, %.2f s",
+                    json ? (way + lamps_too > 0 ? ", " : "") : (way + lamps_too > 0 ? "\n" : ""),
+                    json ? (lamps_too ? "true" : "false") : (lamps_too ? "yes" : "no"), ways[way],
+                    noise[way].mean, noise[way].variance, noise[way].seconds);
+    }
+    g_print("%s\n", json ? "]}" : "");
+    return variance[1] / variance[0] >= LIMIT ? 0 : 1;
+}
