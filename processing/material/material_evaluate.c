@@ -178,8 +178,8 @@ static void material_evaluate_one(const mesorig_material *m, const float *uv, co
     float sum[COLOURS] = {0};
     if (isfinite(uv[0]) && isfinite(uv[1]) && footprint >= 0 && isfinite(footprint) &&
         material_place_set(m, view, light, place))
-        material_evaluate_texels(m, uv[0] - floor(uv[0]), uv[1] - floor(uv[1]), footprint,
-                                 &place->query, sum);
+        material_evaluate_texels(m, uv[0] - floor((double)uv[0]), uv[1] - floor((double)uv[1]),
+                                 footprint, &place->query, sum);
     for (int c = 0; c < COLOURS; c++)
         ret[c] = isfinite(sum[c]) && sum[c] > 0 ? sum[c] : 0;
 }

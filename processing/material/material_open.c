@@ -141,7 +141,7 @@ mesorig_material *mesorig_material_open(const char *path, const char *mdf,
     g_autofree char *product = folder ? material_product(path, &error) : g_strdup(path);
     g_autofree char *relief = folder && !mdf ? material_mdf_of(path) : g_strdup(mdf);
     mesorig_material *m = product ? material_new_from(product, relief, &error) : NULL;
-    if (!m)
+    if (error)
         material_tell_error(error, ret_error);
     return m;
 }
@@ -192,7 +192,7 @@ mesorig_material *mesorig_material_open_memory(const void *material, size_t mate
     g_autofree char *mdf_path = mdf_fd >= 0 ? g_strdup_printf("/proc/self/fd/%d", mdf_fd) : NULL;
     if (!error)
         m = material_new_from(path, mdf_path, &error);
-    if (!m) {
+    if (error) {
         if (mdf_path)
             material_rename(error, mdf_path, "the MDF in memory");
         material_rename(error, path, "the material in memory");

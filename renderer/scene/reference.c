@@ -4,16 +4,19 @@
 #include "btf/btf.h"
 #include "directions/directions.h"
 #include "exr/exr.h"
+#include "material/material.h"
 #include "session/session.h"
 
 #include <math.h>
 #include <string.h>
 
-#define PARTS 32 /* of the samples, shared out among threads */
+#define PARTS   32 /* of the samples, shared out among threads */
+#define DEGREES (float)(180.0 / G_PI)
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
 struct Reference {
+    mesorig_material *material;    /* NULL: the following */
     GPtrArray *files;              /* paths, one per view */
     GPtrArray *names;              /* of the parts, one per light */
     GArray *view_theta, *view_phi; /* of float, degrees */
@@ -48,6 +51,11 @@ struct shading {
 void reference_free(Reference *r) {
     if (r == NULL)
         return;
+    mesorig_material_close(r->material);
+    if (r->material != NULL) {
+        g_free(r);
+        return;
+    }
     g_ptr_array_unref(r->files);
     g_ptr_array_unref(r->names);
     g_array_unref(r->view_theta);
@@ -133,6 +141,18 @@ Reference *reference_open(const char *btf, GError **error) {
         if (!reference_take_view(r, r->files->pdata[k], error))
             return NULL;
     return g_steal_pointer(&r);
+}
+
+Reference *reference_open_material(const char *path, GError **error) {
+    struct mesorig_error why;
+    mesorig_material *material = mesorig_material_open(path, NULL, &why);
+    if (material == NULL) {
+        g_set_error_literal(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT, why.text);
+        return NULL;
+    }
+    Reference *r = g_new0(Reference, 1);
+    r->material = material;
+    return r;
 }
 
 static Directions *view_directions(const Reference *r, GError **error) {
@@ -307,6 +327,69 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     return TRUE;
 }
 
+/* What a material reflects, for one part of the samples; sky: each light's share under an even one.
+ */
+struct material_shading {
+    const struct shading *shading;
+    const mesorig_material *material;
+    struct mesorig_material_info info;
+    const float *lights; /* n_lights × 3 */
+    const float *sky;
+};
+
+/* lit × the value, plus ambient × Σ_l sky_l × the value under light l. */
+static void reference_shade_point(const struct material_shading *m, struct sample *sample) {
+    const struct shading *s = m->shading;
+    const gsize at = 4 * (gsize)sample->at;
+    const float *v = s->view + at;
+    float uv[] = {s->texel[at], s->texel[at + 1]}, rgb[3];
+    /* Where normals are interpolated, a view may be below the horizon; it is clamped to it. */
+    const float view[] = {v[0], v[1], fmaxf(v[2], 1e-4f)};
+    if (s->settings->style.nearest) {
+        uv[0] = (floorf(uv[0] * m->info.width) + 0.5f) / m->info.width;
+        uv[1] = (floorf(uv[1] * m->info.height) + 0.5f) / m->info.height;
+    }
+    mesorig_material_evaluate(m->material, 1, uv, view, s->light + at, NULL, rgb);
+    for (int c = 0; c < 3; c++)
+        sample->sum[c] = s->lit[at] * rgb[c];
+    for (int l = 0; s->settings->ambient != 0.0 && l < m->info.n_lights; l++) {
+        if (m->sky[l] == 0.0f)
+            continue;
+        mesorig_material_evaluate(m->material, 1, uv, view, m->lights + 3 * l, NULL, rgb);
+        for (int c = 0; c < 3; c++)
+            sample->sum[c] += s->settings->ambient * m->sky[l] * rgb[c];
+    }
+}
+
+static void reference_shade_part(int part, gpointer data) {
+    const struct material_shading *m = data;
+    const guint64 n = m->shading->n_samples;
+    for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++)
+        reference_shade_point(m, &m->shading->samples[k]);
+}
+
+static gboolean shade_by_material(struct shading *s, const mesorig_material *material,
+                                  GError **error) {
+    struct material_shading m = {s, material, {.size = sizeof m.info}};
+    mesorig_material_info(material, &m.info);
+    const int n = m.info.n_lights;
+    g_autofree float *lights = g_new(float, 3 * n), *sky = g_new(float, n);
+    g_autofree float *theta = g_new(float, n), *phi = g_new(float, n);
+    mesorig_material_directions(material, NULL, lights);
+    for (int l = 0; l < n; l++) {
+        theta[l] = atan2f(hypotf(lights[3 * l], lights[3 * l + 1]), lights[3 * l + 2]) * DEGREES;
+        phi[l] = atan2f(lights[3 * l + 1], lights[3 * l]) * DEGREES;
+    }
+    g_autoptr(Directions) directions = directions_new(theta, phi, n, error);
+    if (directions == NULL)
+        return FALSE;
+    directions_sky(directions, sky);
+    m.lights = lights;
+    m.sky = sky;
+    work_for_each(0, PARTS, reference_shade_part, &m);
+    return TRUE;
+}
+
 /* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.
  */
 static void put_samples(const struct shading *s, float *picture, double *ret_error) {
@@ -349,7 +432,8 @@ float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer
                               .view = to_view,
                               .light = to_light,
                               .lit = lit};
-    if (!shade_samples(&shading, error))
+    if (!(r->material != NULL ? shade_by_material(&shading, r->material, error)
+                              : shade_samples(&shading, error)))
         return NULL;
     put_samples(&shading, picture, ret_error);
     return g_steal_pointer(&picture);

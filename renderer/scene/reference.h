@@ -1,7 +1,8 @@
 /*
  * Pictures from the uncompressed BTF (products/btf of a session), as the reference for compressed
- * materials. Directions are interpolated the same way as on the graphics card, texels bilinearly
- * without mip levels, all on the CPU.
+ * materials; or from a compressed one by libmesorig-material, as the reference for what the
+ * graphics card makes of it. Directions are interpolated the same way as on the graphics card,
+ * texels bilinearly without mip levels, all on the CPU.
  *
  * Views are read one after the other. Memory: one of them, and some 100 bytes for each sample of
  * the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at most.
@@ -23,6 +24,8 @@ typedef struct Reference Reference;
 
 /* btf: a folder of files view_….exr as pipeline.h says. Reads their headers. */
 Reference *reference_open(const char *btf, GError **error);
+/* path: a file that “mesorig compress” or “mesorig process” wrote. It serves pictures alone. */
+Reference *reference_open_material(const char *path, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)
 

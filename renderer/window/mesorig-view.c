@@ -196,7 +196,10 @@ static gboolean viewer_main_render(struct studio *studio, GError **error) {
     g_autoptr(Reference) reference = NULL;
     if ((o->reference || o->measured) && o->argument != NULL) {
         g_autofree char *btf = g_build_filename(o->argument, "products", "btf", NULL);
-        if ((reference = reference_open(btf, error)) == NULL)
+        reference = o->reference && g_file_test(o->argument, G_FILE_TEST_IS_REGULAR)
+                        ? reference_open_material(o->argument, error)
+                        : reference_open(btf, error);
+        if (reference == NULL)
             return FALSE;
     }
     studio->viewer = viewer;

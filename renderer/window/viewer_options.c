@@ -132,7 +132,9 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         OPTION("sheet", INT, &o->sheet, "COLUMNS",
                "With --frames: one picture instead, with this many frames side by side"),
         FLAG("reference", &o->reference,
-             "With --render: from the session's whole BTF, not its eigen-maps; slow"),
+             "With --render: from the session's whole BTF, not its eigen-maps, or from a file on "
+             "the "
+             "processor; slow"),
         OPTION("split", STRING, &o->split, "METHOD",
                "The right half of the picture by another method"),
         OPTION("difference", STRING, &o->difference, "METHOD",
@@ -282,7 +284,7 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),
          "--difference-gain takes 0.1 … 1000"},
         {o->reference && (o->render == NULL || s->plain || o->argument == NULL),
-         "--reference goes with --render OUT.png and a session, not with --plain"},
+         "--reference goes with --render OUT.png and a session or a material, not with --plain"},
         {o->n_series > 0 && (!o->live || o->render == NULL || o->frames != 0),
          "--series goes with --live and --render OUT.png, not with --frames"},
         {o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o)),

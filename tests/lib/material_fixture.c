@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-static struct direction_list material_fixture_rings(float turn_deg, gboolean with_pole) {
-    struct direction_list all = btf_fixture_rings(2, 66, turn_deg);
+static struct direction_list material_fixture_rings(int rings, float turn_deg, gboolean with_pole) {
+    struct direction_list all = btf_fixture_rings(rings, 66, turn_deg);
     if (with_pole)
         return all;
     struct direction_list ret = direction_list_new(all.n - 1);
@@ -17,15 +17,19 @@ static struct direction_list material_fixture_rings(float turn_deg, gboolean wit
 }
 
 struct btf_matrix *material_fixture_btf(gboolean with_pole) {
+    return material_fixture_sized(MATERIAL_WIDTH, MATERIAL_HEIGHT, 2, with_pole);
+}
+
+struct btf_matrix *material_fixture_sized(int width, int height, int rings, gboolean with_pole) {
     struct btf_matrix *btf =
-        btf_fixture_of("highlight", MATERIAL_WIDTH, MATERIAL_HEIGHT,
-                       material_fixture_rings(0, with_pole), material_fixture_rings(20, with_pole));
+        btf_fixture_of("highlight", width, height, material_fixture_rings(rings, 0, with_pole),
+                       material_fixture_rings(rings, 20, with_pole));
     g_autofree float *views = direction_list_vectors(&btf->layout.views);
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
     float *to = btf->values;
-    for (int texel = 0; texel < MATERIAL_WIDTH * MATERIAL_HEIGHT; texel++) {
-        const double x = 2 * G_PI * (texel % MATERIAL_WIDTH) / MATERIAL_WIDTH;
-        const double y = 2 * G_PI * (texel / MATERIAL_WIDTH) / MATERIAL_HEIGHT;
+    for (int texel = 0; texel < width * height; texel++) {
+        const int column = texel % width, row = texel / width;
+        const double x = 2 * G_PI * column / width, y = 2 * G_PI * row / height;
         for (gsize v = 0; v < btf->layout.views.n; v++)
             for (gsize l = 0; l < btf->layout.lights.n; l++) {
                 double half[3], length = 0;

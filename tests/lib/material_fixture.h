@@ -9,6 +9,8 @@
 
 /* Smooth and positive; views and lights on two rings, with the pole among them or without. */
 struct btf_matrix *material_fixture_btf(gboolean with_pole);
+/* The same of any size. */
+struct btf_matrix *material_fixture_sized(int width, int height, int rings, gboolean with_pole);
 
 /* Encodes and writes it. options: "name=value name=value", as on the command line; "": defaults. */
 void material_fixture_write(const char *path, const struct codec *codec,

@@ -1,8 +1,12 @@
 /* Pictures from the whole BTF: against the formula, and against eigen-maps that are exact. */
+#include "lib/remove_tree.h"
 #include "lib/view_fixture.h"
 #include "scene/compose.h"
 #include "scene/measured.h"
+#include "session/session.h"
 #include "window/live.h"
+
+#include <mesorig/material.h>
 
 static void check_reference(enum kind kind, struct mesh *mesh, const struct viewer_settings *s,
                             struct hit (*find)(struct vec3, struct vec3), double tolerance) {
@@ -75,6 +79,95 @@ static void test_reference_shadows(gconstpointer data) {
         }
     g_assert_cmpfloat(dark, >, 500.0);
     remove_folder(dir);
+}
+
+/* A session directory with these views as its BTF, which are moved there. */
+static char *make_session(const char *views) {
+    static const struct session_texts texts = {
+        .rig_conf = "", .session_conf = "", .calibration = "", .rig_path = "/etc/mesorig/rig.conf"};
+    const struct session_plan plan = {.grid = {W, H, 0.5 * W, 0.5 * H, 5, 1}};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    char *session = g_build_filename(folder, "a.session", NULL);
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    g_autoptr(GError) error = NULL;
+    session_close(session_create(session, "a", &texts, &plan, &error));
+    g_assert_no_error(error);
+    g_autofree char *products = g_path_get_dirname(btf);
+    g_assert_cmpint(g_mkdir_with_parents(products, 0755), ==, 0);
+    g_assert_cmpint(g_rename(views, btf), ==, 0);
+    return session;
+}
+
+/* libmesorig-material gives each sample of the picture the value that the reference gives it. */
+static void test_reference_library(gconstpointer data) {
+    enum { WIDTH = 60, HEIGHT = 45 };
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
+    g_autofree char *views = view_fixture_write_btf(VIEW, 3, 8);
+    g_autoptr(Viewer) viewer = view_fixture_view(VIEW, 3, 8, mesh);
+    g_autofree char *session = make_session(views);
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    g_autofree char *folder = g_path_get_dirname(session);
+    g_autoptr(Reference) reference = reference_open(btf, &error);
+    g_assert_no_error(error);
+    struct mesorig_error why = {0};
+    mesorig_material *material = mesorig_material_open(session, NULL, &why);
+    g_assert_cmpstr(why.text, ==, "");
+    struct viewer_settings s = view_fixture_settings();
+    s.camera_distance = 2.5;
+    s.ambient = 0.0;
+    s.style.nearest = FALSE;
+    g_autofree float *whole =
+        reference_render_linear(reference, viewer, &s, WIDTH, HEIGHT, NULL, &error);
+    g_assert_no_error(error);
+    float *geometry[3];
+    const enum viewer_geometry kinds[] = {VIEWER_GEOMETRY_TEXEL, VIEWER_GEOMETRY_VIEW,
+                                          VIEWER_GEOMETRY_LIGHT};
+    for (int k = 0; k < 3; k++)
+        geometry[k] = viewer_render_geometry(viewer, &s, kinds[k], WIDTH, HEIGHT, &error);
+    int n = 0;
+    double worst = 0.0;
+    for (int k = 0; k < 4 * WIDTH * HEIGHT; k += 4) {
+        float rgb[3];
+        if (geometry[0][k + 3] <= 0.5f || geometry[0][k + 2] <= 0.5f || geometry[1][k + 2] <= 0.0f)
+            continue;
+        mesorig_material_evaluate(material, 1, geometry[0] + k, geometry[1] + k, geometry[2] + k,
+                                  NULL, rgb);
+        for (int c = 0; c < 3; c++)
+            worst = fmax(worst, fabs(rgb[c] - whole[k + c]));
+        n += rgb[2] > 0.01f;
+    }
+    g_test_message("%d lit samples, off by at most %g", n, worst);
+    g_assert_cmpint(n, >, 300);
+    g_assert_cmpfloat(worst, <, 1e-5);
+    for (int k = 0; k < 3; k++)
+        g_free(geometry[k]);
+    mesorig_material_close(material);
+    remove_tree(folder);
+}
+
+/* A compressed file on the processor, lit by the sky too, against the graphics card. */
+static void test_reference_file(gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Mesh) mesh = scene_sphere();
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autofree char *none = g_build_filename(folder, "none.exr", NULL);
+    struct eigenmaps *maps = view_fixture_material(COSINE, 3, 8);
+    g_assert_true(eigenmaps_write(path, maps, &error));
+    eigenmaps_free(maps);
+    g_autoptr(Viewer) viewer = view_fixture_view(COSINE, 3, 8, mesh);
+    g_autoptr(Reference) reference = reference_open_material(path, &error);
+    g_assert_no_error(error);
+    struct viewer_settings s = viewer_settings_default;
+    g_assert_cmpfloat(s.ambient, >, 0.0);
+    double relative = 1.0;
+    g_autofree guint8 *whole = reference_render(reference, viewer, &s, 60, 40, &relative, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(relative, <, 0.005);
+    g_assert_null(reference_open_material(none, &error));
+    g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
+    remove_tree(folder);
 }
 
 static void test_bad_reference(void) {
@@ -209,6 +302,8 @@ int main(int argc, char **argv) {
     gpu_fixture_add("/reference/formula", test_reference, NULL);
     gpu_fixture_add("/reference/agrees", test_reference_agrees, NULL);
     gpu_fixture_add("/reference/shadows", test_reference_shadows, NULL);
+    gpu_fixture_add("/reference/library", test_reference_library, NULL);
+    gpu_fixture_add("/reference/file", test_reference_file, NULL);
     g_test_add_func("/reference/bad", test_bad_reference);
     gpu_fixture_add("/reference/measured", test_measured, NULL);
     gpu_fixture_add("/reference/compose", test_compose, NULL);

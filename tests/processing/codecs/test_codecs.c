@@ -16,7 +16,7 @@ static void test_table(void) {
         g_assert_true(codec->title && *codec->title && codec->help && *codec->help);
         g_assert_true(codec->encode && codec->describe && codec->write && codec->read &&
                       codec->describe_file && codec->free && codec->layout && codec->bytes &&
-                      codec->reconstruct && codec->curve);
+                      codec->reconstruct && codec->evaluate && codec->curve);
         for (const struct option *option = codec->options; option->name; option++)
             g_assert_cmpuint(option->offset, <, codec->options_size);
     }

@@ -238,8 +238,9 @@ static void test_footprint(void) {
         double mean[3] = {0};
         float rgb[3];
         for (int i = 0; i < N * N; i++) {
-            const float at[] = {uv[0] + (float)(width * ((i % N + 0.5) / N - 0.5)),
-                                uv[1] + (float)(width * ((i / N + 0.5) / N - 0.5))};
+            const int column = i % N, row = i / N;
+            const float at[] = {uv[0] + (float)(width * ((column + 0.5) / N - 0.5)),
+                                uv[1] + (float)(width * ((row + 0.5) / N - 0.5))};
             mesorig_material_evaluate(material, 1, at, view, light, NULL, rgb);
             for (int c = 0; c < 3; c++)
                 mean[c] += rgb[c] / (double)(N * N);

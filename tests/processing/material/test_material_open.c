@@ -39,8 +39,9 @@ static void test_session(void) {
     for (gsize texel = 0; texel < MATERIAL_WIDTH * MATERIAL_HEIGHT; texel++)
         for (gsize v = 0; v < n_views; v++)
             for (gsize l = 0; l < n_lights; l++) {
-                const float uv[] = {((float)(texel % MATERIAL_WIDTH) + 0.5F) / MATERIAL_WIDTH,
-                                    ((float)(texel / MATERIAL_WIDTH) + 0.5F) / MATERIAL_HEIGHT};
+                const gsize column = texel % MATERIAL_WIDTH, row = texel / MATERIAL_WIDTH;
+                const float uv[] = {((float)column + 0.5F) / MATERIAL_WIDTH,
+                                    ((float)row + 0.5F) / MATERIAL_HEIGHT};
                 float rgb[3];
                 g_assert_cmpint(mesorig_material_evaluate(material, 1, uv, views + 3 * v,
                                                           lights + 3 * l, NULL, rgb),

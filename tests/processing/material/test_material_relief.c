@@ -24,8 +24,9 @@ static double depth_at(double x, double y) {
 }
 
 static void angles_of(int k, double *ret_theta_deg, double *ret_phi_deg) {
-    *ret_theta_deg = k == 0 ? 0 : 15.0 * (1 + (k - 1) / A_RING);
-    *ret_phi_deg = k == 0 ? 0 : 360.0 / A_RING * ((k - 1) % A_RING);
+    const int ring = (k - 1) / A_RING, in_ring = (k - 1) % A_RING;
+    *ret_theta_deg = k == 0 ? 0 : 15.0 * (1 + ring);
+    *ret_phi_deg = k == 0 ? 0 : 360.0 / A_RING * in_ring;
 }
 
 static void direction_of(int k, double ret[3]) {
@@ -59,9 +60,11 @@ static void write_mdf(const char *path) {
         exr_set_double(part, "view.theta_deg", theta);
         exr_set_double(part, "view.phi_deg", phi);
         exr_set_double(part, "texel_mm", TEXEL_MM);
-        for (int i = 0; i < SIDE * SIDE; i++)
-            part->planes[0][i] = (float)distance_of((i % SIDE + 0.5 - SIDE / 2.0) * TEXEL_MM,
-                                                    (SIDE / 2.0 - i / SIDE - 0.5) * TEXEL_MM, v);
+        for (int i = 0; i < SIDE * SIDE; i++) {
+            const int column = i % SIDE, row = i / SIDE;
+            part->planes[0][i] = (float)distance_of((column + 0.5 - SIDE / 2.0) * TEXEL_MM,
+                                                    (SIDE / 2.0 - row - 0.5) * TEXEL_MM, v);
+        }
         exr_file_add(file, part);
     }
     g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));

@@ -1,0 +1,49 @@
+/* Four threads ask one material at once, of every codec. The target material_threads does the same
+ * under ThreadSanitizer. */
+#include "lib/material_fixture.h"
+#include "lib/material_threads.h"
+#include "lib/remove_tree.h"
+#include "mdf_codecs/mdf_codec.h"
+
+/* A flat relief: of the views of the fixture, 1 mm deep. */
+static void write_mdf(const char *path, const struct btf_matrix *btf) {
+    static const char *const channels[] = {"D", NULL};
+    g_autoptr(ExrFile) file = exr_file_new();
+    g_autoptr(GError) error = NULL;
+    for (gsize v = 0; v < btf->layout.views.n; v++) {
+        g_autofree char *name = g_strdup_printf("view_%04zu", v);
+        struct exr_part *part = exr_part_new(name, 8, 8, channels, EXR_HALF);
+        exr_set_double(part, "view.theta_deg", (double)btf->layout.views.theta_deg[v]);
+        exr_set_double(part, "view.phi_deg", (double)btf->layout.views.phi_deg[v]);
+        exr_set_double(part, "texel_mm", 0.4);
+        for (int k = 0; k < 64; k++)
+            part->planes[0][k] = 0.02F * (float)k;
+        exr_file_add(file, part);
+    }
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    g_assert_no_error(error);
+}
+
+static void test_threads(void) {
+    const char *keep = g_getenv("MESORIG_MATERIALS_TO"); /* for ThreadSanitizer */
+    g_autofree char *made = keep ? NULL : g_dir_make_tmp("material-XXXXXX", NULL);
+    const char *folder = keep ? keep : made;
+    g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(FALSE);
+    write_mdf(mdf, btf);
+    for (gsize i = 0; codecs[i]; i++) {
+        g_autofree char *name = g_strdup_printf("material-%s.exr", codecs[i]->name);
+        g_autofree char *path = g_build_filename(folder, name, NULL);
+        material_fixture_write(path, codecs[i], btf, "");
+        g_assert_cmpstr(material_threads_ask(path, mdf, 4), ==, NULL);
+    }
+    g_assert_cmpstr(material_threads_ask("/nowhere.exr", NULL, 4), !=, NULL);
+    if (!keep)
+        remove_tree(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/material-threads/agree", test_threads);
+    return g_test_run();
+}
