@@ -11,11 +11,11 @@
 #define THREADS 16
 
 struct asked {
-    float uv[2], view[3], light[3], footprint;
+    float uv[2], view[3], light[3], footprint, random[2];
 };
 
 struct answer {
-    float rgb[3];
+    float rgb[3], drawn[3], pdf, pdf_of_light;
     struct mesorig_hit hit;
 };
 
@@ -40,6 +40,7 @@ static void material_threads_make(void) {
     for (int k = 0; k < POINTS; k++) {
         struct asked *p = &points[k];
         for (int i = 0; i < 2; i++) {
+            p->random[i] = material_threads_random(&state);
             p->uv[i] = 3 * material_threads_random(&state) - 1;
             p->view[i] = 2 * material_threads_random(&state) - 1;
             p->light[i] = 2 * material_threads_random(&state) - 1;
@@ -59,6 +60,8 @@ static void *material_threads_run(void *data) {
         struct answer *a = &asker->answers[one];
         mesorig_material_evaluate(m, 1, p->uv, p->view, p->light, &p->footprint, a->rgb);
         mesorig_material_intersect(m, 1, p->uv, p->view, &a->hit);
+        mesorig_material_sample(m, 1, p->uv, p->view, &p->footprint, p->random, a->drawn, &a->pdf);
+        mesorig_material_pdf(m, 1, p->uv, p->view, p->light, &p->footprint, &a->pdf_of_light);
     }
     return NULL;
 }
@@ -71,9 +74,11 @@ static void material_threads_begin(struct asker *asker, const mesorig_material *
 }
 
 static int material_threads_agree(const struct answer *a, const struct answer *b) {
-    int same = a->hit.hit == b->hit.hit && a->hit.distance_mm == b->hit.distance_mm;
+    int same = a->hit.hit == b->hit.hit && a->hit.distance_mm == b->hit.distance_mm &&
+               a->pdf == b->pdf && a->pdf_of_light == b->pdf_of_light;
     for (int i = 0; i < 3; i++)
-        same = same && a->rgb[i] == b->rgb[i] && a->hit.normal[i] == b->hit.normal[i];
+        same = same && a->rgb[i] == b->rgb[i] && a->hit.normal[i] == b->hit.normal[i] &&
+               a->drawn[i] == b->drawn[i];
     return same;
 }
 
