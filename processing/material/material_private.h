@@ -15,10 +15,8 @@ struct mesorig_material {
     Directions *views, *lights;     /* NULL if n_grid */
     double error;                   /* −1: not known */
     struct material_relief *relief; /* NULL: none */
-    /* What material_sample.c makes of it at the first call, under g_once_init_enter
-     * (&sampling_once); freed with the material. Its functions cast const away for these three
-     * alone. */
-    gsize sampling_once;
+    /* What material_sample.c makes of it at the first call, an atomic pointer, freed with the
+     * material. Its functions cast const away for these two alone. */
     gpointer sampling;
     GDestroyNotify sampling_free;
 };

@@ -3,18 +3,28 @@
 #include "material_sampler.h"
 
 #include <math.h>
+#include <pthread.h>
+
+/* A lock of the system, which ThreadSanitizer knows; GLib's once is not built for it. */
+static pthread_mutex_t sampling_lock = PTHREAD_MUTEX_INITIALIZER;
 
 /* The tables are made at the first call, as not every renderer asks for them. */
 static const MaterialSampler *material_sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
-    if (g_once_init_enter(&m->sampling_once)) {
+    gpointer made = __atomic_load_n(&m->sampling, __ATOMIC_ACQUIRE);
+    if (made != NULL)
+        return made;
+    pthread_mutex_lock(&sampling_lock);
+    made = m->sampling;
+    if (made == NULL) {
         const struct material_sampler_source source = {
             m->layout, m->views, m->lights, m->n_grid, m->codec->reconstruct, m->levels->pdata[0]};
-        m->sampling = material_sampler_new(&source);
+        made = material_sampler_new(&source);
         m->sampling_free = (GDestroyNotify)material_sampler_free;
-        g_once_init_leave(&m->sampling_once, 1);
+        __atomic_store_n(&m->sampling, made, __ATOMIC_RELEASE);
     }
-    return m->sampling;
+    pthread_mutex_unlock(&sampling_lock);
+    return made;
 }
 
 static gboolean finite_numbers(const float *values, int n) {
