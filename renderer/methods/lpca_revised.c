@@ -3,7 +3,7 @@
 #include "btf/direction_grid.h"
 #include "gl/cube_map.h"
 #include "gl/gpu.h"
-#include "lpca_codec/lpca_resample.h"
+#include "lpca_codec/lpca_volumes.h"
 #include "lpca_texels.h"
 
 #include <epoxy/gl.h>
@@ -13,7 +13,6 @@
 #define MOST       16
 #define VIEW_SIZE  256
 #define LIGHT_SIZE 512
-#define STEPS      127
 #define HALF_MAX   65504.0f
 
 struct LpcaRevised {
@@ -31,48 +30,6 @@ static int lpca_revised_fitting(const struct lpca *lpca) {
                (double)LPCA_REVISED_BYTES)
         n--;
     return n;
-}
-
-/* The eigen-BRDFs of a pyramid sampled on a grid, as lpca_resample() gives them; the caller's. */
-static struct lpca *lpca_revised_on_grid(const struct lpca *lpca, int n_grid, GError **error) {
-    const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
-    g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
-    floats->quantise = LPCA_FLOAT; /* values of any file are floats in memory */
-    /* The weights of a pyramid are those of level 0: shorter than its numbers of clusters and
-     * components say, and not needed here. */
-    floats->weights = floats->weight_scales = NULL;
-    if (lpca->n_grid == 0)
-        return lpca_resample(floats, n_grid ? n_grid : lpca_revised_fitting(lpca), error);
-    floats->name = NULL;
-    floats->layout.views.theta_deg = floats->layout.views.phi_deg = NULL;
-    floats->layout.lights.theta_deg = floats->layout.lights.phi_deg = NULL;
-    floats->clusters = NULL;
-    floats->light_scales = NULL;
-    floats->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
-    floats->brdfs = g_memdup2(lpca->brdfs, sizeof(float) * 3 * tables * lpca->layout.views.n *
-                                               lpca->layout.lights.n);
-    return g_steal_pointer(&floats);
-}
-
-/* The samples of a table in the order of a texture: (s_v, t_v) and then (s_l, t_l), the sky last.
- * The weight of a sample in an even sky is by the trapezoidal rule: equal areas of the map are
- * equal solid angles. */
-static void lpca_revised_fill_block(int n, const float *values, float *ret) {
-    const int samples = n * n;
-    const double area = 2.0 / ((n - 1) * (n - 1));
-    float *sky = ret + 3 * (gsize)samples * samples;
-    memset(sky, 0, sizeof(float) * 3 * samples);
-    for (int light = 0; light < samples; light++) {
-        const int i = light % n, j = light / n;
-        const float share =
-            (float)(area * (i == 0 || i == n - 1 ? 0.5 : 1) * (j == 0 || j == n - 1 ? 0.5 : 1));
-        for (int view = 0; view < samples; view++)
-            for (int c = 0; c < 3; c++) {
-                const float value = values[3 * ((gsize)view * samples + light) + c];
-                ret[3 * ((gsize)light * samples + view) + c] = value;
-                sky[3 * view + c] += share * value;
-            }
-    }
 }
 
 static guint lpca_revised_volume(int format, int width, int height, int depth) {
@@ -114,27 +71,16 @@ static gboolean lpca_revised_make_volumes(LpcaRevised *r, const struct lpca *gri
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
-/* To signed bytes, which the card reads as −1 … 1, with a scale for each table (Schneider 2004
- * §6.3). */
-static float lpca_revised_quantise(const float *values, gsize n, gint8 *ret_steps) {
-    float largest = 0;
-    for (gsize k = 0; k < n; k++)
-        largest = fmaxf(largest, fabsf(values[k]));
-    for (gsize k = 0; k < n; k++)
-        ret_steps[k] = largest > 0 ? (gint8)lrintf(values[k] / largest * STEPS) : 0;
-    return largest;
-}
-
 static void lpca_revised_put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int i,
                                    float *block, gint8 *steps) {
     const gsize samples = (gsize)r->n * r->n, size = 3 * samples * samples;
     const int table = cluster * (grid->n_components + 1) + i;
     const int x = cluster % r->n_columns * r->n, row = cluster / r->n_columns;
     const int y = (i == 0 ? row : row * grid->n_components + i - 1) * r->n;
-    lpca_revised_fill_block(r->n, grid->brdfs + size * table, block);
+    lpca_volumes_block(r->n, grid->brdfs + size * table, block);
     glBindTexture(GL_TEXTURE_3D, i == 0 ? r->means : r->brdfs);
     if (i > 0)
-        grid->scales[table] = lpca_revised_quantise(block, size + 3 * samples, steps);
+        grid->scales[table] = lpca_volumes_quantise(block, size + 3 * samples, steps);
     else
         for (gsize k = 0; k < size + 3 * samples; k++)
             block[k] = CLAMP(block[k], -HALF_MAX, HALF_MAX);
@@ -184,7 +130,8 @@ static gboolean lpca_revised_make(LpcaRevised *r, const struct lpca_pyramid *pyr
                                   GError **error) {
     if (!lpca_pyramid_is_linear(pyramid, error))
         return FALSE;
-    struct lpca *grid = lpca_revised_on_grid(pyramid->lpca, n_grid, error);
+    struct lpca *grid = lpca_volumes_on_grid(
+        pyramid->lpca, n_grid ? n_grid : lpca_revised_fitting(pyramid->lpca), error);
     const gboolean ok = grid != NULL && lpca_revised_upload(r, grid, error) &&
                         lpca_texels_init(&r->texels, pyramid, grid->scales, error);
     lpca_free(grid);

@@ -2,12 +2,10 @@
 
 #include "gl/direction_table.h"
 #include "gl/gpu.h"
+#include "mdf_codecs/mdf_tabulated.h"
 
 #include <epoxy/gl.h>
 #include <string.h>
-
-#define FACTORS_TABLE 256 /* samples each way of the table of W */
-#define MAPS_A_LAYER  4
 
 struct MdfTexture {
     guint depths; /* views: a layer each, and one for the pole; factors: four maps a layer */
@@ -34,7 +32,7 @@ static gboolean mdf_texture_check(int width, int height, int n_layers, GError **
 
 /* Number of layers of an MDF in factors: the channels of one layer hold four maps. */
 static int n_map_layers(int n_terms) {
-    return (n_terms + MAPS_A_LAYER - 1) / MAPS_A_LAYER;
+    return mdf_factors_layers(n_terms);
 }
 
 /* The depths at the pole: the mean of the topmost ring of views, height × width. */
@@ -107,13 +105,13 @@ static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
 
 static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factors *f) {
     gsize n = (gsize)f->width * f->height;
-    g_autofree guint8 *texels = g_new(guint8, MAPS_A_LAYER * n);
+    g_autofree guint8 *texels = g_new(guint8, MDF_TABULATED_MAPS * n);
     glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA8, f->width, f->height, n_map_layers(f->n_terms), 0,
                  GL_RGBA, GL_UNSIGNED_BYTE, NULL);
     for (int layer = 0; layer < n_map_layers(f->n_terms); layer++) {
-        for (gsize k = 0; k < MAPS_A_LAYER * n; k++) {
-            gsize term = (gsize)layer * MAPS_A_LAYER + k % MAPS_A_LAYER;
-            texels[k] = term < (gsize)f->n_terms ? f->maps[term * n + k / MAPS_A_LAYER] : 0;
+        for (gsize k = 0; k < MDF_TABULATED_MAPS * n; k++) {
+            gsize term = (gsize)layer * MDF_TABULATED_MAPS + k % MDF_TABULATED_MAPS;
+            texels[k] = term < (gsize)f->n_terms ? f->maps[term * n + k / MDF_TABULATED_MAPS] : 0;
         }
         glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, f->width, f->height, 1, GL_RGBA,
                         GL_UNSIGNED_BYTE, texels);
@@ -122,42 +120,12 @@ static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factor
     texture->n_terms = f->n_terms;
 }
 
-/* W_factor(v) of mdf_factors.h in the direction that at stands for, interpolated between views. */
-static double factor_at(const struct mdf_factors *f, const Directions *views, int factor,
-                        const struct direction_weights *at) {
-    double sum = 0.0;
-    for (int k = 0; k < 4; k++) {
-        int n;
-        const int *members = directions_pole(views, &n), one = at->index[k];
-        gboolean pole = one >= f->n_views;
-        for (int m = 0; m < (pole ? n : 1); m++)
-            sum += at->weight[k] / (pole ? n : 1) *
-                   f->weights[(gsize)(pole ? members[m] : one) * (f->n_terms + 1) + factor];
-    }
-    return sum;
-}
-
-/* Tabulates W over the square of the hemisphere (directions.h). Shaders read the 8-bit maps as
- * 0 … 1, so W_i is multiplied by 255. The table's outermost samples lie on the horizon, so that
- * filtering needs nothing beyond it. */
-static void upload_factors(MdfTexture *texture, const struct mdf_factors *f, Directions *views) {
-    int layers = n_map_layers(f->n_terms);
-    gsize page = (gsize)MAPS_A_LAYER * FACTORS_TABLE * FACTORS_TABLE;
-    g_autofree float *table = g_new0(float, (gsize)(layers + 1) * page);
-    for (int cell = 0; cell < FACTORS_TABLE * FACTORS_TABLE; cell++) {
-        struct direction_weights at;
-        double a = -1.0 + 2.0 * (cell % FACTORS_TABLE) / (FACTORS_TABLE - 1);
-        int row = cell / FACTORS_TABLE;
-        double b = -1.0 + 2.0 * row / (FACTORS_TABLE - 1);
-        directions_weights(views, directions_from_square(a, b), &at);
-        for (int term = 0; term < f->n_terms; term++)
-            table[term / MAPS_A_LAYER * page + MAPS_A_LAYER * (gsize)cell + term % MAPS_A_LAYER] =
-                255.0 * factor_at(f, views, term + 1, &at);
-        table[layers * page + MAPS_A_LAYER * (gsize)cell] = factor_at(f, views, 0, &at);
-    }
-    texture->factors = gpu_texture(GL_RGBA16F, FACTORS_TABLE, FACTORS_TABLE, layers + 1);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, FACTORS_TABLE, FACTORS_TABLE, layers + 1,
-                    GL_RGBA, GL_FLOAT, table);
+static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
+                           const Directions *views) {
+    const int size = MDF_TABULATED_SIZE, layers = n_map_layers(f->n_terms) + 1;
+    g_autofree float *table = mdf_factors_tabulate(f, views);
+    texture->factors = gpu_texture(GL_RGBA16F, size, size, layers);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, size, size, layers, GL_RGBA, GL_FLOAT, table);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }

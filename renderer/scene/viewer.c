@@ -121,7 +121,7 @@ Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
     const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
                                     "shadow.glsl", "geometry.frag", NULL};
-    const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
+    const char *const resolve[] = {"screen.vert", "tone.glsl", "resolve.frag", NULL};
     g_autoptr(Viewer) viewer = g_new0(Viewer, 1);
     viewer->radius = viewer->reach = 1.0;
     if ((viewer->plain_program = gpu_program("", plain, error)) == 0 ||

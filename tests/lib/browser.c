@@ -58,7 +58,7 @@ static int free_port(void) {
 Browser *browser_new(int width, int height) {
     Browser *browser = g_new0(Browser, 1);
     browser->port = free_port();
-    browser->http = soup_session_new_with_options("timeout", 2 * WAIT_S, NULL);
+    browser->http = soup_session_new_with_options("timeout", 10 * WAIT_S, NULL);
     browser->profile = g_dir_make_tmp("mesorig-browser-XXXXXX", NULL);
     g_autofree char *port = g_strdup_printf("--port=%d", browser->port);
     const char *const argv[] = {"chromedriver", port, NULL};
@@ -67,9 +67,11 @@ Browser *browser_new(int width, int height) {
     for (int i = 0; i < 10 * WAIT_S && !answers(browser->port); i++)
         g_usleep(G_USEC_PER_SEC / 10);
     g_autofree char *wish = g_strdup_printf(
-        "{\"capabilities\": {\"alwaysMatch\": {\"goog:chromeOptions\": {\"args\": "
+        "{\"capabilities\": {\"alwaysMatch\": {\"timeouts\": {\"script\": 240000}, "
+        "\"goog:chromeOptions\": {\"args\": "
         "[\"--headless=new\","
-        " \"--no-sandbox\", \"--disable-gpu\", \"--disable-quic\", \"--no-first-run\", "
+        " \"--no-sandbox\", \"--disable-gpu\", \"--use-angle=swiftshader\", "
+        "\"--enable-unsafe-swiftshader\", \"--disable-quic\", \"--no-first-run\", "
         "\"--disable-background-networking\", \"--disable-component-update\", \"--disable-sync\", "
         "\"--disable-dev-shm-usage\", \"--window-size=%d,%d\", \"--user-data-dir=%s\"]}}}}",
         width, height, browser->profile);

@@ -1,0 +1,80 @@
+/* export web: a material as a page for browsers, or as the file that three.js loads. */
+#include "base/options.h"
+#include "command/work.h"
+#include "exchange.h"
+#include "plan/report.h"
+#include "webgl/webgl_export.h"
+
+static char *output, *mdf, *size;
+
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write: a page, or the material",
+     "FILE.html"},
+    {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &mdf,
+     "Distances for silhouettes, if not the mdf.exr beside the material", "FILE.exr"},
+    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "What the file may take at most (20MB)", "BYTES"},
+    {NULL},
+};
+
+static const struct option bytes = {
+    .name = "size", .type = OPTION_BYTES, .offset = offsetof(struct webgl_export, size)};
+
+struct job {
+    struct webgl_export asked;
+    struct webgl_export_result result;
+};
+
+static gboolean work_web(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    return webgl_export(&job->asked, work, &job->result, error);
+}
+
+static gboolean export_web_is_named(const char *name, GError **error) {
+    g_autofree char *lower = name ? g_ascii_strdown(name, -1) : NULL;
+    return (lower && g_str_has_suffix(lower, ".mesoweb")) ||
+           exchange_check_output(name, "pages", "HTML and materials for three.js as .mesoweb",
+                                 ".html", error);
+}
+
+static int export_web_run(const struct call *call, GError **error) {
+    struct job job = {
+        .asked = {
+            .path = call->arguments[0], .mdf = mdf, .output = output, .size = WEBGL_EXPORT_SIZE}};
+    const struct webgl_export_result *result = &job.result;
+    Record *to = call->record;
+    double seconds = 0;
+    g_autoptr(GError) unfit = NULL;
+    if (size && !options_set(&bytes, size, &job.asked, &unfit))
+        return cli_usage(call->command, "--size: %s", unfit->message);
+    if (!export_web_is_named(output, error) || !cli_work_run(work_web, &job, &seconds, error))
+        return CLI_FAILED;
+    g_autofree char *time = report_duration(seconds);
+    g_autofree char *taken = g_format_size((guint64)result->bytes);
+    record_string(to, "file", output);
+    record_int(to, "width", result->width);
+    record_int(to, "height", result->height);
+    record_int(to, "clusters", result->clusters);
+    record_int(to, "components", result->components);
+    record_int(to, "levels", result->levels);
+    record_int(to, "grid", result->grid);
+    record_int(to, "mdf_terms", result->mdf_terms);
+    record_boolean(to, "compressed", result->compressed);
+    record_int(to, "bytes", result->bytes);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d × %d texels, %d clusters of %d components on a grid of %d, %s, in %s\n",
+               output, result->width, result->height, result->clusters, result->components,
+               result->grid, taken, time);
+    if (result->mdf_terms == 0)
+        record_say(to, "There is no mdf.exr: the page is without silhouettes of the structure.\n");
+    return CLI_DONE;
+}
+
+const struct command exchange_web = {
+    .name = "export web",
+    .arguments = "DIR|FILE -o FILE.html",
+    .examples = "  mesorig export web weave.session -o weave.html\n",
+    .help = "Write a material as a page that any browser with WebGL 2 shows, from a disk, too.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = export_web_run};

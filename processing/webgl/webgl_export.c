@@ -1,0 +1,116 @@
+#include "webgl_export.h"
+
+#include "base/data_error.h"
+#include "base/new_file.h"
+#include "webgl_pack.h"
+#include "webgl_page.h"
+#include "webgl_source.h"
+
+#include <errno.h>
+#include <glib/gstdio.h>
+#include <unistd.h>
+
+#define HEADER 4096 /* of a material's file, at most */
+
+static gboolean webgl_export_is_page(const char *output) {
+    g_autofree char *lower = g_ascii_strdown(output, -1);
+    return g_str_has_suffix(lower, ".html");
+}
+
+static gboolean webgl_export_write(const char *output, GBytes *bytes, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(output), *name = g_path_get_basename(output);
+    gsize size;
+    const char *data = g_bytes_get_data(bytes, &size);
+    struct new_file file;
+    if (!new_file_begin(&file, folder, name))
+        return data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(errno));
+    while (size > 0) {
+        const gssize n = write(file.fd, data, size);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0) {
+            const int reason = errno;
+            new_file_abandon(&file);
+            return data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(reason));
+        }
+        data += n;
+        size -= (gsize)n;
+    }
+    return new_file_commit(&file, TRUE) ||
+           data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(errno));
+}
+
+/* The finest grid whose sections fit even if they do not compress at all; 0 with an error. */
+static int webgl_export_grid(const struct webgl_export *asked, const struct webgl_pack *pack,
+                             GError **error) {
+    const gboolean page = webgl_export_is_page(asked->output);
+    const int own = pack->levels[0]->n_grid;
+    gint64 bytes = 0;
+    for (int n = own > 0 ? own : WEBGL_PACK_GRID_MAX; n >= WEBGL_PACK_GRID_MIN; n--) {
+        bytes = webgl_pack_bytes(pack, n) + HEADER;
+        bytes = page ? webgl_page_bytes(bytes) : bytes;
+        if (bytes <= asked->size)
+            return n;
+        if (own > 0)
+            break;
+    }
+    g_autofree char *least = g_format_size((guint64)bytes);
+    g_autofree char *limit = g_format_size((guint64)asked->size);
+    const struct btf_layout *layout = &pack->levels[0]->layout;
+    data_error_set(asked->path, 0, error,
+                   "%zu × %zu texels in %d clusters of %d components take %s, and --size allows "
+                   "%s; give a larger --size, or export what “mesorig compress” made with fewer "
+                   "clusters and components%s",
+                   layout->width, layout->height, pack->levels[0]->n_clusters,
+                   pack->levels[0]->n_components, least, limit,
+                   own > 0 ? " or a coarser --grid" : "");
+    return 0;
+}
+
+static gboolean webgl_export_source(const struct webgl_export *asked,
+                                    const struct webgl_source *source, const struct work *work,
+                                    struct webgl_export_result *ret, GError **error) {
+    const struct lpca *lpca = source->levels[0];
+    g_autofree char *base = g_path_get_basename(asked->path);
+    const struct webgl_pack pack = {lpca->name && *lpca->name ? lpca->name : base, source->levels,
+                                    source->n_levels, source->mdf};
+    const int n = webgl_export_grid(asked, &pack, error);
+    g_autoptr(GBytes) material = n > 0 ? webgl_pack(&pack, n, work, error) : NULL;
+    if (!material)
+        return FALSE;
+    g_autoptr(GBytes) output = webgl_export_is_page(asked->output) ? webgl_page(pack.name, material)
+                                                                   : g_bytes_ref(material);
+    *ret = (struct webgl_export_result){.width = (int)lpca->layout.width,
+                                        .height = (int)lpca->layout.height,
+                                        .clusters = lpca->n_clusters,
+                                        .components = lpca->n_components,
+                                        .levels = source->n_levels,
+                                        .grid = n,
+                                        .mdf_terms = source->mdf ? source->mdf->n_terms : 0,
+                                        .compressed = source->compressed,
+                                        .bytes = (gint64)g_bytes_get_size(output)};
+    return webgl_export_write(asked->output, output, error);
+}
+
+/* Before anything is computed. */
+static gboolean webgl_export_check_output(const char *output, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(output);
+    if (g_file_test(output, G_FILE_TEST_EXISTS) || g_file_test(output, G_FILE_TEST_IS_SYMLINK)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                    "%s exists already; give another name, or remove it first", output);
+        return FALSE;
+    }
+    return g_access(folder, W_OK) == 0 ||
+           data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(errno));
+}
+
+gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
+                      struct webgl_export_result *ret, GError **error) {
+    if (!webgl_export_check_output(asked->output, error))
+        return FALSE;
+    struct webgl_source source;
+    const gboolean ok = webgl_source_open(&source, asked->path, asked->mdf, work, error) &&
+                        webgl_export_source(asked, &source, work, ret, error);
+    webgl_source_clear(&source);
+    return ok;
+}

@@ -1,0 +1,29 @@
+/*
+ * The file that a material becomes for WebGL, which renderer/web/material_file.js reads:
+ *
+ *   bytes 0 … 7     "mesoweb1"
+ *   bytes 8 … 11    length of the header, little-endian
+ *   header          JSON in UTF-8: what the caller says of the material, and "sections", an array
+ * of
+ *                   {"name", "bytes", "size"}: bytes in the file, size once inflated
+ *   sections        one after the other, each a zlib stream; numbers in them are little-endian
+ *
+ * One thread at a time.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+typedef struct WebglFile WebglFile;
+
+WebglFile *webgl_file_new(void);
+void webgl_file_free(WebglFile *file); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
+
+/* Compresses size bytes into a section at the end; data is only read. */
+gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
+                        GError **error);
+
+/* The whole file; info (a dictionary with string keys, floating: taken) becomes its header, to
+ * which "sections" is added. g_bytes_unref() */
+GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);

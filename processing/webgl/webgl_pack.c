@@ -1,0 +1,219 @@
+#include "webgl_pack.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "exr/exr_half.h"
+#include "lpca_codec/lpca_volumes.h"
+#include "mdf_codecs/mdf_tabulated.h"
+
+#define HALF_MAX 65504.0F
+
+/* Of all levels together. */
+struct totals {
+    int clusters, components;
+    gsize texels;
+};
+
+static struct totals webgl_pack_totals(const struct webgl_pack *pack) {
+    struct totals all = {0};
+    for (int k = 0; k < pack->n_levels; k++) {
+        all.clusters += pack->levels[k]->n_clusters;
+        all.components = MAX(all.components, pack->levels[k]->n_components);
+        all.texels += btf_layout_texels(&pack->levels[k]->layout);
+    }
+    all.components = MAX(1, all.components);
+    return all;
+}
+
+static gsize webgl_pack_block(int n) {
+    const gsize samples = (gsize)n * (gsize)n;
+    return 3 * samples * (samples + 1);
+}
+
+gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
+    const struct totals all = webgl_pack_totals(pack);
+    const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
+    gsize bytes = all.texels * 2 * (1 + (gsize)all.components);
+    bytes += (gsize)all.clusters * (2 + (gsize)all.components) * webgl_pack_block(n);
+    if (pack->mdf) {
+        const gsize layers = mdf_factors_layers(pack->mdf->n_terms);
+        bytes += layers * MDF_TABULATED_MAPS * (gsize)pack->mdf->width * (gsize)pack->mdf->height;
+        bytes += (layers + 1) * sizeof(guint16) * MDF_TABULATED_PAGE;
+    }
+    return (gint64)bytes;
+}
+
+/* Clusters, counted through all levels, and weights. */
+static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack,
+                                  const struct totals *all, GError **error) {
+    const gsize components = (gsize)all->components;
+    g_autofree guint16 *clusters = g_new(guint16, all->texels);
+    g_autofree guint16 *weights = g_new0(guint16, all->texels * components);
+    g_autofree float *row = g_new0(float, components);
+    gsize at = 0;
+    int first = 0;
+    for (int level = 0; level < pack->n_levels; level++) {
+        const struct lpca *lpca = pack->levels[level];
+        const gsize own = (gsize)lpca->n_components;
+        for (gsize k = 0; k < btf_layout_texels(&lpca->layout); k++, at++) {
+            if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters)
+                return data_error_fail(pack->name, 0, error,
+                                       "texel %zu is in cluster %d, but there are only %d "
+                                       "clusters; compress the material again",
+                                       k, lpca->clusters[k], lpca->n_clusters);
+            clusters[at] = GUINT16_TO_LE((guint16)(first + lpca->clusters[k]));
+            for (gsize i = 0; i < own; i++) {
+                if (!isfinite(lpca->weights[own * k + i]))
+                    return data_error_fail(pack->name, 0, error,
+                                           "weight %zu of texel %zu is not a finite number; "
+                                           "compress the material again",
+                                           i, k);
+                row[i] = CLAMP(lpca->weights[own * k + i], -HALF_MAX, HALF_MAX);
+            }
+            exr_half_from_floats(weights + components * at, row, own);
+        }
+        first += lpca->n_clusters;
+    }
+    return webgl_file_add(file, "clusters", clusters, sizeof *clusters * all->texels, error) &&
+           webgl_file_add(file, "weights", weights, sizeof *weights * all->texels * components,
+                          error);
+}
+
+/* Where the tables of all levels go. */
+struct volumes {
+    int n;
+    gsize components, block;
+    guint16 *means;
+    gint8 *brdfs;
+    float *scales, *values; /* values: of one block */
+};
+
+/* All tables of one cluster. */
+static gboolean webgl_pack_cluster(struct volumes *to, const struct lpca *grid, int cluster,
+                                   gsize at, const char *name, GError **error) {
+    const gsize samples = (gsize)to->n * (gsize)to->n, size = 3 * samples * samples;
+    const gsize own = (gsize)grid->n_components;
+    for (gsize i = 0; i <= own; i++) {
+        lpca_volumes_block(to->n, grid->brdfs + size * ((gsize)cluster * (own + 1) + i),
+                           to->values);
+        for (gsize k = 0; k < to->block; k++) {
+            if (!isfinite(to->values[k]))
+                return data_error_fail(name, 0, error,
+                                       "an eigen-BRDF of cluster %d is not a finite number; "
+                                       "compress the material again",
+                                       cluster);
+            to->values[k] = CLAMP(to->values[k], -HALF_MAX, HALF_MAX);
+        }
+        if (i == 0)
+            exr_half_from_floats(to->means + to->block * at, to->values, to->block);
+        else
+            to->scales[to->components * at + i - 1] = lpca_volumes_quantise(
+                to->values, to->block, to->brdfs + to->block * (to->components * at + i - 1));
+    }
+    return TRUE;
+}
+
+static gboolean webgl_pack_levels(struct volumes *to, const struct webgl_pack *pack, int clusters,
+                                  const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    gsize at = 0;
+    for (int level = 0; level < pack->n_levels; level++) {
+        g_autoptr(Lpca) grid = lpca_volumes_on_grid(pack->levels[level], to->n, error);
+        if (!grid)
+            return FALSE;
+        for (int k = 0; k < grid->n_clusters; k++, at++)
+            if (!work_tell(work, "pack", (int)at, clusters, begun_us, error) ||
+                !webgl_pack_cluster(to, grid, k, at, pack->name, error))
+                return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean webgl_pack_volumes(WebglFile *file, const struct webgl_pack *pack,
+                                   const struct totals *all, int n, const struct work *work,
+                                   GError **error) {
+    const gsize clusters = (gsize)all->clusters, components = (gsize)all->components;
+    const gsize block = webgl_pack_block(n);
+    g_autofree guint16 *means = g_new(guint16, clusters * block);
+    g_autofree gint8 *brdfs = g_new0(gint8, clusters * components * block);
+    g_autofree float *scales = g_new0(float, clusters *components);
+    g_autofree float *values = g_new(float, block);
+    struct volumes to = {n, components, block, means, brdfs, scales, values};
+    return webgl_pack_levels(&to, pack, all->clusters, work, error) &&
+           webgl_file_add(file, "scales", scales, sizeof *scales * clusters * components, error) &&
+           webgl_file_add(file, "means", means, sizeof *means * clusters * block, error) &&
+           webgl_file_add(file, "brdfs", brdfs, clusters * components * block, error);
+}
+
+static gboolean webgl_pack_factors(WebglFile *file, const struct mdf_factors *f, GError **error) {
+    const gsize n = (gsize)(mdf_factors_layers(f->n_terms) + 1) * MDF_TABULATED_PAGE;
+    g_autoptr(Directions) views = directions_new(f->theta_deg, f->phi_deg, f->n_views, error);
+    if (!views)
+        return FALSE;
+    g_autofree float *table = mdf_factors_tabulate(f, views);
+    g_autofree guint16 *halves = g_new(guint16, n);
+    exr_half_from_floats(halves, table, n);
+    return webgl_file_add(file, "mdf_factors", halves, sizeof *halves * n, error);
+}
+
+static gboolean webgl_pack_mdf(WebglFile *file, const struct mdf_factors *f, GError **error) {
+    const gsize texels = (gsize)f->width * (gsize)f->height;
+    const gsize layers = (gsize)mdf_factors_layers(f->n_terms);
+    g_autofree guint8 *maps = g_new0(guint8, layers * MDF_TABULATED_MAPS * texels);
+    for (gsize term = 0; term < (gsize)f->n_terms; term++)
+        for (gsize k = 0; k < texels; k++)
+            maps[MDF_TABULATED_MAPS * (term / MDF_TABULATED_MAPS * texels + k) +
+                 term % MDF_TABULATED_MAPS] = f->maps[texels * term + k];
+    return webgl_file_add(file, "mdf_maps", maps, layers * MDF_TABULATED_MAPS * texels, error) &&
+           webgl_pack_factors(file, f, error);
+}
+
+static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct totals *all, int n) {
+    const struct btf_layout *layout = &pack->levels[0]->layout;
+    const struct mdf_factors *f = pack->mdf;
+    GVariantDict info, mdf;
+    GVariantBuilder levels;
+    g_variant_builder_init(&levels, G_VARIANT_TYPE("aax"));
+    for (int k = 0; k < pack->n_levels; k++)
+        g_variant_builder_add_value(
+            &levels, g_variant_new_parsed("[%x, %x]", (gint64)pack->levels[k]->layout.width,
+                                          (gint64)pack->levels[k]->layout.height));
+    g_variant_dict_init(&info, NULL);
+    g_variant_dict_insert(&info, "name", "s", pack->name);
+    g_variant_dict_insert(&info, "texel_mm", "d", layout->texel_mm);
+    g_variant_dict_insert_value(&info, "levels", g_variant_builder_end(&levels));
+    g_variant_dict_insert(&info, "clusters", "i", all->clusters);
+    g_variant_dict_insert(&info, "components", "i", all->components);
+    g_variant_dict_insert(&info, "grid", "i", n);
+    if (f) {
+        g_variant_dict_init(&mdf, NULL);
+        g_variant_dict_insert(&mdf, "width", "i", f->width);
+        g_variant_dict_insert(&mdf, "height", "i", f->height);
+        g_variant_dict_insert(&mdf, "layers", "i", mdf_factors_layers(f->n_terms));
+        g_variant_dict_insert(&mdf, "table", "i", MDF_TABULATED_SIZE);
+        g_variant_dict_insert(&mdf, "width_mm", "d", f->width * f->texel_mm);
+        g_variant_dict_insert(&mdf, "height_mm", "d", f->height * f->texel_mm);
+        g_variant_dict_insert(&mdf, "deepest_mm", "d", f->deepest_mm);
+        g_variant_dict_insert_value(&info, "mdf", g_variant_dict_end(&mdf));
+    }
+    return g_variant_dict_end(&info);
+}
+
+GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
+                   GError **error) {
+    const struct totals all = webgl_pack_totals(pack);
+    const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
+    g_autoptr(WebglFile) file = webgl_file_new();
+    if (all.clusters > G_MAXUINT16) {
+        data_error_set(pack->name, 0, error, "%d clusters in all mip levels; compress with fewer",
+                       all.clusters);
+        return NULL;
+    }
+    if (!webgl_pack_texels(file, pack, &all, error) ||
+        !webgl_pack_volumes(file, pack, &all, n, work, error) ||
+        (pack->mdf && !webgl_pack_mdf(file, pack->mdf, error)))
+        return NULL;
+    return webgl_file_bytes(file, webgl_pack_info(pack, &all, n));
+}

@@ -1,0 +1,42 @@
+/*
+ * The textures from which a WebGL page draws a material: those of mesorig-view's method
+ * lpca-revised (lpca_volumes.h, renderer/methods/lpca_revised.h) and of an MDF as factors
+ * (mdf_factors.h), number by number, so that the page's picture is the viewer's. Any thread.
+ *
+ * Sections, L being the mip levels and K, c, n what the header says ("clusters" of all levels,
+ * "components", "grid"):
+ *   clusters      for each level, texels × uint16: cluster, counted through all levels
+ *   weights       for each level, texels × c halves
+ *   scales        K × c floats, by which the weights of a cluster are multiplied
+ *   means         K blocks of (n² + 1) × n² × 3 halves
+ *   brdfs         K × c blocks of (n² + 1) × n² × 3 signed bytes
+ *   mdf_maps      layers of four maps: height × width × 4 bytes
+ *   mdf_factors   layers + 1 of 256 × 256 × 4 halves: weights of the maps by direction (times 255),
+ *                 in the last one that without a map
+ */
+#pragma once
+
+#include "base/work.h"
+#include "directions/directions.h"
+#include "lpca/lpca.h"
+#include "mdf_codecs/mdf_factors.h"
+#include "webgl_file.h"
+
+#define WEBGL_PACK_GRID_MIN 4
+#define WEBGL_PACK_GRID_MAX 16
+
+/* What is packed; borrowed. */
+struct webgl_pack {
+    const char *name;
+    struct lpca *const *levels; /* LPCA_RGB, of more than one cluster if packed */
+    int n_levels;
+    const struct mdf_factors *mdf; /* NULL: none */
+};
+
+/* Bytes of all sections before compression, on a grid of n. */
+gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid);
+
+/* Packs with eigen-BRDFs on a grid of n_grid. What is on a grid already keeps that. Stage "pack".
+ * DATA_ERROR_INVALID for values that are not finite, or more clusters than a texture counts. */
+GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
+                   GError **error);

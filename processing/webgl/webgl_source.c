@@ -1,0 +1,145 @@
+#include "webgl_source.h"
+
+#include "base/data_error.h"
+#include "codecs/codecs.h"
+#include "lpca/lpca_pack.h"
+#include "mdf_codecs/mdf_blocks.h"
+#include "mdf_codecs/mdf_packed.h"
+#include "session/session.h"
+
+#define CLUSTERS   32 /* as “mesorig compress” has them */
+#define COMPONENTS 8
+#define TERMS      8
+
+/* The values of a material that was compressed otherwise, as a BTF again. */
+static struct btf_matrix *webgl_source_matrix(const Material *material, const char *path,
+                                              GError **error) {
+    const struct material_info *info = material_info(material);
+    const gsize texels = btf_layout_texels(info->layout), row = btf_layout_values(info->layout);
+    float *values = g_try_new(float, texels *row);
+    if (!values) {
+        data_error_set(path, 0, error,
+                       "its %zu texels of %zu values do not fit into memory; compress the session "
+                       "with “mesorig compress --method lpca” and export that file",
+                       texels, row);
+        return NULL;
+    }
+    for (gsize k = 0; k < texels; k++)
+        material_reconstruct(material, (int)k, values + row * k);
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    btf->name = g_strdup(info->label);
+    btf->layout = btf_layout_copy(info->layout);
+    btf->values = values;
+    return btf;
+}
+
+static gboolean webgl_source_compute(struct webgl_source *source, const struct btf_matrix *btf,
+                                     const struct work *work, GError **error) {
+    const struct lpca_options options = {
+        .n_clusters = (int)MIN(CLUSTERS, btf_layout_texels(&btf->layout)),
+        .n_components = (int)MIN(COMPONENTS, btf_layout_values(&btf->layout)),
+        .work = *work};
+    source->levels[0] = lpca_compute(btf, &options, error);
+    source->n_levels = source->levels[0] != NULL;
+    source->compressed = TRUE;
+    return source->levels[0] != NULL;
+}
+
+static gboolean webgl_source_convert(struct webgl_source *source, const char *path,
+                                     const struct work *work, GError **error) {
+    g_autoptr(Material) material = material_open(path, work, error);
+    if (!material)
+        return FALSE;
+    const struct btf_matrix *btf = material_btf(material);
+    if (btf)
+        return webgl_source_compute(source, btf, work, error);
+    struct btf_matrix *own = webgl_source_matrix(material, path, error);
+    const gboolean ok = own && webgl_source_compute(source, own, work, error);
+    btf_matrix_free(own);
+    return ok;
+}
+
+/* A packed one has one cluster with too many components to be drawn. */
+static gboolean webgl_source_make_drawable(struct lpca **lpca, GError **error) {
+    const struct lpca_options options = {.n_clusters = CLUSTERS, .n_components = COMPONENTS};
+    if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
+        return TRUE;
+    struct lpca *grouped = lpca_regroup(*lpca, &options, error);
+    lpca_free(*lpca);
+    *lpca = grouped;
+    return grouped != NULL;
+}
+
+static gboolean webgl_source_read(struct webgl_source *source, const char *file,
+                                  const struct work *work, GError **error) {
+    g_autoptr(GError) local = NULL;
+    g_autoptr(ExrFile) headers = exr_read_headers(file, error);
+    const struct exr_part *clusters = headers ? exr_file_part(headers, "clusters") : NULL;
+    const char *kind = NULL, *colours = NULL;
+    if (!headers)
+        return FALSE;
+    if (clusters) {
+        exr_get_string(clusters, "mesorig.kind", &kind, NULL);
+        exr_get_string(clusters, "mesorig.colours", &colours, NULL);
+    }
+    /* Logarithms are not interpolated as reflectances are. */
+    if (g_strcmp0(kind, "lpca") != 0 || g_strcmp0(colours, "log") == 0)
+        return webgl_source_convert(source, file, work, error);
+    if (!session_check_product(file, error))
+        return FALSE;
+    source->n_levels = lpca_read_levels(file, source->levels, error);
+    for (int k = 0; k < source->n_levels; k++)
+        if (!webgl_source_make_drawable(&source->levels[k], error))
+            return FALSE;
+    return source->n_levels > 0;
+}
+
+/* The MDF as factors, whatever it is. */
+static gboolean webgl_source_read_mdf(struct webgl_source *source, const char *file,
+                                      const struct work *work, GError **error) {
+    const enum mdf_kind kind = mdf_kind(file);
+    if (!session_check_product(file, error))
+        return FALSE;
+    if (kind == MDF_KIND_FACTORS) {
+        source->mdf = mdf_factors_read(file, error);
+        return source->mdf != NULL;
+    }
+    g_autoptr(MdfTable) table = NULL;
+    if (kind == MDF_KIND_BLOCKS) {
+        struct mdf_blocks *blocks = mdf_blocks_read(file, error);
+        table = blocks ? mdf_blocks_table(blocks) : NULL;
+        mdf_blocks_free(blocks);
+    } else {
+        table = mdf_table_read(file, error);
+    }
+    if (!table)
+        return FALSE;
+    const int n_measured = table->n_views;
+    mdf_table_add_grazing(table);
+    source->mdf = mdf_factors_compute(table, n_measured, TERMS, 0, work->cancellable, error);
+    return source->mdf != NULL;
+}
+
+gboolean webgl_source_open(struct webgl_source *source, const char *path, const char *mdf,
+                           const struct work *work, GError **error) {
+    const gboolean directory = g_file_test(path, G_FILE_TEST_IS_DIR);
+    g_autofree char *folder =
+        directory ? g_build_filename(path, "products", NULL) : g_path_get_dirname(path);
+    g_autofree char *lpca = g_build_filename(folder, "lpca.exr", NULL);
+    g_autofree char *beside = g_build_filename(folder, "mdf.exr", NULL);
+    *source = (struct webgl_source){0};
+    const gboolean ok = !directory ? webgl_source_read(source, path, work, error)
+                        : g_file_test(lpca, G_FILE_TEST_EXISTS)
+                            ? webgl_source_read(source, lpca, work, error)
+                            : webgl_source_convert(source, path, work, error);
+    if (!ok || (!mdf && !g_file_test(beside, G_FILE_TEST_EXISTS)))
+        return ok;
+    return webgl_source_read_mdf(source, mdf ? mdf : beside, work, error);
+}
+
+void webgl_source_clear(struct webgl_source *source) {
+    for (int k = 0; k < source->n_levels; k++)
+        lpca_free(source->levels[k]);
+    mdf_factors_free(source->mdf);
+    *source = (struct webgl_source){0};
+}

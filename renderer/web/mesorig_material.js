@@ -1,0 +1,145 @@
+// A captured material in three.js. MesorigMaterial takes the place of a mesh's material; it is lit by a
+// light that is infinitely far away, and by an even sky.
+import { CubeTexture, Data3DTexture, DataArrayTexture, GLSL3, Matrix4, RawShaderMaterial, Texture, Vector2, Vector3 } from "three";
+import { Gpu, shaderText } from "./gpu.js";
+import { LocalPca, localPcaShaders } from "./local_pca.js";
+import { Relief } from "./relief.js";
+import { Mesh, vertexShapes } from "./shapes.js";
+
+export { loadMaterial, readMaterial } from "./material_file.js";
+
+const white = 0.8; // of full scale: a white diffuser lit from its normal, at an exposure of 0 EV
+
+// In place of the shader's own main(): to sRGB, unless what is drawn is to stay linear light.
+const ending = `
+#undef main
+uniform float exposure;
+void main() {
+    shade_surface();
+    colour = vec4(TONED == 1 ? srgb(tone(exposure * colour.rgb)) : exposure * colour.rgb, 1.0);
+}
+`;
+
+// three.js writes the line of the version itself.
+const unversioned = text => text.slice(text.indexOf("\n") + 1);
+
+// Adds the attributes that the shaders read beside position, normal and uv: tangent, if it is missing,
+// scale (length of a step of 1 in u and v) and bend (second fundamental form). Returns all of them
+// interleaved, as shapes.js has them.
+function completeGeometry(geometry) {
+  if (!geometry.index) throw new Error("MesorigMaterial needs a geometry with an index; see mergeVertices().");
+  if (!geometry.attributes.tangent) geometry.computeTangents();
+  const { position, normal, tangent, uv } = geometry.attributes, n = position.count;
+  const vertices = new Float32Array(12 * n);
+  for (let k = 0; k < n; k++)
+    vertices.set([position.getX(k), position.getY(k), position.getZ(k), normal.getX(k), normal.getY(k),
+      normal.getZ(k), tangent.getX(k), tangent.getY(k), tangent.getZ(k), tangent.getW(k), uv.getX(k),
+      uv.getY(k)], 12 * k);
+  if (!geometry.attributes.bend) {
+    const shape = vertexShapes(vertices, geometry.index.array);
+    const scale = new Float32Array(2 * n), bend = new Float32Array(3 * n);
+    for (let k = 0; k < n; k++) {
+      scale.set(shape.subarray(5 * k, 5 * k + 2), 2 * k);
+      bend.set(shape.subarray(5 * k + 2, 5 * k + 5), 3 * k);
+    }
+    const Attribute = position.constructor;
+    geometry.setAttribute("scale", new Attribute(scale, 2));
+    geometry.setAttribute("bend", new Attribute(bend, 3));
+  }
+  return vertices;
+}
+
+export class MesorigMaterial extends RawShaderMaterial {
+  // renderer: a WebGLRenderer; material: of loadMaterial(). Settings, which can be changed at any time:
+  //   tiles          repetitions of the material along u and v
+  //   light          Vector3 towards the light, in world coordinates
+  //   brightness     of the light: 1 gives a white diffuser lit from its normal the radiance 1
+  //   ambient        radiance of an even sky
+  //   exposure       in EV
+  //   silhouettes    outlines of the material's structure, if its file has an MDF
+  //   shadows        that the mesh casts on itself
+  //   layers         parts of the mesh that may lie behind each other
+  // toned (once): TRUE writes sRGB, for the canvas; FALSE linear light, for a target of floats.
+  constructor(renderer, material, settings = {}) {
+    super({ glslVersion: GLSL3 });
+    this.renderer = renderer;
+    this.settings = { tiles: [1, 1], light: new Vector3(0, 0, 1), brightness: 1, ambient: 0.05,
+      exposure: 0.7, silhouettes: true, shadows: true, shadowMap: 1024, layers: 4, ...settings };
+    this.captured = material;
+    this.shared = new Map();
+    this.meshes = new WeakMap();
+    this.gpu = new Gpu(renderer.getContext());
+    this.pca = new LocalPca(this.gpu, material);
+    this.relief = new Relief(this.gpu, material);
+    renderer.resetState();
+    const constants = "#define LAMPS 0\n#define LAMP_SHADOWS 0\n#define AMBIENT 1\n" +
+      `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.pca.constants;
+    this.vertexShader = unversioned(shaderText("", ["mesh.vert"]));
+    this.fragmentShader = unversioned(shaderText(`${constants}#define main shade_surface\n`,
+      ["frame.glsl", ...localPcaShaders, "shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl",
+        "surface_relief.frag", "tone.glsl"])) + ending;
+    this.put({ clusters: Texture, weights: DataArrayTexture, means: Data3DTexture, brdfs: Data3DTexture,
+      view_map: CubeTexture, light_map: CubeTexture, seen: Texture, shadow_map: Texture },
+    { ...this.pca.uniforms, n_lamps: 0 });
+  }
+
+  // Uniforms, with textures of OpenGL as three.js knows them: kinds has their classes.
+  put(kinds, values) {
+    for (const [name, value] of Object.entries(values)) {
+      const Kind = kinds[name], raw = Kind && (value || this.blankFor(name));
+      this.uniforms[name] = this.uniforms[name] || { value: null };
+      this.uniforms[name].value = Kind ? this.textureOf(Kind, raw) : value;
+    }
+    this.kinds = kinds;
+    this.uniformsNeedUpdate = true;
+  }
+
+  blankFor(name) {
+    return name === "shadow_map" ? this.gpu.blankDepth : this.gpu.blank;
+  }
+
+  textureOf(Kind, raw) {
+    if (!this.shared.has(raw)) {
+      const texture = new Kind();
+      this.renderer.properties.get(texture).__webglTexture = raw;
+      this.shared.set(raw, texture);
+    }
+    return this.shared.get(raw);
+  }
+
+  meshOf(geometry) {
+    if (!this.meshes.has(geometry)) {
+      const { tiles, layers } = this.settings, gl = this.renderer.getContext();
+      this.meshes.set(geometry, new Mesh(gl, completeGeometry(geometry), geometry.index.array, tiles, layers));
+    }
+    return this.meshes.get(geometry);
+  }
+
+  // Before each renderer.render(): finds what of the mesh is seen and lit. object: the Mesh that has this
+  // material, moved, turned or scaled evenly; the picture is to fill the canvas or render target.
+  prepare(object, camera) {
+    const { renderer, settings } = this, mesh = this.meshOf(object.geometry);
+    const target = renderer.getRenderTarget(), size = renderer.getDrawingBufferSize(new Vector2());
+    object.updateWorldMatrix(true, false);
+    camera.updateWorldMatrix(true, false);
+    const view = new Matrix4().copy(camera.matrixWorld).invert();
+    const projection = new Matrix4().multiplyMatrices(camera.projectionMatrix, view).multiply(object.matrixWorld);
+    const back = new Matrix4().copy(object.matrixWorld).invert();
+    const eye = new Vector3().setFromMatrixPosition(camera.matrixWorld).applyMatrix4(back).toArray();
+    const light = settings.light.clone().transformDirection(back).toArray();
+    const tiles = [...settings.tiles];
+    this.relief.prepare({ mesh, tiles, projection: projection.elements, eye, light,
+      width: target ? target.width : size.x, height: target ? target.height : size.y,
+      silhouettes: settings.silhouettes, shadows: settings.shadows, shadowMap: settings.shadowMap });
+    renderer.resetState();
+    renderer.setRenderTarget(target);
+    this.put(this.kinds, { ...this.relief.uniforms, projection: projection.elements.slice(), eye, light, tiles,
+      lamp: settings.brightness, ambient_light: settings.ambient, exposure: white * 2 ** settings.exposure });
+  }
+
+  dispose() {
+    this.pca.free();
+    this.relief.free();
+    super.dispose();
+  }
+}

@@ -1,0 +1,186 @@
+// Silhouettes and cast shadows of a material's structure (Wang et al. 2005 §4), as renderer/relief has
+// them. prepare() finds the visible surface of each pixel and the shadow map; uniforms hands both to
+// visible.glsl and shadow.glsl.
+import { cross, unit } from "./vectors.js";
+
+const slack = 1e-4;      // of distances from the eye, in radii
+const reach = 2;         // of lamps: the plane from which depth is measured, in radii
+const range = 4;         // and what a depth of 1 is
+const shadowSlack = 2;   // in texels of the map
+
+// The MDF as factors, or a flat one.
+class Mdf {
+  constructor(gpu, material) {
+    const gl = gpu.gl, mdf = material && material.mdf;
+    this.layers = mdf ? mdf.layers : 0;
+    this.size = mdf ? [mdf.width_mm, mdf.height_mm] : [1, 1];
+    this.deepest = mdf ? mdf.deepest_mm : 0;
+    const width = mdf ? mdf.width : 1, height = mdf ? mdf.height : 1, table = mdf ? mdf.table : 1;
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    this.maps = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.maps);
+    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGBA8, width, height, Math.max(this.layers, 1), 0, gl.RGBA,
+      gl.UNSIGNED_BYTE, mdf ? material.data.mdf_maps : new Uint8Array(4));
+    gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
+    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_NEAREST);
+    this.factors = gpu.texture(gl.TEXTURE_2D_ARRAY, gl.RGBA16F, table, table, this.layers + 1);
+    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, 0, table, table, this.layers + 1, gl.RGBA, gl.HALF_FLOAT,
+      mdf ? material.data.mdf_factors : new Uint16Array(4));
+    gpu.filter(gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+  }
+
+  get uniforms() {
+    return { mdf_depths: this.maps, mdf_factors: this.factors, mdf_layers: this.layers,
+      mdf_size: this.size, mdf_deepest: this.deepest };
+  }
+}
+
+// Layer by layer (Wang et al. 2005 fig. 7): back faces, then the front faces before them.
+class Visibility {
+  constructor(gpu) {
+    this.gpu = gpu;
+    this.back = [null, null];
+  }
+
+  clear(target, what) {
+    const gl = this.gpu.gl;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target.framebuffer);
+    gl.clearColor(0, 0, 0, 0);
+    gl.depthMask(true);
+    gl.clear(what);
+  }
+
+  drawFaces(mesh, culled, program, values) {
+    const gl = this.gpu.gl;
+    this.gpu.use(program, values);
+    gl.enable(gl.CULL_FACE);
+    gl.cullFace(culled);
+    mesh.draw();
+    gl.disable(gl.CULL_FACE);
+  }
+
+  // scene: mesh, mdf, tiles, projection, sight, reach, width, height. Returns a texture: distance to
+  // the mesh, from there to the structure, from there to its base, and 1; all 0 where nothing is seen.
+  find(scene) {
+    const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
+    const before = ["mesh.vert", "frame.glsl", "directions.glsl", "relief.glsl"];
+    const constants = "#define MDF_MAPS 1\n";
+    const backs = gpu.program(constants, [...before, "peel_back.frag"]);
+    const fronts = gpu.program(constants, [...before, "peel_front.frag"]);
+    const values = { ...scene.mdf.uniforms, projection: scene.projection, tiles: scene.tiles,
+      sight: scene.sight, reach: scene.reach, straight: false };
+    this.back = this.back.map(
+      target => gpu.target(target, gl.RGBA32F, gl.DEPTH_COMPONENT24, width, height));
+    this.seen = gpu.target(this.seen, gl.RGBA32F, gl.DEPTH24_STENCIL8, width, height);
+    gl.viewport(0, 0, width, height);
+    gl.disable(gl.BLEND);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LESS);
+    gl.stencilMask(0xff);
+    gl.clearStencil(0xff);
+    this.clear(this.seen, gl.COLOR_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    this.clear(this.back[1], gl.COLOR_BUFFER_BIT);
+    for (let layer = 0; layer < mesh.layers; layer++) {
+      const now = this.back[layer & 1], last = this.back[~layer & 1];
+      this.clear(now, gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+      this.drawFaces(mesh, gl.FRONT, backs, { ...values, before: last.colour, seen: this.seen.colour });
+      // The stencil keeps the layer in which a pixel was found, and masks it for all later ones.
+      this.clear(this.seen, gl.DEPTH_BUFFER_BIT);
+      gl.enable(gl.STENCIL_TEST);
+      gl.stencilFunc(gl.LEQUAL, layer, 0xff);
+      gl.stencilOp(gl.KEEP, gl.KEEP, gl.REPLACE);
+      this.drawFaces(mesh, gl.BACK, fronts, { ...values, before: last.colour, back: now.colour });
+      gl.disable(gl.STENCIL_TEST);
+    }
+    return this.seen.colour;
+  }
+
+  free() {
+    for (const target of [...this.back, this.seen]) if (target) this.gpu.freeTarget(target);
+  }
+}
+
+// The direction of a shadow map's +x; its +y is towards × right.
+function rightOf(towards) {
+  return unit(cross(Math.abs(towards[2]) > 0.9 ? [0, 1, 0] : [0, 0, 1], towards));
+}
+
+// From far away along light: a sphere of the radius fills the picture.
+function lampMatrix(light, radius) {
+  const right = rightOf(light), up = cross(light, right), ret = new Array(16).fill(0);
+  for (let k = 0; k < 3; k++) {
+    ret[4 * k] = right[k] / radius;
+    ret[4 * k + 1] = up[k] / radius;
+    ret[4 * k + 2] = -light[k] / radius;
+  }
+  ret[15] = 1;
+  return ret;
+}
+
+export class Relief {
+  constructor(gpu, material) {
+    this.gpu = gpu;
+    this.mdf = material.mdf ? new Mdf(gpu, material) : null;
+    this.smooth = new Mdf(gpu, null);
+    this.eye = new Visibility(gpu);
+    this.lamp = new Visibility(gpu);
+    this.uniforms = {};
+  }
+
+  // scene: mesh, tiles, projection, eye, light, width, height, silhouettes, shadows, shadowMap.
+  // Leaves framebuffers of its own bound.
+  prepare(scene) {
+    const { mesh, tiles, light } = scene, silhouettes = scene.silhouettes && this.mdf !== null;
+    const mdf = silhouettes ? this.mdf : this.smooth;
+    let seen = null;
+    if (silhouettes)
+      seen = this.eye.find({ mesh, tiles, mdf, projection: scene.projection, sight: [...scene.eye, 1],
+        reach: 0, width: scene.width, height: scene.height });
+    if (scene.shadows) this.findShadow(mesh, tiles, mdf, light, scene.shadowMap);
+    this.uniforms = {
+      seen, silhouettes, slack: slack * mesh.radius,
+      shadows: scene.shadows, shadow_map: scene.shadows ? this.shadowMap : null,
+      shadow_light: light, shadow_right: rightOf(light), shadow_radius: mesh.radius,
+      shadow_range: [reach * mesh.radius, range * mesh.radius,
+        shadowSlack * 2 * mesh.radius / scene.shadowMap],
+    };
+  }
+
+  // The map is kept while lamp, mesh, tiles and MDF stay the same.
+  findShadow(mesh, tiles, mdf, light, size) {
+    const gl = this.gpu.gl, key = [...light, ...tiles, size];
+    if (this.key && this.key.mesh === mesh && this.key.mdf === mdf &&
+        key.every((x, k) => x === this.key.values[k])) return;
+    if (this.size !== size) {
+      gl.deleteTexture(this.shadowMap || null);
+      this.shadowMap = this.gpu.depthMap(size);
+      this.shadowFrame = this.shadowFrame || gl.createFramebuffer();
+      this.size = size;
+    }
+    const seen = this.lamp.find({ mesh, tiles, mdf, projection: lampMatrix(light, mesh.radius),
+      sight: [...light, 0], reach: reach * mesh.radius, width: size, height: size });
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.shadowFrame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.shadowMap, 0);
+    gl.drawBuffers([gl.NONE]);
+    gl.depthFunc(gl.ALWAYS);
+    this.gpu.use(this.gpu.program("", ["screen.vert", "shadow_map.frag"]),
+      { seen, range: range * mesh.radius });
+    this.gpu.fillScreen();
+    gl.depthFunc(gl.LESS);
+    this.key = { mesh, mdf, values: key };
+  }
+
+  free() {
+    const gl = this.gpu.gl;
+    this.eye.free();
+    this.lamp.free();
+    for (const mdf of [this.mdf, this.smooth]) {
+      if (!mdf) continue;
+      gl.deleteTexture(mdf.maps);
+      gl.deleteTexture(mdf.factors);
+    }
+    gl.deleteTexture(this.shadowMap || null);
+    gl.deleteFramebuffer(this.shadowFrame || null);
+  }
+}

@@ -1,0 +1,339 @@
+/* The page of a material in a browser, against the viewer's pictures of the same file; its size;
+ * what cannot be exported. */
+#include "exr/exr_half.h"
+#include "formats/compare_pictures.h"
+#include "gl/gpu.h"
+#include "lib/browser.h"
+#include "lib/process.h"
+#include "lib/relief_scene.h"
+#include "lib/remove_tree.h"
+#include "lib/skip.h"
+#include "lpca/lpca_levels.h"
+#include "methods/lpca_revised.h"
+#include "scene/picture.h"
+#include "scene/viewer.h"
+#include "shapes/scene.h"
+
+#include <glib/gstdio.h>
+#include <json-glib/json-glib.h>
+#include <string.h>
+
+#define WIDTH      120
+#define HEIGHT     90
+#define SAMPLES    2
+#define SHADOW_MAP 256
+#define BOUND      0.5 /* mean CIEDE2000 */
+#define MB         1000000
+#define SIDE       128 /* of the material whose size is asked */
+#define CLUSTERS   32
+#define PARTS      8
+
+static char *folder;
+
+static const char *in_folder(const char *name) {
+    static char path[256];
+    g_snprintf(path, sizeof path, "%s/%s", folder, name);
+    return path;
+}
+
+static const struct view {
+    const char *shape;
+    int azimuth_deg, elevation_deg, theta_deg, phi_deg;
+} views[] = {{"torus", -90, 40, 50, 200},   {"sphere", -60, 20, 35, 300},
+             {"plane", 20, 35, 60, 100},    {"cylinder", -120, 25, 45, 10},
+             {"cylinder", 60, 60, 30, 250}, {"torus", 45, 15, 70, 330}};
+
+/* Its parts lie behind each other more often than any other's, and it takes longest: of one
+ * material. */
+static const struct view knot = {"torus-knot", -90, 50, 30, 250};
+
+static void webgl_test_draw_page(Browser *browser, const struct view *v) {
+    g_autofree char *expression = g_strdup_printf(
+        "mesorig.pictureUrl({shape: '%s', cameraAzimuthDeg: %d, cameraElevationDeg: %d, "
+        "lightThetaDeg: %d, lightPhiDeg: %d, supersample: %d, shadowMap: %d}, %d, %d)",
+        v->shape, v->azimuth_deg, v->elevation_deg, v->theta_deg, v->phi_deg, SAMPLES, SHADOW_MAP,
+        WIDTH, HEIGHT);
+    g_autofree char *url = browser_value(browser, expression);
+    gsize size;
+    g_assert_true(g_str_has_prefix(url, "data:image/png;base64,"));
+    g_autofree guchar *png = g_base64_decode(strchr(url, ',') + 1, &size);
+    g_assert_true(
+        g_file_set_contents(in_folder("page.png"), (const char *)png, (gssize)size, NULL));
+}
+
+/* The viewer with the material's file and the MDF's, as mesorig-view --method lpca-revised has it.
+ */
+static Viewer *webgl_test_viewer(void) {
+    g_autoptr(GError) error = NULL;
+    Viewer *viewer = viewer_new(NULL, &error);
+    g_assert_no_error(error);
+    viewer_open(viewer, &method_lpca_revised, in_folder("material.exr"), &error);
+    g_assert_no_error(error);
+    viewer_open_mdf(viewer, in_folder("mdf.exr"), &error);
+    g_assert_no_error(error);
+    return viewer;
+}
+
+static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Mesh) mesh = scene_make(v->shape, &(struct scene_options){0}, &error);
+    struct viewer_settings settings = viewer_settings_default;
+    g_assert_no_error(error);
+    viewer_set_mesh(viewer, mesh, &error);
+    g_assert_no_error(error);
+    settings.camera_azimuth_deg = v->azimuth_deg;
+    settings.camera_elevation_deg = v->elevation_deg;
+    settings.light_theta_deg = v->theta_deg;
+    settings.light_phi_deg = v->phi_deg;
+    settings.samples = SAMPLES;
+    settings.silhouettes = settings.shadows = TRUE;
+    settings.shadow_size = SHADOW_MAP;
+    g_autofree guint8 *rgb = viewer_render(viewer, &settings, WIDTH, HEIGHT, &error);
+    g_assert_no_error(error);
+    picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, &error);
+    g_assert_no_error(error);
+}
+
+/* Drawn with silhouettes and shadows by both. A page that ignored either would be far off: without
+ * shadows alone, the first picture differs by more than the bound. */
+static void webgl_test_compare(Browser *browser, Viewer *viewer, enum relief_kind kind) {
+    g_autofree char *page = g_strdup(in_folder("page.png"));
+    struct picture_comparison found;
+    g_autoptr(GError) error = NULL;
+    for (gsize k = 0; k < G_N_ELEMENTS(views) + (kind == RELIEF_GROOVES); k++) {
+        const struct view *view = k < G_N_ELEMENTS(views) ? &views[k] : &knot;
+        webgl_test_draw_page(browser, view);
+        webgl_test_draw_view(viewer, view);
+        compare_pictures(page, in_folder("view.png"), &found, &error);
+        g_assert_no_error(error);
+        g_test_message("material %d on the %s: mean CIEDE2000 %.3f, of differing pixels %.3f", kind,
+                       view->shape, found.delta_e, found.delta_e_different);
+        g_assert_cmpfloat(found.delta_e, <=, BOUND);
+    }
+}
+
+static void test_pictures(gconstpointer data) {
+    const enum relief_kind kind = (enum relief_kind)GPOINTER_TO_INT(data);
+    g_autofree char *output = g_strdup(in_folder("page.html"));
+    g_autofree char *address = g_strconcat("file://", output, NULL);
+    g_autofree char *mdf = g_strdup(in_folder("mdf.exr"));
+    relief_scene_write(kind, in_folder("material.exr"), mdf);
+    g_unlink(output);
+    g_free(process_mesorig(0, "export web %s -o %s", in_folder("material.exr"), output));
+    Browser *browser = browser_new(640, 480);
+    browser_open(browser, address);
+    browser_wait(browser, "window.mesorig !== undefined || document.querySelector('[role=alert]')");
+    g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
+    g_autofree char *ready = browser_value(browser, "typeof window.mesorig");
+    if (strcmp(ready, "object") != 0)
+        g_error("the page shows: %s", said);
+    g_autoptr(Gpu) gpu = gpu_new_headless(NULL);
+    if (gpu) {
+        g_autoptr(Viewer) viewer = webgl_test_viewer();
+        webgl_test_compare(browser, viewer, kind);
+    } else {
+        test_skip_or_fail("there is no OpenGL 3.3 here");
+    }
+    g_autofree char *facts = browser_value(browser, "document.getElementById('facts').innerText");
+    g_assert_cmpstr(facts, ==, "32 × 32 texels, 8.0 × 8.0 mm");
+    browser_free(browser);
+}
+
+/* What does not compress: a local PCA of random numbers, of the size that the page is promised for.
+ */
+static void webgl_test_write_noise(const char *path) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(BtfMatrix) few = btf_fixture_of("noise", PARTS, PARTS, btf_fixture_rings(4, 75, 0),
+                                              btf_fixture_rings(4, 75, 5));
+    GRand *random = g_rand_new_with_seed(1);
+    const gsize n = btf_layout_texels(&few->layout) * btf_layout_values(&few->layout);
+    for (gsize k = 0; k < n; k++)
+        few->values[k] = (float)g_rand_double(random);
+    g_autoptr(Lpca) lpca = relief_scene_compress(few, CLUSTERS, 8);
+    const gsize components = (gsize)lpca->n_components;
+    int *clusters = g_new(int, SIDE *SIDE);
+    float *weights = g_new(float, SIDE *SIDE *components);
+    for (gsize k = 0; k < SIDE * SIDE; k++) {
+        clusters[k] = g_rand_int_range(random, 0, lpca->n_clusters);
+        for (gsize i = 0; i < components; i++)
+            weights[components * k + i] = (float)g_rand_double_range(random, -1, 1);
+    }
+    g_free(lpca->clusters);
+    g_free(lpca->weights);
+    lpca->clusters = clusters;
+    lpca->weights = weights;
+    lpca->layout.width = lpca->layout.height = SIDE;
+    lpca_quantise(lpca, LPCA_HALF);
+    lpca_write_levels(path, (struct lpca *const[]){lpca}, 1, &error);
+    g_assert_no_error(error);
+    g_rand_free(random);
+}
+
+static gint64 webgl_test_size(const char *path) {
+    GStatBuf status;
+    g_assert_cmpint(g_stat(path, &status), ==, 0);
+    return status.st_size;
+}
+
+static void test_size(void) {
+    g_autofree char *material = g_strdup(in_folder("noise.exr"));
+    g_autofree char *page = g_strdup(in_folder("noise.html"));
+    g_autofree char *file = g_strdup(in_folder("noise.mesoweb"));
+    webgl_test_write_noise(material);
+    g_free(process_mesorig(0, "export web %s -o %s", material, page));
+    g_assert_cmpint(webgl_test_size(page), <=, 20 * MB);
+    g_free(process_mesorig(0, "export web %s -o %s --size=4MB", material, file));
+    g_assert_cmpint(webgl_test_size(file), <=, 4 * MB);
+    g_autofree char *few =
+        process_mesorig(1, "export web %s -o %s --size=100kB", material, in_folder("few.html"));
+    assert_has(few, "give a larger --size");
+    g_assert_false(g_file_test(in_folder("few.html"), G_FILE_TEST_EXISTS));
+}
+
+/* The file by the description in its header alone: JSON by JSON-GLib, sections by zlib. */
+static void test_file(void) {
+    g_autofree char *material = g_strdup(in_folder("small.exr")), *text = NULL;
+    g_autofree char *file = g_strdup(in_folder("small.mesoweb"));
+    g_autoptr(BtfMatrix) btf =
+        btf_fixture_of("small", 4, 3, btf_fixture_rings(2, 60, 0), btf_fixture_rings(2, 60, 0));
+    g_autoptr(GError) error = NULL;
+    g_autoptr(JsonParser) parser = json_parser_new();
+    gsize length, total = 0;
+    for (gsize k = 0; k < 12 * btf_layout_values(&btf->layout); k++)
+        btf->values[k] = 0.5F;
+    g_autoptr(Lpca) lpca = relief_scene_compress(btf, 2, 2);
+    lpca_write_levels(material, (struct lpca *const[]){lpca}, 1, &error);
+    g_assert_no_error(error);
+    g_free(process_mesorig(0, "export web %s -o %s", material, file));
+    g_assert_true(g_file_get_contents(file, &text, &length, NULL));
+    g_assert_cmpmem(text, 8, "mesoweb1", 8);
+    guint32 header;
+    memcpy(&header, text + 8, sizeof header);
+    header = GUINT32_FROM_LE(header);
+    json_parser_load_from_data(parser, text + 12, header, &error);
+    g_assert_no_error(error);
+    JsonObject *root = json_node_get_object(json_parser_get_root(parser));
+    JsonArray *sections = json_object_get_array_member(root, "sections");
+    const gint64 n = json_object_get_int_member(root, "grid");
+    const gint64 clusters = json_object_get_int_member(root, "clusters");
+    gsize at = 12 + header;
+    for (guint k = 0; k < json_array_get_length(sections); k++) {
+        JsonObject *section = json_array_get_object_element(sections, k);
+        const gsize bytes = (gsize)json_object_get_int_member(section, "bytes");
+        const gsize size = (gsize)json_object_get_int_member(section, "size");
+        g_autoptr(GZlibDecompressor) inflate =
+            g_zlib_decompressor_new(G_ZLIB_COMPRESSOR_FORMAT_ZLIB);
+        g_autofree guint8 *data = g_malloc(size + 1);
+        gsize took, gave;
+        g_assert_cmpint(g_converter_convert(G_CONVERTER(inflate), text + at, bytes, data, size + 1,
+                                            G_CONVERTER_INPUT_AT_END, &took, &gave, &error),
+                        ==, G_CONVERTER_FINISHED);
+        g_assert_cmpuint(took, ==, bytes);
+        g_assert_cmpuint(gave, ==, size);
+        if (g_str_equal(json_object_get_string_member(section, "name"), "means")) {
+            g_assert_cmpint((gint64)size, ==, 6 * clusters * n * n * (n * n + 1));
+            /* Of a light near the zenith, from the first view. */
+            const gsize middle = (gsize)(6 * n * n * (n / 2 * n + n / 2));
+            float value;
+            exr_half_to_floats(&value, (const guint16 *)(gpointer)(data + middle), 1);
+            g_assert_cmpfloat_with_epsilon(value, 0.5, 1e-3);
+        }
+        at += bytes;
+        total++;
+    }
+    g_assert_cmpuint(at, ==, length);
+    g_assert_cmpuint(total, ==, 5);
+}
+
+/* Constant reflectance as a file; rings: of views, 0 for one alone. */
+static void webgl_test_write_constant(const char *path, int rings, enum lpca_colours colours) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(BtfMatrix) btf = btf_fixture_of("constant", 4, 3, btf_fixture_rings(rings, 60, 0),
+                                              btf_fixture_rings(2, 60, 0));
+    for (gsize k = 0; k < 12 * btf_layout_values(&btf->layout); k++)
+        btf->values[k] = 0.25F;
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .colours = colours};
+    g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    lpca_write_levels(path, (struct lpca *const[]){lpca}, 1, &error);
+    g_assert_no_error(error);
+}
+
+/* Logarithms are decoded and compressed again; one view is seen from everywhere. */
+static void test_converted(void) {
+    g_autofree char *log = g_strdup(in_folder("log.exr")), *one = g_strdup(in_folder("one.exr"));
+    webgl_test_write_constant(log, 2, LPCA_LOG);
+    webgl_test_write_constant(one, 0, LPCA_RGB);
+    g_autofree char *said =
+        process_mesorig(0, "export web %s -o %s --json", log, in_folder("log.html"));
+    assert_has(said, "\"compressed\": true");
+    g_autofree char *of_one =
+        process_mesorig(0, "export web %s -o %s --json", one, in_folder("one.html"));
+    assert_has(of_one, "\"compressed\": false");
+}
+
+static void webgl_test_refused(const char *command, const char *words) {
+    g_autofree char *said = process_mesorig(1, "%s", command);
+    assert_has(said, words);
+}
+
+static void test_refused(void) {
+    g_autofree char *there = g_strdup(in_folder("there.html")), *nowhere = NULL, *content = NULL;
+    g_autofree char *to = g_strdup(in_folder("refused.html"));
+    g_assert_true(g_file_set_contents(there, "mine", -1, NULL));
+    g_autofree char *exists = g_strdup_printf("export web %s -o %s", in_folder("small.exr"), there);
+    webgl_test_refused(exists, "exists already");
+    g_assert_true(g_file_get_contents(there, &content, NULL, NULL));
+    g_assert_cmpstr(content, ==, "mine");
+    nowhere = g_strdup_printf("export web %s -o %s/none/page.html", in_folder("small.exr"), folder);
+    webgl_test_refused(nowhere, "cannot be written: No such file or directory");
+    g_autofree char *no_session = g_strdup_printf("export web %s -o %s", folder, to);
+    webgl_test_refused(no_session, folder);
+    g_autofree char *no_output = g_strdup_printf("export web %s", folder);
+    webgl_test_refused(no_output, "no file to write is given");
+    g_autofree char *ending = g_strdup_printf("export web %s -o %s/page.png", folder, folder);
+    webgl_test_refused(ending, "give a name that ends in .html");
+    g_autofree char *no_mdf = g_strdup_printf("export web %s -o %s --mdf=%s/none.exr",
+                                              in_folder("small.exr"), to, folder);
+    webgl_test_refused(no_mdf, "none.exr");
+    g_free(process_mesorig(2, "export web %s -o %s --size=many", folder, to));
+    g_assert_false(g_file_test(to, G_FILE_TEST_EXISTS));
+}
+
+/* A page that was cut off says so; small.exr is test_file()'s. */
+static void test_cut(void) {
+    g_autofree char *page = g_strdup(in_folder("small.html")),
+                    *cut = g_strdup(in_folder("cut.html"));
+    g_autofree char *text = NULL, *address = g_strconcat("file://", cut, NULL);
+    g_free(process_mesorig(0, "export web %s -o %s", in_folder("small.exr"), page));
+    g_assert_true(g_file_get_contents(page, &text, NULL, NULL));
+    char *second = strstr(text, "<script>chunk(");
+    g_assert_nonnull(second);
+    char *end = strstr(second, "</script>\n");
+    g_assert_nonnull(end);
+    g_autofree char *without = g_strdup_printf("%.*s%s", (int)(second - text), text, end + 10);
+    g_assert_true(g_file_set_contents(cut, without, -1, NULL));
+    Browser *browser = browser_new(640, 480);
+    browser_open(browser, address);
+    browser_wait(browser, "document.querySelector('[role=alert]') !== null");
+    g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
+    g_assert_cmpstr(said, ==, "The page is incomplete; copy or download it again.");
+    browser_free(browser);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    folder = g_dir_make_tmp("mesorig-webgl-XXXXXX", NULL);
+    g_test_add_func("/webgl/file", test_file);
+    g_test_add_func("/webgl/size", test_size);
+    g_test_add_func("/webgl/converted", test_converted);
+    g_test_add_data_func("/webgl/pictures/weave", GINT_TO_POINTER(RELIEF_WEAVE), test_pictures);
+    g_test_add_data_func("/webgl/pictures/bumps", GINT_TO_POINTER(RELIEF_BUMPS), test_pictures);
+    g_test_add_data_func("/webgl/pictures/grooves", GINT_TO_POINTER(RELIEF_GROOVES), test_pictures);
+    g_test_add_func("/webgl/refused", test_refused);
+    g_test_add_func("/webgl/cut", test_cut);
+    const int status = g_test_run();
+    remove_tree(folder);
+    g_free(folder);
+    return status;
+}
