@@ -108,7 +108,7 @@ struct index_map *synthesis_of_features(const struct texel_features *features,
             synthesis_try(features, SYNTHESIS_QUILTING, options, work, ret, error);
         if (!other)
             return NULL;
-        if (ret->order[SYNTHESIS_QUILTING] < ret->order[SYNTHESIS_TEXTONS]) {
+        if (ret->order[SYNTHESIS_QUILTING] < ret->order[SYNTHESIS_TEXTONS] - SYNTHESIS_SPARE) {
             ret->method = SYNTHESIS_QUILTING;
             index_map_free(map);
             map = g_steal_pointer(&other);

@@ -9,12 +9,15 @@
 #include "texel_features.h"
 
 enum synthesis_method {
-    SYNTHESIS_AUTO, /* both of the next; the one that keeps the sample's order better (order.h) */
+    SYNTHESIS_AUTO, /* both of the next: textons, which repeat no whole blocks, unless quilting
+                       keeps the sample's order better (order.h) by more than SYNTHESIS_SPARE */
     SYNTHESIS_TEXTONS,
     SYNTHESIS_QUILTING,
     SYNTHESIS_TILEABLE, /* a part of the sample that can be repeated (tileable.h) */
     SYNTHESIS_METHODS
 };
+
+#define SYNTHESIS_SPARE 0.01
 
 extern const char *const synthesis_names[SYNTHESIS_METHODS];
 

@@ -5,9 +5,10 @@
 
 #include "min_cut.h"
 
-#define SPARE   1.1F
-#define OVERLAP 4 /* a side over the width of its overlap, at most */
-#define LEAST   3 /* texels an overlap has */
+#define SPARE        1.1F
+#define SPARE_INSIDE 0.01F /* of the mean square of neighbours' distances */
+#define OVERLAP      4     /* a side over the width of its overlap, at most */
+#define LEAST        3     /* texels an overlap has */
 
 /* Texels of the sample in rows along the seam: at (along, across) stands places[2 (across × length
  * + along)]. */
@@ -20,8 +21,7 @@ struct tileable {
 
 struct tileable_cut {
     int period, overlap;
-    float cost; /* a texel of the seam */
-    int *path;  /* length: 1 … overlap − 1, where the picture of before the seam ends */
+    int *path; /* length: 1 … overlap − 1, where the picture of before the seam ends */
 };
 
 static const guint16 *tileable_place(const struct tileable *t, int across, int along) {
@@ -37,13 +37,19 @@ static float tileable_square(const struct tileable *t, int across, int along, in
                                  texel_features_at(t->features, b[0], b[1]), t->features->n);
 }
 
-/* A cut before column c ends the picture that begins a period later at c − 1. */
-static float tileable_cut_cost(const struct tileable *t, int period, int c, int along) {
-    return tileable_square(t, c - 1 + period, along, c, along) +
-           0.5F * (tileable_square(t, c - 1 + period, along, c - 1, along) +
+/* By how much both pictures differ beside a cut before column c. */
+static float tileable_mismatch(const struct tileable *t, int period, int c, int along) {
+    return 0.5F * (tileable_square(t, c - 1 + period, along, c - 1, along) +
                    tileable_square(t, c + period, along, c, along));
 }
 
+/* A cut before column c ends the picture that begins a period later at c − 1. */
+static float tileable_cut_cost(const struct tileable *t, int period, int c, int along) {
+    return tileable_square(t, c - 1 + period, along, c, along) +
+           tileable_mismatch(t, period, c, along);
+}
+
+/* Returns the mean mismatch along the path. */
 static float tileable_cut_at(const struct tileable *t, int period, int overlap, int *ret_path) {
     const int width = overlap - 1;
     const gsize n = (gsize)width * (gsize)t->length;
@@ -58,16 +64,27 @@ static float tileable_cut_at(const struct tileable *t, int period, int overlap, 
             turns[2 * at] = tileable_square(t, c - 1 + period, along, c - 1, next);
             turns[2 * at + 1] = tileable_square(t, c, along, c + period, next);
         }
-    const float cost = min_cut(costs, turns, t->length, width, t->cyclic, ret_path);
+    min_cut(costs, turns, t->length, width, t->cyclic, ret_path);
+    float sum = 0;
     for (int along = 0; along < t->length; along++)
-        ret_path[along]++;
-    return cost / (float)t->length;
+        sum += tileable_mismatch(t, period, ++ret_path[along], along);
+    return sum / (float)t->length;
+}
+
+/* The mean square of the distance between neighbours across the seam. */
+static float tileable_inside(const struct tileable *t) {
+    double sum = 0;
+    for (int across = 0; across + 1 < t->across; across++)
+        for (int along = 0; along < t->length; along++)
+            sum += tileable_square(t, across, along, across + 1, along);
+    return (float)(sum / ((double)(t->across - 1) * t->length));
 }
 
 /* The best period, and its path. */
 static struct tileable_cut tileable_choose(const struct tileable *t) {
     const int first = (t->across + 1) / 2, last = t->across - LEAST;
     g_autofree float *costs = g_new(float, last - first + 1);
+    const float spare = SPARE_INSIDE * tileable_inside(t);
     struct tileable_cut cut = {.path = g_new0(int, t->length)};
     float least = FLT_MAX;
     for (int period = first; period <= last; period++) {
@@ -76,10 +93,10 @@ static struct tileable_cut tileable_choose(const struct tileable *t) {
         least = MIN(least, costs[period - first]);
     }
     cut.period = last;
-    while (costs[cut.period - first] > SPARE * least)
+    while (costs[cut.period - first] > SPARE * least + spare)
         cut.period--;
     cut.overlap = MIN(t->across - cut.period, MAX(LEAST, t->across / OVERLAP));
-    cut.cost = tileable_cut_at(t, cut.period, cut.overlap, cut.path);
+    tileable_cut_at(t, cut.period, cut.overlap, cut.path);
     return cut;
 }
 

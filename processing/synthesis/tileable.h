@@ -10,8 +10,9 @@
 #include "texel_features.h"
 
 /*
- * The period is chosen as well, from half of the sample on each way: the longest one whose cut
- * costs at most 1.1 times the least. A material that has a period gets a multiple of it.
+ * The period is chosen as well, from half of the sample on each way: the longest one at whose cut
+ * both pictures differ by at most 1.1 times the least, or a hundredth of neighbours' mean square
+ * distance more. A material that has a period gets a multiple of it.
  *
  * The cost of a cut between two columns is what a viewer sees of it: the jump between the two
  * texels that become neighbours, plus half of by how much both overlapping pictures differ there
