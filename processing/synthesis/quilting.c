@@ -177,9 +177,10 @@ static gboolean quilt_all(struct quilt *quilt, GRand *random, const struct work 
     const int width = quilt->map->width, height = quilt->map->height;
     const int step = quilt->block - MAX(1, quilt->block / OVERLAPS);
     const int across = (width + step - 1) / step, down = (height + step - 1) / step;
+    const gint64 begun_us = g_get_monotonic_time();
     for (int j = 0; j < down; j++)
         for (int i = 0; i < across; i++) {
-            if (!work_tell(work, "quilting", j * across + i, across * down, 0, error))
+            if (!work_tell(work, "quilting", j * across + i, across * down, begun_us, error))
                 return FALSE;
             quilt->column = quilt_begin(width, i, across);
             quilt->row = quilt_begin(height, j, down);

@@ -258,10 +258,11 @@ static void texton_choose(const struct texton_level *level, const struct texton_
 
 static gboolean texton_passes(const struct texton_level *level, struct texton_picture *picture,
                               int passes, GRand *random, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
     for (int pass = 0; pass < passes; pass++)
         for (int y = 0; y < picture->height; y++) {
-            if (!work_tell(work, "textons", pass * picture->height + y, passes * picture->height, 0,
-                           error))
+            if (!work_tell(work, "textons", pass * picture->height + y, passes * picture->height,
+                           begun_us, error))
                 return FALSE;
             for (int x = 0; x < picture->width; x++) {
                 int best[2];
