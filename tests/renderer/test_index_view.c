@@ -177,7 +177,7 @@ static void test_relief(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     g_autoptr(GError) error = NULL;
-    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 64, 32);
     g_autoptr(IndexMap) map = new_map(W, H);
     g_autoptr(MdfTable) sample = new_relief(W, H),
                         whole =
@@ -191,18 +191,18 @@ static void test_relief(struct fixture *f, gconstpointer data) {
                       laid = silhouettes_view(mesh, whole);
     struct viewer_settings s = settings_of(map, 2), t = settings_of(NULL, 2);
     s.silhouettes = t.silhouettes = s.shadows = t.shadows = TRUE;
+    s.shadow_size = t.shadow_size = 128;
+    g_autofree float *c = view_fixture_linear(through, &s, 120, 90);
     for (int way = VISIBILITY_AUTO; way <= VISIBILITY_PEEL; way++) {
         s.visibility.way = t.visibility.way = (enum visibility_way)way;
-        g_assert_true(viewer_set_index(through, NULL, &error));
-        g_autofree float *c = view_fixture_linear(through, &s, 200, 150);
         g_assert_true(viewer_set_index(through, map, &error));
-        g_autofree float *a = view_fixture_linear(through, &s, 200, 150);
-        g_autofree float *b = view_fixture_linear(laid, &t, 200, 150);
+        g_autofree float *a = view_fixture_linear(through, &s, 120, 90);
+        g_autofree float *b = view_fixture_linear(laid, &t, 120, 90);
         g_test_message("%d pixels differ, of the sample repeated %d",
-                       count_different(a, b, 200 * 150, 0.02F) / 3,
-                       count_different(c, b, 200 * 150, 0.02F) / 3);
-        g_assert_cmpint(count_different(a, b, 200 * 150, 0.02F), <,
-                        count_different(c, b, 200 * 150, 0.02F) / 20);
+                       count_different(a, b, 120 * 90, 0.02F) / 3,
+                       count_different(c, b, 120 * 90, 0.02F) / 3);
+        g_assert_cmpint(count_different(a, b, 120 * 90, 0.02F), <,
+                        count_different(c, b, 120 * 90, 0.02F) / 20);
     }
 }
 
@@ -221,16 +221,16 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     double relative = 1, without = 0;
     g_assert_true(viewer_set_index(view, map, &error));
     g_autofree float *drawn =
-        reference_render_linear(reference, view, &s, 120, 90, &relative, &error);
+        reference_render_linear(reference, view, &s, 60, 45, &relative, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(relative, <, 0.02);
-    g_autofree float *with = view_fixture_linear(view, &s, 120, 90);
+    g_autofree float *with = view_fixture_linear(view, &s, 60, 45);
     g_assert_true(viewer_set_index(view, NULL, &error));
     g_autofree float *plain =
-        reference_render_linear(reference, view, &s, 120, 90, &without, &error);
-    g_assert_cmpint(count_different(plain, with, 120 * 90, 0.05F), >, 120 * 90 / 10);
+        reference_render_linear(reference, view, &s, 60, 45, &without, &error);
+    g_assert_cmpint(count_different(plain, with, 60 * 45, 0.05F), >, 60 * 45 / 10);
     g_assert_true(viewer_set_index(view, other, &error));
-    g_assert_null(reference_render_linear(reference, view, &s, 120, 90, NULL, &error));
+    g_assert_null(reference_render_linear(reference, view, &s, 60, 45, NULL, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
     remove_folder(dir);
 }
