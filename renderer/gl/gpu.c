@@ -232,6 +232,7 @@ static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_
         GLenum format, type;
     } formats[] = {
         {GL_RGBA16UI, GL_RGBA_INTEGER, GL_UNSIGNED_SHORT},
+        {GL_RG16UI, GL_RG_INTEGER, GL_UNSIGNED_SHORT},
         {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
         {GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT},
         {GL_DEPTH24_STENCIL8, GL_DEPTH_STENCIL, GL_UNSIGNED_INT_24_8},

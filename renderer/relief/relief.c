@@ -50,10 +50,14 @@ gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **e
         return FALSE;
     mdf_texture_free(relief->mdf);
     relief->mdf = texture;
+    relief_forget(relief);
+    return TRUE;
+}
+
+void relief_forget(Relief *relief) {
     shadow_maps_forget(relief->first);
     if (relief->further != NULL)
         shadow_maps_forget(relief->further);
-    return TRUE;
 }
 
 gint64 relief_mdf_bytes(const Relief *relief) {

@@ -18,6 +18,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 /* NULL: the mesh is smooth. Copies what it needs. On error the former MDF stays. */
 gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error);
 
+/* Shadow maps are drawn again: what they depend on beside the scene has changed. */
+void relief_forget(Relief *relief);
+
 gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of the MDF; 0 without one */
 
 struct relief_scene {

@@ -7,11 +7,14 @@
 #define FACE_BYTES   16
 #define HEADER_BYTES 16 /* of the lists' buffer: their number */
 
+#define VARIANTS 4 /* of the programs */
+
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views and, compiled on demand, of maps. ADD and FIND only with OpenGL 4.3. */
-    guint all_programs[2][N_PROGRAMS];
+    /* For MDFs of views, of maps (bit 0), through an index map (bit 1): all but the first compiled
+     * on demand. ADD and FIND only with OpenGL 4.3. */
+    guint all_programs[VARIANTS][N_PROGRAMS];
     const guint *programs; /* those in use now */
     guint query;
     struct gpu_target back[2], seen;
@@ -22,25 +25,26 @@ struct Visibility {
 };
 
 static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps,
-                                         GError **error) {
-    const char *const constants = maps ? "#define MDF_MAPS 1\n" : "#define MDF_MAPS 0\n";
+                                         const IndexTexture *index, GError **error) {
+    g_autofree char *of_index = index_texture_constants(index, FALSE);
+    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s", maps, of_index);
     static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
-    const char *names[7] = {"mesh.vert", "frame.glsl", "directions.glsl", "relief.glsl",
-                            "peel_back.frag"};
+    const char *names[8] = {"mesh.vert",       "frame.glsl",  "places.glsl",
+                            "directions.glsl", "relief.glsl", "peel_back.frag"};
     if ((programs[BACK] = gpu_program(constants, names, error)) == 0)
         return FALSE;
-    names[4] = "peel_front.frag";
+    names[5] = "peel_front.frag";
     if ((programs[FRONT] = gpu_program(constants, names, error)) == 0)
         return FALSE;
-    names[4] = "list_nodes.glsl";
-    names[5] = "list_add.frag";
+    names[5] = "list_nodes.glsl";
+    names[6] = "list_add.frag";
     return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, names, error)) != 0 &&
                              (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
 }
 
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
-    if (!visibility_make_programs(v->all_programs[0], FALSE, error))
+    if (!visibility_make_programs(v->all_programs[0], FALSE, NULL, error))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -49,7 +53,7 @@ Visibility *visibility_new(GError **error) {
 void visibility_free(Visibility *v) {
     if (v == NULL)
         return;
-    for (int k = 0; k < 2 * N_PROGRAMS; k++)
+    for (int k = 0; k < VARIANTS * N_PROGRAMS; k++)
         glDeleteProgram(v->all_programs[k / N_PROGRAMS][k % N_PROGRAMS]);
     glDeleteQueries(1, &v->query);
     gpu_target_clear(&v->back[0]);
@@ -74,6 +78,7 @@ static void use(guint program, const struct visibility_scene *s) {
     glUseProgram(program);
     visibility_set_sight(program, s);
     mdf_texture_bind(s->mdf, program);
+    index_texture_bind(s->index, program);
 }
 
 static void visibility_draw_mesh(const struct visibility_scene *s, GLenum culled) {
@@ -227,8 +232,8 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
         return FALSE;
     }
     const gboolean maps = mdf_texture_is_maps(s->mdf);
-    guint *programs = v->all_programs[maps];
-    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, error)) {
+    guint *programs = v->all_programs[(maps ? 1 : 0) + (s->index != NULL ? 2 : 0)];
+    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, s->index, error)) {
         glDeleteProgram(programs[BACK]);
         programs[BACK] = 0;
         return FALSE;

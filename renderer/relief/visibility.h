@@ -8,6 +8,7 @@
  */
 #pragma once
 
+#include "gl/index_texture.h"
 #include "mdf_texture.h"
 
 enum visibility_way {
@@ -27,6 +28,7 @@ struct visibility_options {
 
 struct visibility_scene {
     const MdfTexture *mdf;
+    const IndexTexture *index; /* NULL: the MDF's tile is repeated */
     guint array, n_indices;
     float projection[16];
     float sight[4]; /* [3] = 1: the eye; 0: unit, towards an eye infinitely far away */

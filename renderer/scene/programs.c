@@ -7,7 +7,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define OTHERS 10 /* shaders that are not the method's */
+#define OTHERS 11 /* shaders that are not the method's */
 
 struct Programs {
     const struct method *method;
@@ -33,9 +33,9 @@ void programs_free(Programs *programs) {
 }
 
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const struct viewer_settings *s, GError **error) {
-    static const char *const before[] = {"mesh.vert", "frame.glsl", NULL};
-    static const char *const before_flat[] = {"screen.vert", "flat.glsl", NULL};
+                   const IndexTexture *index, const struct viewer_settings *s, GError **error) {
+    static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl", NULL};
+    static const char *const before_flat[] = {"screen.vert", "flat.glsl", "places.glsl", NULL};
     static const char *const after[][6] = {
         {"further.glsl", "lamps.glsl", "surface.frag", NULL},
         {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "surface_relief.frag", NULL},
@@ -43,9 +43,11 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     };
     const struct method *method = programs->method;
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
-    g_autofree char *constants = g_strdup_printf(
-        "#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s", s->n_lamps > 0,
-        kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0, own ? own : "");
+    g_autofree char *of_index = index_texture_constants(index, s->style.nearest);
+    g_autofree char *constants =
+        g_strdup_printf("#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s%s",
+                        s->n_lamps > 0, kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0,
+                        s->ambient > 0, of_index, own ? own : "");
     g_autofree char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));
     if (program != 0)

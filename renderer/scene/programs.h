@@ -5,6 +5,7 @@
  */
 #pragma once
 
+#include "gl/index_texture.h"
 #include "viewer.h"
 
 enum program_kind {
@@ -19,9 +20,10 @@ Programs *programs_new(const struct method *method);
 void programs_free(Programs *programs); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
-/* Returns 0 on error. Owned by programs. */
+/* index: NULL: the sample is repeated. Returns 0 on error. Owned by programs. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const struct viewer_settings *settings, GError **error);
+                   const IndexTexture *index, const struct viewer_settings *settings,
+                   GError **error);
 
 /* Sets the brightness of the first lamp and all further lamps in a program in use that has
  * further.glsl. */

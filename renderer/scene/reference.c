@@ -42,8 +42,10 @@ struct shading {
     /* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _.
      */
     float *layers;
-    gsize layer_size;        /* floats */
-    const float *pole, *sky; /* each light's share */
+    gsize layer_size;              /* floats */
+    const float *pole, *sky;       /* each light's share */
+    const struct index_map *index; /* NULL: the sample is repeated */
+    int width, height;             /* texels after which what is drawn repeats */
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
 };
@@ -173,8 +175,10 @@ static void reference_prepare(int part, gpointer data) {
         struct sample *sample = &s->samples[k];
         const gsize at = 4 * (gsize)sample->at;
         const float *texel = s->texel + at, *v = s->view + at, *l = s->light + at;
-        sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
-        sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
+        const float x = texel[0] * (float)s->reference->width;
+        const float y = texel[1] * (float)s->reference->height;
+        sample->x = x - floorf(x / (float)s->width) * (float)s->width;
+        sample->y = y - floorf(y / (float)s->height) * (float)s->height;
         directions_weights(s->views, vec3(v[0], v[1], v[2]), &sample->view);
         directions_weights(s->lights, vec3(l[0], l[1], l[2]), &sample->light);
         float fade = l[2] >= 0.0f ? directions_fade(s->lights, vec3(l[0], l[1], l[2])) : 0.0;
@@ -184,20 +188,29 @@ static void reference_prepare(int part, gpointer data) {
     }
 }
 
+/* The values of a layer at a texel of what is drawn: that of the sample which stands there. */
+static const float *shading_texel(const struct shading *s, const float *texels, int i, int j) {
+    if (s->index != NULL) {
+        const guint16 *at = s->index->levels[0] + 2 * ((gsize)j * s->index->width + i);
+        i = at[0];
+        j = at[1];
+    }
+    return texels + 4 * ((gsize)j * s->reference->width + i);
+}
+
 /* Adds a layer's value at the sample to sum, bilinearly between texels. */
 static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
                       float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
     const gboolean nearest = s->settings->style.nearest;
-    const int width = s->reference->width, height = s->reference->height;
+    const int width = s->width, height = s->height;
     float x = nearest ? floorf(at->x) : at->x - 0.5f, y = nearest ? floorf(at->y) : at->y - 0.5f;
     float fx = x - floorf(x), fy = y - floorf(y);
     int i = ((int)floorf(x) + width) % width, j = ((int)floorf(y) + height) % height;
     int right = (i + 1) % width, down = (j + 1) % height;
-    const float *a = texels + 4 * ((gsize)j * width + i);
-    const float *b = texels + 4 * ((gsize)j * width + right);
-    const float *c = texels + 4 * ((gsize)down * width + i);
-    const float *d = texels + 4 * ((gsize)down * width + right);
+    const float *a = shading_texel(s, texels, i, j), *b = shading_texel(s, texels, right, j);
+    const float *c = shading_texel(s, texels, i, down);
+    const float *d = shading_texel(s, texels, right, down);
     for (int k = 0; k < 3; k++)
         sum[k] +=
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
@@ -409,6 +422,7 @@ static void put_samples(const struct shading *s, float *picture, double *ret_err
 float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *s,
                                int width, int height, double *ret_error, GError **error) {
     g_autofree float *picture = viewer_render_linear(viewer, s, width, height, error);
+    const struct index_map *index = viewer_index(viewer);
     g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL, *lit = NULL;
     if (picture == NULL ||
         !(texel = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, width, height, error)) ||
@@ -418,6 +432,13 @@ float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer
               viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIGHT, width, height, error)) ||
         !(lit = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, error)))
         return NULL;
+    if (index != NULL && (index->sample_width != r->width || index->sample_height != r->height)) {
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "the index map is of a sample of %d × %d texels, and the BTF has %d × %d; "
+                    "synthesize it from this session",
+                    index->sample_width, index->sample_height, r->width, r->height);
+        return NULL;
+    }
     g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
     for (gsize k = 0; k < (gsize)width * height; k++)
         if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
@@ -426,6 +447,9 @@ float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer
         }
     struct shading shading = {.reference = r,
                               .settings = s,
+                              .index = index,
+                              .width = index != NULL ? index->width : r->width,
+                              .height = index != NULL ? index->height : r->height,
                               .samples = (struct sample *)(void *)samples->data,
                               .n_samples = samples->len,
                               .texel = texel,

@@ -4,6 +4,7 @@
 #include "base/direction.h"
 #include "camera.h"
 #include "gl/gpu.h"
+#include "gl/index_texture.h"
 #include "hatching.h"
 #include "methods/eigenmaps_view.h"
 #include "programs.h"
@@ -35,8 +36,10 @@ const struct viewer_settings viewer_settings_default = {
 
 struct Viewer {
     const struct method *method;
-    gpointer material;  /* of the method */
-    Programs *programs; /* of the method */
+    gpointer material;           /* of the method */
+    Programs *programs;          /* of the method */
+    IndexTexture *index;         /* NULL: none */
+    struct index_map *index_map; /* the same on the CPU */
     Relief *relief;
     Backdrop *backdrop;
     Hatching *hatching;
@@ -142,6 +145,8 @@ void viewer_free(Viewer *viewer) {
     if (viewer->method != NULL)
         viewer->method->free(viewer->material);
     programs_free(viewer->programs);
+    index_texture_free(viewer->index);
+    index_map_free(viewer->index_map);
     relief_free(viewer->relief);
     backdrop_free(viewer->backdrop);
     hatching_free(viewer->hatching);
@@ -163,7 +168,8 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
                            GError **error) {
     if (viewer->method != method) {
         g_autoptr(Programs) programs = programs_new(method);
-        if (!programs_get(programs, PROGRAM_SURFACE, material, &viewer_settings_default, error))
+        if (!programs_get(programs, PROGRAM_SURFACE, material, NULL, &viewer_settings_default,
+                          error))
             return FALSE;
         programs_free(viewer->programs);
         viewer->programs = g_steal_pointer(&programs);
@@ -206,6 +212,43 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error) {
     return good;
 }
 
+gboolean viewer_set_index(Viewer *viewer, const struct index_map *map, GError **error) {
+    IndexTexture *index = map != NULL ? index_texture_new(map, error) : NULL;
+    if (map != NULL && index == NULL)
+        return FALSE;
+    struct index_map *copy = map != NULL ? index_map_copy(map) : NULL;
+    index_texture_free(viewer->index);
+    index_map_free(viewer->index_map);
+    viewer->index = index;
+    viewer->index_map = copy;
+    relief_forget(viewer->relief);
+    return TRUE;
+}
+
+gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error) {
+    g_autoptr(IndexMap) map = index_map_read(path, error);
+    return map != NULL && viewer_set_index(viewer, map, error);
+}
+
+const struct index_map *viewer_index(const Viewer *viewer) {
+    return viewer->index_map;
+}
+
+/* The index texture, of methods that look texels up. */
+static const IndexTexture *viewer_index_used(const Viewer *viewer) {
+    return viewer->method != NULL && viewer->method->product != NULL ? viewer->index : NULL;
+}
+
+void viewer_whole_tiles(const Viewer *viewer, double *u, double *v) {
+    double period[2];
+    if (viewer->index == NULL)
+        return;
+    index_texture_period(viewer->index, period);
+    const double rounded = MAX(1, round(*v / period[1])) * period[1];
+    *u = MAX(1, round(*u * rounded / *v / period[0])) * period[0];
+    *v = rounded;
+}
+
 gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
                                 GError **error) {
     return backdrop_set_environment(viewer->backdrop, environment, error);
@@ -213,7 +256,8 @@ gboolean viewer_set_environment(Viewer *viewer, const struct environment *enviro
 
 struct viewer_memory viewer_memory(const Viewer *viewer) {
     return (struct viewer_memory){viewer->method ? viewer->method->bytes(viewer->material) : 0,
-                                  relief_mdf_bytes(viewer->relief)};
+                                  relief_mdf_bytes(viewer->relief),
+                                  index_texture_bytes(viewer->index)};
 }
 
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error) {
@@ -258,6 +302,7 @@ static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_
     glUseProgram(program);
     viewer->method->bind(viewer->material, program, &s->style);
     relief_bind(viewer->relief, program);
+    index_texture_bind(viewer_index_used(viewer), program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE,
                        scene->seen.projection);
     glUniform2fv(glGetUniformLocation(program, "tiles"), 1, scene->seen.tiles);
@@ -279,13 +324,19 @@ static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_
 static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
                             int height, struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
-    double aspect = (double)width / height;
+    double aspect = (double)width / height, tiles[2] = {s->tiles_u, s->tiles_v};
+    if (!(tiles[0] > 0.0 && tiles[1] > 0.0)) {
+        tiles[0] = viewer->tiles_u;
+        tiles[1] = viewer->tiles_v;
+        if (viewer_index_used(viewer) != NULL)
+            viewer_whole_tiles(viewer, &tiles[0], &tiles[1]);
+    }
     *ret = (struct relief_scene){
-        .seen = {.array = viewer->array,
+        .seen = {.index = viewer_index_used(viewer),
+                 .array = viewer->array,
                  .n_indices = viewer->n_indices,
                  .sight = {0.0f, 0.0f, 0.0f, 1.0f},
-                 .tiles = {s->tiles_u > 0.0 ? s->tiles_u : viewer->tiles_u,
-                           s->tiles_v > 0.0 ? s->tiles_v : viewer->tiles_v},
+                 .tiles = {(float)tiles[0], (float)tiles[1]},
                  .width = width,
                  .height = height,
                  .options = s->visibility},
@@ -318,9 +369,9 @@ static void viewer_begin(const struct gpu_target *target) {
 static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *s, int width,
                                   int height, GError **error) {
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
-    const guint program = s->plain
-                              ? viewer->plain_program
-                              : programs_get(viewer->programs, kind, viewer->material, s, error);
+    const guint program = s->plain ? viewer->plain_program
+                                   : programs_get(viewer->programs, kind, viewer->material,
+                                                  viewer_index_used(viewer), s, error);
     struct relief_scene scene;
     if (program == 0 ||
         !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
@@ -444,7 +495,7 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const
     struct viewer_settings alone = *s;
     alone.ambient = 0;
     const guint program =
-        programs_get(viewer->programs, PROGRAM_FLAT, viewer->material, &alone, error);
+        programs_get(viewer->programs, PROGRAM_FLAT, viewer->material, NULL, &alone, error);
     if (program == 0 ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;

@@ -11,6 +11,7 @@
 #include "relief/relief.h"
 #include "relief/visibility.h"
 #include "shapes/scene.h"
+#include "synthesis/index_map.h"
 
 /* Infinitely far away. Brightness 1, as of the first lamp, gives a white diffuser lit from its
  * normal the radiance 1. */
@@ -76,15 +77,28 @@ gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
 gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
+/* The index map through which the material and its MDF are seen (gl/index_texture.h); NULL: the
+ * sample is repeated. Copies what it needs. The material's sample must be the map's; methods
+ * without a material file, viewer_render_flat() and plain pictures take no notice of it. Where
+ * settings leave the tiles to the mesh, they become a multiple of those that the map is long. */
+gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
+gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
+/* Rounds tiles to those that a map repeats in, as near as may be in size along v; without a map
+ * they stay. */
+void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
+/* The map, owned by the viewer; NULL: none. */
+const struct index_map *viewer_index(const Viewer *viewer);
+
 /* The environment map behind the mesh; copies it. Its light comes from lamps in the settings, see
  * environment_light(). */
 struct environment;
 gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
                                 GError **error);
 
-/* GPU memory of the material and its MDF, in bytes: textures with all their mip levels. */
+/* GPU memory of the material, its MDF and its index map, in bytes: textures with all their mip
+ * levels. */
 struct viewer_memory {
-    gint64 material, mdf;
+    gint64 material, mdf, index;
 };
 struct viewer_memory viewer_memory(const Viewer *viewer);
 

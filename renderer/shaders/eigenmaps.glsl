@@ -17,12 +17,12 @@ vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
         vec4 w = textureLod(view_weights, vec3(at, float(first / 4)), 0.0);
         for (int k = 0; k < min(4, n_terms - first); k++) {
             float base = float((first + k) * n_layers);
-            vec3 e = share.x * texture(maps, vec3(x, base + float(index.x))).rgb;
-            e += share.y * texture(maps, vec3(x, base + float(index.y))).rgb;
-            e += share.z * texture(maps, vec3(x, base + float(index.z))).rgb;
-            e += share.w * texture(maps, vec3(x, base + float(index.w))).rgb;
+            vec3 e = share.x * PLACE_TEXTURE(maps, vec3(x, base + float(index.x))).rgb;
+            e += share.y * PLACE_TEXTURE(maps, vec3(x, base + float(index.y))).rgb;
+            e += share.z * PLACE_TEXTURE(maps, vec3(x, base + float(index.z))).rgb;
+            e += share.w * PLACE_TEXTURE(maps, vec3(x, base + float(index.w))).rgb;
             if (ambient > 0.0)
-                e += ambient * texture(maps, vec3(x, base + float(n_layers - 1))).rgb;
+                e += ambient * PLACE_TEXTURE(maps, vec3(x, base + float(n_layers - 1))).rgb;
             sum += w[k] * e;
         }
     }

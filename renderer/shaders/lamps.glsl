@@ -1,14 +1,31 @@
-// Radiance of a point p under the first lamp (of which the share lit arrives), the even sky and all
-// further lamps.
 uniform float lamp; // brightness of the first lamp
 
+// The material at all places of a point, as btf() gives it at one.
+vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
+#if PLACES
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < at.n; k++)
+        sum += at.share[k] * btf(at.x[k], v, l, lit);
+    return sum;
+#else
+    return btf(at.x[0], v, l, lit);
+#endif
+}
+
+// Radiance of a point p under the first lamp (of which the share lit arrives), the even sky and all
+// further lamps.
 vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;
-    vec3 sum = btf(texel, v, frame * light, lit * lamp);
+#if PLACES
+    places at = find_places(texel, prepare_places(texel));
+#else
+    places at = one_place(texel);
+#endif
+    vec3 sum = btf_at(at, v, frame * light, lit * lamp);
 #if LAMPS
     ambient = 0.0;
     for (int k = 0; k < n_lamps; k++)
-        sum += lamp_colours[k] * btf(texel, v, frame * lamp_towards[k], further_at(k, p));
+        sum += lamp_colours[k] * btf_at(at, v, frame * lamp_towards[k], further_at(k, p));
 #endif
     return sum;
 }

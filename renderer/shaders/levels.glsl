@@ -1,7 +1,7 @@
 // Where between a material's mip levels a pixel lies, 0 … n_levels − 1: not finer than its longer
 // side. x in tiles, each of size texels.
 float mip_level(vec2 x, ivec2 size, int n_levels) {
-    vec2 dx = dFdx(x) * vec2(size), dy = dFdy(x) * vec2(size);
+    vec2 dx = PLACE_DX(x) * vec2(size), dy = PLACE_DY(x) * vec2(size);
     float longest = max(max(dot(dx, dx), dot(dy, dy)), 1e-12);
     return clamp(0.5 * log2(longest), 0.0, float(n_levels - 1));
 }

@@ -65,6 +65,17 @@ float depth_mm(vec2 x, vec3 d, float level) {
 #endif
 }
 
+float depth_at(places at, vec3 d, float level) {
+#if PLACES
+    float depth = 0.0;
+    for (int k = 0; k < at.n; k++)
+        depth += at.share[k] * depth_mm(at.x[k], d, level);
+    return depth;
+#else
+    return depth_mm(at.x[0], d, level);
+#endif
+}
+
 struct below {
     float hit;  // distance along the ray from the mesh to the structure
     float base; // distance to where the ray is as deep as the deepest structure
@@ -87,10 +98,11 @@ below below_mesh(vec3 v, float level) {
     float root = slope * slope - 2.0 * bend * deepest;
     float middle = root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : slope / bend;
     float base = root > 0.0 ? middle : 2.0 * middle;
+    places at = find_places(texel, level);
     float hit = 1e30;
     for (int k = bend == 0.0 ? CHORDS : 1; k <= CHORDS; k++) {
         float end = middle * float(k) / float(CHORDS), chord = slope - 0.5 * bend * end;
-        float met = depth_mm(texel, normalize(vec3(v.xy, chord) / mm), level) * mm.z / chord;
+        float met = depth_at(at, normalize(vec3(v.xy, chord) / mm), level) * mm.z / chord;
         if (met <= end || k == CHORDS) {
             hit = met;
             break;

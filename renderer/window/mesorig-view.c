@@ -172,6 +172,7 @@ static Viewer *open_viewer(struct studio *studio, const struct method *method, G
     }
     if (!(o->live ? open_live(studio, viewer, error) : viewer_open(viewer, method, path, error)) ||
         (o->settings.silhouettes && !viewer_open_mdf(viewer, o->mdf_path, error)) ||
+        (o->index_path != NULL && !viewer_open_index(viewer, o->index_path, error)) ||
         (o->settings.backdrop && !viewer_set_environment(viewer, studio->environment, error)) ||
         !viewer_set_mesh(viewer, studio->mesh, error))
         return NULL;
@@ -233,9 +234,11 @@ static void viewer_main_report(const struct studio *studio) {
         g_string_append(json, k > 0 ? ", " : "");
         json_append_string(json, studio->files->pdata[k]);
     }
-    g_string_append_printf(
-        json, "], \"gpu_bytes\": %" G_GINT64_FORMAT ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT,
-        drawn->memory.material, drawn->memory.mdf);
+    g_string_append_printf(json,
+                           "], \"gpu_bytes\": %" G_GINT64_FORMAT
+                           ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT
+                           ", \"gpu_bytes_index\": %" G_GINT64_FORMAT,
+                           drawn->memory.material, drawn->memory.mdf, drawn->memory.index);
     if (o->render == NULL)
         report_number(json, "first_picture_seconds", "%.3f", drawn->first_seconds);
     if (o->live)
@@ -279,6 +282,7 @@ static int viewer_main_run(struct viewer_options *o) {
         o->shape = g_strdup("torus");
     /* The MDF of a material lies beside it. */
     o->mdf_path = o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
+    o->index_path = viewer_options_index(o);
     if (o->render != NULL && o->environment != NULL)
         good = (studio.environment = environment_open(o->environment, &error)) != NULL &&
                environment_light(studio.environment, &o->settings, &error);

@@ -187,6 +187,8 @@ char *settings_command(const struct viewer_options *o, const struct settings_pic
         g_string_append_printf(command, " --silhouettes=%s", ways[s->visibility.way]);
         command_add(command, "mdf", command_file(o->mdf_path));
     }
+    if (o->index_path != NULL)
+        command_add(command, "index", command_file(o->index_path));
     for (int k = 0; k < picture->n_lamps; k++) {
         const struct viewer_lamp *l = &s->lamps[k];
         const double values[5] = {l->theta_deg, l->phi_deg, l->rgb[0], l->rgb[1], l->rgb[2]};

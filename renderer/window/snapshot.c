@@ -93,6 +93,7 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
              g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
     add_text(texts, "Relief", g_strdup(reliefs[!!s->silhouettes + 2 * !!s->shadows]));
     add_text(texts, "Distances", s->silhouettes ? file_of(o->mdf_path) : NULL);
+    add_text(texts, "Index", file_of(o->index_path));
     add_text(texts, "Rotation", g_strdup(method_rotation_names[s->style.rotation]));
     add_text(texts, "Normals", file_of(o->normal_map));
     add_text(texts, "Source",

@@ -127,6 +127,8 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
          "auto|peel|lists"},
         OPTION("mdf", FILENAME, &o->mdf, "FILE",
                "Distances for --silhouettes, if not the mdf.exr beside the material"),
+        OPTION("index", FILENAME, &o->index, "FILE|DIR",
+               "Texels by this index map of “mesorig synthesize”, or that of a session"),
         OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
         OPTION("frames", INT, &o->frames, "N", "With --render: this many pictures OUT_0000.png …"),
         OPTION("sheet", INT, &o->sheet, "COLUMNS",
@@ -165,9 +167,10 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
 }
 
 void viewer_options_clear(struct viewer_options *o) {
-    char *const texts[] = {o->method_name, o->mdf,   o->mdf_path,   o->normal_map, o->render,
-                           o->shape,       o->size,  o->tiles,      o->up,         o->environment,
-                           o->series_text, o->split, o->difference, o->screenshot};
+    char *const texts[] = {o->method_name, o->mdf,        o->mdf_path,   o->index,
+                           o->index_path,  o->normal_map, o->render,     o->shape,
+                           o->size,        o->tiles,      o->up,         o->environment,
+                           o->series_text, o->split,      o->difference, o->screenshot};
     for (gsize k = 0; k < G_N_ELEMENTS(texts); k++)
         g_free(texts[k]);
     g_strfreev(o->rest);
@@ -176,6 +179,12 @@ void viewer_options_clear(struct viewer_options *o) {
 char *viewer_options_path(const struct viewer_options *o, const struct method *method) {
     const char *own = method->takes_normals && o->normal_map != NULL ? o->normal_map : method->name;
     return method_path(method, o->argument != NULL && method->product != NULL ? o->argument : own);
+}
+
+char *viewer_options_index(const struct viewer_options *o) {
+    if (o->index == NULL || !g_file_test(o->index, G_FILE_TEST_IS_DIR))
+        return g_strdup(o->index);
+    return g_build_filename(o->index, "products", "index.exr", NULL);
 }
 
 static int n_pictures(const struct viewer_options *o) {
@@ -279,6 +288,9 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--live goes with a session and --method eigenmaps"},
         {o->reference && (o->environment != NULL || s->n_lamps > 0),
          "--reference knows one lamp, not --lamp or --environment"},
+        {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
+                              (o->second != NULL && o->second->product == NULL)),
+         "--index goes with a MATERIAL, not with --plain, --live or --measured"},
         {s->backdrop && o->environment == NULL, "--backdrop goes with --environment"},
         {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at takes 0 … 1"},
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),

@@ -8,8 +8,9 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path; /* as given, and what is read; the file need not be there */
-    char *normal_map;     /* for methods that take one; NULL: their own */
+    char *mdf, *mdf_path;     /* as given, and what is read; the file need not be there */
+    char *index, *index_path; /* index map as given: a file or a session's directory; its file */
+    char *normal_map;         /* for methods that take one; NULL: their own */
     char *render, *shape, *size, *tiles, *up, *screenshot;
     char *environment;
     char *split, *difference; /* names of a second method */
@@ -50,6 +51,9 @@ const char *viewer_options_sample(void);
 
 /* Path of the file that a method opens. */
 char *viewer_options_path(const struct viewer_options *options, const struct method *method);
+
+/* The file of --index, which may name a session's directory; NULL: none was given. g_free() */
+char *viewer_options_index(const struct viewer_options *options);
 
 /* Whether --render writes linear light (.exr) and not a toned picture (.png). */
 gboolean viewer_options_light(const struct viewer_options *options);

@@ -101,6 +101,20 @@ static gboolean window_has_material(struct window *w) {
     return FALSE;
 }
 
+/* The index map of the start, and tiles that it repeats in. */
+static void window_open_index(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    if (w->now.index_path == NULL)
+        return;
+    if (!viewer_open_index(w->viewer, w->now.index_path, &error)) {
+        w->now.index_path = NULL;
+        window_say(w, error->message);
+        return;
+    }
+    if (w->start->tiles == NULL)
+        viewer_whole_tiles(w->viewer, &w->now.settings.tiles_u, &w->now.settings.tiles_v);
+}
+
 void window_open_first(struct window *w) {
     const struct viewer_options *o = w->start;
     if (!window_has_material(w)) {
@@ -115,6 +129,7 @@ void window_open_first(struct window *w) {
     }
     if (o->environment != NULL)
         window_ask_environment(w, o->environment);
+    window_open_index(w);
     if (is_being_captured(w, path)) {
         w->live = live_new(w->session);
         if (o->close_after == 0)

@@ -94,6 +94,8 @@ static void change_argument(struct window *w, const char *argument) {
     g_clear_pointer(&w->planned, g_array_unref);
     g_clear_pointer(&w->mdf, mdf_source_free);
     g_clear_pointer(&w->session, g_free);
+    viewer_set_index(w->viewer, NULL, NULL);
+    w->now.index_path = NULL;
     viewer_set_planned(w->viewer, NULL, 0);
     if (w->second != NULL)
         viewer_set_planned(w->second, NULL, 0);
@@ -150,7 +152,8 @@ static gboolean take_second(struct window *w, struct opened *o, GError **error) 
         g_autoptr(Viewer) viewer = viewer_new(NULL, error);
         if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
             (w->environment != NULL && !viewer_set_environment(viewer, w->environment, error)) ||
-            (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
+            (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)) ||
+            !viewer_set_index(viewer, viewer_index(w->viewer), error))
             return FALSE;
         w->second = g_steal_pointer(&viewer);
         show_planned(w);

@@ -1,0 +1,141 @@
+#include "index_map.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "exr/exr.h"
+#include "exr/mip_parts.h"
+
+#define KIND "index"
+
+int index_map_size(int size, int level) {
+    return (size + (1 << level) - 1) >> level;
+}
+
+struct index_map *index_map_new(int width, int height, int sample_width, int sample_height,
+                                double texel_mm, const char *method) {
+    struct index_map *map = g_new0(struct index_map, 1);
+    *map = (struct index_map){
+        width, height, sample_width, sample_height, texel_mm, g_strdup(method), 1, {NULL}};
+    map->levels[0] = g_new0(guint16, 2 * (gsize)width * (gsize)height);
+    return map;
+}
+
+void index_map_free(struct index_map *map) {
+    if (!map)
+        return;
+    for (int k = 0; k < INDEX_MAP_LEVELS; k++)
+        g_free(map->levels[k]);
+    g_free(map->method);
+    g_free(map);
+}
+
+struct index_map *index_map_copy(const struct index_map *from) {
+    struct index_map *map = g_memdup2(from, sizeof *from);
+    map->method = g_strdup(from->method);
+    for (int k = 0; k < from->n_levels; k++)
+        map->levels[k] =
+            g_memdup2(from->levels[k], 2 * sizeof(guint16) * (gsize)index_map_size(from->width, k) *
+                                           (gsize)index_map_size(from->height, k));
+    return map;
+}
+
+gint64 index_map_bytes(const struct index_map *map) {
+    gint64 texels = 0;
+    for (int k = 0; k < map->n_levels; k++)
+        texels += (gint64)index_map_size(map->width, k) * index_map_size(map->height, k);
+    return 4 * texels;
+}
+
+gboolean index_map_write(const char *path, const struct index_map *map, GError **error) {
+    static const char *const channels[] = {"X", "Y", NULL};
+    g_autoptr(ExrFile) file = exr_file_new();
+    for (int k = 0; k < map->n_levels; k++) {
+        const int width = index_map_size(map->width, k), height = index_map_size(map->height, k);
+        struct exr_part *part = exr_part_new(KIND, width, height, channels, EXR_FLOAT);
+        for (gsize i = 0; i < 2 * (gsize)width * (gsize)height; i++)
+            part->planes[i % 2][i / 2] = map->levels[k][i];
+        exr_set_string(part, "mesorig.kind", KIND);
+        exr_set_string(part, "mesorig.method", map->method);
+        exr_set_int(part, "sample_width", map->sample_width);
+        exr_set_int(part, "sample_height", map->sample_height);
+        exr_set_double(part, "texel_mm", map->texel_mm);
+        struct exr_file *level = exr_file_new();
+        exr_file_add(level, part);
+        mip_parts_add(file, level, k);
+    }
+    return exr_write(path, file, EXR_ZIP, TRUE, error);
+}
+
+static gboolean index_map_fail(const char *path, GError **error, const char *what) {
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: this is not a whole index map: %s; synthesize it again", path, what);
+    return FALSE;
+}
+
+/* A level from its part, of which sizes are checked. NULL, or what is wrong. */
+static const char *index_map_take(struct index_map *map, const struct exr_part *part, int level) {
+    const int most[] = {map->sample_width, map->sample_height};
+    const float *planes[] = {exr_part_plane(part, "X"), exr_part_plane(part, "Y")};
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    if (!planes[0] || !planes[1])
+        return "a channel X or Y is missing";
+    if (part->width != index_map_size(map->width, level) ||
+        part->height != index_map_size(map->height, level))
+        return "a level has another size than half of that before";
+    if (level > 0)
+        map->levels[level] = g_new0(guint16, 2 * n);
+    for (gsize i = 0; i < 2 * n; i++) {
+        const float at = planes[i % 2][i / 2];
+        if (!(at >= 0) || at >= (float)most[i % 2] || at != floorf(at))
+            return "it refers to a texel that the sample does not have";
+        map->levels[level][i] = (guint16)at;
+    }
+    return NULL;
+}
+
+static struct index_map *index_map_of_head(const struct exr_part *part, const char **ret_what) {
+    const char *kind = NULL, *method = NULL;
+    int width = 0, height = 0;
+    double texel_mm = 0;
+    *ret_what = "there is no part \"index\" of that kind";
+    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0 ||
+        !exr_get_string(part, "mesorig.method", &method, NULL))
+        return NULL;
+    *ret_what = "its sizes are missing or out of range";
+    if (!exr_get_int(part, "sample_width", &width, NULL) ||
+        !exr_get_int(part, "sample_height", &height, NULL) ||
+        !exr_get_double(part, "texel_mm", &texel_mm, NULL) || width < 1 || height < 1 ||
+        width > INDEX_MAP_SAMPLE || height > INDEX_MAP_SAMPLE || !(texel_mm > 0) ||
+        !isfinite(texel_mm) || part->width > INDEX_MAP_MOST || part->height > INDEX_MAP_MOST)
+        return NULL;
+    *ret_what = NULL;
+    return index_map_new(part->width, part->height, width, height, texel_mm, method);
+}
+
+struct index_map *index_map_read(const char *path, GError **error) {
+    g_autoptr(ExrFile) file = exr_read(path, error);
+    const char *what = NULL;
+    if (!file)
+        return NULL;
+    g_autoptr(IndexMap) map = index_map_of_head(exr_file_part(file, KIND), &what);
+    if (!map) {
+        index_map_fail(path, error, what);
+        return NULL;
+    }
+    const int n_levels = mip_parts_count(file, KIND, path, error);
+    if (n_levels == 0)
+        return NULL;
+    if (n_levels > INDEX_MAP_LEVELS)
+        what = "it has too many levels";
+    for (int k = 0; k < n_levels && !what; k++) {
+        g_autofree char *name = k > 0 ? g_strdup_printf("mip%d." KIND, k) : g_strdup(KIND);
+        what = index_map_take(map, exr_file_part(file, name), k);
+    }
+    if (what) {
+        index_map_fail(path, error, what);
+        return NULL;
+    }
+    map->n_levels = n_levels;
+    return g_steal_pointer(&map);
+}
