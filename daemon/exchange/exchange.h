@@ -7,8 +7,8 @@
 extern const struct command exchange_import, exchange_export;
 
 /* The kinds of export, commands of `mesorig export`. */
-extern const struct command exchange_btf, exchange_points, exchange_height, exchange_normals;
-extern const struct command exchange_web;
+extern const struct command exchange_btf, exchange_points, exchange_height, exchange_normals,
+    exchange_maps, exchange_gltf, exchange_materialx, exchange_blender, exchange_web;
 
 /* Of -o: FALSE if it is missing or does not end as files of its format do. what: the things that
  * are written, as in "BTFs"; format: as in "Bonn's format"; end: with the dot; NULL: any. */

@@ -17,13 +17,15 @@ gboolean exchange_check_output(const char *output, const char *what, const char 
 }
 
 static const struct command *const commands[] = {
-    &exchange_btf, &exchange_points, &exchange_height, &exchange_normals, &exchange_web, NULL};
+    &exchange_btf,  &exchange_points, &exchange_height,    &exchange_normals, &exchange_web,
+    &exchange_maps, &exchange_gltf,   &exchange_materialx, &exchange_blender, NULL};
 
 const struct command exchange_export = {
     .name = "export",
     .arguments = "KIND DIR -o FILE",
     .examples = "  mesorig export btf weave.session -o weave.btf\n"
-                "  mesorig export normals weave.session -o normals.exr\n",
+                "  mesorig export normals weave.session -o normals.exr\n"
+                "  mesorig export gltf weave.session -o weave.glb\n",
     .help = "Write what a session has become for other programs.",
     .run_arguments = cli_run_child,
     .children = commands};

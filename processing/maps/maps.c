@@ -1,0 +1,131 @@
+#include "maps.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "maps_png.h"
+#include "maps_private.h"
+
+#define ISOTROPIC 0.15F /* mean anisotropy below which it is left out */
+
+void maps_free(struct maps *maps) {
+    if (!maps)
+        return;
+    maps_fit_free(maps->fit);
+    g_free(maps->name);
+    g_free(maps->heights_mm);
+    g_free(maps->occlusion);
+    g_free(maps->errors.pairs);
+    g_free(maps->errors.texels);
+    g_free(maps);
+}
+
+static float maps_eight(float value) {
+    return rintf(255 * CLAMP(value, 0, 1)) / 255;
+}
+
+/* A component of a vector as a normal map has it. */
+static float maps_eight_signed(float value) {
+    return 2 * maps_eight(value / 2 + 0.5F) - 1;
+}
+
+struct maps_texel maps_rounded(const struct maps *maps, gsize texel) {
+    struct maps_texel ret = maps->fit->texels[texel];
+    float length = 0;
+    for (int c = 0; c < 3; c++) {
+        ret.base[c] = maps_srgb_round(ret.base[c]);
+        ret.specular_colour[c] =
+            maps->most_specular * maps_srgb_round(ret.specular_colour[c] / maps->most_specular);
+        ret.sheen[c] = maps_srgb_round(ret.sheen[c]);
+        ret.normal[c] = maps_eight_signed(ret.normal[c]);
+        length += ret.normal[c] * ret.normal[c];
+    }
+    for (int c = 0; c < 3; c++)
+        ret.normal[c] /= sqrtf(length);
+    ret.metallic = maps_eight(ret.metallic);
+    ret.roughness = maps_eight(ret.roughness);
+    ret.specular = maps_eight(ret.specular);
+    ret.coat = maps_eight(ret.coat);
+    ret.anisotropy = maps->anisotropic ? maps_eight(ret.anisotropy) : 0;
+    for (int k = 0; k < 2; k++)
+        ret.direction[k] = maps_eight_signed(ret.direction[k]);
+    const float along = hypotf(ret.direction[0], ret.direction[1]);
+    ret.direction[0] = along > 0 ? ret.direction[0] / along : 1;
+    ret.direction[1] = along > 0 ? ret.direction[1] / along : 0;
+    return ret;
+}
+
+/* A name that files, XML and Python take as it is. */
+static char *maps_plain_name(const char *name) {
+    char *ret = g_strdup(name && *name ? name : "material");
+    g_strcanon(ret, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", '_');
+    if (strlen(ret) > 64)
+        ret[64] = '\0';
+    return ret;
+}
+
+/* Where anisotropy is left out, the roughness of both directions is their geometric mean. */
+static void maps_summarise(struct maps *maps) {
+    const gsize n = (gsize)maps->width * (gsize)maps->height;
+    double anisotropy = 0;
+    maps->most_specular = 1;
+    for (gsize i = 0; i < n; i++) {
+        const struct maps_texel *texel = &maps->fit->texels[i];
+        anisotropy += (double)texel->anisotropy;
+        for (int c = 0; c < 3; c++)
+            maps->most_specular = MAX(maps->most_specular, texel->specular_colour[c]);
+    }
+    maps->anisotropic = anisotropy / (double)n >= (double)ISOTROPIC;
+    for (gsize i = 0; i < n && !maps->anisotropic; i++) {
+        struct maps_texel *texel = &maps->fit->texels[i];
+        const float alpha = texel->roughness * texel->roughness;
+        const float along = alpha + (1 - alpha) * texel->anisotropy * texel->anisotropy;
+        texel->roughness = powf(alpha * along, 0.25F);
+        texel->anisotropy = 0;
+    }
+}
+
+static struct maps *maps_of(const struct btf_matrix *btf, const char *session,
+                            const struct work *work, GError **error) {
+    const gsize n = btf_layout_texels(&btf->layout);
+    g_autoptr(Maps) maps = g_new0(struct maps, 1);
+    if (n > MAPS_MOST_TEXELS) {
+        data_error_set(btf->name ? btf->name : "BTF", 0, error,
+                       "%zu × %zu texels are more than the maps of an export may have: %d, as "
+                       "4096 × 4096",
+                       btf->layout.width, btf->layout.height, MAPS_MOST_TEXELS);
+        return NULL;
+    }
+    maps->name = maps_plain_name(btf->name);
+    maps->width = (int)btf->layout.width;
+    maps->height = (int)btf->layout.height;
+    maps->texel_mm = btf->layout.texel_mm > 0 ? btf->layout.texel_mm : 1;
+    maps->n_views = (int)btf->layout.views.n;
+    maps->n_lights = (int)btf->layout.lights.n;
+    maps->holes = btf->holes;
+    maps->fit = maps_fit_new(btf, NULL, work, error);
+    if (!maps->fit || !maps_find_heights(maps, session, work, error))
+        return NULL;
+    maps_summarise(maps);
+    g_autofree float *heights = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        heights[i] = (float)((double)maps->heights_mm[i] / maps->texel_mm);
+    maps->occlusion = g_new0(float, n);
+    if (!maps_find_occlusion(heights, maps->width, maps->height, work, maps->occlusion, error) ||
+        !maps_find_errors(maps, btf, work, error))
+        return NULL;
+    return g_steal_pointer(&maps);
+}
+
+struct maps *maps_new_of(const struct btf_matrix *btf, const struct work *work, GError **error) {
+    return maps_of(btf, NULL, work, error);
+}
+
+struct maps *maps_new(const char *path, gint64 memory, const struct work *work, GError **error) {
+    struct btf_matrix *btf = btf_matrix_read_within(memory, path, work, error);
+    g_autofree char *session = btf_matrix_session(path);
+    struct maps *ret = btf ? maps_of(btf, session, work, error) : NULL;
+    btf_matrix_free(btf);
+    return ret;
+}

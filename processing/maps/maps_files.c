@@ -1,0 +1,135 @@
+#include "maps_files.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include "base/data_error.h"
+#include "base/new_file.h"
+
+struct maps_file {
+    char *name;
+    GBytes *bytes;
+};
+
+static void maps_files_free_one(gpointer data) {
+    struct maps_file *file = data;
+    g_free(file->name);
+    g_bytes_unref(file->bytes);
+    g_free(file);
+}
+
+MapsFiles *maps_files_new(void) {
+    return g_ptr_array_new_with_free_func(maps_files_free_one);
+}
+
+void maps_files_free(MapsFiles *files) {
+    g_clear_pointer(&files, g_ptr_array_unref);
+}
+
+void maps_files_take(MapsFiles *files, char *name, GBytes *bytes) {
+    struct maps_file *file = g_new(struct maps_file, 1);
+    *file = (struct maps_file){name, bytes};
+    g_ptr_array_add(files, file);
+}
+
+void maps_files_take_text(MapsFiles *files, char *name, GString *text) {
+    maps_files_take(files, name, g_string_free_to_bytes(text));
+}
+
+static gboolean maps_files_exists(const char *path, GError **error) {
+    g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                "%s exists already: give another name with -o, or remove it", path);
+    return FALSE;
+}
+
+static gboolean maps_files_io(const char *path, int number, GError **error) {
+    const gboolean full = number == ENOSPC || number == EDQUOT;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s cannot be written: %s%s", path,
+                g_strerror(number), full ? "; free some space and export again" : "");
+    return FALSE;
+}
+
+gboolean maps_files_check(const char *path, GError **error) {
+    struct stat status;
+    g_autofree char *folder = g_path_get_dirname(path);
+    if (g_lstat(path, &status) == 0)
+        return maps_files_exists(path, error);
+    if (!g_file_test(folder, G_FILE_TEST_IS_DIR)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
+                    "%s cannot be written: there is no folder %s; make it first", path, folder);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean maps_files_put(int fd, GBytes *bytes) {
+    gsize size, done = 0;
+    const char *data = g_bytes_get_data(bytes, &size);
+    while (done < size) {
+        const gssize n = write(fd, data + done, size - done);
+        if (n <= 0 && errno != EINTR)
+            return FALSE;
+        done += (gsize)MAX(n, 0);
+    }
+    return TRUE;
+}
+
+/* Into an existing folder; errno is set on FALSE. */
+static gboolean maps_files_write_one(const struct maps_file *file, const char *folder) {
+    struct new_file to;
+    if (!new_file_begin(&to, folder, file->name))
+        return FALSE;
+    if (maps_files_put(to.fd, file->bytes))
+        return new_file_commit(&to, TRUE);
+    new_file_abandon(&to);
+    return FALSE;
+}
+
+static void maps_files_remove(const MapsFiles *files, guint first, const char *folder) {
+    for (guint i = first; i < files->len; i++) {
+        const struct maps_file *file = files->pdata[i];
+        g_autofree char *path = g_build_filename(folder, file->name, NULL);
+        g_unlink(path);
+    }
+}
+
+gboolean maps_files_write_folder(const MapsFiles *files, const char *path, GError **error) {
+    g_autofree char *parent = g_path_get_dirname(path), *name = g_path_get_basename(path);
+    g_autofree char *hidden = g_strdup_printf("%s/.%s.XXXXXX", parent, name);
+    if (!maps_files_check(path, error))
+        return FALSE;
+    if (!g_mkdtemp_full(hidden, 0777))
+        return maps_files_io(path, errno, error);
+    int number = 0;
+    for (guint i = 0; i < files->len && !number; i++)
+        if (!maps_files_write_one(files->pdata[i], hidden))
+            number = errno ? errno : EIO;
+    if (!number && renameat2(AT_FDCWD, hidden, AT_FDCWD, path, RENAME_NOREPLACE) != 0)
+        number = errno;
+    if (!number)
+        return TRUE;
+    maps_files_remove(files, 0, hidden);
+    g_rmdir(hidden);
+    return number == EEXIST ? maps_files_exists(path, error) : maps_files_io(path, number, error);
+}
+
+gboolean maps_files_write_beside(const MapsFiles *files, const char *path, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path);
+    for (guint i = 0; i < files->len; i++) {
+        const struct maps_file *file = files->pdata[i];
+        g_autofree char *one = g_build_filename(folder, file->name, NULL);
+        if (!maps_files_check(one, error))
+            return FALSE;
+    }
+    for (guint i = files->len; i-- > 0;) {
+        if (maps_files_write_one(files->pdata[i], folder))
+            continue;
+        const int number = errno ? errno : EIO;
+        maps_files_remove(files, i + 1, folder);
+        return maps_files_io(path, number, error);
+    }
+    return TRUE;
+}

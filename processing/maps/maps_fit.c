@@ -1,0 +1,256 @@
+/* The mean of all texels is fitted first, from many shapes; each texel begins at its result. */
+#include "maps_fit_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/direction.h"
+
+#define BLOCK         16   /* texels that a thread takes at a time */
+#define SOME          96   /* texels of which the layers are chosen */
+#define MEAN          1024 /* texels of which the mean is */
+#define BETTER        0.95 /* of the cost, at most, for a layer to be used */
+#define WORTH         3e-4 /* least decrease of a texel's cost, which is relative to Σ u² Y² */
+#define STARTS        5    /* of a texel */
+#define LAMBERT_LIMIT 0.7
+
+struct maps_fit_run {
+    const struct btf_matrix *btf;
+    const struct maps_pairs *pairs;
+    struct maps_fit *fit;
+    float mean[MAPS_SHAPE];
+    int step; /* every step-th texel, into costs; 0: all, into fit */
+    double *costs;
+    GMutex mutex;
+    GError *error; /* the first, of reading */
+};
+
+void maps_fit_free(struct maps_fit *fit) {
+    if (!fit)
+        return;
+    g_free(fit->texels);
+    g_free(fit);
+}
+
+/* The values of texels first … first + n − 1, pairs × 3 each. */
+static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n, float *rgb,
+                              GError **error) {
+    const struct btf_matrix *btf = run->btf;
+    const gsize row = btf->layout.lights.n * 3, n_lights = btf->layout.lights.n;
+    g_autofree float *buffer = btf->values ? NULL : g_new(float, row *(gsize)n);
+    const float *from = NULL;
+    gsize stride = 0;
+    int view = -1;
+    for (int i = 0; i < run->pairs->n; i++) {
+        const int index = run->pairs->index[i];
+        if (!from || index / (int)n_lights != view) {
+            view = index / (int)n_lights;
+            from = btf_matrix_rows(btf, view, (int)first, n, buffer, &stride, error);
+            if (!from)
+                return FALSE;
+        }
+        for (int t = 0; t < n; t++)
+            memcpy(rgb + ((gsize)t * (gsize)run->pairs->n + (gsize)i) * 3,
+                   from + (gsize)t * stride + (gsize)index % n_lights * 3, sizeof(float) * 3);
+    }
+    return TRUE;
+}
+
+/* The normal's x and y of Lambert's law: b / |b| of min Σ (Y − b·l)². */
+static void maps_fit_lambert(const struct maps_pairs *pairs, const float *rgb, float ret[2]) {
+    double a[3][3] = {{0}}, b[3] = {0};
+    for (int i = 0; i < pairs->n; i++) {
+        const float y = rgb_luminance(rgb + 3 * (gsize)i);
+        const double l[3] = {pairs->planes[MAPS_LX][i], pairs->planes[MAPS_LY][i],
+                             pairs->planes[MAPS_LZ][i]};
+        for (int j = 0; j < 3 && isfinite(y); j++) {
+            b[j] += (double)y * l[j];
+            for (int k = 0; k < 3; k++)
+                a[j][k] += l[j] * l[k];
+        }
+    }
+    double minors[3][3], determinant = 0, x[3] = {0};
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) {
+            const int j1 = (j + 1) % 3, j2 = (j + 2) % 3, k1 = (k + 1) % 3, k2 = (k + 2) % 3;
+            minors[j][k] = a[j1][k1] * a[j2][k2] - a[j1][k2] * a[j2][k1];
+        }
+    for (int k = 0; k < 3; k++)
+        determinant += a[0][k] * minors[0][k];
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++)
+            x[j] += minors[j][k] * b[k];
+    const double length = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+    const gboolean known = fabs(determinant) > 1e-6 && length > 0 && x[2] / length > LAMBERT_LIMIT;
+    for (int k = 0; k < 2; k++)
+        ret[k] = known ? (float)(x[k] / length) : 0;
+}
+
+static void maps_fit_dark(struct maps_texel *ret) {
+    *ret = (struct maps_texel){.roughness = 1,
+                               .specular = 1,
+                               .specular_colour = {1, 1, 1},
+                               .direction = {1, 0},
+                               .normal = {0, 0, 1}};
+}
+
+static void maps_fit_texel(struct maps_fit_run *run, struct maps_solver *solver, const float *rgb,
+                           gsize texel) {
+    float starts[STARTS][MAPS_SHAPE];
+    struct maps_solution solution = {0};
+    for (int k = 0; k < STARTS; k++)
+        memcpy(starts[k], run->mean, sizeof starts[k]);
+    maps_fit_lambert(run->pairs, rgb, starts[1]);
+    starts[2][2] -= 1;
+    starts[3][2] += 1;
+    memcpy(starts[4], starts[1], sizeof(float) * 2);
+    starts[4][2] -= 1;
+    if (!maps_solver_run(solver, rgb, starts, STARTS, &solution)) {
+        if (!run->step)
+            maps_fit_dark(&run->fit->texels[texel]);
+        return;
+    }
+    if (run->step)
+        run->costs[texel / (gsize)run->step] = solution.cost;
+    else
+        maps_solver_colours(solver, rgb, &run->fit->layers, &solution, &run->fit->texels[texel]);
+}
+
+static void maps_fit_block(int block, gpointer data) {
+    struct maps_fit_run *run = data;
+    const gsize n = btf_layout_texels(&run->btf->layout);
+    const gsize size = (gsize)run->pairs->n * 3;
+    const gsize first = (gsize)block * (gsize)(run->step ? run->step : BLOCK);
+    const int count = run->step ? 1 : (int)MIN(BLOCK, n - first);
+    g_autofree float *rgb = g_new(float, size *(gsize)count);
+    g_autoptr(GError) error = NULL;
+    if (!maps_fit_rows(run, first, count, rgb, &error)) {
+        g_mutex_lock(&run->mutex);
+        if (!run->error)
+            run->error = g_steal_pointer(&error);
+        g_mutex_unlock(&run->mutex);
+        return;
+    }
+    struct maps_solver *solver = maps_solver_new(run->pairs);
+    for (int t = 0; t < count; t++)
+        maps_fit_texel(run, solver, rgb + (gsize)t * size, first + (gsize)t);
+    maps_solver_free(solver);
+}
+
+static gboolean maps_fit_blocks(struct maps_fit_run *run, const struct work *work, int n,
+                                GError **error) {
+    if (!work_parallel(work, run->step ? "layers" : "fit", n, maps_fit_block, run, error))
+        return FALSE;
+    if (!run->error)
+        return TRUE;
+    g_propagate_error(error, g_steal_pointer(&run->error));
+    return FALSE;
+}
+
+/* The shape of the mean of some texels, from shapes of which one should be near. */
+static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
+    static const float widths[] = {-4, -3, -2, -1.2F, -0.4F};
+    static const float spreads[3][2] = {{0, 0}, {0.5F, 0}, {-0.5F, 0}};
+    const gsize n = btf_layout_texels(&run->btf->layout), size = (gsize)run->pairs->n * 3;
+    const gsize step = MAX(n / MEAN, 1);
+    g_autofree float *rgb = g_new0(float, size), *mean = g_new0(float, size);
+    g_autofree guint *counts = g_new0(guint, size);
+    float starts[G_N_ELEMENTS(widths) * 6][MAPS_SHAPE] = {{0}};
+    struct maps_solution solution = {0};
+    for (gsize t = 0; t < n; t += step) {
+        if (!maps_fit_rows(run, t, 1, rgb, error))
+            return FALSE;
+        for (gsize i = 0; i < size; i++)
+            if (!isnan(rgb[i])) {
+                mean[i] += rgb[i];
+                counts[i]++;
+            }
+    }
+    for (gsize i = 0; i < size; i++)
+        mean[i] = counts[i] > 0 ? mean[i] / (float)counts[i] : NAN;
+    for (gsize k = 0; k < G_N_ELEMENTS(starts); k++) {
+        starts[k][2] = widths[k / 6];
+        memcpy(starts[k] + 3, spreads[k % 3], sizeof spreads[0]);
+        starts[k][5] = k % 6 < 3 ? 1 : 0.2F;
+    }
+    struct maps_solver *solver = maps_solver_new(run->pairs);
+    const gboolean lit =
+        maps_solver_run(solver, mean, starts, (int)G_N_ELEMENTS(starts), &solution);
+    maps_solver_free(solver);
+    if (!lit)
+        return data_error_fail(run->btf->name ? run->btf->name : "BTF", 0, error,
+                               "all of its values are 0 or missing, so there is nothing to fit; "
+                               "look at it with mesorig info");
+    memcpy(run->mean, solution.shape, sizeof run->mean);
+    return TRUE;
+}
+
+/* Tries sheen and clear coats of some roughnesses on some texels. */
+static gboolean maps_fit_choose(struct maps_fit_run *run, struct maps_pairs *pairs,
+                                const struct work *work, GError **error) {
+    static const double layers[][2] = {{0, 0}, {0.35, 0}, {0.6, 0}, {0.9, 0}, {0, 0.15}, {0, 0.3}};
+    const gsize n = btf_layout_texels(&run->btf->layout);
+    double least = 0;
+    run->step = (int)MAX(n / SOME, 1);
+    const int some = (int)((n + (gsize)run->step - 1) / (gsize)run->step);
+    run->costs = g_new(double, some);
+    gboolean ok = TRUE;
+    for (gsize k = 0; ok && k < G_N_ELEMENTS(layers); k++) {
+        const struct maps_layers now = maps_layers_new(layers[k][0], layers[k][1]);
+        double sum = 0;
+        memset(run->costs, 0, sizeof(double) * (gsize)some);
+        maps_pairs_set_layers(pairs, &now);
+        ok = maps_fit_blocks(run, work, some, error);
+        for (int i = 0; i < some; i++)
+            sum += run->costs[i];
+        const gboolean none =
+            !(run->fit->layers.sheen_roughness > 0 || run->fit->layers.coat_roughness > 0);
+        const double enough = none ? MIN(BETTER * least, least - WORTH * some) : least;
+        if (k > 0 && sum >= enough)
+            continue;
+        run->fit->layers = now;
+        least = sum;
+    }
+    g_clear_pointer(&run->costs, g_free);
+    run->step = 0;
+    return ok;
+}
+
+struct maps_fit *maps_fit_new(const struct btf_matrix *btf, const struct maps_layers *layers,
+                              const struct work *work, GError **error) {
+    const gsize n = btf_layout_texels(&btf->layout);
+    struct maps_fit *fit = g_new0(struct maps_fit, 1);
+    struct maps_pairs *pairs = maps_pairs_new(&btf->layout);
+    struct maps_fit_run run = {.btf = btf, .pairs = pairs, .fit = fit};
+    g_mutex_init(&run.mutex);
+    gboolean ok = pairs->n > 0;
+    if (!ok)
+        data_error_set(btf->name ? btf->name : "BTF", 0, error,
+                       "no view or no light stands above the sample's plane");
+    fit->texels = ok ? g_try_new0(struct maps_texel, n) : NULL;
+    if (ok && !fit->texels) {
+        data_error_set(btf->name ? btf->name : "BTF", 0, error,
+                       "there is not enough memory for the maps of %zu × %zu texels",
+                       btf->layout.width, btf->layout.height);
+        ok = FALSE;
+    }
+    ok = ok && maps_fit_mean(&run, error);
+    if (ok && layers)
+        fit->layers = *layers;
+    else if (ok)
+        ok = maps_fit_choose(&run, pairs, work, error);
+    if (ok) {
+        maps_pairs_set_layers(pairs, &fit->layers);
+        ok = maps_fit_blocks(&run, work, (int)((n + BLOCK - 1) / BLOCK), error);
+    }
+    for (gsize t = 0; ok && t < n; t++)
+        fit->dark += fit->texels[t].base[0] <= 0 && fit->texels[t].base[1] <= 0 &&
+                     fit->texels[t].base[2] <= 0 && fit->texels[t].metallic <= 0 &&
+                     fit->texels[t].roughness >= 1;
+    maps_pairs_free(pairs);
+    g_mutex_clear(&run.mutex);
+    if (!ok)
+        g_clear_pointer(&fit, maps_fit_free);
+    return fit;
+}

@@ -1,0 +1,56 @@
+/* The parts of the fit of maps_fit.h: pairs of directions, the solver of one texel. */
+#pragma once
+
+#include "maps_fit.h"
+
+#define MAPS_COLUMNS 3 /* d, S, e */
+/* The shape of a texel's lobes: normal x, y; p, q, r, with log αt, log αb = p ± |(q, r)| and t at
+ * ½ atan2(r, q); and w. */
+#define MAPS_SHAPE 6
+
+/* Of n pairs: unit vectors of view, light and the half vector between them, f5, and E. */
+enum maps_plane {
+    MAPS_VX,
+    MAPS_VY,
+    MAPS_VZ,
+    MAPS_LX,
+    MAPS_LY,
+    MAPS_LZ,
+    MAPS_HX,
+    MAPS_HY,
+    MAPS_HZ,
+    MAPS_F5,
+    MAPS_EXTRA,
+    MAPS_PLANES
+};
+struct maps_pairs {
+    int n;
+    int *index; /* view · n_lights + light */
+    float *planes[MAPS_PLANES];
+    gboolean extra; /* E is not 0 everywhere */
+};
+
+/* Every pair of directions above the plane, at most MAPS_MOST_PAIRS. */
+struct maps_pairs *maps_pairs_new(const struct btf_layout *layout);
+/* Sets E as the layers have it, for the normal z. */
+void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);
+void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */
+
+/* The state of one texel's fit; one thread. */
+struct maps_solver;
+struct maps_solver *maps_solver_new(const struct maps_pairs *pairs);
+void maps_solver_free(struct maps_solver *solver);
+
+/* rgb: pairs × 3, may have NaN. starts: shapes to begin from, of which the best is taken. Results:
+ * the shape, the columns' factors, and Σ w² r² relative to Σ w² Y². FALSE: there is no light. */
+struct maps_solution {
+    float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
+    double cost;
+};
+gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
+                         float (*const starts)[MAPS_SHAPE], int n_starts,
+                         struct maps_solution *ret);
+/* The colours, for the texel that maps_solver_run() has just solved. */
+void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
+                         const struct maps_layers *layers, const struct maps_solution *solution,
+                         struct maps_texel *ret);

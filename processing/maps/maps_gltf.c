@@ -1,0 +1,396 @@
+/* glTF 2.0: meshes with tangents, textures, and one material. Text is made by hand: the name, which
+ * is all that comes from elsewhere, has no character that JSON would have to escape. */
+#include <math.h>
+#include <string.h>
+
+#include "maps.h"
+#include "maps_png.h"
+
+#define AROUND   96 /* of the sphere's quads */
+#define DOWN     48
+#define TILES_U  6 /* as mesorig-view's sphere has them */
+#define TILES_V  3
+#define VERTEX   12 /* floats: position, normal, tangent, texture coordinates */
+#define GLB_JSON 0x4e4f534a
+#define GLB_BIN  0x004e4942
+
+struct maps_mesh {
+    GArray *vertices; /* float */
+    GArray *indices;  /* guint32 */
+};
+
+static struct maps_mesh maps_mesh_new(void) {
+    return (struct maps_mesh){g_array_new(FALSE, FALSE, sizeof(float)),
+                              g_array_new(FALSE, FALSE, sizeof(guint32))};
+}
+
+static void maps_mesh_vertex(struct maps_mesh *mesh, const double p[3], const double n[3],
+                             const double t[3], double u, double v) {
+    const float all[VERTEX] = {(float)p[0], (float)p[1], (float)p[2], (float)n[0],
+                               (float)n[1], (float)n[2], (float)t[0], (float)t[1],
+                               (float)t[2], 1,           (float)u,    (float)v};
+    g_array_append_vals(mesh->vertices, all, VERTEX);
+}
+
+/* +x of the sample is +x, +y of it −z: its top row lies behind. */
+static struct maps_mesh maps_mesh_plane(double width, double depth) {
+    static const double up[3] = {0, 1, 0}, right[3] = {1, 0, 0};
+    static const guint32 indices[] = {0, 1, 3, 0, 3, 2};
+    struct maps_mesh mesh = maps_mesh_new();
+    for (int i = 0; i < 4; i++) {
+        const double u = i % 2, v = i < 2 ? 0 : 1; /* 0: the front */
+        const double p[3] = {(u - 0.5) * width, 0, (0.5 - v) * depth};
+        maps_mesh_vertex(&mesh, p, up, right, u, 1 - v);
+    }
+    g_array_append_vals(mesh.indices, indices, G_N_ELEMENTS(indices));
+    return mesh;
+}
+
+/* Around y, of which the material keeps its size at the equator. */
+static struct maps_mesh maps_mesh_sphere(double radius) {
+    struct maps_mesh mesh = maps_mesh_new();
+    for (int j = 0; j <= DOWN; j++)
+        for (int i = 0; i <= AROUND; i++) {
+            const double u = (double)i / AROUND, v = (double)j / DOWN; /* v from the south pole */
+            const double a = 2 * G_PI * u, e = G_PI * (v - 0.5);
+            const double n[3] = {cos(e) * cos(a), sin(e), -cos(e) * sin(a)};
+            const double t[3] = {-sin(a), 0, -cos(a)};
+            const double p[3] = {radius * n[0], radius * n[1], radius * n[2]};
+            maps_mesh_vertex(&mesh, p, n, t, TILES_U * u, TILES_V * (1 - v));
+        }
+    for (guint32 j = 0; j < DOWN; j++)
+        for (guint32 i = 0; i < AROUND; i++) {
+            const guint32 a = j * (AROUND + 1) + i, b = a + 1, c = a + AROUND + 1, d = c + 1;
+            const guint32 lower[3] = {a, b, d}, upper[3] = {a, d, c};
+            if (j > 0) /* at a pole one of the two triangles has no area */
+                g_array_append_vals(mesh.indices, lower, 3);
+            if (j + 1 < DOWN)
+                g_array_append_vals(mesh.indices, upper, 3);
+        }
+    return mesh;
+}
+
+/* A file that is being made: the lists of its JSON, and its bytes. */
+struct maps_gltf {
+    const struct maps *maps;
+    gboolean text;
+    GByteArray *bytes;
+    GString *views, *accessors, *meshes, *nodes, *images, *textures;
+    int n_views, n_accessors, n_meshes, n_textures;
+    MapsFiles *beside; /* textures, if text */
+};
+
+static void maps_gltf_comma(GString *list) {
+    if (list->len > 0)
+        g_string_append(list, ",\n  ");
+}
+
+/* target: 0: none. Returns the number of the view. */
+static int maps_gltf_put(struct maps_gltf *to, gconstpointer data, gsize size, int stride,
+                         int target) {
+    static const guint8 zeros[4] = {0};
+    g_byte_array_append(to->bytes, zeros, (4 - to->bytes->len % 4) % 4);
+    maps_gltf_comma(to->views);
+    g_string_append_printf(to->views, "{\"buffer\": 0, \"byteOffset\": %u, \"byteLength\": %zu",
+                           to->bytes->len, size);
+    if (stride)
+        g_string_append_printf(to->views, ", \"byteStride\": %d", stride);
+    if (target)
+        g_string_append_printf(to->views, ", \"target\": %d", target);
+    g_string_append_c(to->views, '}');
+    g_byte_array_append(to->bytes, data, (guint)size);
+    return to->n_views++;
+}
+
+static void maps_gltf_number(GString *to, double value) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    g_string_append(to, g_ascii_formatd(text, sizeof text, "%.9g", value));
+}
+
+static void maps_gltf_bounds(GString *to, const char *name, const float values[3]) {
+    g_string_append_printf(to, ", \"%s\": [", name);
+    for (int k = 0; k < 3; k++) {
+        g_string_append(to, k ? ", " : "");
+        maps_gltf_number(to, (double)values[k]);
+    }
+    g_string_append_c(to, ']');
+}
+
+static void maps_gltf_accessor(struct maps_gltf *to, int view, gsize offset, int type, guint count,
+                               const char *kind) {
+    maps_gltf_comma(to->accessors);
+    g_string_append_printf(to->accessors,
+                           "{\"bufferView\": %d, \"byteOffset\": %zu, \"componentType\": %d, "
+                           "\"count\": %u, \"type\": \"%s\"",
+                           view, offset, type, count, kind);
+    to->n_accessors++;
+}
+
+/* Bytes are written as this machine has them, which all that run Debian's Blender have alike. */
+static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
+                           struct maps_mesh mesh) {
+    static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};
+    static const gsize offsets[] = {0, 3, 6, 10};
+    const guint n = mesh.vertices->len / VERTEX, first = (guint)to->n_accessors;
+    float least[3] = {INFINITY, INFINITY, INFINITY}, most[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (guint i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++) {
+            const float p = g_array_index(mesh.vertices, float, i *VERTEX + (guint)k);
+            least[k] = MIN(least[k], p);
+            most[k] = MAX(most[k], p);
+        }
+    const int vertices = maps_gltf_put(to, mesh.vertices->data, sizeof(float) * mesh.vertices->len,
+                                       VERTEX * (int)sizeof(float), 34962);
+    const int indices =
+        maps_gltf_put(to, mesh.indices->data, sizeof(guint32) * mesh.indices->len, 0, 34963);
+    for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
+        maps_gltf_accessor(to, vertices, sizeof(float) * offsets[k], 5126, n, kinds[k]);
+        if (k == 0) {
+            maps_gltf_bounds(to->accessors, "min", least);
+            maps_gltf_bounds(to->accessors, "max", most);
+        }
+        g_string_append_c(to->accessors, '}');
+    }
+    maps_gltf_accessor(to, indices, 0, 5125, mesh.indices->len, "SCALAR");
+    g_string_append_c(to->accessors, '}');
+    maps_gltf_comma(to->meshes);
+    g_string_append_printf(
+        to->meshes,
+        "{\"name\": \"%s\", \"primitives\": [{\"attributes\": {\"POSITION\": %u, \"NORMAL\": %u, "
+        "\"TANGENT\": %u, \"TEXCOORD_0\": %u}, \"indices\": %u, \"material\": 0}]}",
+        name, first, first + 1, first + 2, first + 3, first + 4);
+    maps_gltf_comma(to->nodes);
+    g_string_append_printf(to->nodes, "{\"name\": \"%s\", \"mesh\": %d", name, to->n_meshes++);
+    if (aside > 0) {
+        g_string_append(to->nodes, ", \"translation\": [");
+        maps_gltf_number(to->nodes, aside);
+        g_string_append(to->nodes, ", 0, 0]");
+    }
+    g_string_append_c(to->nodes, '}');
+    g_array_unref(mesh.vertices);
+    g_array_unref(mesh.indices);
+}
+
+typedef void (*MapsGltfFill)(const struct maps *maps, gsize texel, float *ret);
+
+/* Returns the texture's number; −1: error. */
+static int maps_gltf_texture(struct maps_gltf *to, const char *name, int channels, gboolean srgb,
+                             MapsGltfFill fill, GError **error) {
+    const struct maps *maps = to->maps;
+    const gsize n = (gsize)maps->width * (gsize)maps->height;
+    g_autofree float *values = g_new(float, n *(gsize)channels);
+    for (gsize i = 0; i < n; i++)
+        fill(maps, i, values + i * (gsize)channels);
+    GBytes *png = maps_png(values, maps->width, maps->height, channels, 8, srgb, error);
+    if (!png)
+        return -1;
+    maps_gltf_comma(to->images);
+    if (to->text) {
+        char *file = g_strdup_printf("%s_%s.png", maps->name, name);
+        g_string_append_printf(to->images, "{\"uri\": \"%s\"}", file);
+        maps_files_take(to->beside, file, png);
+    } else {
+        gsize size;
+        gconstpointer data = g_bytes_get_data(png, &size);
+        const int view = maps_gltf_put(to, data, size, 0, 0);
+        g_string_append_printf(
+            to->images, "{\"name\": \"%s\", \"bufferView\": %d, \"mimeType\": \"image/png\"}", name,
+            view);
+        g_bytes_unref(png);
+    }
+    maps_gltf_comma(to->textures);
+    g_string_append_printf(to->textures, "{\"source\": %d, \"sampler\": 0}", to->n_textures);
+    return to->n_textures++;
+}
+
+static void maps_gltf_base(const struct maps *maps, gsize i, float *ret) {
+    memcpy(ret, maps->fit->texels[i].base, sizeof(float) * 3);
+}
+static void maps_gltf_orm(const struct maps *maps, gsize i, float *ret) {
+    ret[0] = maps->occlusion[i];
+    ret[1] = maps->fit->texels[i].roughness;
+    ret[2] = maps->fit->texels[i].metallic;
+}
+static void maps_gltf_normal(const struct maps *maps, gsize i, float *ret) {
+    for (int c = 0; c < 3; c++)
+        ret[c] = maps->fit->texels[i].normal[c] / 2 + 0.5F;
+}
+static void maps_gltf_specular(const struct maps *maps, gsize i, float *ret) {
+    for (int c = 0; c < 3; c++)
+        ret[c] = maps->fit->texels[i].specular_colour[c] / maps->most_specular;
+    ret[3] = maps->fit->texels[i].specular;
+}
+static void maps_gltf_anisotropy(const struct maps *maps, gsize i, float *ret) {
+    for (int k = 0; k < 2; k++)
+        ret[k] = maps->fit->texels[i].direction[k] / 2 + 0.5F;
+    ret[2] = maps->fit->texels[i].anisotropy;
+}
+static void maps_gltf_sheen(const struct maps *maps, gsize i, float *ret) {
+    memcpy(ret, maps->fit->texels[i].sheen, sizeof(float) * 3);
+}
+static void maps_gltf_coat(const struct maps *maps, gsize i, float *ret) {
+    ret[0] = ret[1] = ret[2] = maps->fit->texels[i].coat;
+}
+
+/* The material, and the extensions that it uses. */
+static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GString *extensions,
+                                   GError **error) {
+    const struct maps *maps = to->maps;
+    const struct maps_layers *layers = &maps->fit->layers;
+    const int base = maps_gltf_texture(to, "BaseColor", 3, TRUE, maps_gltf_base, error);
+    const int orm = base < 0 ? -1
+                             : maps_gltf_texture(to, "OcclusionRoughnessMetallic", 3, FALSE,
+                                                 maps_gltf_orm, error);
+    const int normal =
+        orm < 0 ? -1 : maps_gltf_texture(to, "Normal", 3, FALSE, maps_gltf_normal, error);
+    const int specular =
+        normal < 0 ? -1 : maps_gltf_texture(to, "Specular", 4, TRUE, maps_gltf_specular, error);
+    if (specular < 0)
+        return FALSE;
+    g_string_append(extensions, "\"KHR_materials_specular\"");
+    g_string_append_printf(
+        material,
+        "{\"name\": \"%s\",\n   \"pbrMetallicRoughness\": {\"baseColorTexture\": {\"index\": %d}, "
+        "\"metallicRoughnessTexture\": {\"index\": %d}},\n   \"normalTexture\": {\"index\": %d}, "
+        "\"occlusionTexture\": {\"index\": %d},\n   \"extensions\": {\"KHR_materials_specular\": "
+        "{\"specularTexture\": {\"index\": %d}, \"specularColorTexture\": {\"index\": %d}, "
+        "\"specularColorFactor\": [",
+        maps->name, base, orm, normal, orm, specular, specular);
+    for (int c = 0; c < 3; c++) {
+        g_string_append(material, c ? ", " : "");
+        maps_gltf_number(material, (double)maps->most_specular);
+    }
+    g_string_append(material, "]}");
+    if (maps->anisotropic) {
+        const int k = maps_gltf_texture(to, "Anisotropy", 3, FALSE, maps_gltf_anisotropy, error);
+        if (k < 0)
+            return FALSE;
+        g_string_append(extensions, ", \"KHR_materials_anisotropy\"");
+        g_string_append_printf(material,
+                               ",\n    \"KHR_materials_anisotropy\": {\"anisotropyStrength\": 1, "
+                               "\"anisotropyTexture\": {\"index\": %d}}",
+                               k);
+    }
+    if (layers->sheen_roughness > 0) {
+        const int k = maps_gltf_texture(to, "SheenColor", 3, TRUE, maps_gltf_sheen, error);
+        if (k < 0)
+            return FALSE;
+        g_string_append(extensions, ", \"KHR_materials_sheen\"");
+        g_string_append_printf(material,
+                               ",\n    \"KHR_materials_sheen\": {\"sheenColorFactor\": [1, 1, 1], "
+                               "\"sheenColorTexture\": {\"index\": %d}, \"sheenRoughnessFactor\": ",
+                               k);
+        maps_gltf_number(material, (double)layers->sheen_roughness);
+        g_string_append_c(material, '}');
+    }
+    if (layers->coat_roughness > 0) {
+        const int k = maps_gltf_texture(to, "ClearCoat", 3, FALSE, maps_gltf_coat, error);
+        if (k < 0)
+            return FALSE;
+        g_string_append(extensions, ", \"KHR_materials_clearcoat\"");
+        g_string_append_printf(material,
+                               ",\n    \"KHR_materials_clearcoat\": {\"clearcoatFactor\": 1, "
+                               "\"clearcoatTexture\": {\"index\": %d}, "
+                               "\"clearcoatRoughnessFactor\": ",
+                               k);
+        maps_gltf_number(material, (double)layers->coat_roughness);
+        g_string_append_c(material, '}');
+    }
+    g_string_append(material, "}}");
+    return TRUE;
+}
+
+static GString *maps_gltf_json(const struct maps_gltf *to, const char *binary, const char *material,
+                               const char *extensions) {
+    GString *json = g_string_new("{\"asset\": {\"version\": \"2.0\", \"generator\": "
+                                 "\"mesorig " MESORIG_VERSION "\"},\n");
+    g_string_append_printf(json,
+                           " \"extensionsUsed\": [%s],\n \"scene\": 0,\n \"scenes\": "
+                           "[{\"nodes\": [0%s]}],\n",
+                           extensions, to->n_meshes > 1 ? ", 1" : "");
+    g_string_append_printf(json, " \"nodes\": [%s],\n \"meshes\": [\n  %s],\n", to->nodes->str,
+                           to->meshes->str);
+    g_string_append_printf(json,
+                           " \"materials\": [\n  %s],\n \"textures\": [%s],\n \"images\": [%s],\n",
+                           material, to->textures->str, to->images->str);
+    g_string_append_printf(json,
+                           " \"samplers\": [{\"magFilter\": 9729, \"minFilter\": 9987, \"wrapS\": "
+                           "10497, \"wrapT\": 10497}],\n \"accessors\": [\n  %s],\n "
+                           "\"bufferViews\": [\n  %s],\n \"buffers\": [{\"byteLength\": %u",
+                           to->accessors->str, to->views->str, to->bytes->len);
+    if (binary)
+        g_string_append_printf(json, ", \"uri\": \"%s\"", binary);
+    g_string_append(json, "}]}\n");
+    return json;
+}
+
+static void maps_gltf_append(GByteArray *to, guint32 value) {
+    const guint32 little = GUINT32_TO_LE(value);
+    g_byte_array_append(to, (const guint8 *)&little, sizeof little);
+}
+
+static GBytes *maps_gltf_binary(GString *json, GByteArray *bytes) {
+    GByteArray *glb = g_byte_array_new();
+    while (json->len % 4)
+        g_string_append_c(json, ' ');
+    while (bytes->len % 4)
+        g_byte_array_append(bytes, (const guint8 *)"", 1);
+    maps_gltf_append(glb, 0x46546c67);
+    maps_gltf_append(glb, 2);
+    maps_gltf_append(glb, 12 + 8 + (guint)json->len + 8 + bytes->len);
+    maps_gltf_append(glb, (guint)json->len);
+    maps_gltf_append(glb, GLB_JSON);
+    g_byte_array_append(glb, (const guint8 *)json->str, (guint)json->len);
+    maps_gltf_append(glb, bytes->len);
+    maps_gltf_append(glb, GLB_BIN);
+    g_byte_array_append(glb, bytes->data, bytes->len);
+    return g_byte_array_free_to_bytes(glb);
+}
+
+static void maps_gltf_shapes(struct maps_gltf *to, int shapes) {
+    const double width = to->maps->width * to->maps->texel_mm / 1000;
+    const double depth = to->maps->height * to->maps->texel_mm / 1000;
+    const double radius = TILES_U * width / (2 * G_PI);
+    const double aside = shapes & MAPS_PLANE ? width / 2 + 1.2 * radius : 0;
+    if (shapes & MAPS_PLANE)
+        maps_gltf_mesh(to, "plane", 0, maps_mesh_plane(width, depth));
+    if (shapes & MAPS_SPHERE)
+        maps_gltf_mesh(to, "sphere", aside, maps_mesh_sphere(radius));
+}
+
+gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,
+                       MapsFiles *files, GError **error) {
+    struct maps_gltf to = {maps,
+                           text,
+                           g_byte_array_new(),
+                           g_string_new(NULL),
+                           g_string_new(NULL),
+                           g_string_new(NULL),
+                           g_string_new(NULL),
+                           g_string_new(NULL),
+                           g_string_new(NULL),
+                           .beside = files};
+    GString *material = g_string_new(NULL), *extensions = g_string_new(NULL);
+    g_autofree char *binary = text ? g_strdup_printf("%s.bin", maps->name) : NULL;
+    const guint first = files->len;
+    maps_gltf_shapes(&to, shapes);
+    const gboolean ok = maps_gltf_material(&to, material, extensions, error);
+    if (ok) {
+        GString *json = maps_gltf_json(&to, binary, material->str, extensions->str);
+        if (text) {
+            maps_files_take(files, g_strdup(binary), g_bytes_new(to.bytes->data, to.bytes->len));
+            maps_files_take_text(files, g_strdup(file), json);
+        } else {
+            maps_files_take(files, g_strdup(file), maps_gltf_binary(json, to.bytes));
+            g_string_free(json, TRUE);
+        }
+        /* The file that names the others comes first in the list. */
+        g_ptr_array_insert(files, (int)first, g_ptr_array_steal_index(files, files->len - 1));
+    }
+    g_byte_array_unref(to.bytes);
+    GString *const lists[] = {to.views,  to.accessors, to.meshes, to.nodes,
+                              to.images, to.textures,  material,  extensions};
+    for (gsize i = 0; i < G_N_ELEMENTS(lists); i++)
+        g_string_free(lists[i], TRUE);
+    return ok;
+}

@@ -1,0 +1,54 @@
+/*
+ * The reflectance model of material files: metallic-roughness with a microfacet lobe, as glTF 2.0
+ * (appendix B) and its extensions KHR_materials_specular, _anisotropy, _sheen and _clearcoat define
+ * it. Values are those of the BTF: π f(v, l) ⟨n·l⟩, relative to a white diffuser lit from its
+ * normal.
+ *
+ * With normal n, tangent t (where the lobe is wider) and bitangent b = n × t of a texel, h the half
+ * vector, α = roughness², αt = α + (1 − α) anisotropy², αb = α, f5 = (1 − v·h)^5:
+ *   D = 1 / (π αt αb ((h·t)²/αt² + (h·b)²/αb² + (h·n)²)²)                     (Walter et al. 2007)
+ *   V = ½ / (n·l |(αt v·t, αb v·b, v·n)| + n·v |(αt l·t, αb l·b, l·n)|)       (Heitz 2014)
+ *   F_d = 0.04 s + (1 − 0.04 s) f5,  F_m = base + (1 − base) f5,  at most 1   (Schlick 1994)
+ *   f_d = (1 − specular · max F_d) base / π + specular · F_d D V
+ *   f_0 = (1 − metallic) f_d + metallic · F_m D V
+ * A clear coat is an isotropic lobe of the sample's plane, whose normal is z, with Fresnel's factor
+ * F_c = 0.04 + 0.96 (1 − v·z)^5: f_1 = (1 − coat · F_c) f_0 + coat · F_c D_c V_c.
+ * Sheen c with the exponent 1/αs, αs = sheen_roughness² (Estevez & Kulla 2017): D_s =
+ * (2 + 1/αs) sin(θh)^(1/αs) / 2π, V_s their shadowing term, and E their directional albedo:
+ *   f = c D_s V_s + f_1 · min(1 − max(c) E(v·n), 1 − max(c) E(l·n)).
+ * Pure functions; any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+#define MAPS_DIELECTRIC      0.04F /* reflectance of an index of refraction of 1.5 */
+#define MAPS_LEAST_ROUGHNESS 0.1F
+#define MAPS_MOST_SPECULAR   25.0F /* of specular_colour: a reflectance of 1 */
+
+/* Of one texel. Vectors are in the sample frame. */
+struct maps_texel {
+    float base[3], metallic, roughness;
+    float specular, specular_colour[3]; /* s: 0 … MAPS_MOST_SPECULAR */
+    float anisotropy, direction[2];     /* 0 … 1; of t, unit, before it is made orthogonal to n */
+    float normal[3];                    /* unit, z > 0 */
+    float sheen[3], coat;
+};
+
+/* Of all texels. Roughness 0: the material has none of it. */
+#define MAPS_SHEEN_STEPS 32
+struct maps_layers {
+    float sheen_roughness, coat_roughness;
+    float sheen_albedo[MAPS_SHEEN_STEPS + 1]; /* E at cos θ = i / MAPS_SHEEN_STEPS */
+};
+struct maps_layers maps_layers_new(double sheen_roughness, double coat_roughness);
+
+/* v and l: unit vectors with z > 0. 0 where the normal faces away from one of them. */
+void maps_evaluate(const struct maps_layers *layers, const struct maps_texel *texel,
+                   const float v[3], const float l[3], float ret[3]);
+
+/* D V of an isotropic lobe of α, and D_s V_s, at the cosines n·l, n·v and n·h. */
+double maps_lobe(double alpha, double nl, double nv, double nh);
+double maps_sheen(double roughness, double nl, double nv, double nh);
+/* E(cos θ), from the table. */
+double maps_sheen_albedo(const struct maps_layers *layers, double cosine);

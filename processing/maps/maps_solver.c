@@ -1,0 +1,484 @@
+/* Levenberg-Marquardt over the shape, with the columns' factors eliminated. Loops run over all
+ * pairs in planes of floats, so that they become vectors. */
+#include "maps_fit_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/direction.h"
+#include "base/robust.h"
+
+#define EXPONENT     0.6F
+#define DARK         0.05F /* y0, relative to the mean */
+#define HUBER        1.345 /* standard deviations; Huber 1981 */
+#define STEPS        6
+#define ROUNDS       3
+#define ENOUGH       1e-4 /* relative decrease of the cost that ends a round */
+#define STEP         1e-2F
+#define MOST_NORMAL  0.85F
+#define LEAST_COSINE 1e-3F
+#define LEAST_WEIGHT 0.02F
+#define WEAK         0.5  /* of the priors of factors, in pairs with a column of 1 */
+#define PRIOR        2e-4 /* of the shape's priors, relative to Σ w² Y² */
+#define SHRINK       0.1  /* of the specular colour, towards grey */
+
+/* The usual deviations of a shape's values. */
+static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
+static const float least_log = -4.60517F; /* of α = MAPS_LEAST_ROUGHNESS² */
+
+struct maps_solver {
+    const struct maps_pairs *pairs;
+    int n;
+    float *y, *weights;
+    float dark; /* y0 */
+    float *diffuse, *lobe, *residuals, *trial, *slopes[MAPS_SHAPE];
+    double *sorted;
+    double energy, weak; /* Σ w² Y²; the weight of the factors' priors */
+    double n_valid;
+};
+
+struct maps_solver *maps_solver_new(const struct maps_pairs *pairs) {
+    struct maps_solver *ret = g_new0(struct maps_solver, 1);
+    float **const planes[] = {&ret->y,         &ret->weights,   &ret->diffuse,   &ret->lobe,
+                              &ret->residuals, &ret->trial,     &ret->slopes[0], &ret->slopes[1],
+                              &ret->slopes[2], &ret->slopes[3], &ret->slopes[4], &ret->slopes[5]};
+    ret->pairs = pairs;
+    ret->n = pairs->n;
+    for (gsize i = 0; i < G_N_ELEMENTS(planes); i++)
+        *planes[i] = g_new0(float, pairs->n);
+    ret->sorted = g_new(double, pairs->n);
+    return ret;
+}
+
+void maps_solver_free(struct maps_solver *solver) {
+    for (int k = 0; k < MAPS_SHAPE; k++)
+        g_free(solver->slopes[k]);
+    g_free(solver->y);
+    g_free(solver->weights);
+    g_free(solver->diffuse);
+    g_free(solver->lobe);
+    g_free(solver->residuals);
+    g_free(solver->trial);
+    g_free(solver->sorted);
+    g_free(solver);
+}
+
+/* The frame and α along t and b of a shape. */
+struct maps_frame {
+    float n[3], t[3], b[3], direction[2], at, ab;
+};
+
+static struct maps_frame maps_solver_frame(const float shape[MAPS_SHAPE]) {
+    struct maps_frame ret;
+    const float length = hypotf(shape[0], shape[1]);
+    const float shrink = length > MOST_NORMAL ? MOST_NORMAL / length : 1;
+    const float nx = shape[0] * shrink, ny = shape[1] * shrink;
+    const float spread = hypotf(shape[3], shape[4]), angle = 0.5F * atan2f(shape[4], shape[3]);
+    const float dx = cosf(angle), dy = sinf(angle), along = dx * nx + dy * ny;
+    const float nz = sqrtf(1 - nx * nx - ny * ny);
+    float t[3] = {dx - along * nx, dy - along * ny, -along * nz};
+    const float size = sqrtf(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
+    ret.at = expf(CLAMP(shape[2] + spread, least_log, 0));
+    ret.ab = expf(CLAMP(shape[2] - spread, least_log, 0));
+    ret.direction[0] = dx;
+    ret.direction[1] = dy;
+    ret.n[0] = nx;
+    ret.n[1] = ny;
+    ret.n[2] = nz;
+    for (int i = 0; i < 3; i++)
+        ret.t[i] = t[i] / size;
+    ret.b[0] = ny * ret.t[2] - nz * ret.t[1];
+    ret.b[1] = nz * ret.t[0] - nx * ret.t[2];
+    ret.b[2] = nx * ret.t[1] - ny * ret.t[0];
+    return ret;
+}
+
+/* n·l, and π D V n·l. */
+static void maps_solver_columns(struct maps_solver *solver, const struct maps_frame *frame) {
+    const float *const *p = (const float *const *)solver->pairs->planes;
+    const struct maps_frame f = *frame;
+    const float inverse_t = 1 / f.at, inverse_b = 1 / f.ab, scale = 0.5F / (f.at * f.ab);
+    float *restrict diffuse = solver->diffuse, *restrict lobe = solver->lobe;
+    for (int i = 0; i < solver->n; i++) {
+        const float vx = p[MAPS_VX][i], vy = p[MAPS_VY][i], vz = p[MAPS_VZ][i];
+        const float lx = p[MAPS_LX][i], ly = p[MAPS_LY][i], lz = p[MAPS_LZ][i];
+        const float hx = p[MAPS_HX][i], hy = p[MAPS_HY][i], hz = p[MAPS_HZ][i];
+        const float nl = f.n[0] * lx + f.n[1] * ly + f.n[2] * lz;
+        const float nv = f.n[0] * vx + f.n[1] * vy + f.n[2] * vz;
+        const float nh = f.n[0] * hx + f.n[1] * hy + f.n[2] * hz;
+        const float th = (f.t[0] * hx + f.t[1] * hy + f.t[2] * hz) * inverse_t;
+        const float bh = (f.b[0] * hx + f.b[1] * hy + f.b[2] * hz) * inverse_b;
+        const float tv = (f.t[0] * vx + f.t[1] * vy + f.t[2] * vz) * f.at;
+        const float bv = (f.b[0] * vx + f.b[1] * vy + f.b[2] * vz) * f.ab;
+        const float tl = (f.t[0] * lx + f.t[1] * ly + f.t[2] * lz) * f.at;
+        const float bl = (f.b[0] * lx + f.b[1] * ly + f.b[2] * lz) * f.ab;
+        const float w = th * th + bh * bh + nh * nh;
+        const float cl = nl > LEAST_COSINE ? nl : LEAST_COSINE;
+        const float cv = nv > LEAST_COSINE ? nv : LEAST_COSINE;
+        const float both =
+            cl * sqrtf(tv * tv + bv * bv + cv * cv) + cv * sqrtf(tl * tl + bl * bl + cl * cl);
+        const float lit = nl > LEAST_COSINE && nv > LEAST_COSINE ? cl : 0;
+        diffuse[i] = lit;
+        lobe[i] = lit * scale / (w * w * both);
+    }
+}
+
+/* What Fresnel's factor of a dielectric leaves to the diffuse lobe. */
+static inline float maps_solver_below(float weight, float f5) {
+    return 1 - weight * (MAPS_DIELECTRIC + (1 - MAPS_DIELECTRIC) * f5);
+}
+
+/* min xᵀ A x − 2 bᵀ x within bounds, by coordinates. */
+static void maps_solver_box(const double (*a)[MAPS_COLUMNS], const double *b, int n,
+                            const double *most, double *x) {
+    for (int round = 0; round < 60; round++) {
+        double moved = 0;
+        for (int j = 0; j < n; j++) {
+            double rest = b[j];
+            for (int k = 0; k < n; k++)
+                rest -= k == j ? 0 : a[j][k] * x[k];
+            const double next = a[j][j] > 0 ? CLAMP(rest / a[j][j], 0, most[j]) : 0;
+            moved = MAX(moved, fabs(next - x[j]));
+            x[j] = next;
+        }
+        if (moved < 1e-6)
+            return;
+    }
+}
+
+/* Factors and residuals of a shape; the cost with the factors' priors. */
+static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS_SHAPE],
+                              float *residuals, float factors[MAPS_COLUMNS]) {
+    static const double most[MAPS_COLUMNS] = {4, 1, 1};
+    const struct maps_frame frame = maps_solver_frame(shape);
+    const float *f5 = solver->pairs->planes[MAPS_F5], *extra = solver->pairs->planes[MAPS_EXTRA];
+    const float *y = solver->y, *weights = solver->weights;
+    const float *diffuse = solver->diffuse, *lobe = solver->lobe;
+    const float specular = shape[5];
+    const double priors[MAPS_COLUMNS] = {0, (double)(MAPS_DIELECTRIC * specular), 0};
+    float dd = 0, da = 0, de = 0, aa = 0, ae = 0, ee = 0, dy = 0, ay = 0, ey = 0, sum = 0;
+    maps_solver_columns(solver, &frame);
+    for (int i = 0; i < solver->n; i++) {
+        const float u = weights[i], d = u * diffuse[i] * maps_solver_below(specular, f5[i]);
+        const float a = u * lobe[i] * (1 - f5[i]), e = u * extra[i];
+        const float left = u * (y[i] - specular * lobe[i] * f5[i]);
+        dd += d * d;
+        da += d * a;
+        de += d * e;
+        aa += a * a;
+        ae += a * e;
+        ee += e * e;
+        dy += d * left;
+        ay += a * left;
+        ey += e * left;
+    }
+    double matrix[MAPS_COLUMNS][MAPS_COLUMNS] = {{dd, da, de}, {da, aa, ae}, {de, ae, ee}};
+    double right[MAPS_COLUMNS] = {dy, ay, ey};
+    double x[MAPS_COLUMNS] = {0.2, priors[1], 0};
+    for (int j = 0; j < MAPS_COLUMNS; j++) {
+        matrix[j][j] += solver->weak;
+        right[j] += solver->weak * priors[j];
+    }
+    maps_solver_box((const double(*)[MAPS_COLUMNS])matrix, right,
+                    solver->pairs->extra ? MAPS_COLUMNS : MAPS_COLUMNS - 1, most, x);
+    for (int j = 0; j < MAPS_COLUMNS; j++)
+        factors[j] = (float)x[j];
+    for (int i = 0; i < solver->n; i++) {
+        const float model = factors[0] * diffuse[i] * maps_solver_below(specular, f5[i]) +
+                            lobe[i] * (factors[1] + (specular - factors[1]) * f5[i]) +
+                            factors[2] * extra[i];
+        residuals[i] = weights[i] * (y[i] - model);
+        sum += residuals[i] * residuals[i];
+    }
+    double cost = (double)sum;
+    for (int j = 0; j < MAPS_COLUMNS; j++)
+        cost += solver->weak * (x[j] - priors[j]) * (x[j] - priors[j]);
+    return cost;
+}
+
+/* The priors of a shape: its values' distance from those that are usual, in usual deviations. */
+static void maps_solver_prior(const float shape[MAPS_SHAPE], double ret[MAPS_SHAPE]) {
+    static const float usual[MAPS_SHAPE] = {0, 0, -1.2F, 0, 0, 1};
+
+    for (int k = 0; k < MAPS_SHAPE; k++)
+        ret[k] = (double)((shape[k] - usual[k]) / deviations[k]);
+}
+
+static double maps_solver_cost(struct maps_solver *solver, const float shape[MAPS_SHAPE],
+                               float *residuals, float factors[MAPS_COLUMNS]) {
+    double prior[MAPS_SHAPE], cost = maps_solver_try(solver, shape, residuals, factors);
+    maps_solver_prior(shape, prior);
+    for (int k = 0; k < MAPS_SHAPE; k++)
+        cost += PRIOR * solver->energy * prior[k] * prior[k];
+    return cost;
+}
+
+/* x of A x = b for a positive definite A, which is overwritten. FALSE: it is not. */
+static gboolean maps_solver_cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[MAPS_SHAPE]) {
+    for (int j = 0; j < MAPS_SHAPE; j++) {
+        for (int k = 0; k < j; k++)
+            a[j][j] -= a[j][k] * a[j][k];
+        if (!(a[j][j] > 0))
+            return FALSE;
+        a[j][j] = sqrt(a[j][j]);
+        for (int i = j + 1; i < MAPS_SHAPE; i++) {
+            for (int k = 0; k < j; k++)
+                a[i][j] -= a[i][k] * a[j][k];
+            a[i][j] /= a[j][j];
+        }
+    }
+    for (int i = 0; i < MAPS_SHAPE; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= a[i][k] * b[k];
+        b[i] /= a[i][i];
+    }
+    for (int i = MAPS_SHAPE - 1; i >= 0; i--) {
+        for (int k = i + 1; k < MAPS_SHAPE; k++)
+            b[i] -= a[k][i] * b[k];
+        b[i] /= a[i][i];
+    }
+    return TRUE;
+}
+
+/* Jᵀ J and −Jᵀ r by differences, priors included. */
+static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAPS_SHAPE],
+                               double normal[MAPS_SHAPE][MAPS_SHAPE], double right[MAPS_SHAPE]) {
+
+    float factors[MAPS_COLUMNS];
+    double prior[MAPS_SHAPE];
+    maps_solver_prior(shape, prior);
+    for (int k = 0; k < MAPS_SHAPE; k++) {
+        float moved[MAPS_SHAPE];
+        memcpy(moved, shape, sizeof moved);
+        moved[k] += STEP;
+        maps_solver_try(solver, moved, solver->slopes[k], factors);
+        for (int i = 0; i < solver->n; i++)
+            solver->slopes[k][i] = (solver->slopes[k][i] - solver->residuals[i]) / STEP;
+    }
+    for (int j = 0; j < MAPS_SHAPE; j++) {
+        const float *a = solver->slopes[j];
+        float to = 0;
+        for (int i = 0; i < solver->n; i++)
+            to += a[i] * solver->residuals[i];
+        for (int k = 0; k <= j; k++) {
+            const float *b = solver->slopes[k];
+            float sum = 0;
+            for (int i = 0; i < solver->n; i++)
+                sum += a[i] * b[i];
+            normal[j][k] = normal[k][j] = (double)sum;
+        }
+        const double weight = PRIOR * solver->energy / (double)deviations[j];
+        normal[j][j] += weight / (double)deviations[j];
+        right[j] = -(double)to - weight * prior[j];
+    }
+}
+
+static void maps_solver_limit(float shape[MAPS_SHAPE]) {
+    const float length = hypotf(shape[0], shape[1]);
+    if (length > MOST_NORMAL)
+        for (int k = 0; k < 2; k++)
+            shape[k] *= MOST_NORMAL / length;
+    shape[2] = CLAMP(shape[2], least_log, 0);
+    for (int k = 3; k < 5; k++)
+        shape[k] = CLAMP(shape[k], -2, 2);
+    shape[5] = CLAMP(shape[5], LEAST_WEIGHT, 1);
+}
+
+/* From shape with residuals and the cost; both are updated. */
+static double maps_solver_descend(struct maps_solver *solver, double cost,
+                                  struct maps_solution *at) {
+    double damping = 1e-2;
+    for (int step = 0; step < STEPS; step++) {
+        double normal[MAPS_SHAPE][MAPS_SHAPE], right[MAPS_SHAPE], next = cost;
+        maps_solver_slopes(solver, at->shape, normal, right);
+        for (int again = 0; again < 4; again++) {
+            double a[MAPS_SHAPE][MAPS_SHAPE], x[MAPS_SHAPE];
+            struct maps_solution moved = *at;
+            memcpy(a, normal, sizeof a);
+            memcpy(x, right, sizeof x);
+            for (int k = 0; k < MAPS_SHAPE; k++)
+                a[k][k] *= 1 + damping;
+            if (!maps_solver_cholesky(a, x))
+                return cost;
+            for (int k = 0; k < MAPS_SHAPE; k++)
+                moved.shape[k] += (float)x[k];
+            maps_solver_limit(moved.shape);
+            next = maps_solver_cost(solver, moved.shape, solver->trial, moved.factors);
+            if (next < cost) {
+                *at = moved;
+                memcpy(solver->residuals, solver->trial, sizeof(float) * (gsize)solver->n);
+                damping *= 0.3;
+                break;
+            }
+            damping *= 5;
+        }
+        const double decrease = cost - next;
+        if (!(decrease > 0))
+            return cost;
+        cost = next;
+        if (decrease < ENOUGH * cost)
+            return cost;
+    }
+    return cost;
+}
+
+/* Weights from the model's values m_i in place of the measured ones, (m_i + y0)^−0.6, so that what
+ * lies in shadow does not count most; and Huber's factors, from residuals whose standard deviation
+ * is that of their median. */
+static void maps_solver_robust(struct maps_solver *solver) {
+    int n = 0;
+    solver->energy = 0;
+    for (int i = 0; i < solver->n; i++) {
+        if (solver->weights[i] <= 0)
+            continue;
+        const float off = solver->residuals[i] / solver->weights[i], model = solver->y[i] - off;
+        const float weight = powf(MAX(model, 0) + solver->dark, -EXPONENT);
+        solver->weights[i] = weight;
+        solver->residuals[i] = weight * off;
+        solver->sorted[n++] = fabs((double)solver->residuals[i]);
+        solver->energy += pow((double)weight * (double)solver->y[i], 2);
+    }
+    const double least = HUBER * 1.4826 * robust_median(solver->sorted, n);
+    for (int i = 0; i < solver->n; i++) {
+        const double r = fabs((double)solver->residuals[i]);
+        if (r > least && least > 0)
+            solver->weights[i] *= (float)sqrt(least / r);
+    }
+}
+
+static gboolean maps_solver_take(struct maps_solver *solver, const float *rgb) {
+    double sum = 0, weights = 0;
+    int n = 0;
+    for (int i = 0; i < solver->n; i++) {
+        const float y = rgb_luminance(rgb + 3 * (gsize)i);
+        solver->y[i] = isfinite(y) ? y : 0;
+        solver->weights[i] = isfinite(y);
+        sum += (double)MAX(solver->y[i], 0);
+        n += isfinite(y);
+    }
+    if (!(sum > 0))
+        return FALSE;
+    const float mean = (float)(sum / n);
+    solver->dark = DARK * mean;
+    solver->energy = 0;
+    for (int i = 0; i < solver->n; i++) {
+        const float u = solver->weights[i] * powf(MAX(solver->y[i], 0) + mean, -EXPONENT);
+        solver->weights[i] = u;
+        weights += (double)u * (double)u;
+        solver->energy += pow((double)u * (double)solver->y[i], 2);
+    }
+    solver->n_valid = n;
+    solver->weak = WEAK * weights / n;
+    return TRUE;
+}
+
+gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
+                         float (*const starts)[MAPS_SHAPE], int n_starts,
+                         struct maps_solution *ret) {
+    double cost = 0;
+    if (!maps_solver_take(solver, rgb))
+        return FALSE;
+    for (int k = 0; k < n_starts; k++) {
+        float factors[MAPS_COLUMNS];
+        const double next = maps_solver_cost(solver, starts[k], solver->trial, factors);
+        if (k > 0 && next >= cost)
+            continue;
+        cost = next;
+        memcpy(ret->shape, starts[k], sizeof ret->shape);
+    }
+    for (int round = 0; round < ROUNDS; round++) {
+        cost = maps_solver_cost(solver, ret->shape, solver->residuals, ret->factors);
+        if (round > 0) {
+            maps_solver_robust(solver);
+            cost = maps_solver_cost(solver, ret->shape, solver->residuals, ret->factors);
+        }
+        maps_solver_descend(solver, cost, ret);
+    }
+    /* The cost that is reported is that of the lobes alone. */
+    maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
+    double squares = 0;
+    for (int i = 0; i < solver->n; i++)
+        squares += (double)solver->residuals[i] * (double)solver->residuals[i];
+    ret->cost = squares / solver->energy;
+    return TRUE;
+}
+
+/* metallic m for which m base + (1 − m) 0.04 is the reflectance S, with base = d / (1 − m); of less
+ * than twice a dielectric's reflectance it is 0. */
+static double maps_solver_metallic(double d, double s) {
+    double low = 0, high = 1;
+    if (s <= 2 * (double)MAPS_DIELECTRIC)
+        return 0;
+    for (int i = 0; i < 40; i++) {
+        const double m = (low + high) / 2, base = MIN(d / MAX(1 - m, 1e-9), 1);
+        if (m * base + (1 - m) * (double)MAPS_DIELECTRIC < s)
+            low = m;
+        else
+            high = m;
+    }
+    return low;
+}
+
+void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
+                         const struct maps_layers *layers, const struct maps_solution *solution,
+                         struct maps_texel *ret) {
+    const struct maps_frame frame = maps_solver_frame(solution->shape);
+    const double d = (double)solution->factors[0], s = (double)solution->factors[1];
+    const double m = maps_solver_metallic(d, s), w = MAX((double)solution->shape[5], MIN(2 * s, 1));
+    const double base = MIN(d / MAX(1 - m, 1e-9), 1);
+    const double grey = m < 0.999 ? CLAMP((s - m * base) / ((double)MAPS_DIELECTRIC * w * (1 - m)),
+                                          0, (double)MAPS_MOST_SPECULAR)
+                                  : 1;
+    const double f0 = (double)MAPS_DIELECTRIC * grey;
+    const float *const *p = (const float *const *)solver->pairs->planes;
+    const float e = solution->factors[2];
+    const double most[] = {1, (double)MAPS_MOST_SPECULAR, 1};
+    const gboolean sheen = layers->sheen_roughness > 0, coat = layers->coat_roughness > 0;
+    double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
+    memset(ret, 0, sizeof *ret);
+    for (int i = 0; i < solver->n; i++) {
+        const double f5 = (double)p[MAPS_F5][i], lobe = (double)solver->lobe[i];
+        const double weight = (double)solver->weights[i] * (double)solver->weights[i];
+        const double nl = (double)solver->diffuse[i], extra = (double)p[MAPS_EXTRA][i];
+        double left = 1, top = 0;
+        if (weight <= 0)
+            continue;
+        if (coat) {
+            left = 1 - (double)e * (0.04 + 0.96 * pow(1 - (double)p[MAPS_VZ][i], 5));
+            top = (double)e * extra;
+        }
+        if (sheen)
+            left = 1 - (double)e * MAX(maps_sheen_albedo(layers, (double)p[MAPS_VZ][i]),
+                                       maps_sheen_albedo(layers, (double)p[MAPS_LZ][i]));
+        const double below = (1 - m) * (1 - w * (f0 + (1 - f0) * f5));
+        const double columns[3] = {left * (nl * below + m * lobe * (1 - f5)),
+                                   left * (1 - m) * w * (double)MAPS_DIELECTRIC * lobe * (1 - f5),
+                                   sheen ? extra : 0};
+        const double known = left * ((1 - m) * w + m) * lobe * f5 + top;
+        for (int c = 0; c < 3; c++)
+            for (int j = 0; j < 3; j++) {
+                b[c][j] += weight * columns[j] * ((double)rgb[3 * (gsize)i + (gsize)c] - known);
+                for (int k = 0; k < 3; k++)
+                    a[c][j][k] += weight * columns[j] * columns[k];
+            }
+    }
+    for (int c = 0; c < 3; c++) {
+        const double prior = SHRINK * a[c][1][1] + 1e-9 * solver->n_valid;
+        double x[MAPS_COLUMNS] = {base, grey, (double)e};
+        a[c][1][1] += prior;
+        b[c][1] += prior * grey;
+        a[c][0][0] += 1e-9;
+        a[c][2][2] += 1e-9;
+        maps_solver_box((const double(*)[MAPS_COLUMNS])a[c], b[c], sheen ? 3 : 2, most, x);
+        ret->base[c] = (float)x[0];
+        ret->specular_colour[c] = (float)x[1];
+        ret->sheen[c] = sheen ? (float)x[2] : 0;
+    }
+    ret->metallic = (float)m;
+    ret->specular = (float)w;
+    ret->coat = coat ? e : 0;
+    ret->roughness = sqrtf(frame.ab);
+    ret->anisotropy = frame.ab < 0.999F ? sqrtf((frame.at - frame.ab) / (1 - frame.ab)) : 0;
+    memcpy(ret->direction, frame.direction, sizeof ret->direction);
+    memcpy(ret->normal, frame.n, sizeof ret->normal);
+}

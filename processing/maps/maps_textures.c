@@ -1,0 +1,197 @@
+/* Maps as PNG and EXR, and the errors as a table and pictures. */
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+
+#include "exr/exr.h"
+#include "maps.h"
+#include "maps_png.h"
+
+#define CELL    8 /* pixels of a pair of directions in the picture */
+#define MOST_DE 10.0F
+
+static void maps_textures_widths(const struct maps_texel *texel, float *ret_t, float *ret_b) {
+    *ret_b = texel->roughness * texel->roughness;
+    *ret_t = *ret_b + (1 - *ret_b) * texel->anisotropy * texel->anisotropy;
+}
+
+static float maps_textures_grey(const struct maps_texel *t) {
+    return (t->specular_colour[0] + t->specular_colour[1] + t->specular_colour[2]) / 3;
+}
+
+/* One map: fills channels values of a texel. */
+struct maps_texture {
+    const char *name;
+    int channels, bits;
+    gboolean srgb;
+    void (*fill)(const struct maps *maps, gsize texel, float *ret);
+};
+
+static void maps_textures_base(const struct maps *maps, gsize i, float *ret) {
+    memcpy(ret, maps->fit->texels[i].base, sizeof(float) * 3);
+}
+static void maps_textures_metallic(const struct maps *maps, gsize i, float *ret) {
+    *ret = maps->fit->texels[i].metallic;
+}
+static void maps_textures_roughness(const struct maps *maps, gsize i, float *ret) {
+    float at, ab;
+    maps_textures_widths(&maps->fit->texels[i], &at, &ab);
+    *ret = powf(at * ab, 0.25F);
+}
+static void maps_textures_specular(const struct maps *maps, gsize i, float *ret) {
+    const struct maps_texel *t = &maps->fit->texels[i];
+    *ret = MIN(t->specular * maps_textures_grey(t) / 2, 1);
+}
+static void maps_textures_edge(const struct maps *maps, gsize i, float *ret) {
+    *ret = maps->fit->texels[i].specular;
+}
+/* The tint alone; its largest part is 1. */
+static void maps_textures_tint(const struct maps *maps, gsize i, float *ret) {
+    const float *s = maps->fit->texels[i].specular_colour;
+    const float most = MAX(MAX(s[0], s[1]), s[2]);
+    for (int c = 0; c < 3; c++)
+        ret[c] = most > 0 ? s[c] / most : 1;
+}
+static void maps_textures_normal(const struct maps *maps, gsize i, float *ret) {
+    for (int c = 0; c < 3; c++)
+        ret[c] = maps->fit->texels[i].normal[c] / 2 + 0.5F;
+}
+static void maps_textures_height(const struct maps *maps, gsize i, float *ret) {
+    *ret = maps->relief_mm > 0 ? maps->heights_mm[i] / (float)maps->relief_mm : 0;
+}
+static void maps_textures_occlusion(const struct maps *maps, gsize i, float *ret) {
+    *ret = maps->occlusion[i];
+}
+static void maps_textures_level(const struct maps *maps, gsize i, float *ret) {
+    float at, ab;
+    maps_textures_widths(&maps->fit->texels[i], &at, &ab);
+    *ret = 1 - ab / at;
+}
+static void maps_textures_angle(const struct maps *maps, gsize i, float *ret) {
+    const float *d = maps->fit->texels[i].direction;
+    const float angle = atan2f(d[1], d[0]) / (2 * (float)G_PI);
+    *ret = angle < 0 ? angle + 0.5F : angle; /* t and −t are the same */
+}
+static void maps_textures_sheen(const struct maps *maps, gsize i, float *ret) {
+    memcpy(ret, maps->fit->texels[i].sheen, sizeof(float) * 3);
+}
+static void maps_textures_coat(const struct maps *maps, gsize i, float *ret) {
+    *ret = maps->fit->texels[i].coat;
+}
+
+static const struct maps_texture textures[] = {
+    {"BaseColor", 3, 8, TRUE, maps_textures_base},
+    {"Metallic", 1, 8, FALSE, maps_textures_metallic},
+    {"Roughness", 1, 8, FALSE, maps_textures_roughness},
+    {"SpecularLevel", 1, 8, FALSE, maps_textures_specular},
+    {"SpecularEdge", 1, 8, FALSE, maps_textures_edge},
+    {"SpecularColor", 3, 8, TRUE, maps_textures_tint},
+    {"Normal", 3, 16, FALSE, maps_textures_normal},
+    {"Height", 1, 16, FALSE, maps_textures_height},
+    {"AmbientOcclusion", 1, 8, FALSE, maps_textures_occlusion},
+    {"AnisotropyLevel", 1, 8, FALSE, maps_textures_level},
+    {"AnisotropyAngle", 1, 8, FALSE, maps_textures_angle},
+    {"SheenColor", 3, 8, TRUE, maps_textures_sheen},
+    {"ClearCoat", 1, 8, FALSE, maps_textures_coat},
+};
+
+static gboolean maps_textures_has(const struct maps *maps, const struct maps_texture *texture) {
+    if (texture->fill == maps_textures_sheen)
+        return maps->fit->layers.sheen_roughness > 0;
+    if (texture->fill == maps_textures_coat)
+        return maps->fit->layers.coat_roughness > 0;
+    return TRUE;
+}
+
+/* An EXR in memory, by way of a temporary file. */
+static GBytes *maps_textures_exr(const struct maps *maps, const struct maps_texture *texture,
+                                 const float *values, GError **error) {
+    static const char *const rgb[] = {"B", "G", "R", NULL}, *const grey[] = {"Y", NULL};
+    const gsize n = (gsize)maps->width * (gsize)maps->height;
+    const gsize channels = (gsize)texture->channels;
+    const gboolean height = texture->fill == maps_textures_height;
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", error), *bytes = NULL;
+    gsize length = 0;
+    if (!folder)
+        return NULL;
+    g_autofree char *path = g_build_filename(folder, "map.exr", NULL);
+    g_autoptr(ExrFile) file = exr_file_new();
+    struct exr_part *part = exr_part_new(texture->name, maps->width, maps->height,
+                                         channels == 3 ? rgb : grey, EXR_FLOAT);
+    exr_file_add(file, part);
+    exr_set_double(part, "texel_mm", maps->texel_mm);
+    for (gsize i = 0; i < n * channels; i++)
+        part->planes[channels - 1 - i % channels][i / channels] =
+            height ? maps->heights_mm[i] : values[i];
+    if (exr_write(path, file, EXR_ZIP, FALSE, error))
+        g_file_get_contents(path, &bytes, &length, error);
+    g_unlink(path);
+    g_rmdir(folder);
+    return bytes ? g_bytes_new_take(g_steal_pointer(&bytes), length) : NULL;
+}
+
+gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error) {
+    const gsize n = (gsize)maps->width * (gsize)maps->height;
+    g_autofree float *values = g_new(float, 3 * n);
+    for (gsize k = 0; k < G_N_ELEMENTS(textures); k++) {
+        const struct maps_texture *texture = &textures[k];
+        if (!maps_textures_has(maps, texture))
+            continue;
+        for (gsize i = 0; i < n; i++)
+            texture->fill(maps, i, values + i * (gsize)texture->channels);
+        GBytes *bytes = exr ? maps_textures_exr(maps, texture, values, error)
+                            : maps_png(values, maps->width, maps->height, texture->channels,
+                                       texture->bits, texture->srgb, error);
+        if (!bytes)
+            return FALSE;
+        maps_files_take(files,
+                        g_strdup_printf("%s_%s.%s", maps->name, texture->name, exr ? "exr" : "png"),
+                        bytes);
+    }
+    return TRUE;
+}
+
+/* From black over violet and orange to white; what was not compared is grey. */
+static void maps_textures_heat(float delta_e, float ret[3]) {
+    static const float stops[5][3] = {
+        {0, 0, 0}, {0.24F, 0.06F, 0.44F}, {0.73F, 0.21F, 0.33F}, {0.98F, 0.65F, 0.2F}, {1, 1, 1}};
+    const float at = 4 * CLAMP(delta_e / MOST_DE, 0, 1);
+    const int i = MIN((int)at, 3);
+    for (int c = 0; c < 3; c++)
+        ret[c] =
+            isnan(delta_e) ? 0.5F : stops[i][c] + (at - (float)i) * (stops[i + 1][c] - stops[i][c]);
+}
+
+/* Each value as a square of cell pixels. */
+static GBytes *maps_textures_picture(const float *values, int width, int height, int cell,
+                                     GError **error) {
+    const gsize row = (gsize)width * (gsize)cell;
+    g_autofree float *rgb = g_new(float, row *(gsize)height *(gsize)cell * 3);
+    for (gsize i = 0; i < row * (gsize)height * (gsize)cell; i++)
+        maps_textures_heat(values[i / row / (gsize)cell * (gsize)width + i % row / (gsize)cell],
+                           rgb + 3 * i);
+    return maps_png(rgb, width * cell, height * cell, 3, 8, FALSE, error);
+}
+
+gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error) {
+    const struct maps_errors *errors = &maps->errors;
+    GBytes *pairs =
+        maps_textures_picture(errors->pairs, errors->n_lights, errors->n_views, CELL, error);
+    GBytes *texels =
+        pairs ? maps_textures_picture(errors->texels, maps->width, maps->height, 1, error) : NULL;
+    if (!texels) {
+        g_clear_pointer(&pairs, g_bytes_unref);
+        return FALSE;
+    }
+    maps_files_take(files, g_strdup_printf("%s_errors_directions.png", maps->name), pairs);
+    maps_files_take(files, g_strdup_printf("%s_errors_texels.png", maps->name), texels);
+    GString *table = g_string_new("view,light,delta_e\n");
+    for (int i = 0; i < errors->n_views * errors->n_lights; i++) {
+        char number[G_ASCII_DTOSTR_BUF_SIZE];
+        g_ascii_formatd(number, sizeof number, "%.4f", (double)errors->pairs[i]);
+        g_string_append_printf(table, "%d,%d,%s\n", i / errors->n_lights, i % errors->n_lights,
+                               number);
+    }
+    maps_files_take_text(files, g_strdup_printf("%s_errors.csv", maps->name), table);
+    return TRUE;
+}

@@ -1,0 +1,456 @@
+/* Maps of materials that are known by formula: what was planted is found again, and files say the
+ * same to a reader and evaluator apart from ours (gltf_peer.py). */
+#include "base/data_error.h"
+#include "base/direction.h"
+#include "maps/maps.h"
+#include "maps/maps_private.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+#include <sys/mount.h>
+
+#include "lib/assert_error.h"
+#include "lib/btf_fixture.h"
+#include "lib/process.h"
+#include "lib/session_fixture.h"
+#include "lib/skip.h"
+
+#define WIDTH  8
+#define HEIGHT 6
+#define TEXELS (WIDTH * HEIGHT)
+#define DEG    (180 / G_PI)
+
+static const struct work quietly = {.n_threads = 2};
+
+/* What a texel is made of. */
+struct planted {
+    double base[3], metallic, along, across, turn, normal[3];
+};
+
+static struct planted planted_at(int texel, gboolean anisotropic) {
+    const int x = texel % WIDTH, y = texel / WIDTH;
+    const double tilt = 20 / DEG * x / WIDTH, towards = 1.1 * texel;
+    struct planted ret = {
+        .base = {0.15 + 0.08 * x, 0.5 - 0.04 * y, 0.3},
+        .metallic = y >= HEIGHT / 2,
+        .along = pow(0.3 + 0.05 * y, 2),
+        .turn = 0.4 * x,
+        .normal = {sin(tilt) * cos(towards), sin(tilt) * sin(towards), cos(tilt)}};
+    ret.across = ret.along;
+    if (anisotropic)
+        ret.along *= 2.5;
+    return ret;
+}
+
+/* Smith's Λ of a stretched GGX (Heitz 2014): (−1 + √(1 + (αt² x² + αb² y²) / z²)) / 2. */
+static double smith(const struct planted *p, const double d[3]) {
+    const double x = p->along * d[0] / d[2], y = p->across * d[1] / d[2];
+    return (sqrt(1 + x * x + y * y) - 1) / 2;
+}
+
+/* Into the frame of the texel's tangent, bitangent and normal. */
+static void turned(const struct planted *p, const float *d, double ret[3]) {
+    const double n[3] = {p->normal[0], p->normal[1], p->normal[2]};
+    double t[3] = {cos(p->turn), sin(p->turn), 0};
+    const double along = t[0] * n[0] + t[1] * n[1];
+    double length = 0;
+    for (int i = 0; i < 3; i++) {
+        t[i] -= along * n[i];
+        length += t[i] * t[i];
+    }
+    for (int i = 0; i < 3; i++)
+        t[i] /= sqrt(length);
+    const double b[3] = {n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2],
+                         n[0] * t[1] - n[1] * t[0]};
+    const double *const axes[3] = {t, b, n};
+    for (int k = 0; k < 3; k++) {
+        ret[k] = 0;
+        for (int i = 0; i < 3; i++)
+            ret[k] += axes[k][i] * (double)d[i];
+    }
+}
+
+/* π f n·l of Cook and Torrance's model: D F G / (4 n·l n·v), and Lambert below Fresnel's factor. */
+static void planted_value(const struct planted *p, const float *view, const float *light,
+                          float ret[3]) {
+    double v[3], l[3], h[3], length = 0;
+    turned(p, view, v);
+    turned(p, light, l);
+    memset(ret, 0, sizeof(float) * 3);
+    if (v[2] <= 0 || l[2] <= 0)
+        return;
+    for (int i = 0; i < 3; i++) {
+        h[i] = v[i] + l[i];
+        length += h[i] * h[i];
+    }
+    for (int i = 0; i < 3; i++)
+        h[i] /= sqrt(length);
+    /* D = 1 / (π αt αb cos⁴θ (1 + tan²θ (cos²φ / αt² + sin²φ / αb²))²) */
+    const double x = h[0] / h[2] / p->along, y = h[1] / h[2] / p->across;
+    const double d = 1 / (G_PI * p->along * p->across * pow(h[2], 4) * pow(1 + x * x + y * y, 2));
+    const double g = 1 / (1 + smith(p, v) + smith(p, l));
+    const double lobe = d * g / (4 * v[2]); /* times n·l */
+    const double f5 = pow(1 - (v[0] * h[0] + v[1] * h[1] + v[2] * h[2]), 5);
+    for (int c = 0; c < 3; c++) {
+        const double f0 = p->metallic > 0 ? p->base[c] : 0.04, f = f0 + (1 - f0) * f5;
+        const double diffuse = p->metallic > 0 ? 0 : (1 - f) * p->base[c] / G_PI * l[2];
+        ret[c] = (float)(G_PI * (diffuse + f * lobe));
+    }
+}
+
+enum trouble { NONE, HOLES, SHADOW };
+
+static struct btf_matrix *planted_btf(gboolean anisotropic, enum trouble trouble) {
+    struct btf_matrix *btf = btf_fixture_of("planted", WIDTH, HEIGHT, btf_fixture_rings(3, 65, 5),
+                                            btf_fixture_rings(4, 72, 11));
+    const gsize n_views = btf->layout.views.n, n_lights = btf->layout.lights.n;
+    g_autofree float *views = direction_list_vectors(&btf->layout.views);
+    g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
+    for (int t = 0; t < TEXELS; t++) {
+        const struct planted p = planted_at(t, anisotropic);
+        for (gsize i = 0; i < n_views * n_lights; i++) {
+            float *value = btf->values + ((gsize)t * n_views * n_lights + i) * 3;
+            const float *light = lights + i % n_lights * 3;
+            planted_value(&p, views + i / n_lights * 3, light, value);
+            if (trouble == HOLES && (i * 7 + (gsize)t) % 5 == 0)
+                value[0] = value[1] = value[2] = NAN;
+            if (trouble == SHADOW && light[0] < -0.75F) /* a wall in the west */
+                value[0] = value[1] = value[2] = 0.004F;
+        }
+    }
+    return btf;
+}
+
+/* The largest errors over all texels. */
+struct found {
+    double base, metallic, roughness, normal_deg, turn_deg;
+};
+
+static struct found compare(const struct maps *maps, gboolean anisotropic) {
+    struct found ret = {0};
+    for (int t = 0; t < TEXELS; t++) {
+        const struct planted p = planted_at(t, anisotropic);
+        const struct maps_texel *f = &maps->fit->texels[t];
+        const double alpha = (double)f->roughness * f->roughness;
+        const double along = alpha + (1 - alpha) * (double)f->anisotropy * f->anisotropy;
+        double cosine = 0;
+        for (int c = 0; c < 3; c++) {
+            ret.base = MAX(ret.base, fabs((double)f->base[c] - p.base[c]));
+            cosine += (double)f->normal[c] * p.normal[c];
+        }
+        ret.metallic = MAX(ret.metallic, fabs((double)f->metallic - p.metallic));
+        ret.roughness = MAX(ret.roughness, fabs(sqrt(along) - sqrt(p.along)));
+        ret.roughness = MAX(ret.roughness, fabs((double)f->roughness - sqrt(p.across)));
+        ret.normal_deg = MAX(ret.normal_deg, acos(MIN(cosine, 1)) * DEG);
+        const double turn =
+            (double)f->direction[0] * sin(p.turn) - (double)f->direction[1] * cos(p.turn);
+        ret.turn_deg = MAX(ret.turn_deg, asin(MIN(fabs(turn), 1)) * DEG);
+    }
+    g_test_message("base %.4f, metallic %.4f, roughness %.4f, normal %.3f deg, turn %.2f deg off; "
+                   "CIEDE2000 %.3f, %.2f %% RMS",
+                   ret.base, ret.metallic, ret.roughness, ret.normal_deg, ret.turn_deg,
+                   maps->errors.delta_e, 100 * maps->errors.relative_error);
+    return ret;
+}
+
+static struct maps *maps_of_btf(const struct btf_matrix *btf) {
+    g_autoptr(GError) error = NULL;
+    struct maps *ret = maps_new_of(btf, &quietly, &error);
+    g_assert_no_error(error);
+    return ret;
+}
+
+static void test_planted(void) {
+    for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
+        g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
+        g_autoptr(Maps) maps = maps_of_btf(btf);
+        const struct found off = compare(maps, anisotropic);
+        g_assert_cmpfloat(off.base, <, 0.03);
+        g_assert_cmpfloat(off.metallic, <, 0.03);
+        g_assert_cmpfloat(off.roughness, <, 0.02);
+        g_assert_cmpfloat(off.normal_deg, <, 1);
+        g_assert_cmpfloat(maps->errors.delta_e, <, 0.5);
+        g_assert_cmpint(maps->anisotropic, ==, anisotropic);
+        if (anisotropic)
+            g_assert_cmpfloat(off.turn_deg, <, 3);
+        g_assert_cmpfloat(maps->fit->layers.sheen_roughness, ==, 0);
+        g_assert_cmpfloat(maps->fit->layers.coat_roughness, ==, 0);
+    }
+}
+
+/* A fifth of the values missing; and a wall that keeps light from the west away. */
+static void test_trouble(void) {
+    for (enum trouble trouble = HOLES; trouble <= SHADOW; trouble++) {
+        g_autoptr(BtfMatrix) btf = planted_btf(FALSE, trouble);
+        g_autoptr(Maps) maps = maps_of_btf(btf);
+        const struct found off = compare(maps, FALSE);
+        g_assert_cmpfloat(off.base, <, trouble == SHADOW ? 0.15 : 0.03);
+        g_assert_cmpfloat(off.roughness, <, trouble == SHADOW ? 0.2 : 0.02);
+        g_assert_cmpfloat(off.normal_deg, <, trouble == SHADOW ? 8 : 1);
+    }
+}
+
+/* Writes the files of a set that a .glb is the first of. */
+static char *write_gltf(const struct maps *maps, const char *name, gboolean text) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(MapsFiles) files = maps_files_new();
+    char *path = g_build_filename(session_fixture_folder, name, NULL);
+    g_assert_true(maps_add_gltf(maps, name, text, MAPS_PLANE | MAPS_SPHERE, files, &error));
+    g_assert_true(maps_files_write_beside(files, path, &error));
+    g_assert_no_error(error);
+    g_assert_false(maps_files_write_beside(files, path, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
+    return path;
+}
+
+#define QUERIES 600
+
+/* The file read and evaluated by others, against our evaluation and against what was planted. */
+static void test_gltf(void) {
+    for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
+        g_autoptr(Maps) maps = maps_of_btf(btf);
+        g_autofree char *path = write_gltf(maps, anisotropic ? "a.glb" : "i.glb", FALSE);
+        g_autofree float *views = direction_list_vectors(&btf->layout.views);
+        g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
+        GString *queries = g_string_new(NULL);
+        g_autofree char *out = NULL, *complaint = NULL;
+        double largest = 0, squares = 0, all = 0;
+        for (int i = 0; i < QUERIES; i++) {
+            const int t = i * 29 % TEXELS;
+            const float *v = views + (gsize)i * 13 % btf->layout.views.n * 3;
+            const float *l = lights + (gsize)i * 17 % btf->layout.lights.n * 3;
+            g_string_append_printf(queries, "%d %d %.9g %.9g %.9g %.9g %.9g %.9g\n", t % WIDTH,
+                                   t / WIDTH, (double)v[0], (double)v[1], (double)v[2],
+                                   (double)l[0], (double)l[1], (double)l[2]);
+        }
+        const char *argv[] = {"python3", SOURCE_DIR "/tests/processing/maps/gltf_peer.py", path,
+                              NULL};
+        GSubprocess *peer = process_start(
+            G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE, NULL, argv);
+        g_assert_true(
+            g_subprocess_communicate_utf8(peer, queries->str, NULL, &out, &complaint, &error));
+        g_assert_no_error(error);
+        g_string_free(queries, TRUE);
+        g_object_unref(peer);
+        g_auto(GStrv) lines = g_strsplit(out, "\n", -1);
+        g_assert_cmpint(g_strv_length(lines), ==, QUERIES + 1);
+        for (int i = 0; i < QUERIES; i++) {
+            const int t = i * 29 % TEXELS;
+            const gsize v = (gsize)i * 13 % btf->layout.views.n;
+            const gsize l = (gsize)i * 17 % btf->layout.lights.n;
+            const struct maps_texel texel = maps_rounded(maps, (gsize)t);
+            const float *truth =
+                btf->values + (((gsize)t * btf->layout.views.n + v) * btf->layout.lights.n + l) * 3;
+            float ours[3];
+            char *at = lines[i];
+            maps_evaluate(&maps->fit->layers, &texel, views + 3 * v, lights + 3 * l, ours);
+            for (int c = 0; c < 3; c++) {
+                const double theirs = g_ascii_strtod(at, &at);
+                largest = MAX(largest, fabs(theirs - (double)ours[c]) / (0.01 + theirs));
+                squares += pow(theirs - (double)truth[c], 2);
+                all += pow((double)truth[c], 2);
+            }
+        }
+        g_test_message(
+            "evaluators differ by %.2g at most; the file from what was planted by %.2f %%", largest,
+            100 * sqrt(squares / all));
+        g_assert_cmpfloat(largest, <, 1e-4);
+        g_assert_cmpfloat(sqrt(squares / all), <, 0.05);
+    }
+}
+
+/* Cloth of our own model: that its sheen is noticed, and its roughness among those that are tried.
+ */
+static void test_layers(void) {
+    g_autoptr(GError) error = NULL;
+    const struct maps_layers cloth = maps_layers_new(0.6, 0);
+    const struct maps_texel texel = {.base = {0.1F, 0.05F, 0.2F},
+                                     .roughness = 0.9F,
+                                     .specular = 0.2F,
+                                     .specular_colour = {1, 1, 1},
+                                     .direction = {1, 0},
+                                     .normal = {0, 0, 1},
+                                     .sheen = {0.6F, 0.5F, 0.7F}};
+    g_autoptr(BtfMatrix) btf = planted_btf(FALSE, NONE);
+    g_autofree float *views = direction_list_vectors(&btf->layout.views);
+    g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
+    const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
+    for (gsize i = 0; i < TEXELS * n; i++)
+        maps_evaluate(&cloth, &texel, views + i % n / n_lights * 3, lights + i % n_lights * 3,
+                      btf->values + 3 * i);
+    g_autoptr(Maps) maps = maps_of_btf(btf);
+    g_test_message("sheen of roughness %.2f, CIEDE2000 %.3f",
+                   (double)maps->fit->layers.sheen_roughness, maps->errors.delta_e);
+    g_assert_cmpfloat_with_epsilon(maps->fit->layers.sheen_roughness, 0.6, 1e-6);
+    g_assert_cmpfloat(maps->errors.delta_e, <, 1);
+    /* What a white sky loses to the layer is what the layer sends back: at most all. */
+    for (int i = 1; i <= 8; i++) {
+        const double e = maps_sheen_albedo(&cloth, i / 8.0);
+        g_assert_cmpfloat(e, >, 0);
+        g_assert_cmpfloat(e, <, 1);
+    }
+    g_autofree char *path = write_gltf(maps, "cloth.glb", FALSE);
+    g_autofree char *bytes = NULL;
+    gsize length;
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    bytes[length - 1] = '\0';
+    for (gsize i = 20; i < length - 1 && i < 4000; i++)
+        bytes[i] = bytes[i] ? bytes[i] : ' ';
+    g_assert_nonnull(strstr(bytes + 20, "KHR_materials_sheen"));
+}
+
+/* A groove of two walls that rise by the slope s: of a white sky (1 + s²)^−½ arrives at its bottom
+ * (∫ cos²θ(φ) dφ / 2π with tan θ = s |cos φ|). */
+static void test_occlusion(void) {
+    enum { SIDE = 97 };
+    g_autofree float *heights = g_new(float, SIDE *SIDE), *occlusion = g_new(float, SIDE *SIDE);
+    for (int k = 0; k <= 3; k++) {
+        const double slope = 0.5 * k;
+        for (int i = 0; i < SIDE * SIDE; i++)
+            heights[i] = (float)(slope * abs(i % SIDE - SIDE / 2));
+        g_assert_true(maps_find_occlusion(heights, SIDE, SIDE, &quietly, occlusion, NULL));
+        const double found = occlusion[SIDE / 2 * SIDE + SIDE / 2];
+        g_test_message("slope %.1f: %.4f of the sky", slope, found);
+        g_assert_cmpfloat_with_epsilon(found, 1 / sqrt(1 + slope * slope), 0.02);
+    }
+}
+
+/* A session from another program's file: 5 × 3 texels, three views, no MDF. */
+static char *import_session(const char *name) {
+    g_autofree char *btf = g_strdup_printf("%s/%s.btf", session_fixture_folder, name);
+    g_autofree char *values = g_strconcat(btf, ".values", NULL);
+    char *session = g_strdup_printf("%s/%s.session", session_fixture_folder, name);
+    const char *argv[] = {"python3", SOURCE_DIR "/tests/bonn_peer.py", "write", "bdi", btf, values,
+                          NULL};
+    g_free(process_text(0, argv));
+    g_free(process_mesorig(0, "import btf %s -o %s", btf, session));
+    return session;
+}
+
+static void assert_nothing_left(const char *folder) {
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+    const char *name;
+    while ((name = g_dir_read_name(dir)))
+        g_assert_false(g_str_has_prefix(name, ".") || g_str_has_suffix(name, ".part"));
+}
+
+static void test_command(void) {
+    g_autofree char *session = import_session("small");
+    g_autofree char *base = g_build_filename(session_fixture_folder, "out", NULL);
+    static const char *const kinds[] = {"maps", "materialx", "blender"};
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
+        g_autofree char *said =
+            process_mesorig(0, "export %s %s -o %s_%s --json", kinds[i], session, base, kinds[i]);
+        assert_has(said, "\"heights\": \"normals\"");
+        assert_has(said, "\"delta_e\": ");
+        g_autofree char *again =
+            process_mesorig(1, "export %s %s -o %s_%s", kinds[i], session, base, kinds[i]);
+        assert_has(again, "exists already: give another name with -o, or remove it");
+        static const char *const maps[] = {"BaseColor", "Roughness", "Normal", "Height"};
+        for (gsize k = 0; k < G_N_ELEMENTS(maps); k++) {
+            g_autofree char *file = g_strdup_printf("%s_%s/small_%s.png", base, kinds[i], maps[k]);
+            g_assert_true(g_file_test(file, G_FILE_TEST_IS_REGULAR));
+        }
+    }
+    g_free(process_mesorig(0, "export maps %s -o %s_exr --format exr", session, base));
+    g_autofree char *exr = g_strconcat(base, "_exr/small_BaseColor.exr", NULL);
+    g_autoptr(ExrPart) part = exr_read_part(exr, "BaseColor", NULL);
+    g_assert_true(part && part->width == 5 && part->height == 3);
+    g_free(process_mesorig(0, "export gltf %s -o %s.gltf --shape plane", session, base));
+    g_autofree char *second = process_mesorig(1, "export gltf %s -o %s.gltf", session, base);
+    assert_has(second, "exists already");
+    const char *lint[] = {"xmllint", "--noout", NULL, NULL, NULL};
+    g_autofree char *open = g_strconcat(base, "_materialx/small_openpbr.mtlx", NULL);
+    g_autofree char *standard = g_strconcat(base, "_materialx/small_standard_surface.mtlx", NULL);
+    g_autofree char *xmllint = g_find_program_in_path("xmllint");
+    lint[2] = open;
+    lint[3] = standard;
+    if (xmllint)
+        g_free(process_text(0, lint));
+    assert_nothing_left(session_fixture_folder);
+}
+
+static void test_bad(void) {
+    g_autofree char *session = import_session("bad");
+    g_autofree char *base = g_build_filename(session_fixture_folder, "refused", NULL);
+    g_autofree char *none = process_mesorig(1, "export maps %s", session);
+    assert_has(none, "give -o FOLDER");
+    g_autofree char *format =
+        process_mesorig(2, "export maps %s -o %s --format tiff", session, base);
+    assert_has(format, "choose from: png, exr");
+    g_autofree char *shape =
+        process_mesorig(2, "export gltf %s -o %s.glb --shape cube", session, base);
+    assert_has(shape, "choose from: plane, sphere, both");
+    g_autofree char *end = process_mesorig(1, "export gltf %s -o %s.obj", session, base);
+    assert_has(end, "give a name that ends in .glb");
+    g_autofree char *folder =
+        process_mesorig(1, "export maps %s -o %s/there/is/none", session, session_fixture_folder);
+    assert_has(folder, "make it first");
+    g_autofree char *other =
+        process_mesorig(1, "export gltf %s -o %s.glb", session_fixture_folder, base);
+    assert_has(other, session_fixture_folder);
+    g_autofree char *file = g_strconcat(base, ".glb", NULL);
+    g_assert_false(g_file_test(base, G_FILE_TEST_EXISTS));
+    g_assert_false(g_file_test(file, G_FILE_TEST_EXISTS));
+    assert_nothing_left(session_fixture_folder);
+    /* All black; and more texels than maps may have, whose values are never looked at. */
+    g_autoptr(GError) error = NULL;
+    g_autoptr(BtfMatrix) black = btf_fixture_new("black", 4, 3, 2, 5);
+    g_assert_null(maps_new_of(black, &quietly, &error));
+    assert_has(error->message, "black: all of its values are 0 or missing");
+    g_clear_error(&error);
+    black->layout.width = 4097;
+    black->layout.height = 4096;
+    g_assert_null(maps_new_of(black, &quietly, &error));
+    assert_has(error->message, "4097 × 4096 texels are more than the maps of an export may have");
+    black->layout.width = 4;
+    black->layout.height = 3;
+}
+
+/* One view and a single light: nothing but a colour can be known, and it is. */
+static void test_little(void) {
+    g_autoptr(BtfMatrix) btf =
+        btf_fixture_of("little", 2, 2, direction_list_new(1), direction_list_new(1));
+    for (int i = 0; i < 12; i++)
+        btf->values[i] = 0.1F * (float)(1 + i % 3);
+    g_autoptr(Maps) maps = maps_of_btf(btf);
+    g_test_message("CIEDE2000 %.3f", maps->errors.delta_e);
+    g_assert_cmpfloat(maps->errors.delta_e, <, 1.5);
+    for (int t = 0; t < 4; t++)
+        g_assert_cmpfloat(maps->fit->texels[t].normal[2], >, 0.95);
+}
+
+static void test_full_disk(void) {
+    g_autofree char *session = import_session("full");
+    g_autofree char *disk = g_build_filename(session_fixture_folder, "disk", NULL);
+    g_assert_cmpint(g_mkdir(disk, 0777), ==, 0);
+    if (mount("mesorig-test", disk, "tmpfs", 0, "size=8k") != 0) {
+        test_skip_or_fail("a disk cannot be mounted here");
+        return;
+    }
+    g_autofree char *maps = process_mesorig(1, "export maps %s -o %s/maps", session, disk);
+    g_autofree char *gltf = process_mesorig(1, "export gltf %s -o %s/a.glb", session, disk);
+    assert_has(maps, "free some space and export again");
+    assert_has(gltf, "free some space and export again");
+    g_autoptr(GDir) dir = g_dir_open(disk, 0, NULL);
+    g_assert_null(g_dir_read_name(dir));
+    g_clear_pointer(&dir, g_dir_close);
+    g_assert_cmpint(umount2(disk, MNT_DETACH), ==, 0);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/maps/planted", test_planted);
+    g_test_add_func("/maps/trouble", test_trouble);
+    g_test_add_func("/maps/gltf", test_gltf);
+    g_test_add_func("/maps/layers", test_layers);
+    g_test_add_func("/maps/occlusion", test_occlusion);
+    g_test_add_func("/maps/little", test_little);
+    g_test_add_func("/maps/command", test_command);
+    g_test_add_func("/maps/bad", test_bad);
+    g_test_add_func("/maps/full_disk", test_full_disk);
+    return session_fixture_run();
+}
