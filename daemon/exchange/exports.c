@@ -16,8 +16,10 @@ gboolean exchange_check_output(const char *output, const char *what, const char 
     return FALSE;
 }
 
-static const struct command *const commands[] = {&exchange_btf, &exchange_points, &exchange_height,
-                                                 &exchange_normals, NULL};
+static const struct command *const commands[] = {
+    &exchange_btf,     &exchange_points,  &exchange_height,
+    &exchange_normals, &exchange_bsdf,    &exchange_merl,
+    &exchange_ptm,     &exchange_relight, NULL};
 
 const struct command exchange_export = {
     .name = "export",
