@@ -17,7 +17,6 @@ struct call {
 struct command {
     const char *name, *arguments, *help;
     const char *examples;        /* for people, a line each with two blanks before it */
-    const char *const *words;    /* what its first argument may be, ending with NULL; or NULL */
     const GOptionEntry *options; /* its own, or NULL */
     const GOptionEntry *(*list_options)(
         void);        /* in place of options: made when they are asked for */

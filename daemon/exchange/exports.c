@@ -16,9 +16,13 @@ gboolean exchange_check_output(const char *output, const char *what, const char 
     return FALSE;
 }
 
-static const struct command *const commands[] = {
-    &exchange_btf,  &exchange_points, &exchange_height,    &exchange_normals, &exchange_web,
-    &exchange_maps, &exchange_gltf,   &exchange_materialx, &exchange_blender, NULL};
+static const struct command *const commands[] = {&exchange_btf,     &exchange_points,
+                                                 &exchange_height,  &exchange_normals,
+                                                 &exchange_web,     &exchange_maps,
+                                                 &exchange_gltf,    &exchange_materialx,
+                                                 &exchange_blender, &exchange_bsdf,
+                                                 &exchange_merl,    &exchange_ptm,
+                                                 &exchange_relight, NULL};
 
 const struct command exchange_export = {
     .name = "export",

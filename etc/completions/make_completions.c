@@ -81,8 +81,6 @@ static GArray *values_of_arguments(const struct command *command, gboolean *ret_
         for (guint i = 0; i < most && words[i] && *words[i] && *words[i] != '-'; i++) {
             if (values->len == i) {
                 struct value value = value_new();
-                for (const char *const *word = command->words; i == 0 && word && *word; word++)
-                    append_word(value.words, *word);
                 for (const struct command *const *child = command->children;
                      i == 0 && child && *child; child++)
                     append_word(value.words, strrchr((*child)->name, ' ') + 1);

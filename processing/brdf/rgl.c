@@ -1,0 +1,243 @@
+#include "rgl_private.h"
+
+#include <string.h>
+
+#include "base/data_error.h"
+#include "tensor_file.h"
+#include "warp.h"
+
+#define MOST_NODES 4096
+
+struct rgl {
+    TensorFile *file;
+    int n_phi, n_theta, n_channels;
+    const float *phi, *theta; /* of the file */
+    struct warp_table ndf, sigma, values;
+    Warp *vndf;
+    double *colours; /* n_channels × 3: R, G, B of each channel */
+    gboolean isotropic, jacobian;
+    int reduction; /* 1: all azimuths; 2, 4: a half, a quarter */
+    char *description;
+};
+
+void rgl_free(struct rgl *rgl) {
+    if (!rgl)
+        return;
+    tensor_file_free(rgl->file);
+    warp_free(rgl->vndf);
+    g_free(rgl->colours);
+    g_free(rgl->description);
+    g_free(rgl);
+}
+
+/* A field of float32 (or of bytes) with as many dimensions, none of them 0 or above MOST_NODES. */
+static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *path,
+                                            const char *name, int n_dimensions, GError **error) {
+    const struct tensor_field *field = tensor_file_field(rgl->file, name);
+    const enum tensor_type type = strcmp(name, "jacobian") == 0 ? TENSOR_UINT8 : TENSOR_FLOAT32;
+    if (!field) {
+        data_error_set(path, 0, error, "it has no field “%s”, which a BRDF of RGL's has", name);
+        return NULL;
+    }
+    gboolean good = field->type == type && field->n_dimensions == n_dimensions;
+    for (int i = 0; good && i < n_dimensions; i++)
+        good = field->shape[i] >= 1 && field->shape[i] <= MOST_NODES;
+    const float *values = field->values;
+    for (gsize i = 0; good && type == TENSOR_FLOAT32 && i < field->n_values; i++)
+        good = isfinite(values[i]);
+    if (good)
+        return field;
+    data_error_set(path, 0, error,
+                   "its field “%s” does not have %d dimensions of 1 to %d finite numbers (%s)",
+                   name, n_dimensions, MOST_NODES, type == TENSOR_FLOAT32 ? "float32" : "uint8");
+    return NULL;
+}
+
+static gboolean rgl_read_nodes(const struct rgl *rgl, const char *path, const char *name,
+                               const float **ret, int *ret_n, GError **error) {
+    const struct tensor_field *field = rgl_field(rgl, path, name, 1, error);
+    if (!field)
+        return FALSE;
+    *ret = field->values;
+    *ret_n = (int)field->shape[0];
+    for (int i = 1; i < *ret_n; i++)
+        if ((*ret)[i] <= (*ret)[i - 1])
+            return data_error_fail(path, 0, error, "its field “%s” does not ascend at number %d",
+                                   name, i + 1);
+    return TRUE;
+}
+
+static gboolean rgl_read_table(const struct rgl *rgl, const char *path, const char *name,
+                               struct warp_table *ret, GError **error) {
+    const struct tensor_field *field = rgl_field(rgl, path, name, 2, error);
+    if (!field)
+        return FALSE;
+    *ret = (struct warp_table){.width = (int)field->shape[1],
+                               .height = (int)field->shape[0],
+                               .n_slices = 1,
+                               .values = field->values};
+    return TRUE;
+}
+
+static gboolean rgl_fits(const struct rgl *rgl, const char *path, const struct tensor_field *field,
+                         GError **error) {
+    return (field->shape[0] == (gsize)rgl->n_phi && field->shape[1] == (gsize)rgl->n_theta) ||
+           data_error_fail(path, 0, error,
+                           "its field “%s” has %zu × %zu directions of incidence, phi_i and "
+                           "theta_i %d × %d",
+                           field->name, field->shape[0], field->shape[1], rgl->n_phi, rgl->n_theta);
+}
+
+static gboolean rgl_read_colours(struct rgl *rgl, const char *path,
+                                 const struct tensor_field *field, GError **error) {
+    rgl->n_channels = (int)field->shape[2];
+    rgl->colours = g_new0(double, 3 * (gsize)rgl->n_channels);
+    if (strcmp(field->name, "rgb") == 0) {
+        for (int c = 0; c < 3 && rgl->n_channels == 3; c++)
+            rgl->colours[3 * c + c] = 1;
+        return rgl->n_channels == 3 ||
+               data_error_fail(path, 0, error, "its field “rgb” has %d channels", rgl->n_channels);
+    }
+    const float *wavelengths;
+    int n;
+    if (!rgl_read_nodes(rgl, path, "wavelengths", &wavelengths, &n, error))
+        return FALSE;
+    if (n != rgl->n_channels)
+        return data_error_fail(path, 0, error,
+                               "its field “spectra” has %d wavelengths, “wavelengths” %d",
+                               rgl->n_channels, n);
+    rgl_colour_weights(wavelengths, n, rgl->colours);
+    return TRUE;
+}
+
+static gboolean rgl_read_values(struct rgl *rgl, const char *path, GError **error) {
+    const char *name = tensor_file_field(rgl->file, "rgb") ? "rgb" : "spectra";
+    const struct tensor_field *field = rgl_field(rgl, path, name, 5, error);
+    const struct tensor_field *vndf = rgl_field(rgl, path, "vndf", 4, field ? error : NULL);
+    if (!field || !vndf || !rgl_fits(rgl, path, field, error) || !rgl_fits(rgl, path, vndf, error))
+        return FALSE;
+    const gsize slices = (gsize)rgl->n_phi * (gsize)rgl->n_theta;
+    rgl->values = (struct warp_table){.width = (int)field->shape[4],
+                                      .height = (int)field->shape[3],
+                                      .n_slices = (int)(slices * field->shape[2]),
+                                      .values = field->values};
+    if (vndf->shape[2] < 2 || vndf->shape[3] < 2 ||
+        !(rgl->vndf =
+              warp_new((int)vndf->shape[3], (int)vndf->shape[2], (int)slices, vndf->values)))
+        return data_error_fail(path, 0, error,
+                               "its field “vndf” is no density: it needs 2 × 2 numbers or more for "
+                               "each direction of incidence, none negative and not all zero");
+    return rgl_read_colours(rgl, path, field, error);
+}
+
+static gboolean rgl_read_fields(struct rgl *rgl, const char *path, GError **error) {
+    if (!rgl_read_nodes(rgl, path, "phi_i", &rgl->phi, &rgl->n_phi, error) ||
+        !rgl_read_nodes(rgl, path, "theta_i", &rgl->theta, &rgl->n_theta, error) ||
+        !rgl_read_table(rgl, path, "ndf", &rgl->ndf, error) ||
+        !rgl_read_table(rgl, path, "sigma", &rgl->sigma, error))
+        return FALSE;
+    const struct tensor_field *jacobian = rgl_field(rgl, path, "jacobian", 1, error);
+    if (!jacobian || !rgl_read_values(rgl, path, error))
+        return FALSE;
+    rgl->jacobian = *(const guint8 *)jacobian->values != 0;
+    rgl->isotropic = rgl->n_phi <= 2;
+    rgl->reduction = 1;
+    if (!rgl->isotropic) {
+        const double range = (double)rgl->phi[rgl->n_phi - 1] - (double)rgl->phi[0];
+        rgl->reduction = (int)CLAMP(lround(2 * G_PI / range), 1, 5);
+        if (rgl->reduction == 3 || rgl->reduction == 5)
+            return data_error_fail(path, 0, error,
+                                   "phi_i covers %.0f degrees; all, a half or a quarter of the "
+                                   "azimuths are read",
+                                   range * 180 / G_PI);
+    }
+    const struct tensor_field *text = tensor_file_field(rgl->file, "description");
+    if (text && text->type == TENSOR_UINT8) {
+        g_autofree char *raw = g_strndup(text->values, text->bytes);
+        rgl->description = g_utf8_make_valid(raw, -1);
+    }
+    return TRUE;
+}
+
+struct rgl *rgl_read(const char *path, GError **error) {
+    struct rgl *rgl = g_new0(struct rgl, 1);
+    rgl->file = tensor_file_read(path, error);
+    if (!rgl->file || !rgl_read_fields(rgl, path, error))
+        g_clear_pointer(&rgl, rgl_free);
+    return rgl;
+}
+
+gboolean rgl_is_isotropic(const struct rgl *rgl) {
+    return rgl->isotropic;
+}
+
+const char *rgl_description(const struct rgl *rgl) {
+    return rgl->description;
+}
+
+/* The angle from the normal, without the loss of digits that acos() has near it. */
+static double rgl_elevation(const double d[3]) {
+    return 2 * asin(MIN(0.5 * sqrt(d[0] * d[0] + d[1] * d[1] + (d[2] - 1) * (d[2] - 1)), 1));
+}
+
+/* Into the azimuths that the file holds: those of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
+static void rgl_mirror(const struct rgl *rgl, double in[3], double out[3]) {
+    if (rgl->reduction < 2)
+        return;
+    const double sy = in[1] > 0 ? -1 : 1;
+    const double sx = rgl->reduction == 4 ? (in[0] > 0 ? -1 : 1) : sy;
+    in[0] *= sx, out[0] *= sx;
+    in[1] *= sy, out[1] *= sy;
+}
+
+/* The slices of the directions of incidence around one. */
+static struct warp_slices rgl_slices(const struct rgl *rgl, double phi, double theta) {
+    struct warp_slices ret = {.n = 0};
+    int i, j;
+    double a, b;
+    warp_interval(rgl->phi, rgl->n_phi, phi, &i, &a);
+    warp_interval(rgl->theta, rgl->n_theta, theta, &j, &b);
+    for (int k = 0; k < 4; k++) {
+        const double weight = (k / 2 ? a : 1 - a) * (k % 2 ? b : 1 - b);
+        if (weight == 0)
+            continue;
+        ret.index[ret.n] = (i + k / 2) * rgl->n_theta + j + k % 2;
+        ret.weight[ret.n++] = weight;
+    }
+    return ret;
+}
+
+void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[3], float ret[3]) {
+    static const struct warp_slices only = {1, {0}, {1}};
+    double in[3], out[3], m[3], length = 0, sample[2];
+    for (int k = 0; k < 3; k++)
+        in[k] = (double)light[k], out[k] = (double)view[k];
+    rgl_mirror(rgl, in, out);
+    for (int k = 0; k < 3; k++) {
+        m[k] = in[k] + out[k];
+        length += m[k] * m[k];
+    }
+    for (int k = 0; k < 3; k++)
+        m[k] /= sqrt(length);
+    const double theta_i = rgl_elevation(in), phi_i = atan2(in[1], in[0]);
+    const double phi_m = atan2(m[1], m[0]) - (rgl->isotropic ? phi_i : 0);
+    const double u = rgl_u_of_theta(rgl_elevation(m)), u_phi = rgl_u_of_phi(phi_m);
+    const struct warp_slices slices = rgl_slices(rgl, phi_i, theta_i);
+    double factor = 1, rgb[3] = {0};
+    warp_invert(rgl->vndf, &slices, u, u_phi, sample);
+    if (rgl->jacobian) {
+        const double sigma = warp_table_value(&rgl->sigma, &only, rgl_u_of_theta(theta_i),
+                                              (phi_i + G_PI) / (2 * G_PI));
+        factor = warp_table_value(&rgl->ndf, &only, u, u_phi) / (4 * sigma);
+    }
+    for (int k = 0; k < rgl->n_channels; k++) {
+        struct warp_slices channel = slices;
+        for (int i = 0; i < slices.n; i++)
+            channel.index[i] = slices.index[i] * rgl->n_channels + k;
+        const double value = warp_table_value(&rgl->values, &channel, sample[0], sample[1]);
+        for (int c = 0; c < 3; c++)
+            rgb[c] += rgl->colours[3 * k + c] * value;
+    }
+    for (int c = 0; c < 3; c++)
+        ret[c] = (float)(rgb[c] * factor);
+}

@@ -1,0 +1,161 @@
+#include "utia.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/input_file.h"
+#include "exr/exr.h"
+
+#define STEP_THETA_DEG 15.0
+#define STEP_PHI_DEG   7.5
+#define PIXELS         ((gsize)UTIA_SIDE * UTIA_SIDE)
+
+struct utia {
+    float values[3][PIXELS]; /* of light · UTIA_SIDE + view */
+};
+
+static gboolean utia_read_bin(struct utia *utia, const char *path, GError **error) {
+    const gsize bytes = 3 * PIXELS * sizeof(double);
+    gsize length;
+    GError *found = NULL;
+    g_autofree char *data = input_file_read(path, bytes, &length, &found);
+    if (!data) {
+        input_file_propagate(found, DATA_ERROR, DATA_ERROR_IO, DATA_ERROR_INVALID, error);
+        return FALSE;
+    }
+    if (length != bytes)
+        return data_error_fail(path, 0, error,
+                               "it has %zu bytes; a BRDF of UTIA's has %zu, of 3 × 288 × 288 "
+                               "numbers",
+                               length, bytes);
+    for (gsize c = 0; c < 3; c++)
+        for (gsize i = 0; i < PIXELS; i++) {
+            double value;
+            memcpy(&value, data + (c * PIXELS + i) * sizeof value, sizeof value);
+            utia->values[c][i] = (float)value;
+        }
+    return TRUE;
+}
+
+/* How much neighbours among 48 rows from first on differ. */
+static double utia_unlike(const struct utia *utia, gsize first) {
+    double sum = 0;
+    for (gsize c = 0; c < 3; c++)
+        for (gsize i = first * UTIA_SIDE; i < (first + UTIA_PHIS - 1) * UTIA_SIDE; i++)
+            sum += fabs((double)utia->values[c][i + UTIA_SIDE] - (double)utia->values[c][i]);
+    return sum;
+}
+
+static void utia_flip(struct utia *utia) {
+    for (gsize c = 0; c < 3; c++)
+        for (gsize y = 0; y < UTIA_SIDE / 2; y++)
+            for (gsize x = 0; x < UTIA_SIDE; x++) {
+                float *a = &utia->values[c][y * UTIA_SIDE + x];
+                float *b = &utia->values[c][(UTIA_SIDE - 1 - y) * UTIA_SIDE + x];
+                const float kept = *a;
+                *a = *b;
+                *b = kept;
+            }
+}
+
+static gboolean utia_read_exr(struct utia *utia, const char *path, GError **error) {
+    static const char *const channels[] = {"R", "G", "B"};
+    g_autoptr(ExrFile) headers = exr_read_headers(path, error);
+    if (!headers)
+        return FALSE;
+    const struct exr_part *first = headers->parts->len ? headers->parts->pdata[0] : NULL;
+    if (!first || first->width != UTIA_SIDE || first->height != UTIA_SIDE)
+        return data_error_fail(path, 0, error,
+                               "it has %d × %d pixels; a BRDF of UTIA's has 288 × 288",
+                               first ? first->width : 0, first ? first->height : 0);
+    g_autoptr(ExrFile) file = exr_read(path, error);
+    if (!file)
+        return FALSE;
+    for (gsize c = 0; c < 3; c++) {
+        const float *plane = exr_part_plane(file->parts->pdata[0], channels[c]);
+        if (!plane)
+            return data_error_fail(path, 0, error, "channel %s is missing", channels[c]);
+        memcpy(utia->values[c], plane, PIXELS * sizeof *plane);
+    }
+    if (utia_unlike(utia, UTIA_SIDE - UTIA_PHIS) < utia_unlike(utia, 0))
+        utia_flip(utia);
+    return TRUE;
+}
+
+static float utia_decode(float number, const struct brdf_coding *coding) {
+    const double divide = coding && coding->divide > 0 ? coding->divide : 1;
+    const double scale = coding && coding->scale > 0 ? coding->scale : 1;
+    double value = MAX((double)number, 0) / divide;
+    if (coding && coding->srgb)
+        value = value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4);
+    return (float)(value * scale);
+}
+
+/* Makes the 48 directions of θ = 0 one: rows, where step is UTIA_SIDE, or columns. */
+static void utia_join_zenith(float *values, gsize step, gsize other) {
+    for (gsize k = 0; k < UTIA_SIDE; k++) {
+        double sum = 0;
+        for (gsize i = 0; i < UTIA_PHIS; i++)
+            sum += (double)values[k * other + i * step];
+        for (gsize i = 0; i < UTIA_PHIS; i++)
+            values[k * other + i * step] = (float)(sum / UTIA_PHIS);
+    }
+}
+
+struct utia *utia_read(const char *path, const struct brdf_coding *coding, GError **error) {
+    struct utia *utia = g_new(struct utia, 1);
+    g_autofree char *lower = g_ascii_strdown(path, -1);
+    gboolean ok = g_str_has_suffix(lower, ".exr") ? utia_read_exr(utia, path, error)
+                                                  : utia_read_bin(utia, path, error);
+    gsize bad = 0;
+    for (gsize c = 0; ok && c < 3; c++) {
+        for (gsize i = 0; i < PIXELS; i++) {
+            bad += !isfinite(utia->values[c][i]);
+            utia->values[c][i] = utia_decode(utia->values[c][i], coding);
+        }
+        utia_join_zenith(utia->values[c], UTIA_SIDE, 1);
+        utia_join_zenith(utia->values[c], 1, UTIA_SIDE);
+    }
+    if (ok && bad > 0)
+        ok = data_error_fail(path, 0, error, "%zu of its %zu numbers are not finite", bad,
+                             3 * PIXELS);
+    if (!ok)
+        g_clear_pointer(&utia, utia_free);
+    return utia;
+}
+
+void utia_free(struct utia *utia) {
+    g_free(utia);
+}
+
+/* The four measured directions around one, and their weights. */
+static void utia_weights(const float direction[3], gsize ret_index[4], double ret_weight[4]) {
+    const double flat = hypot((double)direction[0], (double)direction[1]);
+    const double theta =
+        MIN(atan2(flat, (double)direction[2]) * 180 / G_PI / STEP_THETA_DEG, UTIA_THETAS - 1.0);
+    double phi = atan2((double)direction[1], (double)direction[0]) * 180 / G_PI / STEP_PHI_DEG;
+    phi = phi < 0 ? phi + UTIA_PHIS : phi;
+    const int i = CLAMP((int)theta, 0, UTIA_THETAS - 2), j = CLAMP((int)phi, 0, UTIA_PHIS - 1);
+    const double a = theta - i, b = CLAMP(phi - j, 0, 1);
+    for (int k = 0; k < 4; k++) {
+        const int row = i + k / 2, column = (j + k % 2) % UTIA_PHIS;
+        ret_index[k] = (gsize)row * UTIA_PHIS + (gsize)column;
+        ret_weight[k] = (k / 2 ? a : 1 - a) * (k % 2 ? b : 1 - b);
+    }
+}
+
+void utia_evaluate(const struct utia *utia, const float light[3], const float view[3],
+                   float ret[3]) {
+    gsize lights[4], views[4];
+    double light_weights[4], view_weights[4];
+    utia_weights(light, lights, light_weights);
+    utia_weights(view, views, view_weights);
+    for (gsize c = 0; c < 3; c++) {
+        double sum = 0;
+        for (int k = 0; k < 16; k++)
+            sum += light_weights[k / 4] * view_weights[k % 4] *
+                   (double)utia->values[c][lights[k / 4] * UTIA_SIDE + views[k % 4]];
+        ret[c] = (float)sum;
+    }
+}

@@ -1,0 +1,28 @@
+/*
+ * UTIA's BRDFs (Filip & Vávra 2014; btf.utia.cas.cz): anisotropic, 288 directions of light by 288
+ * of view, θ = 0°, 15° … 75° by φ = 0°, 7.5° … 352.5°; direction θ · 48 + φ. .bin f64[3][288][288],
+ * little-endian: red, green, blue; then light, then view .exr   288 × 288 pixels, channels R, G, B:
+ * a row for each light, a column for each view The 48 lights (views) of θ = 0 are one direction;
+ * their mean is taken. Of an EXR whose last 48 rows are more alike than its first 48, the rows are
+ * read from the last to the first.
+ *
+ * The numbers have no unit that all readers agree on: some take them as they are, others as sRGB;
+ * that of Dupuy's dj_brdf computes 100 · linear (number / 140). struct brdf_coding says which.
+ * Negative numbers, which some files have, count as 0.
+ */
+#pragma once
+
+#include "brdf.h"
+
+#define UTIA_THETAS 6
+#define UTIA_PHIS   48
+#define UTIA_SIDE   (UTIA_THETAS * UTIA_PHIS)
+
+struct utia;
+
+struct utia *utia_read(const char *path, const struct brdf_coding *coding, GError **error);
+void utia_free(struct utia *utia); /* NULL is ignored */
+
+/* Linear in θ and φ of light and view between the measured directions; beyond 75° as at 75°. */
+void utia_evaluate(const struct utia *utia, const float light[3], const float view[3],
+                   float ret[3]);

@@ -1,0 +1,198 @@
+#include "warp.h"
+
+#include <math.h>
+#include <string.h>
+
+struct warp {
+    int width, height, n_slices;
+    float *values;      /* n_slices × height × width, in units of a cell: they sum to 1 */
+    float *conditional; /* the same shape: sums from the left within each row */
+    float *marginal;    /* n_slices × height: sums of rows from the first on */
+};
+
+void warp_interval(const float *nodes, int n, double value, int *ret_index, double *ret_weight) {
+    int low = 0, high = n - 1;
+    *ret_index = 0;
+    *ret_weight = 0;
+    if (n < 2)
+        return;
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        if ((double)nodes[middle] <= value)
+            low = middle;
+        else
+            high = middle;
+    }
+    const double from = (double)nodes[low], to = (double)nodes[high];
+    *ret_index = low;
+    *ret_weight = to > from ? CLAMP((value - from) / (to - from), 0, 1) : 0;
+}
+
+/* The weighted sum of one number of each slice; stride: numbers of a slice. */
+static double warp_mix(const float *values, gsize stride, gsize at,
+                       const struct warp_slices *slices) {
+    double sum = 0;
+    for (int k = 0; k < slices->n; k++)
+        sum += slices->weight[k] * (double)values[(gsize)slices->index[k] * stride + at];
+    return sum;
+}
+
+/* The cell of a coordinate of 0 … 1 among n nodes, and where in it. */
+static int warp_cell(double x, int n, double *ret_within) {
+    const double scaled = CLAMP(x, 0, 1) * (n - 1);
+    const int cell = CLAMP((int)scaled, 0, MAX(n - 2, 0));
+    *ret_within = n > 1 ? scaled - cell : 0;
+    return cell;
+}
+
+double warp_table_value(const struct warp_table *table, const struct warp_slices *slices, double x,
+                        double y) {
+    double fx, fy;
+    const gsize width = (gsize)table->width, stride = width * (gsize)table->height;
+    const gsize i = (gsize)warp_cell(x, table->width, &fx);
+    const gsize j = (gsize)warp_cell(y, table->height, &fy);
+    const gsize right = table->width > 1, up = table->height > 1 ? width : 0, at = j * width + i;
+    const double low = (1 - fx) * warp_mix(table->values, stride, at, slices) +
+                       fx * warp_mix(table->values, stride, at + right, slices);
+    const double high = (1 - fx) * warp_mix(table->values, stride, at + up, slices) +
+                        fx * warp_mix(table->values, stride, at + up + right, slices);
+    return (1 - fy) * low + fy * high;
+}
+
+/* Sums of one slice; FALSE: there is no density in it. */
+static gboolean warp_add_up(struct warp *warp, gsize slice) {
+    const gsize width = (gsize)warp->width, height = (gsize)warp->height, n = width * height;
+    float *values = warp->values + slice * n, *conditional = warp->conditional + slice * n;
+    float *marginal = warp->marginal + slice * height;
+    g_autofree double *rows = g_new(double, height);
+    double total = 0;
+    for (gsize j = 0; j < height; j++) {
+        double sum = 0;
+        for (gsize i = 0; i + 1 < width; i++)
+            sum += 0.5 * ((double)values[j * width + i] + (double)values[j * width + i + 1]);
+        rows[j] = sum;
+    }
+    for (gsize j = 0; j + 1 < height; j++)
+        total += 0.5 * (rows[j] + rows[j + 1]);
+    if (!(total > 0) || !isfinite(total))
+        return FALSE;
+    double below = 0;
+    for (gsize j = 0; j < height; j++) {
+        double sum = 0;
+        for (gsize i = 0; i < width; i++) {
+            const gsize at = j * width + i;
+            if (i > 0)
+                sum += 0.5 * ((double)values[at - 1] + (double)values[at]);
+            conditional[at] = (float)(sum / total);
+        }
+        marginal[j] = (float)(below / total);
+        if (j + 1 < height)
+            below += 0.5 * (rows[j] + rows[j + 1]);
+    }
+    for (gsize i = 0; i < n; i++)
+        values[i] = (float)((double)values[i] / total);
+    return TRUE;
+}
+
+Warp *warp_new(int width, int height, int n_slices, const float *values) {
+    g_return_val_if_fail(width >= 2 && height >= 2 && n_slices >= 1, NULL);
+    const gsize n = (gsize)width * (gsize)height * (gsize)n_slices;
+    for (gsize i = 0; i < n; i++)
+        if (!isfinite(values[i]) || values[i] < 0)
+            return NULL;
+    g_autoptr(Warp) warp = g_new0(struct warp, 1);
+    warp->width = width;
+    warp->height = height;
+    warp->n_slices = n_slices;
+    warp->values = g_memdup2(values, n * sizeof *values);
+    warp->conditional = g_new(float, n);
+    warp->marginal = g_new(float, (gsize)height *(gsize)n_slices);
+    for (gsize slice = 0; slice < (gsize)n_slices; slice++)
+        if (!warp_add_up(warp, slice))
+            return NULL;
+    return g_steal_pointer(&warp);
+}
+
+void warp_free(Warp *warp) {
+    if (!warp)
+        return;
+    g_free(warp->values);
+    g_free(warp->conditional);
+    g_free(warp->marginal);
+    g_free(warp);
+}
+
+double warp_invert(const Warp *warp, const struct warp_slices *slices, double x, double y,
+                   double ret[2]) {
+    const gsize width = (gsize)warp->width, height = (gsize)warp->height, stride = width * height;
+    double fx, fy;
+    const gsize i = (gsize)warp_cell(x, warp->width, &fx);
+    const gsize j = (gsize)warp_cell(y, warp->height, &fy);
+    const gsize at = j * width + i, end = j * width + width - 1;
+    const double v00 = warp_mix(warp->values, stride, at, slices);
+    const double v10 = warp_mix(warp->values, stride, at + 1, slices);
+    const double v01 = warp_mix(warp->values, stride, at + width, slices);
+    const double v11 = warp_mix(warp->values, stride, at + width + 1, slices);
+    const double left = (1 - fy) * v00 + fy * v01, right = (1 - fy) * v10 + fy * v11;
+    const double r0 = warp_mix(warp->conditional, stride, end, slices);
+    const double r1 = warp_mix(warp->conditional, stride, end + width, slices);
+    const double row = (1 - fy) * r0 + fy * r1;
+    const double before = (1 - fy) * warp_mix(warp->conditional, stride, at, slices) +
+                          fy * warp_mix(warp->conditional, stride, at + width, slices);
+    const double along = before + fx * (left + 0.5 * fx * (right - left));
+    ret[0] = row > 0 ? CLAMP(along / row, 0, 1) : x;
+    ret[1] =
+        CLAMP(warp_mix(warp->marginal, height, j, slices) + fy * (r0 + 0.5 * fy * (r1 - r0)), 0, 1);
+    return ((1 - fx) * left + fx * right) * (double)((width - 1) * (height - 1));
+}
+
+/* f of 0 … 1 with f (a + ½ f (b − a)) = area, for a, b ≥ 0. */
+static double warp_solve(double a, double b, double area) {
+    if (!(a + b > 0))
+        return 0.5;
+    /* The form of the root that does not lose digits where a is about b. */
+    const double root = sqrt(MAX(a * a + 2 * area * (b - a), 0));
+    return a + root > 0 ? CLAMP(2 * area / (a + root), 0, 1) : 0;
+}
+
+/* The last of n ascending sums, at first + i step, that is below area, at most n − 2. */
+static gsize warp_find(const float *sums, gsize stride, gsize first, gsize n, gsize next,
+                       double part, const struct warp_slices *slices, double area) {
+    gsize low = 0, high = n - 1;
+    while (high - low > 1) {
+        const gsize middle = (low + high) / 2;
+        double sum = warp_mix(sums, stride, first + middle, slices);
+        if (next > 0)
+            sum = (1 - part) * sum + part * warp_mix(sums, stride, first + next + middle, slices);
+        if (sum < area)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, double y,
+                 double ret[2]) {
+    const gsize width = (gsize)warp->width, height = (gsize)warp->height, stride = width * height;
+    const double total = warp_mix(warp->marginal, height, height - 1, slices);
+    double area = CLAMP(y, 0, 1) * total;
+    const gsize j = warp_find(warp->marginal, height, 0, height, 0, 0, slices, area);
+    const gsize end = j * width + width - 1;
+    const double r0 = warp_mix(warp->conditional, stride, end, slices);
+    const double r1 = warp_mix(warp->conditional, stride, end + width, slices);
+    area = MAX(area - warp_mix(warp->marginal, height, j, slices), 0);
+    const double fy = warp_solve(r0, r1, area);
+
+    area = CLAMP(x, 0, 1) * ((1 - fy) * r0 + fy * r1);
+    const gsize i = warp_find(warp->conditional, stride, j * width, width, width, fy, slices, area);
+    const gsize at = j * width + i;
+    area -= (1 - fy) * warp_mix(warp->conditional, stride, at, slices) +
+            fy * warp_mix(warp->conditional, stride, at + width, slices);
+    const double left = (1 - fy) * warp_mix(warp->values, stride, at, slices) +
+                        fy * warp_mix(warp->values, stride, at + width, slices);
+    const double right = (1 - fy) * warp_mix(warp->values, stride, at + 1, slices) +
+                         fy * warp_mix(warp->values, stride, at + width + 1, slices);
+    ret[0] = ((double)i + warp_solve(left, right, MAX(area, 0))) / (double)(width - 1);
+    ret[1] = ((double)j + fy) / (double)(height - 1);
+}

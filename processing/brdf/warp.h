@@ -1,0 +1,54 @@
+/*
+ * Densities on the unit square that are tabulated at width × height nodes and bilinear between
+ * them, and the map that they define between the square and itself (Dupuy & Jakob 2018 §4; the
+ * marginal and conditional distributions of Pharr et al. 2016 §13.6.7). Tables have several slices,
+ * one for each direction of incidence; a density between directions is a weighted sum of slices,
+ * and so are its cumulative sums.
+ *
+ * With p(x, y) of the table in units of a cell, x and y counted in cells:
+ *   F(j)    = ∫_0^j ∫ p dx dy                        marginal, of rows
+ *   F(i|y)  = ∫_0^i p dx at row y                    conditional, linear in y between rows
+ *   invert:  s_y = F(j + f_y) , s_x = F(i + f_x | y) / F(width − 1 | y)
+ * where within a cell p is linear along each axis, so that ∫_0^f p = f (p_0 + ½ f (p_1 − p_0)).
+ * Pure functions; any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+/* A weighted sum of slices. */
+struct warp_slices {
+    int n, index[4];
+    double weight[4];
+};
+
+/* A table of numbers: values has n_slices × height × width, x varies fastest. Borrowed. */
+struct warp_table {
+    int width, height, n_slices;
+    const float *values;
+};
+
+/* The bilinear interpolant at x, y of 0 … 1. A table of one column or row does not vary there. */
+double warp_table_value(const struct warp_table *table, const struct warp_slices *slices, double x,
+                        double y);
+
+typedef struct warp Warp;
+
+/* NULL: a value is negative or not finite, or a slice is zero everywhere; there must be at least
+ * two columns and rows. values are copied. */
+Warp *warp_new(int width, int height, int n_slices, const float *values);
+void warp_free(Warp *warp); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Warp, warp_free)
+
+/* From a point of the density's square to the point of the uniform square; returns the density,
+ * whose integral over the square is 1. */
+double warp_invert(const Warp *warp, const struct warp_slices *slices, double x, double y,
+                   double ret[2]);
+
+/* The opposite map: from the uniform square to where the density is. */
+void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, double y,
+                 double ret[2]);
+
+/* Finds where a value lies among n ascending nodes: index, index + 1 and the weight of the latter,
+ * 0 … 1; beyond the ends the end counts. */
+void warp_interval(const float *nodes, int n, double value, int *ret_index, double *ret_weight);

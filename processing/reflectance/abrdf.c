@@ -1,0 +1,249 @@
+#include "abrdf.h"
+
+#include <cblas.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/direction.h"
+#include "btf/btf.h"
+#include "btf/direction_grid.h"
+#include "codecs/codecs.h"
+#include "session_views.h"
+
+#define GRID    DIRECTION_GRID_MAX
+#define SAMPLES (GRID * GRID)
+
+/* A light so low counts as if it stood there: f_r = B / (π cos θ) would be noise. */
+#define LEAST_COSINE 0.05
+
+struct Abrdf {
+    struct abrdf_info info;
+    double *sums;   /* n_views × n_lights × 3: of B, then its mean */
+    double *counts; /* n_views × n_lights */
+    float *samples; /* 3 × SAMPLES (views) × SAMPLES (lights): f_r */
+};
+
+void abrdf_free(Abrdf *abrdf) {
+    if (!abrdf)
+        return;
+    direction_list_clear(&abrdf->info.views);
+    direction_list_clear(&abrdf->info.lights);
+    g_free(abrdf->sums);
+    g_free(abrdf->counts);
+    g_free(abrdf->samples);
+    g_free(abrdf);
+}
+
+const struct abrdf_info *abrdf_info(const Abrdf *abrdf) {
+    return &abrdf->info;
+}
+
+/* Sizes, directions and region, before values are read. */
+static gboolean abrdf_begin(Abrdf *abrdf, const char *path, int width, int height,
+                            const struct direction_list *views, const struct direction_list *lights,
+                            const struct import_region *region, GError **error) {
+    struct abrdf_info *info = &abrdf->info;
+    info->width = width;
+    info->height = height;
+    info->views = direction_list_copy(views);
+    info->lights = direction_list_copy(lights);
+    info->region = *region;
+    struct import_region *r = &info->region;
+    if (r->width == 0 && r->height == 0)
+        *r = (struct import_region){0, 0, width, height};
+    if (r->x < 0 || r->y < 0 || r->width < 1 || r->height < 1 || r->width > width - r->x ||
+        r->height > height - r->y)
+        return data_error_fail(path, 0, error,
+                               "%d × %d texels at %d, %d do not lie within its %d × %d", r->width,
+                               r->height, r->x, r->y, width, height);
+    if (views->n < ABRDF_LEAST_DIRECTIONS || lights->n < ABRDF_LEAST_DIRECTIONS)
+        return data_error_fail(path, 0, error,
+                               "it has %zu views and %zu lights; a BRDF needs %d of each or more "
+                               "(“export ptm” and “export relight” need one view)",
+                               views->n, lights->n, ABRDF_LEAST_DIRECTIONS);
+    abrdf->sums = g_new0(double, views->n * lights->n * 3);
+    abrdf->counts = g_new0(double, views->n * lights->n);
+    return TRUE;
+}
+
+static void abrdf_add(Abrdf *abrdf, gsize pair, const float rgb[3], gboolean hole) {
+    if (hole || !isfinite(rgb[0]) || !isfinite(rgb[1]) || !isfinite(rgb[2])) {
+        abrdf->info.holes++;
+        return;
+    }
+    for (gsize c = 0; c < 3; c++)
+        abrdf->sums[3 * pair + c] += (double)rgb[c];
+    abrdf->counts[pair]++;
+}
+
+static gboolean abrdf_add_picture(int view, int light, const float *const planes[4], gpointer data,
+                                  GError **error G_GNUC_UNUSED) {
+    Abrdf *abrdf = data;
+    const struct import_region *r = &abrdf->info.region;
+    const gsize pair = (gsize)view * abrdf->info.lights.n + (gsize)light;
+    for (int y = r->y; y < r->y + r->height; y++)
+        for (int x = r->x; x < r->x + r->width; x++) {
+            const gsize i = (gsize)y * (gsize)abrdf->info.width + (gsize)x;
+            const float rgb[3] = {planes[0][i], planes[1][i], planes[2][i]};
+            abrdf_add(abrdf, pair, rgb, planes[3] && ((int)planes[3][i] & BTF_FLAG_HOLE));
+        }
+    return TRUE;
+}
+
+static gboolean abrdf_read_session(Abrdf *abrdf, const char *path,
+                                   const struct import_region *region, const struct work *work,
+                                   GError **error) {
+    struct session_view_files files;
+    const gint64 begun_us = g_get_monotonic_time();
+    gboolean ok = session_view_files_open(&files, path, error) &&
+                  abrdf_begin(abrdf, path, files.grid.width, files.grid.height, &files.views,
+                              &files.lights, region, error);
+    const int n = ok ? (int)files.paths->len : 0;
+    for (int view = 0; ok && view < n; view++)
+        ok = session_view_files_read(&files, view, abrdf_add_picture, abrdf, error) &&
+             work_tell(work, "read", view + 1, n, begun_us, error);
+    session_view_files_clear(&files);
+    return ok;
+}
+
+static gboolean abrdf_read_material(Abrdf *abrdf, const char *path,
+                                    const struct import_region *region, const struct work *work,
+                                    GError **error) {
+    g_autoptr(Material) material = material_open(path, work, error);
+    if (!material)
+        return FALSE;
+    const struct btf_layout *layout = material_info(material)->layout;
+    if (!abrdf_begin(abrdf, path, (int)layout->width, (int)layout->height, &layout->views,
+                     &layout->lights, region, error))
+        return FALSE;
+    const struct import_region *r = &abrdf->info.region;
+    const gint64 begun_us = g_get_monotonic_time();
+    const gsize pairs = layout->views.n * layout->lights.n;
+    g_autofree float *values = g_new(float, 3 * pairs);
+    for (int y = 0; y < r->height; y++) {
+        for (int x = 0; x < r->width; x++) {
+            material_reconstruct(material, (r->y + y) * abrdf->info.width + r->x + x, values);
+            for (gsize pair = 0; pair < pairs; pair++)
+                abrdf_add(abrdf, pair, values + 3 * pair, FALSE);
+        }
+        if (!work_tell(work, "read", y + 1, r->height, begun_us, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* The nearest light of the same view that has a value; −1: none. */
+static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view, gsize light) {
+    const gsize n = abrdf->info.lights.n;
+    gssize nearest = -1;
+    float most = -2;
+    for (gsize l = 0; l < n; l++) {
+        const float *a = lights + 3 * l, *b = lights + 3 * light;
+        const float cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        if (abrdf->counts[view * n + l] > 0 && cosine > most) {
+            most = cosine;
+            nearest = (gssize)l;
+        }
+    }
+    return nearest;
+}
+
+/* From sums to f_r, 3 × n_views × n_lights. */
+static float *abrdf_reflectances(Abrdf *abrdf, const char *path, GError **error) {
+    const gsize n_views = abrdf->info.views.n, n = abrdf->info.lights.n, pairs = n_views * n;
+    g_autofree float *lights = direction_list_vectors(&abrdf->info.lights);
+    g_autofree float *f = g_new(float, 3 * pairs);
+    for (gsize pair = 0; pair < pairs; pair++) {
+        const gssize nearest = abrdf_nearest(abrdf, lights, pair / n, pair % n);
+        if (nearest < 0) {
+            data_error_set(path, 0, error,
+                           "view %zu has no value within these texels; choose others", pair / n);
+            return NULL;
+        }
+        const gsize from = pair / n * n + (gsize)nearest;
+        const double cosine = MAX((double)lights[3 * (gsize)nearest + 2], LEAST_COSINE);
+        abrdf->info.filled += from != pair;
+        for (gsize c = 0; c < 3; c++)
+            f[c * pairs + pair] =
+                (float)(abrdf->sums[3 * from + c] / abrdf->counts[from] / (G_PI * cosine));
+    }
+    return g_steal_pointer(&f);
+}
+
+/* samples of colour c = V · f · Lᵀ with the operators of views and lights. */
+static gboolean abrdf_resample(Abrdf *abrdf, const float *f, GError **error) {
+    const int n_views = (int)abrdf->info.views.n, n_lights = (int)abrdf->info.lights.n;
+    const gsize pairs = abrdf->info.views.n * abrdf->info.lights.n;
+    g_autofree float *of_views = direction_grid_operator(&abrdf->info.views, GRID, FALSE, error);
+    g_autofree float *of_lights =
+        of_views ? direction_grid_operator(&abrdf->info.lights, GRID, FALSE, error) : NULL;
+    if (!of_lights)
+        return FALSE;
+    g_autofree float *half = g_new(float, (gsize)SAMPLES *(gsize)n_lights);
+    abrdf->samples = g_new(float, (gsize)3 * SAMPLES * SAMPLES);
+    for (gsize c = 0; c < 3; c++) {
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, SAMPLES, n_lights, n_views, 1,
+                    of_views, n_views, f + c * pairs, n_lights, 0, half, n_lights);
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, SAMPLES, SAMPLES, n_lights, 1, half,
+                    n_lights, of_lights, n_lights, 0, abrdf->samples + c * SAMPLES * SAMPLES,
+                    SAMPLES);
+    }
+    return TRUE;
+}
+
+void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpointer data) {
+    const Abrdf *abrdf = data;
+    int lights[4], views[4];
+    float of_lights[4], of_views[4];
+    direction_grid_weights(GRID, light, lights, of_lights);
+    direction_grid_weights(GRID, view, views, of_views);
+    for (gsize c = 0; c < 3; c++) {
+        const float *samples = abrdf->samples + c * SAMPLES * SAMPLES;
+        float sum = 0;
+        for (int k = 0; k < 16; k++)
+            sum += of_views[k / 4] * of_lights[k % 4] *
+                   samples[views[k / 4] * SAMPLES + lights[k % 4]];
+        ret[c] = MAX(sum, 0);
+    }
+}
+
+/* How far the interpolant is from what was measured, of B. */
+static void abrdf_compare(Abrdf *abrdf, const float *f) {
+    struct abrdf_info *info = &abrdf->info;
+    const gsize n = info->lights.n, pairs = info->views.n * n;
+    g_autofree float *lights = direction_list_vectors(&info->lights);
+    g_autofree float *views = direction_list_vectors(&info->views);
+    double differences = 0, squares = 0;
+    for (gsize pair = 0; pair < pairs; pair++) {
+        const float *light = lights + 3 * (pair % n);
+        float rgb[3];
+        abrdf_evaluate(light, views + 3 * (pair / n), rgb, abrdf);
+        for (gsize c = 0; c < 3; c++) {
+            const double b = (double)f[c * pairs + pair] * (double)light[2];
+            const double difference = (double)rgb[c] * (double)light[2] - b;
+            differences += difference * difference;
+            squares += b * b;
+        }
+    }
+    info->error = squares > 0 ? sqrt(differences / squares) : 0;
+    double of_views = 0, of_lights = 0;
+    for (gsize i = 0; i < info->views.n; i++)
+        of_views = MAX(of_views, (double)info->views.theta_deg[i]);
+    for (gsize i = 0; i < n; i++)
+        of_lights = MAX(of_lights, (double)info->lights.theta_deg[i]);
+    info->lowest_deg = MIN(of_views, of_lights);
+}
+
+Abrdf *abrdf_read(const char *path, const struct import_region *region, const struct work *work,
+                  GError **error) {
+    g_autoptr(Abrdf) abrdf = g_new0(struct Abrdf, 1);
+    const gboolean ok = g_file_test(path, G_FILE_TEST_IS_DIR)
+                            ? abrdf_read_session(abrdf, path, region, work, error)
+                            : abrdf_read_material(abrdf, path, region, work, error);
+    g_autofree float *f = ok ? abrdf_reflectances(abrdf, path, error) : NULL;
+    if (!f || !abrdf_resample(abrdf, f, error))
+        return NULL;
+    abrdf_compare(abrdf, f);
+    return g_steal_pointer(&abrdf);
+}

@@ -1,0 +1,109 @@
+#include "session_views.h"
+
+#include "base/data_error.h"
+#include "btf/btf.h"
+#include "exr/exr.h"
+
+#define MOST_BYTES ((gsize)512 << 20)
+
+static gboolean session_views_fail(const char *path, const char *what, GError **error) {
+    return data_error_fail(path, 0, error, "%s; process the session again", what);
+}
+
+static gboolean session_views_direction(const struct exr_part *part, const char *of,
+                                        const char *path, struct direction_list *list, gsize i,
+                                        GError **error) {
+    return btf_direction(part, of, &list->theta_deg[i], &list->phi_deg[i]) ||
+           session_views_fail(path, "a direction is not a number", error);
+}
+
+static gboolean session_views_directions(struct session_view_files *files, GError **error) {
+    files->views = direction_list_new(files->paths->len);
+    for (guint v = 0; v < files->paths->len; v++) {
+        const char *path = files->paths->pdata[v];
+        g_autoptr(ExrFile) file = exr_read_headers(path, error);
+        if (!file)
+            return FALSE;
+        if (file->parts->len == 0)
+            return session_views_fail(path, "it has no lights", error);
+        if (v == 0)
+            files->lights = direction_list_new(file->parts->len);
+        if (!session_views_direction(file->parts->pdata[0], "view", path, &files->views, v, error))
+            return FALSE;
+        for (guint l = 0; v == 0 && l < file->parts->len; l++)
+            if (!session_views_direction(file->parts->pdata[l], "light", path, &files->lights, l,
+                                         error))
+                return FALSE;
+    }
+    return TRUE;
+}
+
+gboolean session_view_files_open(struct session_view_files *ret, const char *path, GError **error) {
+    *ret = (struct session_view_files){.paths = g_ptr_array_new_with_free_func(g_free)};
+    g_autoptr(Session) session = session_open(path, SESSION_READ, error);
+    if (!session || !session_grid(session, &ret->grid, error) ||
+        !session_check_products(session, "products/btf/", error))
+        return FALSE;
+    g_autoptr(GPtrArray) views = session_views(session, error);
+    if (!views)
+        return FALSE;
+    for (guint i = 0; i < views->len; i++) {
+        const struct session_direction *view = views->pdata[i];
+        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
+        g_autofree char *file = session_file(session, relative);
+        if (g_file_test(file, G_FILE_TEST_EXISTS))
+            g_ptr_array_add(ret->paths, g_steal_pointer(&file));
+    }
+    if (ret->paths->len == 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: there is no BTF yet; “mesorig process” makes it", session_path(session));
+        return FALSE;
+    }
+    return session_views_directions(ret, error);
+}
+
+void session_view_files_clear(struct session_view_files *files) {
+    g_clear_pointer(&files->paths, g_ptr_array_unref);
+    direction_list_clear(&files->views);
+    direction_list_clear(&files->lights);
+}
+
+static gboolean session_views_picture(const struct session_view_files *files,
+                                      const struct exr_part *part, const char *path, int view,
+                                      int light, SessionPicture func, gpointer data,
+                                      GError **error) {
+    float theta, phi;
+    if (part->width != files->grid.width || part->height != files->grid.height)
+        return session_views_fail(path, "its texels differ from those of the session", error);
+    if (!btf_direction(part, "light", &theta, &phi) || theta != files->lights.theta_deg[light] ||
+        phi != files->lights.phi_deg[light])
+        return session_views_fail(path, "its lights differ from those of the first view", error);
+    const float *const planes[4] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
+                                    exr_part_plane(part, "B"), exr_part_plane(part, "mark")};
+    if (!planes[0] || !planes[1] || !planes[2])
+        return session_views_fail(path, "a colour is missing", error);
+    return func(view, light, planes, data, error);
+}
+
+gboolean session_view_files_read(const struct session_view_files *files, int view,
+                                 SessionPicture func, gpointer data, GError **error) {
+    const char *path = files->paths->pdata[view];
+    const gsize texels = (gsize)files->grid.width * (gsize)files->grid.height;
+    const gboolean whole = texels * files->lights.n * 3 * sizeof(float) <= MOST_BYTES;
+    g_autoptr(ExrFile) file = whole ? exr_read(path, error) : exr_read_headers(path, error);
+    if (!file)
+        return FALSE;
+    if (file->parts->len != files->lights.n)
+        return session_views_fail(path, "its number of lights differs from that of the first view",
+                                  error);
+    for (guint light = 0; light < file->parts->len; light++) {
+        const struct exr_part *part = file->parts->pdata[light];
+        g_autoptr(ExrPart) alone = whole ? NULL : exr_read_part(path, part->name, error);
+        if (!whole && !alone)
+            return FALSE;
+        if (!session_views_picture(files, whole ? part : alone, path, view, (int)light, func, data,
+                                   error))
+            return FALSE;
+    }
+    return TRUE;
+}

@@ -1,0 +1,26 @@
+/* The files of a session's BTF, for exports that read them view by view. Any thread. */
+#pragma once
+
+#include "btf/btf_layout.h"
+#include "session/session.h"
+
+struct session_view_files {
+    struct session_grid grid;
+    GPtrArray *paths; /* of views that have a file, in order */
+    struct direction_list views, lights;
+};
+
+/* Lights are those of the first view; those of the others are compared when they are read.
+ * DATA_ERROR_INCOMPLETE: there is no BTF yet. */
+gboolean session_view_files_open(struct session_view_files *ret, const char *session,
+                                 GError **error);
+void session_view_files_clear(struct session_view_files *files);
+
+/* A picture of a view: planes are R, G, B and "mark" (NULL where no texel has a flag), borrowed. */
+typedef gboolean (*SessionPicture)(int view, int light, const float *const planes[4], gpointer data,
+                                   GError **error);
+
+/* Calls func for each light of a view, in order. Reads the whole file where that takes at most 512
+ * MiB, else picture by picture. DATA_ERROR_INVALID: it does not fit the first view. */
+gboolean session_view_files_read(const struct session_view_files *files, int view,
+                                 SessionPicture func, gpointer data, GError **error);

@@ -1,0 +1,118 @@
+#include "rti.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/output_file.h"
+#include "base/png_bytes.h"
+
+#define TERMS RTI_PTM_TERMS
+
+/* Relight's order of the terms, 1, lx, ly, lx², lx ly, ly², in that of .ptm files. */
+static const gsize order[TERMS] = {5, 3, 4, 0, 2, 1};
+
+/* Where channel k of all planes comes from: −1: the texel's colour; else a term. */
+static int rti_term(const struct rti *rti, int k) {
+    if (!rti->lrgb)
+        return (int)order[k / 3];
+    return k < 3 ? -1 : (int)order[k - 3];
+}
+
+static gboolean rti_write_plane(const char *folder, const struct rti *rti, int plane,
+                                GError **error) {
+    const gsize texels = (gsize)rti->width * (gsize)rti->height;
+    g_autofree guint8 *rgb = g_malloc(3 * texels);
+    g_autofree char *name = g_strdup_printf("plane_%d.png", plane);
+    g_autofree char *path = g_build_filename(folder, name, NULL);
+    for (gsize i = 0; i < texels; i++)
+        for (gsize c = 0; c < 3; c++) {
+            const int term = rti_term(rti, 3 * plane + (int)c);
+            if (term < 0)
+                rgb[3 * i + c] = rti->colours[3 * i + c];
+            else
+                rgb[3 * i + c] = rti->bytes[(rti->lrgb ? i : 3 * i + c) * TERMS + (gsize)term];
+        }
+    g_autoptr(GBytes) png = png_bytes(rgb, rti->width, rti->height, error);
+    return png &&
+           output_file_write(path, g_bytes_get_data(png, NULL), g_bytes_get_size(png), error);
+}
+
+static void rti_append(GString *text, gboolean first, double value) {
+    char number[G_ASCII_DTOSTR_BUF_SIZE];
+    g_string_append_printf(text, "%s%s", first ? "" : ", ",
+                           g_ascii_formatd(number, sizeof number, "%.9g", value));
+}
+
+/* c = (byte / 255 − bias) · scale, so that both are 255 times, or a 255th of, those of struct rti.
+ */
+static gboolean rti_write_info(const char *folder, const struct rti *rti, const float *lights,
+                               int n, double texel_mm, GError **error) {
+    const int channels = rti->lrgb ? 9 : 18;
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_autofree char *path = g_build_filename(folder, "info.json", NULL);
+    g_string_printf(text,
+                    "{\n\"width\": %d, \"height\": %d,\n\"format\": \"png\",\n\"type\": \"ptm\",\n"
+                    "\"colorspace\": \"%s\",\n\"nplanes\": %d,\n\"pixelSizeInMM\": ",
+                    rti->width, rti->height, rti->lrgb ? "lrgb" : "rgb", channels);
+    rti_append(text, TRUE, texel_mm);
+    g_string_append(text, ",\n\"lights\": [");
+    for (int i = 0; i < 3 * n; i++)
+        rti_append(text, i == 0, (double)lights[i]);
+    g_string_append(text, "],\n\"materials\": [{\n\"scale\": [");
+    for (int k = 0; k < channels; k++) {
+        const int term = rti_term(rti, k);
+        rti_append(text, k == 0, term < 0 ? 1 : 255 * rti->scale[term]);
+    }
+    g_string_append(text, "],\n\"bias\": [");
+    for (int k = 0; k < channels; k++) {
+        const int term = rti_term(rti, k);
+        rti_append(text, k == 0, term < 0 ? 0 : rti->bias[term] / 255);
+    }
+    g_string_append(text, "]\n}]\n}\n");
+    return output_file_write(path, text->str, text->len, error);
+}
+
+static gboolean rti_fail_folder(const char *folder, GError **error) {
+    const int saved = errno;
+    const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
+    g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
+                exists ? "%s: exists already; take another name: %s" : "%s: cannot be made: %s",
+                folder, g_strerror(saved));
+    return FALSE;
+}
+
+/* Only files that this process has written. */
+static void rti_remove_folder(const char *folder) {
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *path = g_build_filename(folder, name, NULL);
+        g_unlink(path);
+    }
+    g_rmdir(folder);
+}
+
+gboolean rti_write_relight(const char *folder, const struct rti *rti, const float *lights, int n,
+                           double texel_mm, GError **error) {
+    g_autofree char *absolute = g_canonicalize_filename(folder, NULL);
+    g_autofree char *parent = g_path_get_dirname(absolute), *base = g_path_get_basename(absolute);
+    g_autofree char *beside = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
+    if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
+        errno = EEXIST;
+        return rti_fail_folder(folder, error);
+    }
+    if (!g_mkdtemp_full(beside, 0777))
+        return rti_fail_folder(folder, error);
+    gboolean ok = rti_write_info(beside, rti, lights, n, texel_mm, error);
+    for (int plane = 0; ok && plane < (rti->lrgb ? 3 : TERMS); plane++)
+        ok = rti_write_plane(beside, rti, plane, error);
+    if (ok && renameat2(AT_FDCWD, beside, AT_FDCWD, absolute, RENAME_NOREPLACE) != 0)
+        ok = rti_fail_folder(folder, error);
+    if (!ok)
+        rti_remove_folder(beside);
+    return ok;
+}
