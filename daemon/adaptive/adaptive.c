@@ -7,7 +7,7 @@
 #include "coverage/coverage_view.h"
 
 #define ROUND_KEY "lasers.round."
-#define MOST_MORE 4 /* sweeps that join a round, at each turntable angle */
+#define MOST_MORE 2 /* sweeps that join a round, at each turntable angle */
 #define N_THREADS 2 /* that read files beside the capture */
 
 /* The sweeps of one turntable angle, and the views that they show. */

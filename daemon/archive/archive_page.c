@@ -67,10 +67,10 @@ static void add_facts(GString *to, const struct archive *archive) {
                         grid->height_mm, grid->width, grid->height, grid->reference_mm);
     g_autofree char *directions = g_strdup_printf("%d views, %d lights, %d laser positions",
                                                   archive->views, archive->lights, archive->lasers);
-    g_autofree char *shots =
-        g_strdup_printf("%d of %d done, %d skipped; %d frames, %d retakes", archive->done,
-                        archive->planned + archive->done + archive->skipped, archive->skipped,
-                        archive->frames, archive->retakes);
+    g_autofree char *shots = g_strdup_printf(
+        "%d of %d done, %d skipped, %d not needed; %d frames, %d retakes", archive->done,
+        archive->planned + archive->done + archive->skipped + archive->unneeded, archive->skipped,
+        archive->unneeded, archive->frames, archive->retakes);
     g_autofree char *time = compared(archive->clock_s, archive->predicted_s, report_duration);
     g_autofree char *disk =
         compared((double)archive->frame_bytes, archive->predicted_bytes, size_text);

@@ -1,6 +1,7 @@
 /* Gathers the data of a session. */
 #include "archive.h"
 
+#include "adaptive/adaptive.h"
 #include "base/config.h"
 #include "base/robust.h"
 #include "btf/btf.h"
@@ -186,15 +187,15 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
 }
 
 static void check_capture(struct archive *archive) {
-    const int shots = archive->planned + archive->done + archive->skipped;
+    const int shots = archive->planned + archive->done + archive->skipped + archive->unneeded;
     if (archive->planned > 0)
         archive_add_check(archive, ARCHIVE_FAILURE, "shots",
                           "%d of %d shots are still to be taken: mesorig resume %s",
                           archive->planned, shots, archive->path);
     else
         archive_add_check(archive, archive->skipped ? ARCHIVE_WARNING : ARCHIVE_PASS, "shots",
-                          "%d of %d done, %d left out by the plan", archive->done, shots,
-                          archive->skipped);
+                          "%d of %d done, %d left out by the plan%s", archive->done, shots,
+                          archive->skipped, archive->unneeded > 0 ? ", the others not needed" : "");
     if (archive->frames > 0 && !archive->imported)
         archive_add_check(archive,
                           verdict_of((double)archive->retakes / archive->frames, RETAKES_WARN, 1),
@@ -227,7 +228,9 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
         const struct session_shot *shot = shots->pdata[i];
         archive->planned += shot->state == SHOT_PLANNED;
         archive->done += shot->state == SHOT_DONE;
-        archive->skipped += shot->state == SHOT_SKIPPED;
+        const gboolean unneeded = shot->note && g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+        archive->unneeded += shot->state == SHOT_SKIPPED && unneeded;
+        archive->skipped += shot->state == SHOT_SKIPPED && !unneeded;
     }
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = frames->pdata[i];

@@ -192,8 +192,10 @@ void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
  * of GArrays of int, in order of angle. At most COVERAGE_MAX_SWEEPS each; others are in none. */
 GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n);
 
-/* The model of a camera and the sweeps of a group. What a sweep tells of a distance is the inverse of
- * its variance, which goes with the square of its depth resolution: q = (w / max w)². */
+/* The model of a camera and the sweeps of a group. The variance of a distance goes with the inverse
+ * square of a sweep's depth resolution w (mdf_weight()), while the MDF weighs sweeps by w: one of
+ * low resolution adds noise to every texel that it lights. It therefore counts for little here, q =
+ * (w / max w)⁴, until nothing else lights what it lights. */
 CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
                                 const struct session_shot *const *shots, const GArray *group);
 

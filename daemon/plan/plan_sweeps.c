@@ -9,6 +9,7 @@
 #define ANGLES_PER_DEG   10000 /* turntable angles within 1/this degree are equal */
 #define FRAMES_PER_WIDTH 1.75  /* steps of a sweep per full width of the line */
 #define LEAST_STEPS      24
+#define SHARPNESS        4 /* q = (w / max w)^SHARPNESS: see plan_sweep_model() */
 
 static gint64 plan_sweeps_angle(const struct session_shot *shot) {
     const gint64 turn = (gint64)360 * ANGLES_PER_DEG;
@@ -67,7 +68,7 @@ CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
         most = MAX(most, quality[i]);
     }
     for (guint i = 0; i < group->len; i++)
-        quality[i] = most > 0 ? pow(quality[i] / most, 2) : 1;
+        quality[i] = most > 0 ? pow(quality[i] / most, SHARPNESS) : 1;
     return coverage_model_new(vec3_unit(eye), lasers, quality, (int)group->len);
 }
 

@@ -162,7 +162,7 @@ static const struct option laser_options[] = {
     {"stop", OPTION_CHOICE, .fallback = "all", .choices = stop_choices, .offset = RING(stop),
      .help = "All sweeps, or, in rounds, those that are expected to add something to what the "
              "cameras have seen, until the surface is covered; what is left out is listed"},
-    {"first", OPTION_INT, NULL, 1, COVERAGE_MAX_SWEEPS, "7", .offset = RING(first),
+    {"first", OPTION_INT, NULL, 1, COVERAGE_MAX_SWEEPS, "6", .offset = RING(first),
      .help = "With stop = covered: sweeps of the first round at each angle of the turntable"},
     {"gain_pct", OPTION_DOUBLE, "%", 0, 100, "0.3", .offset = RING(gain_pct),
      .help = "With stop = covered: part of the texels of its views that a further sweep must be "

@@ -33,19 +33,24 @@ struct scene {
     World *world;
     struct catalogue *catalogue;
     struct mdf_result **results;
-    int n_texels;
+    int n_texels, n_views;
     float **truth; /* of each view */
     guint8 **edges;
 };
 
 static gboolean json;
+static int every = 1;
 static const GOptionEntry entries[] = {
+    {"every", 0, 0, G_OPTION_ARG_INT, &every,
+     "Measure every so manieth view alone, by what it saw itself; default 1: all, and settled",
+     "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
 
-static void fast_make_view(int view, gpointer data) {
+static void fast_make_view(int block, gpointer data) {
     struct scene *scene = data;
+    const int view = block * every;
     g_autoptr(GError) error = NULL;
     struct mdf_job *job = NULL;
     if (catalogue_mdf(scene->catalogue, view, &job) != CATALOGUE_READY)
@@ -96,7 +101,7 @@ static void fast_compare(const struct scene *scene, struct measured *ret) {
     ret->coverage = mdf_coverage(scene->results, (int)scene->catalogue->views->len, scene->n_texels,
                                  &predicted);
     ret->known = ret->coverage + predicted;
-    for (guint v = 0; v < scene->catalogue->views->len; v++)
+    for (guint v = 0; v < scene->catalogue->views->len; v += (guint)every)
         for (int i = 0; i < scene->n_texels; i++, all++) {
             const float mm = scene->results[v]->planes[0][i], truth = scene->truth[v][i];
             if (mm < 0 || truth < 0)
@@ -124,15 +129,17 @@ static void fast_measure(struct scene *scene, const char *directory, struct meas
     const struct session_grid *grid = &scene->catalogue->grid;
     const int n = (int)scene->catalogue->views->len;
     scene->n_texels = grid->width * grid->height;
+    scene->n_views = n;
     scene->results = g_new0(struct mdf_result *, n);
-    work_for_each(0, n, fast_make_view, scene);
-    mdf_settle(scene->results, n, grid, NULL, fast_ignore, NULL);
+    work_for_each(0, (n + every - 1) / every, fast_make_view, scene);
+    if (every == 1)
+        mdf_settle(scene->results, n, grid, NULL, fast_ignore, NULL);
     if (!scene->truth) {
         const struct truth_grid texels = {grid->width, grid->height, grid->width_mm,
                                           grid->height_mm, grid->reference_mm};
         scene->truth = g_new0(float *, n + 1);
         scene->edges = g_new0(guint8 *, n + 1);
-        for (int v = 0; v < n; v++) {
+        for (int v = 0; v < n; v += every) {
             const struct session_direction *view = scene->catalogue->views->pdata[v];
             scene->truth[v] = g_new(float, scene->n_texels);
             scene->edges[v] = g_new(guint8, scene->n_texels);
@@ -175,6 +182,8 @@ static void fast_tell(const char *name, const struct measured *all, const struct
 
 int main(int argc, char **argv) {
     bench_parse(&argc, &argv, entries, "DIR NAME …");
+    if (every < 1)
+        bench_fail(2, "--every %d: give 1 or more", every);
     if (argc < 3)
         bench_fail(2, "give the folder of fast_materials, and names of materials in it");
     for (int i = 2; i < argc; i++) {
@@ -183,15 +192,14 @@ int main(int argc, char **argv) {
         struct scene scene = {.world = world_get(path, &error)};
         struct measured measured[WAYS];
         bench_check(error);
-        int n_views = 0;
         for (int k = 0; k < WAYS; k++) {
             g_autofree char *session =
                 g_strdup_printf("%s/%s/%s.session", argv[1], argv[i], ways[k]);
             fast_measure(&scene, session, &measured[k]);
         }
-        while (scene.truth[n_views]) {
-            g_free(scene.truth[n_views]);
-            g_free(scene.edges[n_views++]);
+        for (int v = 0; v < scene.n_views; v++) {
+            g_free(scene.truth[v]);
+            g_free(scene.edges[v]);
         }
         g_free(scene.truth);
         g_free(scene.edges);
