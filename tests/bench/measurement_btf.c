@@ -196,7 +196,14 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
                 for (int k = 0; k < grid.width * grid.height; k++)
                     for (int c = 0; c < 3; c++)
                         part->planes[2 - c][k] = rgb[3 * k + c] * (float)G_PI / irradiance[k];
-                demo_btf_add(picture, part, truth);
+                demo_btf_add(
+                    picture, part,
+                    &(struct session_direction){.theta_deg = bench_elevation_deg(view),
+                                                .phi_deg = fmod(720 - turntable_deg(view), 360)},
+                    &(struct session_direction){.theta_deg = bench_elevation_deg(lamp),
+                                                .phi_deg =
+                                                    fmod(720 + arc - turntable_deg(view), 360)},
+                    truth);
                 exr_part_free(part);
             }
             struct bench_sigma sigma;
