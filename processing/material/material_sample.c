@@ -7,14 +7,20 @@
 /* The tables are made at the first call, as not every renderer asks for them. */
 static const MaterialSampler *material_sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
-    if (g_once_init_enter(&m->sampling_once)) {
+    MaterialSampler *ready = g_atomic_pointer_get(&m->sampling);
+    if (ready)
+        return ready;
+    pthread_mutex_lock(&m->sampling_lock);
+    ready = g_atomic_pointer_get(&m->sampling);
+    if (!ready) {
         const struct material_sampler_source source = {
             m->layout, m->views, m->lights, m->n_grid, m->codec->reconstruct, m->levels->pdata[0]};
-        m->sampling = material_sampler_new(&source);
+        ready = material_sampler_new(&source);
         m->sampling_free = (GDestroyNotify)material_sampler_free;
-        g_once_init_leave(&m->sampling_once, 1);
+        g_atomic_pointer_set(&m->sampling, ready);
     }
-    return m->sampling;
+    pthread_mutex_unlock(&m->sampling_lock);
+    return ready;
 }
 
 static gboolean finite_numbers(const float *values, int n) {
