@@ -63,8 +63,14 @@ static void scene_measure(TraceScene *scene) {
     scene->reach = 0.5 * hypot(hypot(high[0] - low[0], high[1] - low[1]), high[2] - low[2]);
 }
 
-static void scene_build(TraceScene *scene) {
+static gboolean scene_build(TraceScene *scene, GError **error) {
     scene->device = rtcNewDevice("threads=1");
+    if (scene->device == NULL) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "Embree does not run on this processor (error %d): it needs SSE2 or NEON",
+                    (int)rtcGetDeviceError(NULL));
+        return FALSE;
+    }
     scene->rays = rtcNewScene(scene->device);
     rtcSetSceneFlags(scene->rays, RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(scene->rays, RTC_BUILD_QUALITY_HIGH);
@@ -81,6 +87,12 @@ static void scene_build(TraceScene *scene) {
         rtcReleaseGeometry(geometry);
     }
     rtcCommitScene(scene->rays);
+    const enum RTCError code = rtcGetDeviceError(scene->device);
+    if (code != RTC_ERROR_NONE)
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "Embree cannot take the scene's triangles in (error %d)%s", (int)code,
+                    code == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left" : "");
+    return code == RTC_ERROR_NONE;
 }
 
 static void scene_add_area(TraceScene *scene, const struct mesh *mesh, guint triangle,
@@ -143,7 +155,10 @@ TraceScene *trace_scene_read(const char *path, GError **error) {
         trace_scene_free(scene);
         return NULL;
     }
-    scene_build(scene);
+    if (!scene_build(scene, error)) {
+        trace_scene_free(scene);
+        return NULL;
+    }
     scene_find_areas(scene);
     const struct gltf_camera *camera = &scene->gltf->camera;
     if (scene->gltf->has_camera)

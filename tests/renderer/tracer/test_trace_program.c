@@ -112,6 +112,17 @@ static void test_again(void) {
     g_free(bytes[1]);
 }
 
+/* The scene of docs/path-tracing.md, with its camera and two captured materials. */
+static void test_documented(void) {
+    g_autofree char *scene = in_folder("two.gltf");
+    const char *const argv[] = {SOURCE_DIR "/etc/sample/make_scene", scene, NULL};
+    g_autofree char *made = process_text(0, argv);
+    g_autofree char *said = trace(0, "two.gltf -o two.png -m left=cloth.exr,3 -m right=cloth.exr,2 "
+                                     "-e studio --size 32x20 -s 2 --json");
+    g_assert_cmpfloat(json_number(said, "triangles"), ==, 73730);
+    g_assert_cmpfloat(json_number(said, "mean_radiance"), >, 0.05);
+}
+
 /* Each ends with a sentence that names what is wrong, and without a file. */
 static void test_mistakes(void) {
     static const struct {
@@ -192,6 +203,7 @@ int main(int argc, char **argv) {
     write_material();
     g_test_add_func("/trace-program/picture", test_picture);
     g_test_add_func("/trace-program/again", test_again);
+    g_test_add_func("/trace-program/documented", test_documented);
     g_test_add_func("/trace-program/mistakes", test_mistakes);
     g_test_add_func("/trace-program/full", test_full);
     const int result = g_test_run();
