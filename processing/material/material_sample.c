@@ -3,7 +3,6 @@
 #include "material_sampler.h"
 
 #include <math.h>
-#include <pthread.h>
 #include <string.h>
 
 /* What a formula is asked with: a measured view alone. */
@@ -58,24 +57,21 @@ static MaterialSampler *sample_make(const mesorig_material *m) {
     return material_sampler_new(&source);
 }
 
-/* A lock of the system, which ThreadSanitizer knows; GLib's once is not built for it. */
-static pthread_mutex_t sampling_lock = PTHREAD_MUTEX_INITIALIZER;
-
 /* The tables are made at the first call, as not every renderer asks for them. */
 static const MaterialSampler *material_sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
-    gpointer made = __atomic_load_n(&m->sampling, __ATOMIC_ACQUIRE);
-    if (made != NULL)
-        return made;
-    pthread_mutex_lock(&sampling_lock);
-    made = m->sampling;
-    if (made == NULL) {
-        made = sample_make(m);
+    MaterialSampler *ready = g_atomic_pointer_get(&m->sampling);
+    if (ready)
+        return ready;
+    pthread_mutex_lock(&m->sampling_lock);
+    ready = g_atomic_pointer_get(&m->sampling);
+    if (!ready) {
+        ready = sample_make(m);
         m->sampling_free = (GDestroyNotify)material_sampler_free;
-        __atomic_store_n(&m->sampling, made, __ATOMIC_RELEASE);
+        g_atomic_pointer_set(&m->sampling, ready);
     }
-    pthread_mutex_unlock(&sampling_lock);
-    return made;
+    pthread_mutex_unlock(&m->sampling_lock);
+    return ready;
 }
 
 static gboolean finite_numbers(const float *values, int n) {
