@@ -123,6 +123,7 @@ static gboolean material_read(mesorig_material *m, const char *path, GError **er
 /* path and mdf are files, or path is a BTF. */
 static mesorig_material *material_new_from(const char *path, const char *mdf, GError **error) {
     mesorig_material *m = g_new0(mesorig_material, 1);
+    pthread_mutex_init(&m->sampling_lock, NULL);
     if (material_read(m, path, error) &&
         (!mdf || (m->relief = material_relief_read(mdf, error)) != NULL))
         return m;
@@ -210,6 +211,7 @@ void mesorig_material_close(mesorig_material *m) {
         return;
     if (m->sampling_free)
         m->sampling_free(m->sampling);
+    pthread_mutex_destroy(&m->sampling_lock);
     material_relief_free(m->relief);
     directions_free(m->views);
     directions_free(m->lights);

@@ -6,6 +6,8 @@
 #include "material.h"
 #include "material_relief.h"
 
+#include <pthread.h>
+
 /* Nothing changes after opening, but for sampling. */
 struct mesorig_material {
     const struct codec *codec;
@@ -15,8 +17,9 @@ struct mesorig_material {
     Directions *views, *lights;     /* NULL if n_grid */
     double error;                   /* −1: not known */
     struct material_relief *relief; /* NULL: none */
-    /* What material_sample.c makes of it at the first call, an atomic pointer, freed with the
-     * material. Its functions cast const away for these two alone. */
+    /* What material_sample.c makes of it at the first call, under the lock, and reads atomically;
+     * freed with the material. The lock is one that ThreadSanitizer sees, which GLib's are not. */
+    pthread_mutex_t sampling_lock;
     gpointer sampling;
     GDestroyNotify sampling_free;
 };

@@ -3,28 +3,75 @@
 #include "material_sampler.h"
 
 #include <math.h>
-#include <pthread.h>
+#include <string.h>
 
-/* A lock of the system, which ThreadSanitizer knows; GLib's once is not built for it. */
-static pthread_mutex_t sampling_lock = PTHREAD_MUTEX_INITIALIZER;
+/* What a formula is asked with: a measured view alone. */
+struct sample_formula {
+    const struct codec *codec;
+    gconstpointer model;
+    const float *views; /* vectors */
+};
+
+static void sample_evaluate(gconstpointer context, int view, int texel, const float light[3],
+                            float ret[3]) {
+    const struct sample_formula *formula = context;
+    const float one = 1.0F;
+    struct codec_query query = {
+        .n_views = 1,
+        .views = &view,
+        .view_weights = &one,
+    };
+    memcpy(query.view, formula->views + 3 * (gsize)view, sizeof query.view);
+    memcpy(query.light, light, sizeof query.light);
+    formula->codec->evaluate(formula->model, &query, &(struct codec_texels){1, &texel, &one}, ret);
+}
+
+/* A table adds nothing where no measured light is given; a formula looks at the light itself. */
+static gboolean sample_is_formula(const struct sample_formula *formula,
+                                  const struct btf_layout *layout) {
+    const gsize n = btf_layout_texels(layout);
+    for (gsize k = 0; k < MIN(n, 64); k++) {
+        const int texel = (int)(k * n / MIN(n, 64));
+        float rgb[3] = {0.0F, 0.0F, 0.0F};
+        sample_evaluate(formula, (int)(k % layout->views.n), texel,
+                        (const float[3]){0.0F, 0.6F, 0.8F}, rgb);
+        if (rgb[0] != 0.0F || rgb[1] != 0.0F || rgb[2] != 0.0F)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+static MaterialSampler *sample_make(const mesorig_material *m) {
+    g_autofree float *views = direction_list_vectors(&m->layout->views);
+    const struct sample_formula formula = {m->codec, m->levels->pdata[0], views};
+    struct material_sampler_source source = {.layout = m->layout,
+                                             .views = m->views,
+                                             .lights = m->lights,
+                                             .n_grid = m->n_grid,
+                                             .reconstruct = m->codec->reconstruct,
+                                             .model = formula.model};
+    if (sample_is_formula(&formula, m->layout)) {
+        source.evaluate = sample_evaluate;
+        source.context = &formula;
+    }
+    return material_sampler_new(&source);
+}
 
 /* The tables are made at the first call, as not every renderer asks for them. */
 static const MaterialSampler *material_sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
-    gpointer made = __atomic_load_n(&m->sampling, __ATOMIC_ACQUIRE);
-    if (made != NULL)
-        return made;
-    pthread_mutex_lock(&sampling_lock);
-    made = m->sampling;
-    if (made == NULL) {
-        const struct material_sampler_source source = {
-            m->layout, m->views, m->lights, m->n_grid, m->codec->reconstruct, m->levels->pdata[0]};
-        made = material_sampler_new(&source);
+    MaterialSampler *ready = g_atomic_pointer_get(&m->sampling);
+    if (ready)
+        return ready;
+    pthread_mutex_lock(&m->sampling_lock);
+    ready = g_atomic_pointer_get(&m->sampling);
+    if (!ready) {
+        ready = sample_make(m);
         m->sampling_free = (GDestroyNotify)material_sampler_free;
-        __atomic_store_n(&m->sampling, made, __ATOMIC_RELEASE);
+        g_atomic_pointer_set(&m->sampling, ready);
     }
-    pthread_mutex_unlock(&sampling_lock);
-    return made;
+    pthread_mutex_unlock(&m->sampling_lock);
+    return ready;
 }
 
 static gboolean finite_numbers(const float *values, int n) {

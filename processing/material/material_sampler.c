@@ -14,6 +14,7 @@
 #define MOST     64                /* grid of texels that are looked at, each way */
 #define BUDGET   ((gsize)64 << 20) /* values that are reconstructed for all of them */
 #define INSIDE   2                 /* points of a cell that are looked at, each way */
+#define PICKED   4 /* texels of a cluster that stand for it where a model has a formula */
 
 /* Cumulative: of rows, and of the cells in each. */
 struct table {
@@ -39,6 +40,8 @@ struct making {
     float *texel;  /* of one, reconstructed */
     double *sums;  /* (clusters + 1) × (views + 1) × lights: sums of luminance */
     float *shapes; /* grid × PAIRS */
+    /* Texels that stand for each cluster and for all. */
+    int n_picked[CLUSTERS + 1], picked[CLUSTERS + 1][PICKED];
 };
 
 /* [0, 1]² to the unit disc, areas times π. (Shirley & Chiu 1997) */
@@ -239,6 +242,59 @@ static double sampler_value(const struct making *m, const double *sums,
     return value * point->factor;
 }
 
+/* Of a cluster's texels, evenly spread among them. */
+static void sampler_pick(struct making *m) {
+    const MaterialSampler *s = m->sampler;
+    const int n = s->width * s->height;
+    int counts[CLUSTERS + 1] = {0}, seen[CLUSTERS + 1] = {0};
+    for (int at = 0; at < n; at++) {
+        counts[s->cluster[at]]++;
+        counts[s->n_clusters]++;
+    }
+    for (int at = 0; at < n; at++) {
+        const int of[2] = {s->cluster[at], s->n_clusters};
+        for (int k = 0; k < 2; k++) {
+            const int c = of[k], step = MAX(counts[c] / PICKED, 1);
+            if (seen[c]++ % step == step / 2 && m->n_picked[c] < PICKED)
+                m->picked[c][m->n_picked[c]++] = grid_texel(m, at);
+        }
+    }
+}
+
+/* ∫ value dω over a cell, but for a constant factor, from its middle; view: a measured one. */
+static double sampler_formula(const struct making *m, int cluster, int view, int row, int cell) {
+    double disc[2], sum = 0.0;
+    sampler_to_disc((cell + 0.5) / CELLS, (row + 0.5) / CELLS, disc);
+    const double z = sqrt(fmax(1.0 - disc[0] * disc[0] - disc[1] * disc[1], 1e-9));
+    const float light[3] = {(float)disc[0], (float)disc[1], (float)z};
+    for (int k = 0; k < m->n_picked[cluster]; k++) {
+        float rgb[3] = {0.0F, 0.0F, 0.0F};
+        m->source->evaluate(m->source->context, view, m->picked[cluster][k], light, rgb);
+        const double value = (double)rgb_luminance(rgb);
+        sum += value > 0.0 ? value / z : 0.0;
+    }
+    return sum;
+}
+
+static void table_evaluate(const struct making *m, int cluster, int view, struct table *ret) {
+    double rows[CELLS], cells[CELLS];
+    int n_pole = 0;
+    const int *pole = view == (int)m->n_views && m->source->n_grid == 0
+                          ? directions_pole(m->source->views, &n_pole)
+                          : NULL;
+    for (int row = 0; row < CELLS; row++) {
+        for (int cell = 0; cell < CELLS; cell++) {
+            cells[cell] = 0.0;
+            for (int k = 0; k < n_pole; k++)
+                cells[cell] += sampler_formula(m, cluster, pole[k], row, cell);
+            if (view < (int)m->n_views)
+                cells[cell] = sampler_formula(m, cluster, view, row, cell);
+        }
+        rows[row] = sampler_cumulate(cells, ret->cells[row]);
+    }
+    sampler_cumulate(rows, ret->rows);
+}
+
 static void table_make(const struct making *m, const double *sums, const struct cell_point *points,
                        struct table *ret) {
     double rows[CELLS], cells[CELLS];
@@ -293,15 +349,22 @@ static void sampler_make_tables(const struct making *m) {
     g_autofree struct cell_point *points = sampler_points(m->source);
     for (int cluster = 0; cluster <= s->n_clusters; cluster++)
         for (int view = 0; view <= s->n_views; view++)
-            table_make(m, m->sums + ((gsize)cluster * (m->n_views + 1) + (gsize)view) * m->n_lights,
-                       points, sampler_table(s, cluster, view));
+            if (m->source->evaluate != NULL)
+                table_evaluate(m, cluster, view, sampler_table(s, cluster, view));
+            else
+                table_make(
+                    m, m->sums + ((gsize)cluster * (m->n_views + 1) + (gsize)view) * m->n_lights,
+                    points, sampler_table(s, cluster, view));
 }
 
 MaterialSampler *material_sampler_new(const struct material_sampler_source *source) {
     const struct btf_layout *layout = source->layout;
     const int width = (int)layout->width, height = (int)layout->height;
-    struct making m = {
-        source, g_new0(MaterialSampler, 1), 1, layout->views.n, layout->lights.n, NULL, NULL, NULL};
+    struct making m = {.source = source,
+                       .sampler = g_new0(MaterialSampler, 1),
+                       .step = 1,
+                       .n_views = layout->views.n,
+                       .n_lights = layout->lights.n};
     MaterialSampler *s = m.sampler;
     const gsize values = m.n_views * m.n_lights;
     while (MAX(width, height) / m.step > MOST ||
@@ -330,6 +393,7 @@ MaterialSampler *material_sampler_new(const struct material_sampler_source *sour
         sampler_add(&m, at);
     }
     sampler_add_pole(&m);
+    sampler_pick(&m);
     sampler_make_tables(&m);
     g_free(m.texel);
     g_free(m.sums);

@@ -9,6 +9,9 @@
  * = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π      per solid angle, C and U the shares
  * of a cosine lobe and of the even hemisphere: p > 0 wherever z > 0, and value / p stays bounded.
  *
+ * Where the model has a formula, a cell's value is that of its middle, in some texels of the
+ * cluster, as formulas need not fall towards the horizon like interpolated values do.
+ *
  * Texels are put into clusters by the shape of their reflectance (k-means over fixed pairs of
  * measured view and light). A footprint that is wider than a cluster's texel takes the table of
  * all.
@@ -28,6 +31,11 @@ struct material_sampler_source {
     /* One texel: n_views × n_lights × 3, as struct codec has it. */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     gconstpointer model;
+    /* A texel at a measured view and any light above the horizon, where the model has a formula;
+     * NULL: values between the measured lights are interpolated. */
+    void (*evaluate)(gconstpointer context, int view, int texel, const float light[3],
+                     float ret[3]);
+    gconstpointer context;
 };
 
 typedef struct MaterialSampler MaterialSampler;

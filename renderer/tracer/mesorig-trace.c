@@ -21,23 +21,23 @@ static gint64 seed = 1;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &png_path, "The picture, exposed", "FILE.png"},
     {"exr", 0, 0, G_OPTION_ARG_FILENAME, &exr_path, "The picture's radiance", "FILE.exr"},
-    {"material", 'm', 0, G_OPTION_ARG_FILENAME_ARRAY, &materials,
+    {"material", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &materials,
      "The scene's material NAME is this captured one: a session, or a compressed file; so many "
      "tiles of it in one unit of the texture coordinates, default 1",
      "NAME=PATH[,TILES]"},
-    {"environment", 'e', 0, G_OPTION_ARG_FILENAME, &environment_name,
+    {"environment", 0, 0, G_OPTION_ARG_FILENAME, &environment_name,
      "Light from all around: studio, overcast, white, or a map as an EXR", "NAME|FILE.exr"},
     {"turn", 0, 0, G_OPTION_ARG_DOUBLE, &turn_deg,
      "Turn the environment about the vertical axis, counter-clockwise seen from above", "DEG"},
-    {"lamp", 'l', 0, G_OPTION_ARG_STRING_ARRAY, &lamps,
+    {"lamp", 0, 0, G_OPTION_ARG_STRING_ARRAY, &lamps,
      "A lamp far away, from the zenith and from +x; brightness 1 if not given",
      "THETA,PHI[,BRIGHTNESS]"},
-    {"camera", 'c', 0, G_OPTION_ARG_STRING, &camera,
+    {"camera", 0, 0, G_OPTION_ARG_STRING, &camera,
      "A camera that sees all of the scene, in place of the file's; field of view 40",
      "AZIMUTH,ELEVATION[,FOV]"},
     {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Size in pixels, default 640x480", "WxH"},
-    {"samples", 's', 0, G_OPTION_ARG_INT, &samples, "Samples of a pixel, default 64", "N"},
-    {"depth", 'd', 0, G_OPTION_ARG_INT, &depth, "Reflections at most, default 16", "N"},
+    {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Samples of a pixel, default 64", "N"},
+    {"depth", 0, 0, G_OPTION_ARG_INT, &depth, "Reflections at most, default 16", "N"},
     {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &exposure_ev, "Of the PNG, default 0", "EV"},
     {"seed", 0, 0, G_OPTION_ARG_INT64, &seed,
      "Of the random numbers, default 1: the same seed gives the same picture", "N"},
@@ -270,10 +270,10 @@ int main(int argc, char **argv) {
         return 0;
     }
     if (argc != 2 || (png_path == NULL && exr_path == NULL)) {
-        g_printerr(
-            "usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n"
-            "       [-m NAME=PATH[,TILES]…] [-e NAME|FILE.exr] [-l THETA,PHI[,BRIGHTNESS]…]\n"
-            "--output, --exr or both are needed; --help tells all options\n");
+        g_printerr("usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n"
+                   "       [--material NAME=PATH[,TILES]…] [--environment NAME|FILE.exr]\n"
+                   "       [--lamp THETA,PHI[,BRIGHTNESS]…]\n"
+                   "--output, --exr or both are needed; --help tells all options\n");
         return 2;
     }
     const struct sigaction stop = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};

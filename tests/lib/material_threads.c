@@ -15,7 +15,7 @@ struct asked {
 };
 
 struct answer {
-    float rgb[3], drawn[3], pdf, pdf_of_light;
+    float rgb[3];
     struct mesorig_hit hit;
 };
 
@@ -40,7 +40,6 @@ static void material_threads_make(void) {
     for (int k = 0; k < POINTS; k++) {
         struct asked *p = &points[k];
         for (int i = 0; i < 2; i++) {
-            p->random[i] = material_threads_random(&state);
             p->uv[i] = 3 * material_threads_random(&state) - 1;
             p->view[i] = 2 * material_threads_random(&state) - 1;
             p->light[i] = 2 * material_threads_random(&state) - 1;

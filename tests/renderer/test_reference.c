@@ -134,7 +134,7 @@ static void test_reference_library(gconstpointer data) {
         mesorig_material_evaluate(material, 1, geometry[0] + k, geometry[1] + k, geometry[2] + k,
                                   NULL, rgb);
         for (int c = 0; c < 3; c++)
-            worst = fmax(worst, fabs(rgb[c] - whole[k + c]));
+            worst = fmax(worst, (double)fabsf(rgb[c] - whole[k + c]));
         n += rgb[2] > 0.01f;
     }
     g_test_message("%d lit samples, off by at most %g", n, worst);

@@ -85,6 +85,26 @@ static void test_best(void) {
     mesorig_material_close(material);
 }
 
+/* One view under one light, from straight above: it is seen alike from everywhere, and falls off as
+ * the cosine does. */
+static void test_one_view(void) {
+    g_autoptr(BtfMatrix) btf = material_fixture_sized(MATERIAL_WIDTH, MATERIAL_HEIGHT, 0, TRUE);
+    g_autofree char *session = make_session("one.session", btf);
+    struct mesorig_error error = {0};
+    const float uv[] = {0.5F / MATERIAL_WIDTH, 0.5F / MATERIAL_HEIGHT};
+    const float views[][3] = {{0, 0, 1}, {0.8F, 0, 0.6F}, {0, -0.999F, 0.04F}};
+    g_assert_cmpint(btf->layout.views.n * btf->layout.lights.n, ==, 1);
+    mesorig_material *material = mesorig_material_open(session, NULL, &error);
+    g_assert_cmpstr(error.text, ==, "");
+    for (gsize v = 0; v < G_N_ELEMENTS(views); v++)
+        for (gsize l = 0; l < 2; l++) {
+            float rgb[3];
+            mesorig_material_evaluate(material, 1, uv, views[v], views[l], NULL, rgb);
+            g_assert_cmpfloat_with_epsilon(rgb[1], btf->values[1] * views[l][2], 1e-5);
+        }
+    mesorig_material_close(material);
+}
+
 /* The same bytes give the same values, wherever they lie. */
 static void test_memory(void) {
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
@@ -210,6 +230,7 @@ int main(int argc, char **argv) {
     folder = g_dir_make_tmp("material-XXXXXX", NULL);
     g_test_add_func("/material-open/session", test_session);
     g_test_add_func("/material-open/best", test_best);
+    g_test_add_func("/material-open/one-view", test_one_view);
     g_test_add_func("/material-open/memory", test_memory);
     g_test_add_func("/material-open/bad", test_bad);
     g_test_add_func("/material-open/arguments", test_arguments);

@@ -75,9 +75,9 @@ static void test_codec(gconstpointer data) {
         g_assert_cmpfloat_with_epsilon(mean, albedo, 4 * sqrt(variance / DRAWN) + 0.002 * albedo);
         g_test_message("%s: variance %.4f, of even directions %.4f", name[0], variance,
                        even_squares / DRAWN - even_mean * even_mean);
-        /* PTMs do not fall towards the horizon as measured lights do: theirs may be larger. */
-        if (!g_str_equal(name[0], "ptm"))
-            g_assert_cmpfloat(variance, <, 0.5 * (even_squares / DRAWN - even_mean * even_mean));
+        /* What does not fall towards the horizon, as PTMs do not, gains little. */
+        const double most = g_str_equal(name[0], "ptm") ? 1.0 : 0.5;
+        g_assert_cmpfloat(variance, <, most * (even_squares / DRAWN - even_mean * even_mean));
     }
     mesorig_material_close(material);
 }

@@ -68,7 +68,7 @@ static void fixture_init(struct fixture *f, gboolean grid) {
 static void fixture_sampler(struct fixture *f, gboolean grid) {
     fixture_init(f, grid);
     const struct material_sampler_source source = {
-        &f->layout, f->views, f->lights, grid ? GRID : 0, fixture_reconstruct, f};
+        &f->layout, f->views, f->lights, grid ? GRID : 0, fixture_reconstruct, f, NULL, NULL};
     f->sampler = material_sampler_new(&source);
 }
 
@@ -235,8 +235,8 @@ static void black_reconstruct(gconstpointer model, int texel, float *ret) {
 static void test_black(void) {
     struct fixture f;
     fixture_init(&f, FALSE);
-    const struct material_sampler_source source = {&f.layout, f.views,           f.lights,
-                                                   0,         black_reconstruct, NULL};
+    const struct material_sampler_source source = {&f.layout,         f.views, f.lights, 0,
+                                                   black_reconstruct, NULL,    NULL,     NULL};
     f.sampler = material_sampler_new(&source);
     const float uv[2] = {0.2F, 0.2F}, up[3] = {0.0F, 0.0F, 1.0F};
     g_assert_cmpfloat_with_epsilon(integrate(&f, uv, up, 0.0F, 0.0, 1.0, 0.0, 2 * G_PI, 200), 1.0,

@@ -60,10 +60,12 @@ static void write_material(void) {
 static void test_picture(void) {
     g_autofree char *exr_path = in_folder("a.exr"), *png_path = in_folder("a.png");
     g_autoptr(GError) error = NULL;
-    g_autofree char *said = trace(0, "a.gltf -o a.png --exr a.exr -m cloth=cloth.exr,3 -e studio "
-                                     "--camera -60,35 --size 32x24 -s 48 --json");
-    g_autofree char *evenly = trace(0, "a.gltf -o b.png -m cloth=cloth.exr,3 -e studio "
-                                       "--camera -60,35 --size 32x24 -s 48 --json --even --seed 5");
+    g_autofree char *said =
+        trace(0, "a.gltf -o a.png --exr a.exr --material cloth=cloth.exr,3 --environment studio "
+                 "--camera -60,35 --size 32x24 --samples 48 --json");
+    g_autofree char *evenly =
+        trace(0, "a.gltf -o b.png --material cloth=cloth.exr,3 --environment studio "
+                 "--camera -60,35 --size 32x24 --samples 48 --json --even --seed 5");
     g_autoptr(ExrFile) file = exr_read(exr_path, &error);
     g_assert_no_error(error);
     const struct exr_part *part = exr_file_part(file, "picture");
@@ -98,8 +100,8 @@ static void test_picture(void) {
 
 /* The same command gives the same bytes. */
 static void test_again(void) {
-    static const char arguments[] =
-        "a.gltf -o c.png -m cloth=cloth.exr -l 40,30,2 --size 16x16 -s 4 --threads ";
+    static const char arguments[] = "a.gltf -o c.png --material cloth=cloth.exr --lamp 40,30,2 "
+                                    "--size 16x16 --samples 4 --threads ";
     g_autofree char *path = in_folder("c.png"), *bytes[2] = {NULL, NULL};
     gsize sizes[2];
     for (int k = 0; k < 2; k++) {
@@ -117,8 +119,9 @@ static void test_documented(void) {
     g_autofree char *scene = in_folder("two.gltf");
     const char *const argv[] = {SOURCE_DIR "/etc/sample/make_scene", scene, NULL};
     g_autofree char *made = process_text(0, argv);
-    g_autofree char *said = trace(0, "two.gltf -o two.png -m left=cloth.exr,3 -m right=cloth.exr,2 "
-                                     "-e studio --size 32x20 -s 2 --json");
+    g_autofree char *said =
+        trace(0, "two.gltf -o two.png --material left=cloth.exr,3 --material right=cloth.exr,2 "
+                 "--environment studio --size 32x20 --samples 2 --json");
     g_assert_cmpfloat(json_number(said, "triangles"), ==, 73730);
     g_assert_cmpfloat(json_number(said, "mean_radiance"), >, 0.05);
 }
@@ -133,28 +136,32 @@ static void test_mistakes(void) {
         {2, "-o x.png", "usage: mesorig-trace"},
         {2, "a.gltf -o x.png --sampels 3", "did you mean --samples?"},
         {2, "a.gltf -o x.png", "nothing gives light"},
-        {2, "a.gltf -o x.png -e studio --size 12", "--size 12: WIDTHxHEIGHT"},
-        {2, "a.gltf -o x.png -e studio --size 0x5", "width: 0 is out of range: 1 to 16384"},
-        {2, "a.gltf -o x.png -e studio -s 0", "samples: 0 is out of range"},
-        {2, "a.gltf -o x.png -e studio -d -1", "depth: -1 is out of range"},
-        {2, "a.gltf -o x.png -l 20", "--lamp 20: 2 to 3 numbers"},
-        {2, "a.gltf -o x.png -l 20,0,-3", "not negative"},
-        {2, "a.gltf -o x.png -e studio -c 1,2,nan", "--camera 1,2,nan"},
-        {2, "a.gltf -o x.png -e studio -c 1,95", "the elevation is"},
-        {2, "a.gltf -o no/x.png -e studio", "no/x.png: its folder"},
-        {2, "a.gltf -o x.png -e studio -m cloth", "NAME=PATH"},
-        {2, "a.gltf -o x.png -e studio -m cloth=cloth.exr,0", "0 tiles are not possible"},
-        {1, "a.gltf -o x.png -e studio -m silk=cloth.exr", "no material “silk”; it has “cloth”"},
-        {1, "a.gltf -o x.png -e studio -m cloth=none.exr", "none.exr"},
-        {1, "a.gltf -o x.png -e studio -m cloth=a.gltf", "a.gltf"},
-        {1, "bare.gltf -o x.png -e studio -m cloth=cloth.exr", "no texture coordinates"},
-        {1, "none.gltf -o x.png -e studio", "none.gltf"},
-        {1, "cloth.exr -o x.png -e studio", "cloth.exr: not glTF"},
-        {1, "a.gltf -o x.png -e night", "night"},
-        {1, "a.gltf -o x.png -e cloth.exr", "cloth.exr"},
-        {1, "far.gltf -o x.png -e studio", "scale the scene"},
-        {1, "lamp.gltf -o x.png -e studio", "there is no lamp 3"},
-        {1, "names.gltf -o x.png -e studio", "names material 7 of 2"},
+        {2, "a.gltf -o x.png --environment studio --size 12", "--size 12: WIDTHxHEIGHT"},
+        {2, "a.gltf -o x.png --environment studio --size 0x5",
+         "width: 0 is out of range: 1 to 16384"},
+        {2, "a.gltf -o x.png --environment studio --samples 0", "samples: 0 is out of range"},
+        {2, "a.gltf -o x.png --environment studio --depth -1", "depth: -1 is out of range"},
+        {2, "a.gltf -o x.png --lamp 20", "--lamp 20: 2 to 3 numbers"},
+        {2, "a.gltf -o x.png --lamp 20,0,-3", "not negative"},
+        {2, "a.gltf -o x.png --environment studio --camera 1,2,nan", "--camera 1,2,nan"},
+        {2, "a.gltf -o x.png --environment studio --camera 1,95", "the elevation is"},
+        {2, "a.gltf -o no/x.png --environment studio", "no/x.png: its folder"},
+        {2, "a.gltf -o x.png --environment studio --material cloth", "NAME=PATH"},
+        {2, "a.gltf -o x.png --environment studio --material cloth=cloth.exr,0",
+         "0 tiles are not possible"},
+        {1, "a.gltf -o x.png --environment studio --material silk=cloth.exr",
+         "no material “silk”; it has “cloth”"},
+        {1, "a.gltf -o x.png --environment studio --material cloth=none.exr", "none.exr"},
+        {1, "a.gltf -o x.png --environment studio --material cloth=a.gltf", "a.gltf"},
+        {1, "bare.gltf -o x.png --environment studio --material cloth=cloth.exr",
+         "no texture coordinates"},
+        {1, "none.gltf -o x.png --environment studio", "none.gltf"},
+        {1, "cloth.exr -o x.png --environment studio", "cloth.exr: not glTF"},
+        {1, "a.gltf -o x.png --environment night", "night"},
+        {1, "a.gltf -o x.png --environment cloth.exr", "cloth.exr"},
+        {1, "far.gltf -o x.png --environment studio", "scale the scene"},
+        {1, "lamp.gltf -o x.png --environment studio", "there is no lamp 3"},
+        {1, "names.gltf -o x.png --environment studio", "names material 7 of 2"},
     };
     g_autofree char *path = in_folder("x.png"), *far = in_folder("far.gltf");
     g_autofree char *lamp = in_folder("lamp.gltf"), *names = in_folder("names.gltf");
@@ -181,8 +188,9 @@ static void test_mistakes(void) {
 /* A picture that cannot be written leaves the one that was there. */
 static void test_full(void) {
     g_autofree char *path = in_folder("kept.png"), *bytes = NULL;
-    g_autofree char *script = g_strdup_printf("ulimit -f 1; trap '' XFSZ; exec " TRACE
-                                              " a.gltf -o kept.png -e studio --size 64x64 -s 1");
+    g_autofree char *script =
+        g_strdup_printf("ulimit -f 1; trap '' XFSZ; exec " TRACE
+                        " a.gltf -o kept.png --environment studio --size 64x64 --samples 1");
     const char *const argv[] = {"/bin/sh", "-c", script, NULL};
     g_autofree char *err = NULL;
     g_assert_true(g_file_set_contents(path, "before", -1, NULL));
