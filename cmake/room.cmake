@@ -16,6 +16,10 @@ function(mesorig_room folder)
   list(TRANSFORM ROOM_USES PREPEND room_)
   add_library(room_${name} STATIC ${sources})
   set_property(GLOBAL APPEND PROPERTY MESORIG_ROOMS room_${name})
+  if(name IN_LIST MESORIG_COVERAGE) # not optimised: branches are those of the source
+    target_compile_options(room_${name} PRIVATE --coverage -O0 -fprofile-update=atomic)
+    target_link_options(room_${name} PUBLIC --coverage)
+  endif()
   target_include_directories(room_${name} PUBLIC ${includes})
   target_link_libraries(room_${name} PUBLIC PkgConfig::GLIB ${ROOM_USES}
                         PRIVATE ${ROOM_LIBRARIES} Threads::Threads m)

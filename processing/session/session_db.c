@@ -161,7 +161,7 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
  * the code of the error in its text. */
 static gboolean session_db_unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
-    const char *at = strstr(says, code);
+    const char *at = g_strstr_len(says, -1, code);
 
     if (!at || (g_ascii_strtoll(at + strlen(code), NULL, 10) & 0xff) != SQLITE_IOERR)
         return session_db_damaged(session, says, error);

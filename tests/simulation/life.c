@@ -17,6 +17,15 @@
 #define LONGEST_US (G_GINT64_CONSTANT(3600) * G_USEC_PER_SEC) /* of a life, on the rig's clock */
 #define HANG_S     60 /* of a life, really: SIGALRM ends it */
 
+/* With ./run coverage, what this process has run is counted. */
+void __gcov_dump(void) __attribute__((weak));
+
+static G_NORETURN void life_over(int status) {
+    if (__gcov_dump)
+        __gcov_dump();
+    _exit(status);
+}
+
 struct lifetime {
     struct scene *scene;
     const struct life *life;
@@ -281,7 +290,7 @@ void life_capture(struct scene *scene, const struct life *life) {
     disk_use(&scene->disk);
     scene->disk.active = TRUE;
     if (!life_begin(&lifetime))
-        _exit(0);
+        life_over(0);
     for (int i = 0; i < life->n_calls; i++) {
         struct due_call *due = g_new(struct due_call, 1);
         *due = (struct due_call){&lifetime, &life->calls[i]};
@@ -301,7 +310,7 @@ void life_capture(struct scene *scene, const struct life *life) {
                                                    : "aborted");
     }
     life_end(&lifetime);
-    _exit(0);
+    life_over(0);
 }
 
 void life_process(struct scene *scene) {
@@ -316,7 +325,7 @@ void life_process(struct scene *scene) {
         life_finish(scene, LIFE_PROCESSED, "products are made");
     else
         life_finish(scene, LIFE_FAILED, error->message);
-    _exit(0);
+    life_over(0);
 }
 
 void life_second(struct scene *scene) {
@@ -327,6 +336,6 @@ void life_second(struct scene *scene) {
     Capture *capture = capture_resume(devices, scene->session, NULL, &error);
     disk_say(&scene->disk, "the second daemon: %s", capture ? "captures, too" : error->message);
     if (capture)
-        _exit(1);
-    _exit(g_error_matches(error, SESSION_ERROR, SESSION_ERROR_LOCKED) ? 0 : 2);
+        life_over(1);
+    life_over(g_error_matches(error, SESSION_ERROR, SESSION_ERROR_LOCKED) ? 0 : 2);
 }

@@ -313,6 +313,91 @@ static void test_new_session(void) {
     }
 }
 
+/* An error and no result, or the other way round; an error of the disk is not told as damage. */
+static void expect_told(gboolean ok, GError **error, int *ret_refused) {
+    g_assert_true(ok == (*error == NULL));
+    if (*error) {
+        (*ret_refused)++;
+        if (strstr((*error)->message, "backup"))
+            g_error("an error of the disk is told as damage: %s", (*error)->message);
+    }
+    g_clear_error(error);
+}
+
+static void expect_array(GPtrArray *array, GError **error, int *ret_refused) {
+    expect_told(array != NULL, error, ret_refused);
+    if (array)
+        g_ptr_array_unref(array);
+}
+
+static void use_session(Session *session, int *ret_refused) {
+    GError *error = NULL;
+    int n = 0;
+    g_autofree char *frame = g_strdup("frames/a.exr");
+    g_autofree char *file = session_file(session, frame);
+    g_autofree char *sha256 = g_compute_checksum_for_string(G_CHECKSUM_SHA256, "f", 1);
+    const struct session_frame row = {.shot = 1, .path = frame, .sha256 = sha256, .bytes = 1};
+    expect_array(session_views(session, &error), &error, ret_refused);
+    expect_array(session_shots(session, &error), &error, ret_refused);
+    expect_array(session_frames(session, &error), &error, ret_refused);
+    expect_array(session_events(session, &error), &error, ret_refused);
+    if (g_file_set_contents(file, "f", 1, NULL))
+        expect_told(session_commit_shot(session, 1, SHOT_DONE, &row, 1, NULL, &error), &error,
+                    ret_refused);
+    expect_told(session_add_event(session, 1, "info", "axis", "homed", &error), &error,
+                ret_refused);
+    expect_told(session_set_value(session, "state", "done", &error), &error, ret_refused);
+    expect_told(session_verify(session, TRUE, &n, &error), &error, ret_refused);
+    expect_array(session_find_damage(session, SESSION_FRAMES, NULL, NULL, &n, &error), &error,
+                 ret_refused);
+    expect_array(session_list_products(session, &error), &error, ret_refused);
+}
+
+/* Whichever call fails while a session is opened, read and written: an error says so, and without
+ * the fault the session is whole. */
+static void test_session_in_use(void) {
+    static const struct session_texts texts = {"", "", "", NULL};
+    const struct session_shot shot = {
+        .id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = 1};
+    const struct session_plan plan = {
+        .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1},
+        .shots = &shot,
+        .n_shots = 1};
+    for (int kind = 0; kind < DISK_KINDS; kind++) {
+        int refused = 0;
+        gboolean failed = TRUE;
+        for (int k = 1; failed; k++) {
+            struct bench *bench = bench_new();
+            g_autofree char *path = bench_path(bench, "s.session");
+            GError *error = NULL;
+            Session *session = session_create(path, "s", &texts, &plan, &error);
+            g_assert_no_error(error);
+            session_close(session);
+            const int before = bench->disk->calls[kind];
+            bench->disk->faults[0] =
+                (struct disk_fault){(enum disk_kind)kind, DISK_FAILS, before + k, 1};
+            bench->disk->n_faults = 1;
+            session = session_open(path, SESSION_CAPTURE, &error);
+            expect_told(session != NULL, &error, &refused);
+            if (session)
+                use_session(session, &refused);
+            session_close(session);
+            failed = bench->disk->n_failed > 0;
+            bench->disk->n_faults = 0;
+            session = session_open(path, SESSION_CAPTURE, &error);
+            g_assert_no_error(error);
+            int again = 0;
+            use_session(session, &again);
+            g_assert_cmpint(again, ==, 0);
+            session_close(session);
+            bench_free(bench);
+        }
+        g_test_message("%s: %d refusals", schedule_disk_kind((enum disk_kind)kind), refused);
+        if (kind == DISK_READ || kind == DISK_WRITE || kind == DISK_SYNC || kind == DISK_OPEN)
+            g_assert_cmpint(refused, >, 0);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/disk/sync", test_sync);
@@ -323,5 +408,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/disk/sqlite", test_sqlite);
     g_test_add_func("/disk/session", test_session);
     g_test_add_func("/disk/new-session", test_new_session);
+    g_test_add_func("/disk/session-in-use", test_session_in_use);
     return g_test_run();
 }
