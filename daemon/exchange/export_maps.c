@@ -205,8 +205,7 @@ const struct command exchange_materialx = {
 const struct command exchange_blender = {
     .name = "export blender",
     .arguments = "DIR -o FOLDER",
-    .examples = "  mesorig export blender weave.session -o weave_blender\n"
-                "  blender --python weave_blender/weave_blender.py\n",
+    .examples = "  mesorig export blender weave.session -o weave_blender\n",
     .help = "Write the same maps with a script that makes the material in Blender.",
     .options = folder_entries,
     .min = 1,
