@@ -6,11 +6,6 @@ uniform float exposure;
 in vec2 at;
 out vec4 colour;
 
-// Dither of ± half an 8-bit step (interleaved gradient noise) against banding; depends on the pixel only.
-float noise(vec2 pixel) {
-    return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) - 0.5;
-}
-
 void main() {
     ivec2 corner = ivec2(gl_FragCoord.xy) * samples;
     vec3 sum = vec3(0.0);

@@ -9,3 +9,8 @@ vec3 srgb(vec3 x) {
     return mix(12.92 * x, 1.055 * pow(max(x, vec3(1e-6)), vec3(1.0 / 2.4)) - 0.055,
                step(0.0031308, x));
 }
+
+// Dither of ± half an 8-bit step (interleaved gradient noise) against banding; depends on the pixel only.
+float noise(vec2 pixel) {
+    return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) - 0.5;
+}

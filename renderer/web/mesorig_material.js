@@ -16,7 +16,9 @@ const ending = `
 uniform float exposure;
 void main() {
     shade_surface();
-    colour = vec4(TONED == 1 ? srgb(tone(exposure * colour.rgb)) : exposure * colour.rgb, 1.0);
+    vec3 exposed = exposure * colour.rgb;
+    colour = vec4(TONED == 1 ? srgb(tone(exposed)) + noise(gl_FragCoord.xy) / 255.0 : exposed,
+                  1.0);
 }
 `;
 

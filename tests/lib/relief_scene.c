@@ -55,6 +55,13 @@ static void relief_scene_reflect(enum relief_kind kind, double x, double y, stru
         ret[c] = (float)(colours[kind][(i + j) & 1][c] * cosine + lobe);
 }
 
+/* Centre of a texel; rows run down, y up. */
+static void relief_scene_texel(int texel, double *ret_x, double *ret_y) {
+    const int i = texel % RELIEF_TEXELS, j = texel / RELIEF_TEXELS;
+    *ret_x = (i + 0.5) * RELIEF_TEXEL_MM;
+    *ret_y = -(j + 0.5) * RELIEF_TEXEL_MM;
+}
+
 struct btf_matrix *relief_scene_btf(enum relief_kind kind) {
     struct btf_matrix *btf =
         btf_fixture_of("relief", RELIEF_TEXELS, RELIEF_TEXELS, btf_fixture_rings(RINGS, 70, 0),
@@ -63,13 +70,14 @@ struct btf_matrix *relief_scene_btf(enum relief_kind kind) {
     float *to = btf->values;
     btf->layout.texel_mm = RELIEF_TEXEL_MM;
     btf->layout.reference_mm = 0;
-    for (int texel = 0; texel < RELIEF_TEXELS * RELIEF_TEXELS; texel++)
+    for (int texel = 0; texel < RELIEF_TEXELS * RELIEF_TEXELS; texel++) {
+        double x, y;
+        relief_scene_texel(texel, &x, &y);
         for (gsize v = 0; v < views->n; v++)
             for (gsize l = 0; l < lights->n; l++, to += 3)
-                relief_scene_reflect(kind, (texel % RELIEF_TEXELS + 0.5) * RELIEF_TEXEL_MM,
-                                     -(texel / RELIEF_TEXELS + 0.5) * RELIEF_TEXEL_MM,
-                                     relief_scene_direction(views, v),
+                relief_scene_reflect(kind, x, y, relief_scene_direction(views, v),
                                      relief_scene_direction(lights, l), to);
+    }
     return btf;
 }
 
@@ -90,10 +98,11 @@ struct mdf_table *relief_scene_mdf(enum relief_kind kind) {
     float *to = table->depth_mm;
     table->deepest_mm = depth_mm[kind];
     for (gsize v = 0; v < views.n; v++)
-        for (int texel = 0; texel < RELIEF_TEXELS * RELIEF_TEXELS; texel++)
-            *to++ = (float)relief_scene_depth(kind, (texel % RELIEF_TEXELS + 0.5) * RELIEF_TEXEL_MM,
-                                              -(texel / RELIEF_TEXELS + 0.5) * RELIEF_TEXEL_MM,
-                                              relief_scene_direction(&views, v));
+        for (int texel = 0; texel < RELIEF_TEXELS * RELIEF_TEXELS; texel++) {
+            double x, y;
+            relief_scene_texel(texel, &x, &y);
+            *to++ = (float)relief_scene_depth(kind, x, y, relief_scene_direction(&views, v));
+        }
     direction_list_clear(&views);
     return table;
 }
@@ -106,14 +115,15 @@ struct lpca *relief_scene_compress(const struct btf_matrix *btf, int clusters, i
     return lpca;
 }
 
-/* The three forms of a local PCA: with mip levels in halves, with 8 bits, on a grid of its own. */
+/* The three forms of a local PCA: with mip levels in halves; on a grid of its own with 8 bits, and
+ * in halves. */
 static void relief_scene_write_material(enum relief_kind kind, const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = relief_scene_btf(kind);
     g_autoptr(BtfMatrix) half = btf_matrix_halved(btf);
     struct lpca *levels[2] = {relief_scene_compress(btf, 4, 4), relief_scene_compress(half, 2, 4)};
     const gboolean mips = kind == RELIEF_WEAVE;
-    if (kind == RELIEF_GROOVES) {
+    if (kind != RELIEF_WEAVE) {
         struct lpca *grid = lpca_resample(levels[0], 8, &error);
         g_assert_no_error(error);
         lpca_free(levels[0]);

@@ -27,6 +27,7 @@ struct mdf_table *relief_scene_mdf(enum relief_kind kind);
 
 struct lpca *relief_scene_compress(const struct btf_matrix *btf, int clusters, int components);
 
-/* Both as files, a form of local PCA each: the weave's with mip levels in halves, the bumps' with 8
- * bits, the grooves' on a grid of its own; MDFs as factors, that of the bumps as blocks. */
+/* Both as files, a form of local PCA each: the weave's with mip levels in halves, the bumps' on a
+ * grid of its own with 8 bits, the grooves' in halves; MDFs as factors, that of the bumps as
+ * blocks. */
 void relief_scene_write(enum relief_kind kind, const char *material, const char *mdf);
