@@ -144,7 +144,7 @@ static double columns_take_depths(struct columns *c, const struct mdf_table *mdf
     const gsize n = (gsize)c->n_texels;
     double sum = 0;
     c->n_depths = mdf->n_views;
-    c->depths = g_new(float, n *(gsize)c->n_depths);
+    c->depths = g_new0(float, n *(gsize)c->n_depths);
     for (gsize view = 0; view < (gsize)c->n_depths; view++) {
         double mean = 0;
         for (gsize i = 0; i < n; i++)

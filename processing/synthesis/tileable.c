@@ -83,7 +83,7 @@ static float tileable_inside(const struct tileable *t) {
 /* The best period, and its path. */
 static struct tileable_cut tileable_choose(const struct tileable *t) {
     const int first = (t->across + 1) / 2, last = t->across - LEAST;
-    g_autofree float *costs = g_new(float, last - first + 1);
+    g_autofree float *costs = g_new0(float, last - first + 1);
     const float spare = SPARE_INSIDE * tileable_inside(t);
     struct tileable_cut cut = {.path = g_new0(int, t->length)};
     float least = FLT_MAX;
@@ -102,7 +102,7 @@ static struct tileable_cut tileable_choose(const struct tileable *t) {
 
 /* Lays one period down: across × length places, in the order of t. */
 static guint16 *tileable_lay(const struct tileable *t, const struct tileable_cut *cut) {
-    guint16 *to = g_new(guint16, 2 * (gsize)cut->period * (gsize)t->length);
+    guint16 *to = g_new0(guint16, 2 * (gsize)cut->period * (gsize)t->length);
     for (int across = 0; across < cut->period; across++)
         for (int along = 0; along < t->length; along++) {
             const int from = across < cut->path[along] ? across + cut->period : across;
@@ -114,7 +114,7 @@ static guint16 *tileable_lay(const struct tileable *t, const struct tileable_cut
 
 struct index_map *tileable_make(const struct texel_features *features) {
     const gsize width = (gsize)features->width, height = (gsize)features->height;
-    g_autofree guint16 *all = g_new(guint16, 2 * width * height);
+    g_autofree guint16 *all = g_new0(guint16, 2 * width * height);
     for (gsize x = 0; x < width; x++)
         for (gsize y = 0; y < height; y++) {
             all[2 * (x * height + y)] = (guint16)x;
@@ -125,7 +125,7 @@ struct index_map *tileable_make(const struct texel_features *features) {
     const struct tileable_cut down = tileable_choose(&sides);
     g_autofree guint16 *cut_down = tileable_lay(&sides, &down);
     /* Upper and lower edge: the seam runs along the rows of what is left, and closes. */
-    g_autofree guint16 *rows = g_new(guint16, 2 * (gsize)down.period * height);
+    g_autofree guint16 *rows = g_new0(guint16, 2 * (gsize)down.period * height);
     for (gsize x = 0; x < (gsize)down.period; x++)
         for (gsize y = 0; y < height; y++)
             memcpy(rows + 2 * (y * (gsize)down.period + x), cut_down + 2 * (x * height + y),

@@ -144,13 +144,14 @@ struct figures {
 
 static void measure(gboolean ordered, struct figures *f) {
     static const enum synthesis_method ways[2] = {SYNTHESIS_TEXTONS, SYNTHESIS_QUILTING};
+    const struct eigenmaps_options exact = {.method = EIGENMAPS_EXACT};
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = make_sample(ordered);
     double start = bench_cpu_s(), spent;
     g_autoptr(TexelFeatures) features = texel_features_compute(btf, NULL, NULL, &error);
     bench_check(error);
     f->features_s = bench_cpu_s() - start;
-    struct eigenmaps *maps = eigenmaps_of_matrix(btf, TERMS, NULL, NULL, &spent, &error);
+    struct eigenmaps *maps = eigenmaps_of_matrix(btf, TERMS, &exact, NULL, &spent, &error);
     bench_check(error);
     g_autoptr(Mesh) torus = scene_torus(1.0, 0.4, 256, 128), plane = scene_plane();
     Viewer *viewers[3] = {NULL, NULL, view_of(maps, NULL, torus)};

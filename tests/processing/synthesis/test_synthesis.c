@@ -19,8 +19,8 @@ static struct btf_matrix *new_pattern(int width, int height, int period_x, int p
         const double a = g_rand_double_range(random, 0, 6.28);
         const double b = g_rand_double_range(random, 0, 6.28);
         for (int i = 0; i < width * height; i++) {
-            const double x = 2 * G_PI * (i % width) / period_x;
-            const double y = 2 * G_PI * (i / width) / period_y;
+            const int row = i / width, column = i % width;
+            const double x = 2 * G_PI * column / period_x, y = 2 * G_PI * row / period_y;
             btf->values[(gsize)i * values + k] =
                 (float)(1 + 0.3 * sin(x + a) + 0.3 * sin(y + b) + 0.2 * sin(x + 2 * y + a - b) +
                         noise * g_rand_double_range(random, -1, 1));
