@@ -17,6 +17,7 @@ struct asked {
 struct answer {
     float rgb[3];
     struct mesorig_hit hit;
+    float drawn[3], drawn_pdf, pdf;
 };
 
 struct asker {
@@ -41,6 +42,7 @@ static void material_threads_make(void) {
         struct asked *p = &points[k];
         for (int i = 0; i < 2; i++) {
             p->uv[i] = 3 * material_threads_random(&state) - 1;
+            p->random[i] = material_threads_random(&state);
             p->view[i] = 2 * material_threads_random(&state) - 1;
             p->light[i] = 2 * material_threads_random(&state) - 1;
         }
@@ -59,8 +61,9 @@ static void *material_threads_run(void *data) {
         struct answer *a = &asker->answers[one];
         mesorig_material_evaluate(m, 1, p->uv, p->view, p->light, &p->footprint, a->rgb);
         mesorig_material_intersect(m, 1, p->uv, p->view, &a->hit);
-        mesorig_material_sample(m, 1, p->uv, p->view, &p->footprint, p->random, a->drawn, &a->pdf);
-        mesorig_material_pdf(m, 1, p->uv, p->view, p->light, &p->footprint, &a->pdf_of_light);
+        mesorig_material_sample(m, 1, p->uv, p->view, &p->footprint, p->random, a->drawn,
+                                &a->drawn_pdf);
+        mesorig_material_pdf(m, 1, p->uv, p->view, p->light, &p->footprint, &a->pdf);
     }
     return NULL;
 }
@@ -74,10 +77,10 @@ static void material_threads_begin(struct asker *asker, const mesorig_material *
 
 static int material_threads_agree(const struct answer *a, const struct answer *b) {
     int same = a->hit.hit == b->hit.hit && a->hit.distance_mm == b->hit.distance_mm &&
-               a->pdf == b->pdf && a->pdf_of_light == b->pdf_of_light;
+               a->drawn_pdf == b->drawn_pdf && a->pdf == b->pdf;
     for (int i = 0; i < 3; i++)
-        same = same && a->rgb[i] == b->rgb[i] && a->hit.normal[i] == b->hit.normal[i] &&
-               a->drawn[i] == b->drawn[i];
+        same = same && a->rgb[i] == b->rgb[i] && a->drawn[i] == b->drawn[i] &&
+               a->hit.normal[i] == b->hit.normal[i];
     return same;
 }
 
