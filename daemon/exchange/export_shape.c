@@ -11,8 +11,7 @@ static gboolean layered, maximum;
 
 static const GOptionEntry point_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ply"},
-    {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "Least number of views that saw each (2)",
-     "N"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "Least number of views that saw each (2)", "N"},
     {NULL},
 };
 

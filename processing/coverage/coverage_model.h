@@ -10,8 +10,8 @@
  *
  * A sweep that lights a point settles its distance with a chance s that grows with the depth
  * resolution of the pair of camera and laser: s = 0.03 + 0.5 q, q being what a sweep tells of a
- * distance over the most that one of them tells, 0 … 1 (plan_sweep_model()). Several sweeps L settle it with 1 − Π (1 − s): less and less
- * is added by each.
+ * distance over the most that one of them tells, 0 … 1 (plan_sweep_model()). Several sweeps L
+ * settle it with 1 − Π (1 − s): less and less is added by each.
  *
  * Pure functions, any thread.
  */
