@@ -1,7 +1,7 @@
 // WebGL 2: programs from the viewer's shaders, textures and render targets.
 import { shaders } from "./shaders.js";
 
-// In place of "#version 330 core": samplers have no default precision, or a low one.
+// In place of "#version 330 core": samplers have no default precision, or a low one. No index map.
 const head = `#version 300 es
 precision highp float;
 precision highp int;
@@ -12,6 +12,7 @@ precision highp sampler2DArray;
 precision highp usampler2D;
 precision highp sampler2DShadow;
 precision highp sampler2DArrayShadow;
+#define PLACES 0
 `;
 
 // The text of a vertex or fragment shader of these files; constants: lines "#define NAME value".

@@ -78,8 +78,8 @@ export class MesorigMaterial extends RawShaderMaterial {
       `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.pca.constants;
     this.vertexShader = unversioned(shaderText("", ["mesh.vert"]));
     this.fragmentShader = unversioned(shaderText(`${constants}#define main shade_surface\n`,
-      ["frame.glsl", ...localPcaShaders, "shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl",
-        "surface_relief.frag", "tone.glsl"])) + ending;
+      ["frame.glsl", "places.glsl", ...localPcaShaders, "shadow.glsl", "further.glsl", "lamps.glsl",
+        "visible.glsl", "surface_relief.frag", "tone.glsl"])) + ending;
     this.put({ clusters: Texture, weights: DataArrayTexture, means: Data3DTexture, brdfs: Data3DTexture,
       view_map: CubeTexture, light_map: CubeTexture, seen: Texture, shadow_map: Texture },
     { ...this.pca.uniforms, n_lamps: 0 });

@@ -85,7 +85,7 @@ export class Viewer {
     const constants = "#define LAMPS 0\n#define LAMP_SHADOWS 0\n" +
       `#define AMBIENT ${s.ambient > 0 ? 1 : 0}\n`;
     const program = gpu.program(constants + this.pca.constants,
-      ["mesh.vert", "frame.glsl", ...localPcaShaders, ...names]);
+      ["mesh.vert", "frame.glsl", "places.glsl", ...localPcaShaders, ...names]);
     this.scene = gpu.target(this.scene, gl.RGBA16F, gl.DEPTH_COMPONENT24, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.scene.framebuffer);
     gl.viewport(0, 0, width, height);
