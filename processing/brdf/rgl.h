@@ -11,7 +11,7 @@
  * Directions lie on the unit square at u = √(2θ/π) (a, the columns) and u_φ = (φ + π)/2π (b, the
  * rows); θ = π u²/2. With m = (ω_i + ω_o) / |ω_i + ω_o| at u_m (its φ less φ_i where isotropic),
  * and s = the inverse warp of vndf at ω_i (warp.h), f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4
- * σ(u_i))              (Dupuy & Jakob 2018 eq. 4, 9) all tables linear between their nodes. ω_i is
+ * σ(u_i))   (Dupuy & Jakob 2018), all tables linear between their nodes. ω_i is
  * the light here, ω_o the view; files of RGL's are reciprocal. Files that hold a half or a quarter
  * of the azimuths are mirrored.
  *
@@ -45,7 +45,7 @@ struct rgl_result {
 /*
  * Writes f_r as such a file, with rgb and with spectra at six wavelengths that have its colours
  * (for programs that read spectra alone). D is found from the retro-reflection by power iteration
- * (Dupuy et al. 2015 eq. 10; Dupuy & Jakob 2018 §4.1): with f of luminance,
+ * (Dupuy et al. 2015; Dupuy & Jakob 2018): with f of luminance,
  *   D(ω) = 4 f(ω, ω) cos θ · ∫ ⟨ω, m⟩ D(m) dm,     ∫ D(m) cos θ_m dm = 1
  * and held above 0.3 of that of the uniform hemisphere, 1/π; σ(ω) = ∫ ⟨ω, m⟩ D(m) dm, and vndf is
  * the mean of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du and of a constant. Neither changes f_r at the nodes of

@@ -57,27 +57,11 @@ static gboolean export_bonn_read_directions(struct source *source, GError **erro
 static gboolean open_source(struct source *source, const char *path, enum bonn_kind kind,
                             GError **error) {
     *source = (struct source){.header = {.kind = kind, .rgb_scale = {1, 1, 1}, .cosine = TRUE}};
-    source->paths = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(Session) session = session_open(path, SESSION_READ, error);
-    if (!session || !session_grid(session, &source->grid, error) ||
-        !session_check_products(session, "products/btf/", error))
+    if (!session || !session_grid(session, &source->grid, error))
         return FALSE;
-    g_autoptr(GPtrArray) views = session_views(session, error);
-    if (!views)
-        return FALSE;
-    for (guint i = 0; i < views->len; i++) {
-        const struct session_direction *view = views->pdata[i];
-        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
-        g_autofree char *file = session_file(session, relative);
-        if (g_file_test(file, G_FILE_TEST_EXISTS))
-            g_ptr_array_add(source->paths, g_steal_pointer(&file));
-    }
-    if (source->paths->len == 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: there is no BTF yet; “mesorig process” makes it", session_path(session));
-        return FALSE;
-    }
-    if (!export_bonn_read_directions(source, error))
+    source->paths = session_btf_files(session, error);
+    if (!source->paths || !export_bonn_read_directions(source, error))
         return FALSE;
     source->header.setup = g_strdup("mesorig " MESORIG_VERSION);
     source->header.xml = g_strdup("");
@@ -195,7 +179,7 @@ gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind,
     ret->n_lights = source.header.n_lights;
     ret->width = source.header.width;
     ret->height = source.header.height;
-    g_ptr_array_unref(source.paths);
+    g_clear_pointer(&source.paths, g_ptr_array_unref);
     bonn_header_clear(&source.header);
     return ok;
 }

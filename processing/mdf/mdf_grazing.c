@@ -133,6 +133,10 @@ void mdf_table_add_grazing(struct mdf_table *t) {
             t->phi_deg[t->n_views] = 360.0 / N_PHI * k;
             trace_view(t, t->n_views++, &relief);
         }
+    if (t->seen) {
+        t->seen = g_renew(guint8, t->seen, n * t->n_views);
+        memset(t->seen + n * first, TRUE, n * (t->n_views - first));
+    }
     clear_relief(&relief);
 }
 

@@ -21,7 +21,7 @@ struct mdf_table {
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */
     double deepest_mm;
-    guint8 *seen; /* the same shape, views read from the file only: whether a laser saw the texel;
+    guint8 *seen; /* the same shape: whether a laser saw the texel, TRUE in views that were traced;
                      NULL: all */
 };
 

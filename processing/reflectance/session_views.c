@@ -39,27 +39,12 @@ static gboolean session_views_directions(struct session_view_files *files, GErro
 }
 
 gboolean session_view_files_open(struct session_view_files *ret, const char *path, GError **error) {
-    *ret = (struct session_view_files){.paths = g_ptr_array_new_with_free_func(g_free)};
+    *ret = (struct session_view_files){0};
     g_autoptr(Session) session = session_open(path, SESSION_READ, error);
-    if (!session || !session_grid(session, &ret->grid, error) ||
-        !session_check_products(session, "products/btf/", error))
+    if (!session || !session_grid(session, &ret->grid, error))
         return FALSE;
-    g_autoptr(GPtrArray) views = session_views(session, error);
-    if (!views)
-        return FALSE;
-    for (guint i = 0; i < views->len; i++) {
-        const struct session_direction *view = views->pdata[i];
-        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
-        g_autofree char *file = session_file(session, relative);
-        if (g_file_test(file, G_FILE_TEST_EXISTS))
-            g_ptr_array_add(ret->paths, g_steal_pointer(&file));
-    }
-    if (ret->paths->len == 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: there is no BTF yet; “mesorig process” makes it", session_path(session));
-        return FALSE;
-    }
-    return session_views_directions(ret, error);
+    ret->paths = session_btf_files(session, error);
+    return ret->paths && session_views_directions(ret, error);
 }
 
 void session_view_files_clear(struct session_view_files *files) {

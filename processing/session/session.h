@@ -197,6 +197,10 @@ gboolean session_check_products(Session *session, const char *prefix, GError **e
 /* The same for a file by its path; files outside of sessions pass. */
 gboolean session_check_product(const char *path, GError **error);
 
+/* Paths of its BTF, a file for each view that has one, in the order of session_views(); checked as
+ * by session_check_products(). DATA_ERROR_INCOMPLETE: there are none. g_ptr_array_unref() */
+GPtrArray *session_btf_files(Session *session, GError **error);
+
 /* Lock file of the process that makes products/btf, mdf.exr and eigenmaps.exr (file_lock.h);
  * relative. */
 #define SESSION_PROCESS_LOCK "products/process.lock"

@@ -2,6 +2,7 @@
  * process, since several commands verify the same products. */
 #include "session_private.h"
 
+#include "base/data_error.h"
 #include "base/input_file.h"
 
 #include "base/file_lock.h"
@@ -285,6 +286,24 @@ gboolean session_check_product(const char *path, GError **error) {
         return TRUE;
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     return session && session_check_products(session, relative, error);
+}
+
+GPtrArray *session_btf_files(Session *session, GError **error) {
+    g_autoptr(GPtrArray) views = session_check_products(session, "products/btf/", error)
+                                     ? session_views(session, error)
+                                     : NULL;
+    g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
+    for (guint i = 0; views && i < views->len; i++) {
+        const struct session_direction *view = views->pdata[i];
+        g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
+        g_autofree char *file = session_file(session, relative);
+        if (g_file_test(file, G_FILE_TEST_EXISTS))
+            g_ptr_array_add(files, g_steal_pointer(&file));
+    }
+    if (views && files->len == 0)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: there is no BTF yet; “mesorig process” makes it", session_path(session));
+    return files->len > 0 ? g_steal_pointer(&files) : NULL;
 }
 
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error) {
