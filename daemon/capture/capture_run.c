@@ -592,7 +592,7 @@ static void capture_run_on_chosen(int n, const char *message, const GError *erro
     g_autofree char *text =
         n > 0
             ? g_strdup_printf("%s; %d more sweep%s may add to that", message, n, n == 1 ? "" : "s")
-            : g_strdup_printf("%s; the sweeps that are left would hardly add to that", message);
+            : g_strdup_printf("%s; no further sweep is expected to add to that", message);
     capture_add_event(capture, "info", "lasers", text);
     if (pausing)
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");

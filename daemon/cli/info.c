@@ -183,11 +183,14 @@ static void tell_sweeps(Record *to, Session *session, const struct counts *count
     record_int(to, "sweeps_left_out", counts->left_out);
     record_double(to, "sweeps_known_pct", g_ascii_strtod(known, NULL));
     record_double(to, "sweeps_worst_view_pct", g_ascii_strtod(worst, NULL));
-    record_say(to,
-               "sweeps     %d taken, %d left out as they would hardly add anything; two sweeps or "
-               "more agree on %.2f %% of what views see, %.1f %% in the worst view\n",
-               counts->sweeps, counts->left_out, g_ascii_strtod(known, NULL),
-               g_ascii_strtod(worst, NULL));
+    record_say(to, "sweeps     %d taken, ", counts->sweeps);
+    if (counts->left_out > 0)
+        record_say(to, "%d left out as they would hardly add anything", counts->left_out);
+    else
+        record_say(to, "which are all");
+    record_say(
+        to, "; two sweeps or more agree on %.2f %% of what views see, %.1f %% in the worst view\n",
+        g_ascii_strtod(known, NULL), g_ascii_strtod(worst, NULL));
 }
 
 static gboolean tell_session(Record *to, Session *session, const char *state,

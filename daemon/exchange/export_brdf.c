@@ -82,8 +82,8 @@ static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError 
                100 * result->error, result->lowest_deg);
     if (kind == BRDF_MERL)
         record_say(to,
-                   "it is isotropic and reciprocal: turned or exchanged directions differ from it "
-                   "by %.1f %%\n",
+                   "the file is isotropic and reciprocal; turned or exchanged directions of the "
+                   "material differ from it by %.1f %%\n",
                    100 * result->spread);
     if (result->filled > 0)
         record_say(to, "%d pairs of view and light have no value and got the nearest light's\n",

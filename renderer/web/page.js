@@ -257,4 +257,5 @@ async function start() {
   window.mesorig = { pictureUrl, settings: () => ({ ...settings }) };
 }
 
+window.programBegan = true;
 start().catch(fail);

@@ -66,7 +66,7 @@ static struct outcome undisturbed(void) {
     run_to_end(run);
     run_check_whole(run->session);
     struct outcome outcome = outcome_of(run->session);
-    g_assert_nonnull(strstr(run->told->str, "the sweeps that are left would hardly add to that"));
+    g_assert_nonnull(strstr(run->told->str, "no further sweep is expected to add to that"));
     run_free(run);
     return outcome;
 }

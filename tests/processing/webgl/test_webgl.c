@@ -300,6 +300,13 @@ static void test_refused(void) {
     g_assert_false(g_file_test(to, G_FILE_TEST_EXISTS));
 }
 
+static void check_incomplete(Browser *browser, const char *address) {
+    browser_open(browser, address);
+    browser_wait(browser, "document.querySelector('[role=alert]') !== null");
+    g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
+    g_assert_cmpstr(said, ==, "The page is incomplete; copy or download it again.");
+}
+
 /* A page that was cut off says so; small.exr is test_file()'s. */
 static void test_cut(void) {
     g_autofree char *page = g_strdup(in_folder("small.html")),
@@ -314,10 +321,10 @@ static void test_cut(void) {
     g_autofree char *without = g_strdup_printf("%.*s%s", (int)(second - text), text, end + 10);
     g_assert_true(g_file_set_contents(cut, without, -1, NULL));
     Browser *browser = browser_new(640, 480);
-    browser_open(browser, address);
-    browser_wait(browser, "document.querySelector('[role=alert]') !== null");
-    g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
-    g_assert_cmpstr(said, ==, "The page is incomplete; copy or download it again.");
+    check_incomplete(browser, address);
+    /* In the middle of a piece of the material, before the program. */
+    g_assert_true(g_file_set_contents(cut, text, second - text + 100, NULL));
+    check_incomplete(browser, address);
     browser_free(browser);
 }
 
