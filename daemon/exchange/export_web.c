@@ -61,9 +61,9 @@ static int export_web_run(const struct call *call, GError **error) {
     record_boolean(to, "compressed", result->compressed);
     record_int(to, "bytes", result->bytes);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d clusters of %d components on a grid of %d, %s, in %s\n",
-               output, result->width, result->height, result->clusters, result->components,
-               result->grid, taken, time);
+    record_say(to, "%s: %d × %d texels, %d cluster%s of %d components on a grid of %d, %s, in %s\n",
+               output, result->width, result->height, result->clusters,
+               result->clusters == 1 ? "" : "s", result->components, result->grid, taken, time);
     if (result->mdf_terms == 0)
         record_say(to, "There is no mdf.exr: the page is without silhouettes of the structure.\n");
     return CLI_DONE;

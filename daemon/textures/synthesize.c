@@ -100,8 +100,8 @@ static void synthesize_tell(Record *to, const struct job *job, double seconds) {
     if (seams->seams > 0)
         record_say(
             to,
-            "%.1f %% of neighbours are none in the sample; they differ %.2f times as much as "
-            "neighbours there\n",
+            "%.1f %% of neighbouring texels are at a seam; they differ %.2f times as much as "
+            "neighbours in the sample\n",
             100.0 * seams->seams / seams->pairs, seams->seam / seams->inside);
     record_double(to, "real_s", seconds);
 }

@@ -173,7 +173,7 @@ static const char script[] =
     "    if not (cube and camera and lamp and len(scene.objects) == 3):\n"
     "        return\n"
     "    bpy.data.objects.remove(cube)\n"
-    "    middle, nearer = 1.1 * SIZE_M[0], 6 * max(SIZE_M) / camera.location.length\n"
+    "    middle, nearer = 1.1 * SIZE_M[0], 7.5 * max(SIZE_M) / camera.location.length\n"
     "    for thing in (camera, lamp):\n"
     "        thing.location *= nearer\n"
     "        thing.location.x += middle\n"

@@ -60,8 +60,10 @@ static gboolean session_start(Session *session, GError **error) {
     g_autofree char *db = session_file(session, "session.db");
 
     if (!g_file_test(session->path, G_FILE_TEST_IS_DIR))
-        return session_fail(error, SESSION_ERROR_FORMAT, "%s: no session there: not a directory",
-                            session->path);
+        return session_fail(error, SESSION_ERROR_FORMAT, "%s: no session there: %s", session->path,
+                            g_file_test(session->path, G_FILE_TEST_EXISTS)
+                                ? "it is a file; give the directory of a session"
+                                : "there is no such directory");
     /* Check first, so that other directories do not get a lock file. */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
