@@ -59,6 +59,22 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
     return FALSE;
 }
 
+gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
+    const char *from = bytes;
+
+    while (n > 0) {
+        const gssize done = write(file->fd, from, n);
+
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done <= 0)
+            return FALSE;
+        from += done;
+        n -= (gsize)done;
+    }
+    return TRUE;
+}
+
 gboolean new_file_commit(struct new_file *file, gboolean sync) {
     gboolean ok = !sync || fsync(file->fd) == 0;
 

@@ -16,6 +16,9 @@ struct new_file {
  * FALSE: errno says why. */
 gboolean new_file_begin(struct new_file *file, const char *directory, const char *relative);
 
+/* Writes n bytes behind those that are there. FALSE: errno says why. */
+gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
+
 /* Renames the file to its name; sync: the file and its folder entry are on disk on return. Call one
  * of commit and abandon, once. */
 gboolean new_file_commit(struct new_file *file, gboolean sync); /* FALSE: errno */

@@ -1,7 +1,6 @@
 #include "output_file.h"
 
 #include <errno.h>
-#include <unistd.h>
 
 #include "data_error.h"
 #include "new_file.h"
@@ -17,20 +16,12 @@ static gboolean output_file_fail(const char *path, GError **error) {
 
 gboolean output_file_write(const char *path, const void *bytes, gsize n, GError **error) {
     g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
-    const guint8 *from = bytes;
     struct new_file file;
     if (!new_file_begin(&file, folder, name))
         return output_file_fail(path, error);
-    while (n > 0) {
-        const gssize done = write(file.fd, from, n);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done <= 0) {
-            new_file_abandon(&file);
-            return output_file_fail(path, error);
-        }
-        from += done;
-        n -= (gsize)done;
+    if (!new_file_put(&file, bytes, n)) {
+        new_file_abandon(&file);
+        return output_file_fail(path, error);
     }
     return new_file_commit(&file, TRUE) || output_file_fail(path, error);
 }

@@ -142,8 +142,8 @@ void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
     }
 }
 
-/* What a sweep is expected to add: the mean over its cameras' views of the share of their texels
- * that it makes known. */
+/* The expected gain of a sweep: it makes a share of the texels of each camera's view known, and the
+ * gain is the mean of these shares. */
 static double adaptive_gain(const Adaptive *adaptive, const struct group *group, int sweep) {
     const struct session_shot *shot =
         adaptive->shots->pdata[g_array_index(group->shots, int, sweep)];
@@ -155,8 +155,8 @@ static double adaptive_gain(const Adaptive *adaptive, const struct group *group,
     return sum / MAX(__builtin_popcount(shot->cameras), 1);
 }
 
-/* Those of a group that join. The chances of a sweep after another one has joined are taken to be
- * less by what the model says that it adds less. */
+/* Adds the sweeps of a group that join the next round to ret. When one has joined, the gain of each
+ * other sweep is lowered by the share by which the model lowers it. */
 static void adaptive_choose_group(const Adaptive *adaptive, const struct group *group,
                                   guint64 chosen, GArray *ret) {
     const double least = adaptive->conf->laser_gain_pct / 100;

@@ -209,7 +209,8 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
-/* Of each camera whose bytes vary. They are computed once: neither camera nor plane moves. */
+/* The footprints of cameras whose frames vary in size. They are computed once: neither camera nor
+ * plane moves. */
 static const struct plan_footprint *capture_footprints(Capture *capture) {
     const struct rig *rig = &capture->devices->geometry;
     if (capture->footprints)

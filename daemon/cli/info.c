@@ -173,7 +173,8 @@ static void tell_events(Record *to, const GPtrArray *events) {
     record_end(to);
 }
 
-/* What [lasers] stop = covered has left out, and what is known of the surface. */
+/* Tells how many sweeps [lasers] stop = covered left out, and the share of the surface that is
+ * known. */
 static void tell_sweeps(Record *to, Session *session, const struct counts *counts) {
     g_autofree char *known = session_value(session, ADAPTIVE_KNOWN_PCT);
     g_autofree char *worst = session_value(session, ADAPTIVE_WORST_PCT);

@@ -238,19 +238,6 @@ static char *queue_text(const Queue *queue, gsize *ret_length) {
     return g_key_file_to_data(to, ret_length, NULL);
 }
 
-static gboolean write_all(int fd, const char *text, gsize length) {
-    while (length > 0) {
-        const gssize n = write(fd, text, length);
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n <= 0)
-            return FALSE;
-        text += n;
-        length -= (gsize)n;
-    }
-    return TRUE;
-}
-
 gboolean queue_file_write(const Queue *queue, GError **error) {
     struct new_file file;
     gsize length = 0;
@@ -263,7 +250,7 @@ gboolean queue_file_write(const Queue *queue, GError **error) {
         return FALSE;
     }
     gboolean ok = new_file_begin(&file, queue->folder, queue->name);
-    if (ok && (fchmod(file.fd, 0600) != 0 || !write_all(file.fd, text, length))) {
+    if (ok && (fchmod(file.fd, 0600) != 0 || !new_file_put(&file, text, length))) {
         new_file_abandon(&file);
         ok = FALSE;
     } else if (ok) {

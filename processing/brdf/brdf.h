@@ -40,5 +40,5 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Brdf, brdf_free)
 void brdf_evaluate(const float light[3], const float view[3], float ret[3], gpointer brdf);
 
 gboolean brdf_is_isotropic(const Brdf *brdf);
-/* What the file says of itself, or NULL; owned by the BRDF. */
+/* The description in the file, or NULL; owned by the BRDF. */
 const char *brdf_description(const Brdf *brdf);

@@ -39,7 +39,8 @@ struct coverage_sums {
     int texels; /* that were looked at and lie in the picture */
     int known;
 };
-/* Of all sweeps that were added; coverage_view_expects() is about the same texels. */
+/* Counts the texels, and those that all added sweeps together make known. coverage_view_expects()
+ * counts the same texels. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view);
 
 /* The share of the view's texels that a sweep is expected to make known, of those that are not:

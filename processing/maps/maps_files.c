@@ -65,24 +65,14 @@ gboolean maps_files_check(const char *path, GError **error) {
     return TRUE;
 }
 
-static gboolean maps_files_put(int fd, GBytes *bytes) {
-    gsize size, done = 0;
-    const char *data = g_bytes_get_data(bytes, &size);
-    while (done < size) {
-        const gssize n = write(fd, data + done, size - done);
-        if (n <= 0 && errno != EINTR)
-            return FALSE;
-        done += (gsize)MAX(n, 0);
-    }
-    return TRUE;
-}
-
 /* Into an existing folder; errno is set on FALSE. */
 static gboolean maps_files_write_one(const struct maps_file *file, const char *folder) {
     struct new_file to;
     if (!new_file_begin(&to, folder, file->name))
         return FALSE;
-    if (maps_files_put(to.fd, file->bytes))
+    gsize size;
+    const void *data = g_bytes_get_data(file->bytes, &size);
+    if (new_file_put(&to, data, size))
         return new_file_commit(&to, TRUE);
     new_file_abandon(&to);
     return FALSE;

@@ -1,43 +1,18 @@
 #include "webgl_export.h"
 
 #include "base/data_error.h"
-#include "base/new_file.h"
+#include "base/output_file.h"
 #include "webgl_pack.h"
 #include "webgl_page.h"
 #include "webgl_source.h"
 
-#include <errno.h>
 #include <glib/gstdio.h>
-#include <unistd.h>
 
 #define HEADER 4096 /* of a material's file, at most */
 
 static gboolean webgl_export_is_page(const char *output) {
     g_autofree char *lower = g_ascii_strdown(output, -1);
     return g_str_has_suffix(lower, ".html");
-}
-
-static gboolean webgl_export_write(const char *output, GBytes *bytes, GError **error) {
-    g_autofree char *folder = g_path_get_dirname(output), *name = g_path_get_basename(output);
-    gsize size;
-    const char *data = g_bytes_get_data(bytes, &size);
-    struct new_file file;
-    if (!new_file_begin(&file, folder, name))
-        return data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(errno));
-    while (size > 0) {
-        const gssize n = write(file.fd, data, size);
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n < 0) {
-            const int reason = errno;
-            new_file_abandon(&file);
-            return data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(reason));
-        }
-        data += n;
-        size -= (gsize)n;
-    }
-    return new_file_commit(&file, TRUE) ||
-           data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(errno));
 }
 
 /* The finest grid whose sections fit even if they do not compress at all; 0 with an error. */
@@ -89,7 +64,8 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
                                         .mdf_terms = source->mdf ? source->mdf->n_terms : 0,
                                         .compressed = source->compressed,
                                         .bytes = (gint64)g_bytes_get_size(output)};
-    return webgl_export_write(asked->output, output, error);
+    return output_file_write(asked->output, g_bytes_get_data(output, NULL),
+                             g_bytes_get_size(output), error);
 }
 
 /* Before anything is computed. */
