@@ -236,15 +236,18 @@ struct lamp_light {
 /* Adds π L / E_⊥ of the row's rays to their texels' sums. E_⊥ is that at the texel's centre. */
 static void add_reflectance(const struct raster *raster, const struct lamp_light *light,
                             const double *facing, float *rgb) {
-    float share = 1.0f / (float)(raster->fine * raster->fine);
+    const float share = 1.0f / (float)(raster->fine * raster->fine);
+    guint8 blocked[SCENE_BATCH];
     for (int i = 0; i < raster->n; i++) {
         const struct surface *s = &raster->surfaces[i];
-        guint8 blocked;
+        if (i % SCENE_BATCH == 0)
+            scene_shadow(&raster->world->scene, light->lamp.position_mm, s,
+                         MIN(SCENE_BATCH, raster->n - i), blocked);
         if (!raster->hit[i])
             continue;
-        scene_shadow(&raster->world->scene, light->lamp.position_mm, s, 1, &blocked);
-        double direct =
-            blocked ? 0 : optics_lamp_irradiance(&light->lamp, v3(s->p[0], s->p[1], s->p[2]));
+        double direct = blocked[i % SCENE_BATCH]
+                            ? 0
+                            : optics_lamp_irradiance(&light->lamp, v3(s->p[0], s->p[1], s->p[2]));
         for (int c = 0; c < 3; c++) {
             enum cfa_colour colour = (enum cfa_colour)c;
             double radiance =
