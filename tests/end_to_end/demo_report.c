@@ -3,6 +3,7 @@
  * figures of demo/report.json, and pictures of what was measured beside the truth. With --nominal
  * the same frames processed as if the rig had not been calibrated are measured as well.
  */
+#include "base/work.h"
 #include "demo_calibration.h"
 #include "demo_pictures.h"
 #include "mdf/mdf_views.h"
@@ -146,20 +147,38 @@ static gboolean draw_mdf_view(const struct report *report, guint v, const float 
     return !measured || demo_write_mdf(mdf_png, &report->grid, measured, truth, error);
 }
 
-static gboolean measure_mdf(struct report *report, GError **error) {
-    const int n = report->grid.width * report->grid.height;
-    g_autofree float *truth = g_new(float, n);
-    g_autofree guint8 *edge = g_new(guint8, n), *seen = g_new(guint8, n);
+/* What is true of views, a plane of texels each. */
+struct mdf_truth {
+    const struct report *report;
+    float *distance_mm;
+    guint8 *edge, *seen; /* near a depth edge; by how many laser positions */
+};
+
+static void trace_mdf_view(int v, gpointer data) {
+    const struct mdf_truth *truth = data;
+    const struct report *report = truth->report;
+    const struct session_direction *view = g_ptr_array_index(report->views, (guint)v);
+    const gsize at = (gsize)v * (gsize)(report->grid.width * report->grid.height);
     g_autofree double *arc_deg = g_new(double, report->shots->len);
     g_autofree int *laser = g_new(int, report->shots->len);
+    truth_mdf(report->world, view->device, view->turntable_deg, &report->texels,
+              truth->distance_mm + at, truth->edge + at);
+    const int n_lasers = lasers_of_view(report, view, arc_deg, laser);
+    truth_laser_seen(report->world, view->device, view->turntable_deg, &report->texels, arc_deg,
+                     laser, n_lasers, truth->seen + at);
+}
+
+static gboolean measure_mdf(struct report *report, GError **error) {
+    const gsize n = (gsize)(report->grid.width * report->grid.height);
+    g_autofree float *distance_mm = g_new(float, report->views->len *n);
+    g_autofree guint8 *edge = g_new(guint8, report->views->len * n);
+    g_autofree guint8 *seen = g_new(guint8, report->views->len * n);
+    struct mdf_truth truth = {report, distance_mm, edge, seen};
+    work_for_each(0, (int)report->views->len, trace_mdf_view, &truth);
     for (guint v = 0; v < report->views->len; v++) {
-        const struct session_direction *view = g_ptr_array_index(report->views, v);
-        truth_mdf(report->world, view->device, view->turntable_deg, &report->texels, truth, edge);
-        const int n_lasers = lasers_of_view(report, view, arc_deg, laser);
-        truth_laser_seen(report->world, view->device, view->turntable_deg, &report->texels, arc_deg,
-                         laser, n_lasers, seen);
-        compare_mdf_view(report, v, truth, edge, seen);
-        if (mdf_png && v == report->views->len * 2 / 5 && !draw_mdf_view(report, v, truth, error))
+        compare_mdf_view(report, v, distance_mm + v * n, edge + v * n, seen + v * n);
+        if (mdf_png && v == report->views->len * 2 / 5 &&
+            !draw_mdf_view(report, v, distance_mm + v * n, error))
             return FALSE;
     }
     return TRUE;
@@ -206,24 +225,44 @@ static gboolean measure_btf_pair(struct report *report, const struct session_dir
     return TRUE;
 }
 
+struct btf_pair {
+    const struct report *report;
+    const struct session_direction *view, *light;
+    const struct session_shot *shot;
+    float *truth; /* R G B interleaved; NULL where no picture was taken */
+};
+
+static void trace_btf_pair(int i, gpointer data) {
+    struct btf_pair *pair = (struct btf_pair *)data + i;
+    const struct report *report = pair->report;
+    if (!pair->shot)
+        return;
+    pair->truth = g_new(float, (gsize)report->grid.width *(gsize)report->grid.height * 3);
+    truth_btf(report->world, pair->view->device, pair->shot->device, pair->shot->turntable_deg,
+              pair->shot->arc_deg, &report->texels, TRUTH_SAMPLES, pair->truth);
+}
+
 static gboolean measure_btf(struct report *report, GError **error) {
-    g_autofree float *truth =
-        g_new(float, (gsize)report->grid.width *(gsize)report->grid.height * 3);
+    g_autofree struct btf_pair *pairs = g_new0(struct btf_pair, btf_pairs);
     g_autoptr(GRand) random = g_rand_new_with_seed(4);
     for (int i = 0; i < btf_pairs; i++) {
-        const struct session_direction *view = g_ptr_array_index(
-            report->views, g_rand_int_range(random, 0, (gint32)report->views->len));
-        const struct session_direction *light = g_ptr_array_index(
-            report->lights, g_rand_int_range(random, 0, (gint32)report->lights->len));
-        const struct session_shot *shot = find_lamp_shot(report, view, light->index);
-        if (!shot)
-            continue;
-        truth_btf(report->world, view->device, shot->device, shot->turntable_deg, shot->arc_deg,
-                  &report->texels, TRUTH_SAMPLES, truth);
-        if (!measure_btf_pair(report, view, light, truth, btf_png && i % 3 == 0, error))
-            return FALSE;
+        struct btf_pair *pair = &pairs[i];
+        pair->report = report;
+        pair->view = g_ptr_array_index(report->views,
+                                       g_rand_int_range(random, 0, (gint32)report->views->len));
+        pair->light = g_ptr_array_index(report->lights,
+                                        g_rand_int_range(random, 0, (gint32)report->lights->len));
+        pair->shot = find_lamp_shot(report, pair->view, pair->light->index);
     }
-    return !btf_png || demo_btf_write(report->picture, btf_png, error);
+    work_for_each(0, btf_pairs, trace_btf_pair, pairs);
+    gboolean ok = TRUE;
+    for (int i = 0; i < btf_pairs; i++) {
+        const struct btf_pair *pair = &pairs[i];
+        ok = ok && (!pair->truth || measure_btf_pair(report, pair->view, pair->light, pair->truth,
+                                                     btf_png && i % 3 == 0, error));
+        g_free(pair->truth);
+    }
+    return ok && (!btf_png || demo_btf_write(report->picture, btf_png, error));
 }
 
 /* What is told of products, in this order. */
