@@ -206,7 +206,7 @@ static void test_shadow_ring(gconstpointer data) {
     s.camera_elevation_deg = 35.0;
     s.shadows = TRUE;
     viewer_fit(view, &s, (double)W / H);
-    struct displaced_camera c = silhouettes_camera(&s, W, H);
+    struct displaced_camera c = silhouettes_camera(&silhouettes_torus, &s, W, H);
     g_autofree float *seen = see(view, &s, W, H);
     int n = 0, wrong = 0;
     for (int k = 0; k < W * H; k++) {
@@ -272,18 +272,19 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     g_assert_no_error(error);
     struct truth_surface surface;
     truth_surface(world, &surface);
-    struct displaced_shape shape = {
-        TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, m->reference_mm};
+    struct displaced_shape shape =
+        silhouettes_displaced(&silhouettes_torus, u, v, TRUE, 25.0, m->reference_mm);
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
     struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
     viewer_fit(view, &s, (double)W / H);
-    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, &s, W, H);
+    g_autofree struct displaced_pixel *truth =
+        silhouettes_trace(&silhouettes_torus, displaced, &s, W, H);
     struct scores scores[2];
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
         g_autofree float *seen = see(view, &s, W, H);
-        scores[way] = silhouettes_score(seen, truth, &s, W, H, TRUE);
+        scores[way] = silhouettes_score(&silhouettes_torus, seen, truth, &s, W, H, TRUE);
     }
     g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f)", m->kind, u, v,
                    overlap_share(&scores[1].outline), overlap_share(&scores[0].outline),
