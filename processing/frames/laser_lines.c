@@ -133,6 +133,13 @@ int laser_region_pixels(const LaserRegion *region) {
     return (int)region->pixels->len;
 }
 
+guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at_mm) {
+    const struct pixel *pixel = &g_array_index(region->pixels, struct pixel, i);
+    if (ret_at_mm)
+        *ret_at_mm = pixel->at_mm;
+    return pixel->index;
+}
+
 /* A pixel of the region that saw the line. */
 struct candidate {
     int frame;

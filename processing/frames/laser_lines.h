@@ -37,6 +37,9 @@ LaserRegion *laser_region_new(const struct rig *rig, const struct rig_camera *ca
 void laser_region_free(LaserRegion *region); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserRegion, laser_region_free)
 int laser_region_pixels(const LaserRegion *region);
+/* Index of pixel i in the picture; ret_at_mm: where its ray meets the face, rig frame (may be
+ * NULL). */
+guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at_mm);
 
 /* Standard errors of a laser's calibration: of the zero of the sweep, and of the roll. */
 struct laser_known {

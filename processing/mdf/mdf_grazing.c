@@ -7,14 +7,13 @@
 #include <math.h>
 #include <string.h>
 
-#define DEG       (G_PI / 180.0)
-#define N_PHI     36   /* views in an added ring */
-#define GAP_DEG   2.5  /* between rings */
-#define STEEP_DEG 20.0 /* views within this angle of the steepest one form the relief */
-#define HIGHER                                                                                     \
-    0.4 /* standard deviations by which the relief is raised: flat rays meet the highest points of \
-           a texel */
-#define STEP 0.5 /* of a texel */
+#define DEG         (G_PI / 180.0)
+#define N_PHI       36   /* views in an added ring */
+#define GAP_DEG     2.5  /* between rings */
+#define STEEP_DEG   20.0 /* views within this angle of the steepest one form the relief */
+#define MOST_RAISED 2.0  /* standard deviations */
+#define HALVINGS    8    /* of that, until it is found */
+#define STEP        0.5  /* of a texel */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
@@ -115,14 +114,59 @@ static void clear_relief(struct relief *r) {
     g_free(r->square);
 }
 
+/* Mean of traced minus measured depths of the flattest views, over texels that were seen. */
+static double flattest_error_mm(const struct mdf_table *t, double flattest, double raised) {
+    gsize n = (gsize)t->width * t->height, count = 0;
+    double sum = 0.0;
+    struct mdf_table *one = mdf_table_new(t->width, t->height, 1, t->texel_mm, NULL, NULL);
+    struct relief relief;
+    one->deepest_mm = t->deepest_mm;
+    make_relief(t, raised, &relief);
+    for (int view = 0; view < t->n_views; view++) {
+        if (t->theta_deg[view] < flattest - GAP_DEG)
+            continue;
+        one->theta_deg[0] = t->theta_deg[view];
+        one->phi_deg[0] = t->phi_deg[view];
+        trace_view(one, 0, &relief);
+        for (gsize k = 0; k < n; k++)
+            if (t->seen == NULL || t->seen[view * n + k]) {
+                sum += one->depth_mm[k] - t->depth_mm[view * n + k];
+                count++;
+            }
+    }
+    clear_relief(&relief);
+    mdf_table_free(one);
+    return count > 0 ? sum / (double)count : 0.0;
+}
+
+double mdf_table_raised(const struct mdf_table *t) {
+    double low = 0.0, high = MOST_RAISED, flattest = 0.0;
+    for (int k = 0; k < t->n_views; k++)
+        flattest = MAX(flattest, (double)t->theta_deg[k]);
+    if (flattest_error_mm(t, flattest, low) <= 0.0)
+        return low;
+    for (int k = 0; k < HALVINGS; k++) {
+        double middle = 0.5 * (low + high);
+        if (flattest_error_mm(t, flattest, middle) > 0.0)
+            low = middle;
+        else
+            high = middle;
+    }
+    return 0.5 * (low + high);
+}
+
 void mdf_table_add_grazing(struct mdf_table *t) {
+    mdf_table_add_grazing_raised(t, mdf_table_raised(t));
+}
+
+void mdf_table_add_grazing_raised(struct mdf_table *t, double raised) {
     struct relief relief;
     double flattest = 0.0;
     gsize n = (gsize)t->width * t->height;
     int first = t->n_views;
     for (int k = 0; k < t->n_views; k++)
         flattest = MAX(flattest, (double)t->theta_deg[k]);
-    make_relief(t, HIGHER, &relief);
+    make_relief(t, raised, &relief);
     int most = first + N_PHI * (int)G_N_ELEMENTS(rings_deg);
     t->theta_deg = g_renew(float, t->theta_deg, most);
     t->phi_deg = g_renew(float, t->phi_deg, most);

@@ -5,6 +5,7 @@
 #include "mdf_codecs/mdf_tabulated.h"
 
 #include <epoxy/gl.h>
+#include <math.h>
 #include <string.h>
 
 struct MdfTexture {
@@ -14,6 +15,12 @@ struct MdfTexture {
     int n_terms;   /* c, see mdf_factors.h; 0: views */
     double scale_mm, least_mm; /* depth of views = least_mm + scale_mm · value */
     double width_mm, height_mm, deepest_mm;
+    int width, height, n_views;
+    float *theta_deg, *phi_deg; /* n_views */
+    guint volume;               /* 0: not asked for yet */
+    int n_rings;
+    float rings[MDF_VOLUME_RINGS]
+               [4]; /* θ in rad, centre of the first slice, slices, φ of it in turns */
 };
 
 static gboolean mdf_texture_check(int width, int height, int n_layers, GError **error) {
@@ -158,6 +165,11 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
     texture->width_mm = e.width * e.texel_mm;
     texture->height_mm = e.height * e.texel_mm;
     texture->deepest_mm = e.deepest_mm;
+    texture->width = e.width;
+    texture->height = e.height;
+    texture->n_views = e.n_views;
+    texture->theta_deg = g_memdup2(e.theta_deg, sizeof(float) * e.n_views);
+    texture->phi_deg = g_memdup2(e.phi_deg, sizeof(float) * e.n_views);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glGenTextures(1, &texture->depths);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
@@ -180,6 +192,9 @@ void mdf_texture_free(MdfTexture *texture) {
         return;
     glDeleteTextures(1, &texture->depths);
     glDeleteTextures(1, &texture->factors);
+    glDeleteTextures(1, &texture->volume);
+    g_free(texture->theta_deg);
+    g_free(texture->phi_deg);
     direction_textures_clear(&texture->views);
     g_free(texture);
 }
@@ -192,11 +207,111 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
     return texture == NULL ? 0
                            : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
                                  gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
+                                 gpu_texture_bytes(GL_TEXTURE_3D, texture->volume) +
                                  direction_textures_bytes(&texture->views);
 }
 
+/* Views of one θ that follow each other; returns the number after the last. */
+static int ring_end(const MdfTexture *texture, int first) {
+    int end = first + 1;
+    while (end < texture->n_views &&
+           fabsf(texture->theta_deg[end] - texture->theta_deg[first]) < 0.1f)
+        end++;
+    return end;
+}
+
+static gboolean ring_is_even(const MdfTexture *texture, int first, int end) {
+    for (int k = first; k < end; k++) {
+        double turn = (texture->phi_deg[k] - texture->phi_deg[first]) / 360.0;
+        double off = turn - (double)(k - first) / (end - first);
+        if (fabs(off - rint(off)) > 1e-4)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* FALSE: views are not on rings, from above to below. */
+static gboolean find_rings(MdfTexture *texture) {
+    texture->n_rings = 0;
+    for (int first = 0, end, slice = 0; first < texture->n_views; first = end) {
+        end = ring_end(texture, first);
+        int ring = texture->n_rings++;
+        if (ring == MDF_VOLUME_RINGS || !ring_is_even(texture, first, end) ||
+            (ring > 0 && texture->theta_deg[first] < texture->theta_deg[first - 1]))
+            return FALSE;
+        float *to = texture->rings[ring];
+        to[0] = texture->theta_deg[first] * (float)(G_PI / 180.0);
+        to[1] = (float)slice + 0.5f;
+        to[2] = (float)(end - first);
+        to[3] = texture->phi_deg[first] / 360.0f;
+        slice += end - first + 1;
+    }
+    return TRUE;
+}
+
+static void mdf_texture_upload_volume(MdfTexture *texture) {
+    gsize n = (gsize)texture->width * texture->height;
+    int slices = texture->n_views + texture->n_rings, slice = 0;
+    g_autofree float *values = g_new(float, n *(texture->n_views + 1)); /* and the pole */
+    g_autofree guint8 *bytes = g_new(guint8, n * slices);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glGetTexImage(GL_TEXTURE_2D_ARRAY, 0, GL_RED, GL_FLOAT, values);
+    const double scale = texture->deepest_mm > 0.0 ? 255.0 / texture->deepest_mm : 0.0;
+    for (int ring = 0, first = 0; ring < texture->n_rings; ring++) {
+        int count = (int)texture->rings[ring][2];
+        for (int k = 0; k <= count; k++, slice++)
+            for (gsize i = 0; i < n; i++) {
+                double mm =
+                    texture->least_mm + texture->scale_mm * values[n * (first + k % count) + i];
+                bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
+            }
+        first += count;
+    }
+    glGenTextures(1, &texture->volume);
+    glBindTexture(GL_TEXTURE_3D, texture->volume);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexImage3D(GL_TEXTURE_3D, 0, GL_R8, texture->width, texture->height, slices, 0, GL_RED,
+                 GL_UNSIGNED_BYTE, bytes);
+}
+
+gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
+    GLint most = 0;
+    if (texture->volume != 0)
+        return TRUE;
+    if (mdf_texture_is_maps(texture) || !find_rings(texture)) {
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_FAILED,
+            "distances can be put into a volume only if they are of views on at most %d rings, "
+            "and not in factors: leave --mdf-volume out",
+            MDF_VOLUME_RINGS);
+        return FALSE;
+    }
+    glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
+    int longest = MAX(MAX(texture->width, texture->height), texture->n_views + texture->n_rings);
+    if (longest > most) {
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+            "distances of %d × %d texels in %d views do not fit into a volume: %s takes %d each "
+            "way; leave --mdf-volume out",
+            texture->width, texture->height, texture->n_views, gpu_renderer(), most);
+        return FALSE;
+    }
+    mdf_texture_upload_volume(texture);
+    return gpu_check("uploading the MDF as a volume", error);
+}
+
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
-    gpu_bind_texture(program, "mdf_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY, texture->depths);
+    if (glGetUniformLocation(program, "mdf_volume") >= 0) {
+        gpu_bind_texture(program, "mdf_volume", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->volume);
+        glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->n_rings);
+        glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->n_rings,
+                     texture->rings[0]);
+    } else
+        gpu_bind_texture(program, "mdf_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY,
+                         texture->depths);
     direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
     gpu_bind_texture(program, "mdf_factors", MDF_FACTORS_UNIT, GL_TEXTURE_2D_ARRAY,
                      texture->factors);

@@ -73,6 +73,7 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         return FALSE;
     }
     scene.mdf = from->silhouettes ? relief->mdf : relief->smooth;
+    scene.options.volume &= from->silhouettes;
     memcpy(relief->light, from->light, sizeof from->light);
     relief->radius = from->radius;
     relief->silhouettes = from->silhouettes;

@@ -148,7 +148,7 @@ static gboolean same_key(const struct key *a, const struct key *b) {
     return a->mdf == b->mdf && a->index == b->index && a->serial == b->serial &&
            same_floats(a->light, b->light, 3) && same_floats(a->tiles, b->tiles, 2) &&
            a->options.way == b->options.way && a->options.layers == b->options.layers &&
-           a->options.straight == b->options.straight;
+           a->options.straight == b->options.straight && a->options.volume == b->options.volume;
 }
 
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,

@@ -7,13 +7,13 @@
 #define FACE_BYTES   16
 #define HEADER_BYTES 16 /* of the lists' buffer: their number */
 
-#define VARIANTS 4 /* of the programs */
+#define VARIANTS 8 /* of the programs */
 
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views, of maps (bit 0), through an index map (bit 1): all but the first compiled
-     * on demand. ADD and FIND only with OpenGL 4.3. */
+    /* For MDFs of views, of maps (bit 0), through an index map (bit 1), in a volume (bit 2): all
+     * but the first compiled on demand. ADD and FIND only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     const guint *programs; /* those in use now */
     guint query;
@@ -24,10 +24,11 @@ struct Visibility {
     guint32 room; /* faces that the buffer has room for */
 };
 
-static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps,
+static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
                                          const IndexTexture *index, GError **error) {
     g_autofree char *of_index = index_texture_constants(index, FALSE);
-    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s", maps, of_index);
+    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s%s", maps,
+                                                 volume ? "#define MDF_VOLUME 1\n" : "", of_index);
     static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
     const char *names[8] = {"mesh.vert",       "frame.glsl",  "places.glsl",
                             "directions.glsl", "relief.glsl", "peel_back.frag"};
@@ -44,7 +45,7 @@ static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean ma
 
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
-    if (!visibility_make_programs(v->all_programs[0], FALSE, NULL, error))
+    if (!visibility_make_programs(v->all_programs[0], FALSE, FALSE, NULL, error))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -231,9 +232,12 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
                     gpu_renderer());
         return FALSE;
     }
-    const gboolean maps = mdf_texture_is_maps(s->mdf);
-    guint *programs = v->all_programs[(maps ? 1 : 0) + (s->index != NULL ? 2 : 0)];
-    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, s->index, error)) {
+    const gboolean maps = mdf_texture_is_maps(s->mdf), volume = s->options.volume;
+    if (volume && !mdf_texture_make_volume(s->mdf, error))
+        return FALSE;
+    guint *programs =
+        v->all_programs[(maps ? 1 : 0) + (s->index != NULL ? 2 : 0) + (volume ? 4 : 0)];
+    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, volume, s->index, error)) {
         glDeleteProgram(programs[BACK]);
         programs[BACK] = 0;
         return FALSE;

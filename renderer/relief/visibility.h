@@ -24,10 +24,11 @@ struct visibility_options {
     enum visibility_way way;
     int layers;        /* most pairs of front and back faces behind each other that are tested */
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is flat under each ray */
+    gboolean volume;   /* distances in a volume, as there (mdf_texture_make_volume()) */
 };
 
 struct visibility_scene {
-    const MdfTexture *mdf;
+    MdfTexture *mdf;
     const IndexTexture *index; /* NULL: the MDF's tile is repeated */
     guint array, n_indices;
     float projection[16];

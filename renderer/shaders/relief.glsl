@@ -28,12 +28,22 @@ float distance_from_eye() {
     return sight.w > 0.5 ? length(sight.xyz - world) : reach - dot(sight.xyz, world);
 }
 
+#ifdef MDF_VOLUME
+uniform sampler3D mdf_volume; // distances of views, in parts of the deepest; see mdf_texture.h
+uniform int mdf_rings;
+uniform vec4 mdf_ring[16]; // θ, centre of the first slice, number of slices, φ of the first in turns
+#endif
+
 // The mip level that fits the less compressed of the texture's two axes: near a contour the other axis
 // shrinks without limit, and a level that followed it would smooth the relief away.
 float level_of_detail() {
+#ifdef MDF_VOLUME
+    return 0.0;
+#else
     vec2 size = vec2(textureSize(mdf_depths, 0).xy);
     vec2 a = dFdx(texel) * size, b = dFdy(texel) * size;
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
+#endif
 }
 
 #if MDF_MAPS
@@ -48,7 +58,27 @@ float sum_of_maps(vec2 x, vec2 at, float level) {
 }
 #endif
 
+#ifdef MDF_VOLUME
+float depth_in_ring(vec2 x, vec4 ring, float turns) {
+    float slice = ring.y + ring.z * fract(turns - ring.w);
+    return texture(mdf_volume, vec3(x, slice / float(textureSize(mdf_volume, 0).z))).r;
+}
+
+float depth_in_volume(vec2 x, vec3 d) {
+    float theta = acos(clamp(d.z, 0.0, 1.0)), turns = atan(d.y, d.x) / 6.28318531;
+    int k = 0;
+    while (k < mdf_rings - 2 && mdf_ring[k + 1].x < theta)
+        k++;
+    vec4 upper = mdf_ring[k], lower = mdf_ring[min(k + 1, mdf_rings - 1)];
+    float share = clamp((theta - upper.x) / max(lower.x - upper.x, 1e-6), 0.0, 1.0);
+    return mdf_deepest * mix(depth_in_ring(x, upper, turns), depth_in_ring(x, lower, turns), share);
+}
+#endif
+
 float depth_mm(vec2 x, vec3 d, float level) {
+#ifdef MDF_VOLUME
+    return depth_in_volume(x, d);
+#else
     vec2 at = square(d);
 #if MDF_MAPS
     return clamp(sum_of_maps(x, at, level), 0.0, mdf_deepest);
@@ -62,6 +92,7 @@ float depth_mm(vec2 x, vec3 d, float level) {
     depth += share.z * textureLod(mdf_depths, vec3(x, float(index.z)), level).r;
     depth += share.w * textureLod(mdf_depths, vec3(x, float(index.w)), level).r;
     return mdf_range.x + mdf_range.y * depth;
+#endif
 #endif
 }
 

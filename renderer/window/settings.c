@@ -36,6 +36,8 @@ const struct setting settings_table[SETTINGS] = {
                         "%.0f", "N", "Of silhouettes behind each other, at most, 1 … 32 (default)"},
     [SETTING_STRAIGHT] = FLAG("straight", NULL, settings.visibility.straight,
                               "Silhouettes as if the shape were flat under each ray, to compare"),
+    [SETTING_MDF_VOLUME] = FLAG("mdf-volume", NULL, settings.visibility.volume,
+                                "Distances in 8 bits in a 3D texture, to compare"),
     [SETTING_SHADOW_MAP] = {"shadow-map", NULL, SETTING_WHOLE, AT(settings.shadow_size), 16.0,
                             16384.0, "%.0f", "PIXELS",
                             "Size of the first lamp's map of shadows, 16 … 16384, default 1024"},

@@ -3,8 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-static const char *const kinds[] = {"flat",    "weave", "brushed", "brick", "peanuts", "ridges",
-                                    "picture", "obj",   "poles",   "balls", "plate",   NULL};
+static const char *const kinds[] = {"flat",   "weave",   "brushed",  "brick", "peanuts",
+                                    "ridges", "picture", "obj",      "poles", "balls",
+                                    "plate",  "grass",   "bluepipe", "block", NULL};
 
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
@@ -22,6 +23,10 @@ const struct option sample_option_table[] = {
      "between yarns, ridges, courses of bricks; rounded so that the sample tiles"},
     {"grid", OPTION_INT, NULL, 2, 2048, "224", NULL, AT(grid),
      "cells in x and y of a sample that is a relief"},
+    {"repeats", OPTION_INT, NULL, 1, 16, "1", NULL, AT(repeats),
+     "equal pieces in x and y that the sample consists of, each of them without a seam to the "
+     "next; "
+     "more than 1 of flat, brushed, brick, ridges, grass, bluepipe and block"},
     {"albedo", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo),
      "diffuse albedo, one number or red;green;blue; empty: the kind's own"},
     {"albedo2", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo2),
@@ -81,6 +86,22 @@ void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c) {
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d) {
     sample_add_triangle(mesh, a, b, c);
     sample_add_triangle(mesh, a, c, d);
+}
+
+void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip) {
+    for (guint32 i = 0; i < n; i++)
+        for (guint32 k = 0; k < around; k++) {
+            guint32 a = first + i * around + k, b = first + i * around + (k + 1) % around;
+            guint32 c = b + around, d = a + around;
+            if (flip)
+                sample_add_quad(mesh, d, c, b, a);
+            else
+                sample_add_quad(mesh, a, b, c, d);
+        }
+}
+
+int sample_count(double length_mm, double period_mm, int unit) {
+    return unit * (int)MAX(1, rint(length_mm / period_mm / unit));
 }
 
 static struct vertex *vertex_at(struct mesh *mesh, guint32 i) {
@@ -209,6 +230,12 @@ static gboolean sample_check_options(const struct config_section *section,
                               "%g mm is too short for a sample of this size, which may have 200 "
                               "periods: give at least %g mm",
                               options->period_mm, MAX(options->width_mm, options->height_mm) / 200);
+    const gboolean whole = options->kind == SAMPLE_WEAVE || options->kind == SAMPLE_PEANUTS ||
+                           (options->kind >= SAMPLE_PICTURE && options->kind <= SAMPLE_PLATE);
+    if (options->repeats > 1 && whole)
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "repeats",
+                              "%d: a sample of kind %s is of one piece, leave repeats out",
+                              options->repeats, kinds[options->kind]);
     gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(
@@ -259,6 +286,12 @@ static struct mesh *sample_make(const struct sample_options *options, GError **e
         return sample_weave(options);
     case SAMPLE_PEANUTS:
         return sample_peanuts(options);
+    case SAMPLE_GRASS:
+        return sample_grass(options);
+    case SAMPLE_BLUEPIPE:
+        return sample_bluepipe(options);
+    case SAMPLE_BLOCK:
+        return sample_block(options);
     case SAMPLE_PICTURE:
         return sample_picture(options, error);
     case SAMPLE_PLATE:

@@ -35,6 +35,9 @@ enum sample_kind {
     SAMPLE_POLES,
     SAMPLE_BALLS,
     SAMPLE_PLATE,
+    SAMPLE_GRASS,
+    SAMPLE_BLUEPIPE,
+    SAMPLE_BLOCK,
 };
 
 struct sample_options {
@@ -43,6 +46,7 @@ struct sample_options {
     double width_mm, height_mm; /* along x and y */
     double base_mm, relief_mm, top_mm, period_mm;
     int grid;
+    int repeats;                           /* equal pieces each way; 1 for kinds that have none */
     struct option_doubles albedo, albedo2; /* empty, one value, or three */
     double gloss, along, across;           /* −1: the kind's own */
     gboolean smooth;
@@ -67,6 +71,11 @@ guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
 void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
 /* Two triangles; corners counter-clockwise. */
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
+/* The quads between rings of vertices that follow each other, n + 1 of them. Outside is where the
+ * way around a ring, then the way along, make a left-handed turn; flip: right-handed. */
+void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
+/* How many periods fit best into a length, a multiple of unit, and at least one unit. */
+int sample_count(double length_mm, double period_mm, int unit);
 /* Area-weighted normals from the triangles, for vertices from first on. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
@@ -88,6 +97,9 @@ void sample_add_post(struct mesh *mesh, double x_mm, double y_mm, double z_mm, d
 
 struct mesh *sample_weave(const struct sample_options *options);
 struct mesh *sample_peanuts(const struct sample_options *options);
+struct mesh *sample_grass(const struct sample_options *options);
+struct mesh *sample_bluepipe(const struct sample_options *options);
+struct mesh *sample_block(const struct sample_options *options);
 struct mesh *sample_relief(const struct sample_options *options); /* flat, brushed, brick, ridges */
 struct mesh *sample_picture(const struct sample_options *options, GError **error);
 struct mesh *sample_targets(const struct sample_options *options); /* poles, balls */

@@ -7,11 +7,15 @@ static void tone(struct vertex *to, double factor) {
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
 }
 
-/* Position from 0 to 1 across the sample. */
+/* Position from 0 to 1 across a piece of the sample, whose size the options have here. */
 static void unit_place(const struct sample_options *o, const struct vertex *vertex, double *ret_u,
                        double *ret_v) {
-    *ret_u = vertex->p[0] / o->width_mm + 0.5;
-    *ret_v = vertex->p[1] / o->height_mm + 0.5;
+    *ret_u = vertex->p[0] / o->width_mm + 0.5 * o->repeats;
+    *ret_v = vertex->p[1] / o->height_mm + 0.5 * o->repeats;
+    if (o->repeats > 1) {
+        *ret_u -= floor(*ret_u);
+        *ret_v -= floor(*ret_v);
+    }
 }
 
 static void flat(struct vertex *vertex, gconstpointer data) {
@@ -104,7 +108,10 @@ struct mesh *sample_relief(const struct sample_options *options) {
                           : options->kind == SAMPLE_BRICK  ? brick
                           : options->kind == SAMPLE_RIDGES ? ridges
                                                            : flat;
+    struct sample_options piece = *options;
+    piece.width_mm /= options->repeats;
+    piece.height_mm /= options->repeats;
     struct mesh *mesh = sample_mesh_new();
-    sample_add_relief(mesh, options, options->grid, options->grid, relief, options);
+    sample_add_relief(mesh, options, options->grid, options->grid, relief, &piece);
     return mesh;
 }

@@ -92,16 +92,7 @@ static void add_yarn(struct mesh *mesh, const struct yarn *yarn) {
             sample_add_vertex(mesh, &vertex);
         }
     }
-    for (guint32 i = 0; i < (guint32)steps; i++) {
-        for (guint32 k = 0; k < AROUND; k++) {
-            guint32 a = first + i * AROUND + k, b = first + i * AROUND + (k + 1) % AROUND;
-            guint32 c = b + AROUND, d = a + AROUND;
-            if (yarn->warp)
-                sample_add_quad(mesh, d, c, b, a);
-            else
-                sample_add_quad(mesh, a, b, c, d);
-        }
-    }
+    sample_join_rings(mesh, first, (guint32)steps, AROUND, yarn->warp);
     sample_smooth_normals(mesh, first, first_triangle);
     add_cap(mesh, yarn, first, TRUE);
     add_cap(mesh, yarn, first + (guint32)steps * AROUND, FALSE);
@@ -113,12 +104,9 @@ static void backing_relief(struct vertex *vertex, gconstpointer data) {
         vertex->albedo[k] = 0.05f;
 }
 
-static int even_count(double length_mm, double period_mm) {
-    return 2 * (int)MAX(1, rint(length_mm / period_mm / 2));
-}
-
 static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolean warp) {
-    int n_x = even_count(o->width_mm, o->period_mm), n_y = even_count(o->height_mm, o->period_mm);
+    int n_x = sample_count(o->width_mm, o->period_mm, 2),
+        n_y = sample_count(o->height_mm, o->period_mm, 2);
     double pitch_x = o->width_mm / n_x, pitch_y = o->height_mm / n_y;
     double thick = o->relief_mm / 4.3; /* the swing and half a yarn, above and below the middle */
     int n = warp ? n_x : n_y;

@@ -180,7 +180,17 @@ static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
     return mdf;
 }
 
-enum { BTF, PLAIN, SILHOUETTES, PEELED, SHADOWS, SHADOWS_ONLY, N_VARIANTS };
+enum {
+    BTF,
+    PLAIN,
+    SILHOUETTES,
+    PEELED,
+    SHADOWS,
+    SHADOWS_ONLY,
+    PUBLISHED,
+    PUBLISHED_SHADOWS,
+    N_VARIANTS
+};
 static const struct {
     const char *name;
     double limit; /* times the BTF alone, or 0 */
@@ -189,7 +199,12 @@ static const struct {
                           {"silhouettes", 1.5},
                           {"peeled_silhouettes", 0},
                           {"silhouettes_shadows", 2.2},
-                          {"shadows", 0}};
+                          {"shadows", 0},
+                          /* Peeling in a number of passes that the user says, straight rays and
+                           * distances in a volume: Wang et al. 2005, table 2. */
+                          {"published_silhouettes", 0},
+                          {"published_silhouettes_shadows", 0}};
+static int passes = 2;
 
 static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
@@ -204,9 +219,13 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean 
         s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
         s.camera_elevation_deg = s.camera_fov_deg = 35.0;
         s.plain = v == PLAIN;
-        s.silhouettes = v >= SILHOUETTES && v <= SHADOWS;
-        s.shadows = v >= SHADOWS;
-        s.visibility.way = v == PEELED ? VISIBILITY_PEEL : VISIBILITY_AUTO;
+        const gboolean published = v >= PUBLISHED;
+        s.silhouettes = (v >= SILHOUETTES && v <= SHADOWS) || published;
+        s.shadows = v == SHADOWS || v == SHADOWS_ONLY || v == PUBLISHED_SHADOWS;
+        s.visibility.way = v == PEELED || published ? VISIBILITY_PEEL : VISIBILITY_AUTO;
+        s.visibility.straight = s.visibility.volume = published;
+        if (published)
+            s.visibility.layers = passes;
         settings[v] = s;
     }
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
@@ -271,13 +290,14 @@ int main(int argc, char **argv) {
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 20", "N"},
+        {"passes", 0, 0, G_OPTION_ARG_INT, &passes, "Of the published peeling, default 2", "N"},
         {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels each way, default 64", "N"},
         {"write-material", 0, 0, G_OPTION_ARG_FILENAME, &write, "Save it, time nothing",
          "eigenmaps.exr"},
         {NULL}};
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, NULL);
-    if (frames < 1 || texels < 4)
+    if (frames < 1 || texels < 4 || passes < 1 || passes > VISIBILITY_MAX_LAYERS)
         bench_fail(2, "bad number");
     double residual;
     struct eigenmaps *maps = make_material(texels, &residual, &error);

@@ -1,7 +1,7 @@
 /*
- * Silhouettes and shadows of a simulated material on a torus above a floor, as mesorig-view draws
- * them from the products of its session, against the same scene with the sample's true surface, ray
- * traced. Also makes that scene's picture.
+ * Silhouettes and shadows of a simulated material on a torus or a cylinder above a floor, as
+ * mesorig-view draws them from the products of its session, against the same scene with the
+ * sample's true surface, ray traced. Also makes that scene's picture.
  */
 #include "gl/gpu.h"
 #include "lib/silhouettes.h"
@@ -17,6 +17,8 @@ struct options {
     int width, height;
     double tile_mm, reference_mm;
     struct viewer_settings view;
+    const struct silhouettes_shape *shape;
+    gboolean cylinder;
 };
 
 /* What the session's MDF says of its texels. */
@@ -37,7 +39,7 @@ static Viewer *open_view(const struct options *o, int tiles_u, int tiles_v, GErr
     g_autofree char *material = method_path(methods[0], o->session);
     g_autofree char *mdf = g_build_filename(o->session, "products", "mdf.exr", NULL);
     const struct scene_options scene = {tiles_u, tiles_v, SCENE_Z_UP, !o->no_floor};
-    struct mesh *mesh = scene_make("torus", &scene, error);
+    struct mesh *mesh = scene_make(o->shape->name, &scene, error);
     g_autoptr(Viewer) view = viewer_new(NULL, error);
     gboolean good = view != NULL && viewer_open(view, methods[0], material, error) &&
                     viewer_open_mdf(view, mdf, error) && viewer_set_mesh(view, mesh, error);
@@ -51,7 +53,7 @@ static gboolean compare(const struct options *o, Viewer *view, const struct view
         viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIT, o->width, o->height, error);
     if (seen == NULL)
         return FALSE;
-    *ret = silhouettes_score(seen, truth, s, o->width, o->height, !o->no_floor);
+    *ret = silhouettes_score(o->shape, seen, truth, s, o->width, o->height, !o->no_floor);
     return TRUE;
 }
 
@@ -60,7 +62,8 @@ enum { BTF, STRAIGHT, MDF, N_WAYS };
 static gboolean measure(const struct options *o, Displaced *displaced, Viewer *view,
                         const struct viewer_settings *s, struct scores ret[N_WAYS],
                         GError **error) {
-    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, s, o->width, o->height);
+    g_autofree struct displaced_pixel *truth =
+        silhouettes_trace(o->shape, displaced, s, o->width, o->height);
     for (int way = 0; way < N_WAYS; way++) {
         struct viewer_settings one = *s;
         one.shadows = TRUE;
@@ -76,7 +79,7 @@ static gboolean measure(const struct options *o, Displaced *displaced, Viewer *v
 static gboolean make_picture(const struct options *o, Displaced *displaced, Viewer *view,
                              const struct viewer_settings *s, GError **error) {
     int w = o->width * s->samples, h = o->height * s->samples;
-    g_autofree struct displaced_pixel *pixels = silhouettes_trace(displaced, s, w, h);
+    g_autofree struct displaced_pixel *pixels = silhouettes_trace(o->shape, displaced, s, w, h);
     g_autofree float *linear = g_new0(float, 4 * (gsize)w * h);
     for (int k = 0; k < w * h; k++) {
         const struct displaced_pixel *p = &pixels[k];
@@ -103,13 +106,8 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
         return FALSE;
     }
     struct truth_surface surface;
-    struct displaced_shape shape = {.radius = TORUS_RADIUS,
-                                    .tube_radius = TORUS_TUBE,
-                                    .tiles_u = u,
-                                    .tiles_v = v,
-                                    .floor = o->no_floor ? 0 : TORUS_FLOOR * TORUS_MESH_RADIUS,
-                                    .tile_mm = o->tile_mm,
-                                    .reference_mm = o->reference_mm};
+    struct displaced_shape shape =
+        silhouettes_displaced(o->shape, u, v, !o->no_floor, o->tile_mm, o->reference_mm);
     truth_surface(world, &surface);
     g_autoptr(Viewer) view = open_view(o, u, v, error);
     if (view == NULL)
@@ -136,7 +134,8 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
 }
 
 static gboolean run(struct options *o, GError **error) {
-    static const char *const usual[] = {"8x3", "6x2", "3x1", NULL};
+    static const char *const usual[] = {"8x3", "6x2", "3x1", "2x1",
+                                        NULL}; /* Wang et al. 2005 fig. 11 */
     const char *const *tiles = o->tiles != NULL ? (const char *const *)o->tiles : usual;
     g_autofree char *mdf = g_build_filename(o->session, "products", "mdf.exr", NULL);
     g_autoptr(World) world = world_get(o->world, error);
@@ -161,13 +160,14 @@ static gboolean parse(struct options *o, int *argc, char ***argv, GError **error
     struct viewer_settings *s = &o->view;
     const GOptionEntry entries[] = {
         {"tiles", 0, 0, G_OPTION_ARG_STRING_ARRAY, &o->tiles,
-         "Along the torus; may be repeated; default 8x3, 6x2 and 3x1", "UxV"},
+         "Along the shape; may be repeated; default 8x3, 6x2, 3x1 and 2x1", "UxV"},
         {"picture", 0, 0, G_OPTION_ARG_FILENAME, &o->picture,
          "Write the ray-traced scene instead of measuring", "OUT.png"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
         {"supersample", 0, 0, G_OPTION_ARG_INT, &s->samples, "Of the picture, each way, default 3",
          "N"},
-        {"no-floor", 0, 0, G_OPTION_ARG_NONE, &o->no_floor, "The torus alone", NULL},
+        {"cylinder", 0, 0, G_OPTION_ARG_NONE, &o->cylinder, "Instead of a torus", NULL},
+        {"no-floor", 0, 0, G_OPTION_ARG_NONE, &o->no_floor, "The shape alone", NULL},
         {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg, "As mesorig-view",
          "DEG"},
         {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg, "As mesorig-view", "DEG"},
@@ -193,6 +193,7 @@ static gboolean parse(struct options *o, int *argc, char ***argv, GError **error
     }
     o->world = o->rest[0];
     o->session = o->rest[1];
+    o->shape = o->cylinder ? &silhouettes_cylinder : &silhouettes_torus;
     return viewer_settings_check(s, error);
 }
 

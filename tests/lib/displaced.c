@@ -9,7 +9,7 @@
 struct Displaced {
     struct displaced_shape shape;
     RTCDevice device;
-    RTCScene torus, tile, scene; /* the last has instances of the others, the torus first */
+    RTCScene solid, tile, scene; /* the last has instances of the others, the shape first */
     float *albedo;               /* of each vertex of a tile */
     guint n_vertices;            /* of a tile */
     guint32 *triangles;          /* of a tile */
@@ -64,6 +64,28 @@ static void on_torus(const struct displaced_shape *s, const float mm[3], int i, 
     ret[2] = r * sin(b);
 }
 
+static void on_cylinder(const struct displaced_shape *s, const float mm[3], int i, int j,
+                        float ret[3]) {
+    double a = 2 * G_PI * (mm[0] / s->tile_mm + 0.5 + i) / s->tiles_u;
+    double around = 2 * G_PI * s->radius / s->tiles_u / s->tile_mm;
+    double along = s->height / s->tiles_v / s->tile_mm,
+           r = s->radius + mm[2] * sqrt(around * along);
+    ret[0] = r * cos(a);
+    ret[1] = r * sin(a);
+    ret[2] = s->height * ((mm[1] / s->tile_mm + 0.5 + j) / s->tiles_v - 0.5);
+}
+
+/* On the upper (side = 1) or the lower end; FALSE: beside it. */
+static gboolean on_end(const struct displaced_shape *s, const float mm[3], int i, int j,
+                       double side, float ret[3]) {
+    double along = s->height / s->tiles_v / s->tile_mm;
+    double around = 2 * G_PI * s->radius / s->tiles_u / s->tile_mm;
+    ret[0] = around * (mm[0] + s->tile_mm * (0.5 + i));
+    ret[1] = side * along * (mm[1] + s->tile_mm * (0.5 + j));
+    ret[2] = side * (s->height / 2 + mm[2] * sqrt(around * along));
+    return hypot(ret[0], ret[1]) <= s->radius;
+}
+
 static RTCGeometry new_triangles(Displaced *d, guint n_vertices, guint n_triangles,
                                  float **ret_vertices, guint32 **ret_triangles) {
     RTCGeometry geometry = rtcNewGeometry(d->device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -88,7 +110,13 @@ static void add_instance(Displaced *d, RTCScene of, double x, double y, double z
     attach(d->scene, instance);
 }
 
-static void add_torus(Displaced *d, const struct tile *tile) {
+static void attach_solid(Displaced *d, RTCGeometry geometry) {
+    d->solid = rtcNewScene(d->device);
+    rtcSetSceneFlags(d->solid, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_COMPACT);
+    attach(d->solid, geometry);
+}
+
+static void add_sides(Displaced *d, const struct tile *tile) {
     guint copies = d->shape.tiles_u * d->shape.tiles_v;
     float *vertices;
     guint32 *triangles;
@@ -96,24 +124,57 @@ static void add_torus(Displaced *d, const struct tile *tile) {
         new_triangles(d, copies * tile->n_vertices, copies * d->n_triangles, &vertices, &triangles);
     for (guint copy = 0; copy < copies; copy++) {
         for (guint k = 0; k < tile->n_vertices; k++, vertices += 3)
-            on_torus(&d->shape, tile->mm + 3 * (gsize)k, copy % d->shape.tiles_u,
-                     copy / d->shape.tiles_u, vertices);
+            (d->shape.height > 0 ? on_cylinder : on_torus)(&d->shape, tile->mm + 3 * (gsize)k,
+                                                           copy % d->shape.tiles_u,
+                                                           copy / d->shape.tiles_u, vertices);
         for (guint k = 0; k < 3 * d->n_triangles; k++)
             *triangles++ = d->triangles[k] + copy * tile->n_vertices;
     }
-    d->torus = rtcNewScene(d->device);
-    rtcSetSceneFlags(d->torus, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_COMPACT);
-    attach(d->torus, geometry);
-    rtcCommitScene(d->torus);
-    add_instance(d, d->torus, 0, 0, 0);
+    attach_solid(d, geometry);
+}
+
+/* Tiles of which a corner may lie on an end; triangles with a corner beside it become points, so
+ * that triangles keep their numbers. */
+static void add_end(Displaced *d, const struct tile *tile, double side) {
+    const struct displaced_shape *s = &d->shape;
+    int n_u = (int)ceil(s->tiles_u / (2 * G_PI)),
+        n_v = (int)ceil(s->radius / s->height * s->tiles_v);
+    guint copies = 4 * n_u * n_v, n = tile->n_vertices;
+    float *vertices;
+    guint32 *triangles;
+    RTCGeometry geometry =
+        new_triangles(d, copies * n, copies * d->n_triangles, &vertices, &triangles);
+    g_autofree gboolean *inside = g_new(gboolean, n);
+    for (guint copy = 0; copy < copies; copy++) {
+        int i = (int)copy % (2 * n_u) - n_u, j = (int)copy / (2 * n_u) - n_v;
+        for (guint k = 0; k < n; k++, vertices += 3)
+            inside[k] = on_end(s, tile->mm + 3 * (gsize)k, i, j, side, vertices);
+        for (guint k = 0; k < d->n_triangles; k++) {
+            const guint32 *of = d->triangles + 3 * (gsize)k;
+            gboolean all = inside[of[0]] && inside[of[1]] && inside[of[2]];
+            for (int c = 0; c < 3; c++)
+                *triangles++ = of[all ? c : 0] + copy * n;
+        }
+    }
+    attach(d->solid, geometry);
+}
+
+static void add_solid(Displaced *d, const struct tile *tile) {
+    add_sides(d, tile);
+    for (int side = -1; side <= 1 && d->shape.height > 0; side += 2)
+        add_end(d, tile, side);
+    rtcCommitScene(d->solid);
+    add_instance(d, d->solid, 0, 0, 0);
 }
 
 static void add_floor(Displaced *d, const struct tile *tile) {
     float *vertices;
     guint32 *triangles;
     const struct displaced_shape *s = &d->shape;
-    double area = s->radius / s->tiles_u * s->tube_radius / s->tiles_v;
-    double scale = 2 * G_PI * sqrt(area) / s->tile_mm, width = scale * s->tile_mm;
+    double along = s->height > 0 ? s->height : 2 * G_PI * s->tube_radius;
+    double area = 2 * G_PI * s->radius / s->tiles_u * along / s->tiles_v;
+    double scale = sqrt(area) / s->tile_mm, width = scale * s->tile_mm;
+    double below = s->height > 0 ? s->height / 2 : s->tube_radius;
     d->tile = rtcNewScene(d->device);
     RTCGeometry geometry =
         new_triangles(d, tile->n_vertices, d->n_triangles, &vertices, &triangles);
@@ -125,7 +186,7 @@ static void add_floor(Displaced *d, const struct tile *tile) {
     int n = (int)ceil(d->shape.floor / width);
     for (int j = -n; j < n; j++)
         for (int i = -n; i < n; i++)
-            add_instance(d, d->tile, (i + 0.5) * width, (j + 0.5) * width, -d->shape.tube_radius);
+            add_instance(d, d->tile, (i + 0.5) * width, (j + 0.5) * width, -below);
 }
 
 Displaced *displaced_new(const struct truth_surface *surface, const struct displaced_shape *shape) {
@@ -140,7 +201,7 @@ Displaced *displaced_new(const struct truth_surface *surface, const struct displ
     d->n_triangles = tile.triangles->len / 3;
     d->triangles = (guint32 *)g_array_free(tile.triangles, FALSE);
     d->albedo = tile.albedo;
-    add_torus(d, &tile);
+    add_solid(d, &tile);
     if (shape->floor > 0)
         add_floor(d, &tile);
     rtcCommitScene(d->scene);
@@ -152,7 +213,7 @@ void displaced_free(Displaced *d) {
     if (!d)
         return;
     rtcReleaseScene(d->scene);
-    rtcReleaseScene(d->torus);
+    rtcReleaseScene(d->solid);
     if (d->tile)
         rtcReleaseScene(d->tile);
     rtcReleaseDevice(d->device);
@@ -192,11 +253,11 @@ static void shade(Displaced *d, const struct RTCRayHit *hit, const double light[
     double p[3] = {hit->ray.org_x + t * hit->ray.dir_x, hit->ray.org_y + t * hit->ray.dir_y,
                    hit->ray.org_z + t * hit->ray.dir_z};
     const guint32 *corners = d->triangles + 3 * (gsize)(hit->hit.primID % d->n_triangles);
-    ret->part = hit->hit.instID[0] == 0 ? DISPLACED_TORUS : DISPLACED_FLOOR;
+    ret->part = hit->hit.instID[0] == 0 ? DISPLACED_SHAPE : DISPLACED_FLOOR;
     ret->distance = t;
     ret->cosine = MAX(dot(n, light) / sqrt(dot(n, n)), 0.0);
     ret->dark = ret->cosine <= 0 || blocked(d->scene, p, light);
-    ret->shadowed = ret->part == DISPLACED_FLOOR && blocked(d->torus, p, light);
+    ret->shadowed = ret->part == DISPLACED_FLOOR && blocked(d->solid, p, light);
     for (int c = 0; c < 3; c++)
         ret->albedo[c] = d->albedo[3 * (gsize)corners[0] + c] * (1 - hit->hit.u - hit->hit.v) +
                          d->albedo[3 * (gsize)corners[1] + c] * hit->hit.u +

@@ -44,18 +44,19 @@ int silhouettes_differ(const float *a, const float *b, int n, float tolerance) {
     return differ;
 }
 
-char *silhouettes_write_truth(World *world, const struct truth_grid *grid) {
+char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid,
+                                    const double *theta_deg, int n_theta) {
     static const char *const channels[] = {"D", NULL};
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_file_new();
-    for (int k = 0; k < N_THETA * N_PHI; k++) {
+    for (int k = 0; k < n_theta * N_PHI; k++) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
-        struct exr_part *part = exr_part_new(name, TEXELS, TEXELS, channels, EXR_FLOAT);
+        struct exr_part *part = exr_part_new(name, grid->width, grid->height, channels, EXR_FLOAT);
         double phi = 360.0 / N_PHI * (k % N_PHI), centre[3];
         truth_mdf(world, k / N_PHI, -phi, grid, part->planes[0], NULL);
         truth_view_centre_mm(world, k / N_PHI, -phi, centre);
         int ring = k / N_PHI;
-        exr_set_double(part, "view.theta_deg", 15.0 * (1 + ring));
+        exr_set_double(part, "view.theta_deg", theta_deg[ring]);
         exr_set_double(part, "view.phi_deg", phi);
         exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
         exr_set_double(part, "reference_mm", grid->reference_mm);
@@ -67,6 +68,11 @@ char *silhouettes_write_truth(World *world, const struct truth_grid *grid) {
     g_assert_no_error(error);
     exr_file_free(file);
     return path;
+}
+
+char *silhouettes_write_truth(World *world, const struct truth_grid *grid) {
+    static const double theta_deg[N_THETA] = {15, 30, 45, 60, 75};
+    return silhouettes_write_truth_rings(world, grid, theta_deg, N_THETA);
 }
 
 World *silhouettes_world(const char *kind, double relief_mm) {

@@ -41,8 +41,9 @@ static double share(const struct viewer_settings *s, int lamp, const float *draw
         alone.light_theta_deg = lamps[lamp - 1].theta_deg;
         alone.light_phi_deg = lamps[lamp - 1].phi_deg;
     }
-    const struct displaced_camera camera = silhouettes_camera(s, W, H);
-    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, &alone, W, H);
+    const struct displaced_camera camera = silhouettes_camera(&silhouettes_torus, s, W, H);
+    g_autofree struct displaced_pixel *truth =
+        silhouettes_trace(&silhouettes_torus, displaced, &alone, W, H);
     struct overlap shadow = {0};
     for (int k = 0; k < W * H; k++) {
         const double distance = silhouettes_floor_distance(&camera, k % W, k / W);
@@ -74,8 +75,8 @@ static void test_truth(gconstpointer data) {
     g_assert_true(viewer_open_mdf(view, mdf, &error));
     struct truth_surface surface;
     truth_surface(world, &surface);
-    const struct displaced_shape shape = {
-        TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, reference_mm};
+    const struct displaced_shape shape =
+        silhouettes_displaced(&silhouettes_torus, u, v, TRUE, 25.0, reference_mm);
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
     struct viewer_settings s = settings();
     s.n_lamps = N - 1;

@@ -142,7 +142,7 @@ static void test_ways_agree(gconstpointer data) {
     int by_layers = 0;
     for (int straight = 0; straight < 2; straight++)
         for (int layers = 1; layers <= 4; layers += 1 + 2 * (layers == 2)) {
-            s.visibility = (struct visibility_options){VISIBILITY_PEEL, layers, straight};
+            s.visibility = (struct visibility_options){VISIBILITY_PEEL, layers, straight, FALSE};
             g_autofree float *peeled = see(view, &s, W, H);
             s.visibility.way = VISIBILITY_AUTO;
             g_autofree float *listed = see(view, &s, W, H);
@@ -206,7 +206,7 @@ static void test_shadow_ring(gconstpointer data) {
     s.camera_elevation_deg = 35.0;
     s.shadows = TRUE;
     viewer_fit(view, &s, (double)W / H);
-    struct displaced_camera c = silhouettes_camera(&s, W, H);
+    struct displaced_camera c = silhouettes_camera(&silhouettes_torus, &s, W, H);
     g_autofree float *seen = see(view, &s, W, H);
     int n = 0, wrong = 0;
     for (int k = 0; k < W * H; k++) {
@@ -257,6 +257,37 @@ static void test_shadow_kept(gconstpointer data) {
     mdf_table_free(flat);
 }
 
+/* Distances in a volume are the same but for 8 bits and mip levels; views that are not on rings are
+ * refused. */
+static void test_volume(gconstpointer data) {
+    g_autoptr(GError) error = NULL, unlike = NULL;
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
+    g_autoptr(MdfTable) mdf = bumpy_mdf();
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
+    s.tiles_u = 2; /* texels are larger than pixels */
+    s.tiles_v = 1;
+    s.silhouettes = TRUE;
+    g_autofree float *layers = see(view, &s, W, H);
+    s.visibility.volume = TRUE;
+    g_autofree float *volume = see(view, &s, W, H);
+    s.silhouettes = FALSE;
+    g_autofree float *smooth = see(view, &s, W, H);
+    int differ = 0, cut = 0;
+    for (int k = 0; k < W * H; k++) {
+        differ += (layers[4 * k + 3] > 0.5f) != (volume[4 * k + 3] > 0.5f);
+        cut += (layers[4 * k + 3] > 0.5f) != (smooth[4 * k + 3] > 0.5f);
+    }
+    g_test_message("%d pixels differ, the structure cuts off %d", differ, cut);
+    g_assert_cmpint(cut, >, 500);
+    g_assert_cmpint(differ, <, cut / 10);
+    s.silhouettes = TRUE;
+    mdf->phi_deg[5] += 3.0f;
+    g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = mdf}, &error));
+    g_assert_null(viewer_render(view, &s, W, H, &unlike));
+    g_assert_nonnull(strstr(unlike->message, "--mdf-volume"));
+}
+
 struct material {
     const char *kind;
     double relief_mm, reference_mm;
@@ -272,18 +303,19 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     g_assert_no_error(error);
     struct truth_surface surface;
     truth_surface(world, &surface);
-    struct displaced_shape shape = {
-        TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, m->reference_mm};
+    struct displaced_shape shape =
+        silhouettes_displaced(&silhouettes_torus, u, v, TRUE, 25.0, m->reference_mm);
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
     struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
     viewer_fit(view, &s, (double)W / H);
-    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, &s, W, H);
+    g_autofree struct displaced_pixel *truth =
+        silhouettes_trace(&silhouettes_torus, displaced, &s, W, H);
     struct scores scores[2];
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
         g_autofree float *seen = see(view, &s, W, H);
-        scores[way] = silhouettes_score(seen, truth, &s, W, H, TRUE);
+        scores[way] = silhouettes_score(&silhouettes_torus, seen, truth, &s, W, H, TRUE);
     }
     g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f)", m->kind, u, v,
                    overlap_share(&scores[1].outline), overlap_share(&scores[0].outline),
@@ -424,6 +456,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/silhouettes/table/holes", test_holes);
     g_test_add_func("/silhouettes/table/grazing", test_grazing);
     gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
+    gpu_fixture_add("/silhouettes/volume", test_volume, NULL);
     gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
     gpu_fixture_add("/silhouettes/ways", test_ways_agree, NULL);
     gpu_fixture_add("/silhouettes/lists", test_lists_grow, NULL);

@@ -190,7 +190,8 @@ static void reflectance(void) {
 
 /* Every kind of sample stays below the reference plane, and reflects no more than it gets. */
 static void all_kinds(void) {
-    const char *kinds[] = {"weave", "brushed", "brick", "peanuts", "ridges", "flat"};
+    const char *kinds[] = {"weave", "brushed", "brick",    "peanuts", "ridges",
+                           "flat",  "grass",   "bluepipe", "block"};
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
         g_autofree char *text =
             g_strdup_printf("[world]\nnoise=no\ngather_rays=4\n" CAMERAS
@@ -214,6 +215,84 @@ static void all_kinds(void) {
         g_assert_cmpfloat(deepest, >, 1);
         g_assert_cmpfloat(sum, >, 0.02);
         g_assert_cmpfloat(sum, <, 1.5);
+    }
+}
+
+/* The surfaces that an upright line through (x, y) meets. */
+struct upright {
+    double top_mm;
+    gboolean top_faces_up;
+    int n_down; /* faces that look down */
+};
+
+static struct upright upright_at(const struct truth_surface *s, double x, double y) {
+    struct upright ret = {-1, FALSE, 0};
+    for (guint k = 0; k < s->n_triangles; k++) {
+        const float *p[3];
+        double weight[3], sum = 0, z = 0;
+        for (int c = 0; c < 3; c++)
+            p[c] = s->vertices + (gsize)s->stride * s->triangles[3 * (gsize)k + c];
+        for (int c = 0; c < 3; c++) {
+            const float *a = p[(c + 1) % 3], *b = p[(c + 2) % 3];
+            weight[c] = (a[0] - x) * (b[1] - y) - (a[1] - y) * (b[0] - x);
+            sum += weight[c];
+        }
+        if (!((weight[0] > 0 && weight[1] > 0 && weight[2] > 0) ||
+              (weight[0] < 0 && weight[1] < 0 && weight[2] < 0)))
+            continue;
+        for (int c = 0; c < 3; c++)
+            z += weight[c] / sum * p[c][2];
+        ret.n_down += sum < 0;
+        if (z > ret.top_mm) {
+            ret.top_mm = z;
+            ret.top_faces_up = sum > 0;
+        }
+    }
+    return ret;
+}
+
+#define LINES 300
+
+/* From above only outer faces are seen. Blades and pipes overhang, blocks and reliefs do not;
+ * pieces that repeat are alike, across the seams between them, too. */
+static void overhangs(void) {
+    static const struct {
+        const char *kind;
+        double least, most; /* lines that meet a face from below, of all */
+    } kinds[] = {
+        {"brick", 0, 0},
+        {"ridges", 0, 0},
+        {"block", 0, 0},
+        {"grass", 0.5, 0.98},
+        /* 1 − (1 − 2 r / period)²: 0.84 for the radius r of a pipe, 0.92 for that of its sleeves */
+        {"bluepipe", 0.82, 0.92}};
+    for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
+        g_autofree char *text =
+            g_strdup_printf("[world]\nnoise=no\ngather_rays=0\n" CAMERAS
+                            "[sample]\nkind=%s\nrelief_mm=6\nbase_mm=0.8\nwidth_mm=40\n"
+                            "height_mm=40\ntop_mm=7\ngrid=64\nperiod_mm=4\nrepeats=2\n",
+                            kinds[k].kind);
+        g_autoptr(World) world = world_fixture_new(text);
+        struct truth_surface surface;
+        truth_surface(world, &surface);
+        int down = 0, unlike = 0;
+        for (int i = 0; i < LINES; i++) {
+            /* Points of a lattice that no grid of the samples has; some cross the seams. */
+            double x = -18 + 14 * fmod((i + 1) * 0.754877666, 1),
+                   y = -18 + 14 * fmod((i + 1) * 0.569840296, 1);
+            struct upright at = upright_at(&surface, x, y);
+            struct upright next = upright_at(&surface, x + 20, y + 20);
+            if (!(at.top_mm > 0.7 && at.top_mm < 7 && at.top_faces_up))
+                g_error("%s at %.2f, %.2f: top %.3f mm, %s", kinds[k].kind, x, y, at.top_mm,
+                        at.top_faces_up ? "upwards" : "downwards");
+            down += at.n_down > 0;
+            unlike += fabs(at.top_mm - next.top_mm) > 2e-3;
+        }
+        double share = (double)down / LINES;
+        g_test_message("%s: %.3f overhang, %d unlike", kinds[k].kind, share, unlike);
+        g_assert_cmpfloat(share, >=, kinds[k].least);
+        g_assert_cmpfloat(share, <=, kinds[k].most);
+        g_assert_cmpint(unlike, <=, LINES / 100); /* lines that just pass an edge */
     }
 }
 
@@ -287,6 +366,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/truth/laser-seen", laser_seen);
     g_test_add_func("/truth/reflectance", reflectance);
     g_test_add_func("/truth/all-kinds", all_kinds);
+    g_test_add_func("/truth/overhangs", overhangs);
     g_test_add_func("/truth/crooked-arc", crooked_arc);
     g_test_add_func("/truth/shadow-of-a-post", shadow_of_a_post);
     int result = g_test_run();

@@ -482,6 +482,7 @@ static void refused(void) {
     refuse("[sample]\nkind=flat\nalbedo=0.1;0.2\n", "albedo");
     refuse("[sample]\nkind=flat\nbase_mm=7\ngrid=2\n", "top_mm");
     refuse("[sample]\nkind=weave\nperiod_mm=0.1\n", "period_mm");
+    refuse("[sample]\nkind=weave\nrepeats=2\n", "repeats");
     refuse("[sample]\nkind=picture\n", "path");
     refuse("[sample]\nkind=picture\npath=missing.png\n", "missing.png");
     refuse("[sample]\nkind=obj\npath=missing.obj\n", "missing.obj");

@@ -1,6 +1,7 @@
 /* A sweep axis that has slipped, in the simulated world: the line on the turntable beside a weave
  * tells, and the surface is found where it is. */
 #include "capture/radiance.h"
+#include "frames/laser_pictures.h"
 #include "frames/sweep.h"
 #include "lib/two_lasers.h"
 #include "mdf/mdf.h"
@@ -29,9 +30,11 @@ struct planes {
     float peak[SIDE * SIDE], width[SIDE * SIDE], intensity[SIDE * SIDE];
 };
 
-/* The sheet passes REACH_MM on both sides of the middle; the first laser has slipped. */
+/* The sheet passes REACH_MM on both sides of the middle; the first laser has slipped.
+ * ret_published: the lines as the paper finds them, in each picture. */
 static struct laser_sweep take(World *world, const struct rig *rig, int position,
-                               struct planes *planes) {
+                               const LaserRegion *region, struct planes *planes,
+                               struct laser_lines *ret_published) {
     const int laser = position % 2;
     const double arc_deg = 20 + 45.0 * position;
     const double half = atan(REACH_MM / 480.0) * (laser ? 0.55 : 0.9);
@@ -46,6 +49,7 @@ static struct laser_sweep take(World *world, const struct rig *rig, int position
     world_sensor(world, 0, &sensor);
     g_autoptr(Sweep) frames = sweep_new(SIDE, SIDE, N_STEPS, radiance_saturation(sensor.bits));
     g_autofree guint16 *pixels = g_new(guint16, SIDE * SIDE);
+    g_autoptr(LaserPictures) pictures = laser_pictures_new(region, &sweep, SIDE, SIDE, N_STEPS, 12);
     struct world_state state = {.turntable_deg = turntable_deg, .arc_deg = arc_deg};
     state.laser_on[laser] = TRUE;
     for (int k = 0; k < N_STEPS; k++) {
@@ -54,7 +58,9 @@ static struct laser_sweep take(World *world, const struct rig *rig, int position
         world_expose(world, 0, &state, 4000, 0, (guint64)position * N_STEPS + (guint64)k + 1,
                      pixels);
         sweep_add(frames, pixels);
+        laser_pictures_add(pictures, pixels);
     }
+    laser_pictures_finish(pictures, ret_published);
     sweep_finish(frames, 12, planes->peak, planes->width, planes->intensity);
     return sweep;
 }
@@ -79,6 +85,14 @@ static double compare(World *world, const MdfView *view, double *ret_coverage) {
     return sqrt(squares / measured);
 }
 
+/* Squared error of a sheet's angle, mean over the frames that have a line, rad². */
+static double sheet_error(const struct laser_lines *lines, double slip) {
+    double squares = 0;
+    for (int k = 0; k < N_STEPS; k++)
+        squares += pow((double)lines->turn_rad[k] - slip, 2) / N_STEPS;
+    return squares;
+}
+
 static void test_slipped(void) {
     static const struct laser_known known = {1e-4, 1e-4};
     g_autoptr(World) world = new_world();
@@ -87,10 +101,12 @@ static void test_slipped(void) {
         laser_region_new(&rig, &rig.cameras[0], turntable_deg * DEGREE, &table);
     g_autoptr(MdfView) with = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
     g_autoptr(MdfView) without = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
+    g_autoptr(MdfView) published = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
     g_autofree struct planes *planes = g_new(struct planes, 1);
+    double squares = 0, published_squares = 0;
     for (int position = 0; position < POSITIONS; position++) {
-        struct laser_sweep sweep = take(world, &rig, position, planes);
-        struct laser_lines lines;
+        struct laser_lines lines, in_pictures;
+        struct laser_sweep sweep = take(world, &rig, position, region, planes, &in_pictures);
         const double slip = position % 2 ? 0 : SLIP_DEG * DEGREE;
         laser_lines_find(region, &sweep, N_STEPS, &known, &lines);
         g_test_message("position %d: %d pixels in %d frames, %.4f ± %.4f°, roll %.4f ± %.4f°, "
@@ -104,13 +120,29 @@ static void test_slipped(void) {
         mdf_view_add(without, &sweep);
         sweep.lines = &lines;
         mdf_view_add(with, &sweep);
+        g_assert_nonnull(in_pictures.turn_rad);
+        g_test_message("  in pictures: %d candidates in %d frames, %.4f°, roll %.4f°",
+                       in_pictures.pixels, in_pictures.frames, in_pictures.offset_rad / DEGREE,
+                       in_pictures.roll_rad / DEGREE);
+        g_assert_cmpfloat_with_epsilon(in_pictures.offset_rad, slip, 0.05 * DEGREE);
+        sweep.lines = &in_pictures;
+        mdf_view_add(published, &sweep);
+        squares += sheet_error(&lines, slip) / POSITIONS;
+        published_squares += sheet_error(&in_pictures, slip) / POSITIONS;
+        laser_lines_clear(&in_pictures);
         laser_lines_clear(&lines);
     }
-    double coverage, bare_coverage;
+    double coverage, bare_coverage, published_coverage;
     const double rms = compare(world, with, &coverage);
     const double bare = compare(world, without, &bare_coverage);
     g_test_message("RMS %.4f mm by lines (%.3f covered), %.4f by calibration (%.3f)", rms, coverage,
                    bare, bare_coverage);
+    const double in_pictures = compare(world, published, &published_coverage);
+    g_test_message(
+        "RMS %.4f mm by lines found in pictures (%.3f); sheets %.5f°, by peak times %.5f°",
+        in_pictures, published_coverage, sqrt(published_squares) / DEGREE, sqrt(squares) / DEGREE);
+    g_assert_cmpfloat(squares, <, published_squares);
+    g_assert_cmpfloat(in_pictures, <, bare / 2);
     g_assert_cmpfloat(coverage, >, 0.95);
     g_assert_cmpfloat(rms, <, 0.06);
     g_assert_cmpfloat(bare, >, 5 * rms);

@@ -1,0 +1,196 @@
+/*
+ * Outlines and shadows of the samples of Wang et al. 2005, table 1, as drawn from their MDF,
+ * against their true surface on a torus and a cylinder (figures 10 and 11). The MDF is traced, as
+ * that paper made all but two of its own, so that only drawing is measured; silhouettes_report
+ * measures captured ones. Ways: btf        the BTF alone published  the test of straight rays, with
+ * the measured views in a volume of 8 bits straight   that test, over views that include grazing
+ * ones volume     the viewer's test over a volume of 8 bits ours       the viewer's; the relief of
+ * grazing views is raised as the MDF says fixed      the same, raised by a fixed number of standard
+ * deviations
+ */
+#include "bench.h"
+#include "lib/silhouettes_fixture.h"
+#include "scene/picture.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define TILE_MM 25.0
+
+static const struct material {
+    const char *kind;
+    double relief_mm, period_mm;
+    int rings; /* of twelve views */
+    gboolean repeats;
+} materials[] = {
+    {"weave", 1.2, 6.25, 8, FALSE},    {"brick", 1.8, 6.25, 5, TRUE},
+    {"peanuts", 3.2, 6.25, 8, FALSE},  {"grass", 3.0, 3.125, 8, TRUE},
+    {"bluepipe", 3.0, 3.125, 5, TRUE}, {"block", 2.4, 3.125, 5, TRUE},
+};
+
+static gboolean json;
+static int texels = 64, width = 400, height = 300;
+static char **kinds, **tilings;
+static double *more_raised;
+static gsize n_raised;
+
+/* The presets 12x5 and 12x8 of session files. */
+static double theta_deg(const struct material *m, int ring) {
+    return m->rings == 8 ? 12 + 9 * ring : 15 * (ring + 1);
+}
+
+static World *new_world(const struct material *m) {
+    g_autoptr(GString) text = g_string_new("[world]\nnoise=no\ngather_rays=0\n");
+    g_string_append_printf(text,
+                           "[sample]\nkind=%s\nseed=3\nwidth_mm=50\nheight_mm=50\nbase_mm=0.4\n"
+                           "relief_mm=%g\ntop_mm=5\nperiod_mm=%g\ngrid=320\nrepeats=%d\n",
+                           m->kind, m->relief_mm, m->period_mm, m->repeats ? 2 : 1);
+    for (int k = 0; k < m->rings; k++)
+        g_string_append_printf(text, "[camera c%d]\ntheta_deg=%g\ndistance_mm=650\n", k,
+                               theta_deg(m, k));
+    return world_fixture_new(text->str);
+}
+
+static double highest_mm(const struct truth_surface *s) {
+    double top = 0;
+    for (guint k = 0; k < s->n_vertices; k++)
+        top = MAX(top, (double)s->vertices[(gsize)s->stride * k + 2]);
+    return top;
+}
+
+struct scene {
+    const struct material *material;
+    const struct silhouettes_shape *shape;
+    int u, v;
+    Viewer *view;
+    struct viewer_settings settings;
+    struct displaced_pixel *truth;
+};
+
+/* table NULL: the BTF alone. */
+static void show(const struct scene *s, const char *way, double value,
+                 const struct mdf_table *table, gboolean straight, gboolean volume) {
+    static gboolean more;
+    g_autoptr(GError) error = NULL;
+    struct viewer_settings one = s->settings;
+    one.silhouettes = table != NULL;
+    one.visibility.straight = straight;
+    one.visibility.volume = volume;
+    viewer_set_mdf(s->view, table ? &(struct mdf_source){.table = table} : NULL, &error);
+    bench_check(error);
+    g_autofree float *seen =
+        viewer_render_geometry(s->view, &one, VIEWER_GEOMETRY_LIT, width, height, &error);
+    bench_check(error);
+    struct scores score = silhouettes_score(s->shape, seen, s->truth, &one, width, height, TRUE);
+    printf(
+        json ? "%s{\"material\": \"%s\", \"shape\": \"%s\", \"tiles\": \"%dx%d\", \"way\": \"%s\", "
+               "\"raised\": %.3f, \"outline\": %.4f, \"shadow\": %.4f}"
+             : "%s%-8s %-8s %dx%d  %-10s %6.3f  outline %.4f  shadow %.4f\n",
+        json && more ? ",\n " : "", s->material->kind, s->shape->name, s->u, s->v, way, value,
+        overlap_share(&score.outline), overlap_share(&score.shadow));
+    fflush(stdout);
+    more = TRUE;
+}
+
+static void measure(struct scene *s, const struct mdf_table *table) {
+    show(s, "btf", 0, NULL, FALSE, FALSE);
+    show(s, "published", 0, table, TRUE, TRUE);
+    const double own = mdf_table_raised(table);
+    g_autoptr(MdfTable) all = mdf_table_copy(table);
+    mdf_table_add_grazing(all);
+    show(s, "straight", own, all, TRUE, FALSE);
+    show(s, "volume", own, all, FALSE, TRUE);
+    show(s, "ours", own, all, FALSE, FALSE);
+    for (gsize k = 0; k < n_raised; k++) {
+        g_autoptr(MdfTable) t = mdf_table_copy(table);
+        mdf_table_add_grazing_raised(t, more_raised[k]);
+        show(s, "fixed", more_raised[k], t, FALSE, FALSE);
+    }
+}
+
+static void measure_scene(const struct material *m, const struct silhouettes_shape *shape, int u,
+                          int v, const struct truth_surface *surface, double reference_mm,
+                          const struct mdf_table *table) {
+    g_autoptr(GError) error = NULL;
+    const struct scene_options options = {u, v, SCENE_Z_UP, TRUE};
+    g_autoptr(Mesh) mesh = scene_make(shape->name, &options, &error);
+    bench_check(error);
+    g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
+    const struct displaced_shape is =
+        silhouettes_displaced(shape, u, v, TRUE, TILE_MM, reference_mm);
+    g_autoptr(Displaced) displaced = displaced_new(surface, &is);
+    struct scene s = {m, shape, u, v, view, viewer_settings_default, NULL};
+    s.settings.shadows = TRUE;
+    viewer_fit(view, &s.settings, (double)width / height);
+    s.truth = silhouettes_trace(shape, displaced, &s.settings, width, height);
+    measure(&s, table);
+    g_free(s.truth);
+}
+
+static void measure_material(const struct material *m) {
+    static const char *const usual[] = {"8x3", "6x2", "3x1", "2x1", NULL};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(World) world = new_world(m);
+    struct truth_surface surface;
+    truth_surface(world, &surface);
+    const double reference_mm = highest_mm(&surface) + 0.02;
+    const struct truth_grid grid = {texels, texels, TILE_MM, TILE_MM, reference_mm};
+    double rings[8];
+    for (int k = 0; k < m->rings; k++)
+        rings[k] = theta_deg(m, k);
+    g_autofree char *path = silhouettes_write_truth_rings(world, &grid, rings, m->rings);
+    g_autoptr(MdfTable) table = mdf_table_read(path, &error);
+    bench_check(error);
+    for (const char *const *tiles = tilings ? (const char *const *)tilings : usual; *tiles;
+         tiles++) {
+        int u, v;
+        char end;
+        if (sscanf(*tiles, "%3dx%3d%c", &u, &v, &end) != 2 || u < 1 || v < 1)
+            bench_fail(2, "--tiles %s: UxV is expected, whole numbers", *tiles);
+        measure_scene(m, &silhouettes_torus, u, v, &surface, reference_mm, table);
+    }
+    /* Tiles of the cylinder are nearly square with 5 × 2. */
+    if (!tilings)
+        measure_scene(m, &silhouettes_cylinder, 5, 2, &surface, reference_mm, table);
+}
+
+int main(int argc, char **argv) {
+    g_auto(GStrv) values = NULL;
+    g_autofree char *size = NULL;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "A JSON array", NULL},
+        {"only", 0, 0, G_OPTION_ARG_STRING_ARRAY, &kinds, "Only this sample; may be repeated",
+         "KIND"},
+        {"tiles", 0, 0, G_OPTION_ARG_STRING_ARRAY, &tilings,
+         "Only this tiling of the torus; may be repeated; default 8x3, 6x2, 3x1, 2x1, and the "
+         "cylinder",
+         "UxV"},
+        {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Of the MDF each way, default 64", "N"},
+        {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Pixels, default 400x300", "WxH"},
+        {"raised", 0, 0, G_OPTION_ARG_STRING_ARRAY, &values,
+         "Also raise the relief by so many standard deviations; may be repeated", "N"},
+        {NULL}};
+    char end;
+    bench_parse(&argc, &argv, entries, NULL);
+    if (texels < 4 || texels > 512 ||
+        (size &&
+         (sscanf(size, "%4dx%4d%c", &width, &height, &end) != 2 || width < 8 || height < 8)))
+        bench_fail(2, "--texels is 4 to 512, --size WxH");
+    n_raised = values ? g_strv_length(values) : 0;
+    more_raised = g_new(double, n_raised + 1);
+    for (gsize k = 0; k < n_raised; k++)
+        more_raised[k] = g_ascii_strtod(values[k], NULL);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Gpu) gpu = gpu_new_headless(&error);
+    bench_check(error);
+    printf(json ? "[" : "");
+    for (gsize k = 0; k < G_N_ELEMENTS(materials); k++)
+        if (!kinds || g_strv_contains((const char *const *)kinds, materials[k].kind))
+            measure_material(&materials[k]);
+    printf(json ? "]\n" : "");
+    g_free(more_raised);
+    g_strfreev(kinds);
+    g_strfreev(tilings);
+    world_fixture_clean();
+    return 0;
+}
