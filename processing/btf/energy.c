@@ -105,14 +105,20 @@ static double energy_asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
-/* E_r(v) = mean over l of B(v, l), E_i(l) = mean over v of B(v, l) (Meseth et al. 2003 §4.1). */
-static void energy_sum_fields(const struct btf_matrix *btf, const double *values, double *ret_r,
-                              double *ret_i) {
+/* With f(v, l) = B(v, l) / cos θ_l: E_r(v) = mean over l of f, E_i(l) = mean over v of f (Meseth et
+ * al. 2003 §4.1). */
+static void energy_sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
+                              const double *values, double *ret_r, double *ret_i) {
     const int n_views = (int)btf->layout.views.n, n_lights = (int)btf->layout.lights.n;
+    int n_divided = 0;
+    for (int l = 0; l < n_lights; l++)
+        n_divided += lights[l].z > LEAST_COSINE;
     for (int v = 0; v < n_views; v++)
         for (int l = 0; l < n_lights; l++) {
-            ret_r[v] += values[v * n_lights + l] / n_lights;
-            ret_i[l] += values[v * n_lights + l] / n_views;
+            const double f =
+                lights[l].z > LEAST_COSINE ? values[v * n_lights + l] / lights[l].z : 0;
+            ret_r[v] += f / MAX(n_divided, 1);
+            ret_i[l] += f / n_views;
         }
 }
 
@@ -147,7 +153,7 @@ static gboolean energy_sum_texels(const struct btf_matrix *btf, const int *other
                 ret_mean[k] += one[k] / n_texels;
             energy_add_symmetry(btf, other, lights, one, &alone);
             if (first + row == energy->texel)
-                energy_sum_fields(btf, one, energy->texel_e_r, energy->texel_e_i);
+                energy_sum_fields(btf, lights, one, energy->texel_e_r, energy->texel_e_i);
         }
     }
     energy->texel_asymmetry = energy_asymmetry_of(&alone);
@@ -200,7 +206,7 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
         return NULL;
     }
     g_autofree double *weight = energy_weigh_views(views, btf->layout.views.n);
-    energy_sum_fields(btf, mean, energy->e_r, energy->e_i);
+    energy_sum_fields(btf, lights, mean, energy->e_r, energy->e_i);
     /* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
     for (int l = 0; l < energy->n_lights; l++) {
         double sum = 0;

@@ -8,8 +8,11 @@
 
 struct energy {
     int n_views, n_lights;
-    /* Luminance Y = 0.2126 R + 0.7152 G + 0.0722 B of the mean over all texels, and of one texel:
-     * E_r of a view is the mean over all lights, E_i of a light the mean over all views. */
+    /* Luminance Y = 0.2126 R + 0.7152 G + 0.0722 B of f(v, l) = B(v, l) / cos θ_l, of the mean over
+     * all texels and of one texel: E_r of a view is the mean over all lights, E_i of a light the
+     * mean over all views. For equal directions of views and lights both are the same series where
+     * f is reciprocal (Meseth et al. 2003 §4.1), and constant for a diffuser. Lights with cos θ_l
+     * of at most 0.05 are left out of E_r, and their E_i is 0. */
     double *e_r, *e_i;             /* n_views, n_lights */
     double *texel_e_r, *texel_e_i; /* of one texel */
     int texel;

@@ -6,14 +6,13 @@
  * truth is the same mix by directions_weights().
  */
 #include "bench.h"
+#include "bench_program.h"
 #include "frame_time.h"
 #include "gl/direction_cube.h"
 #include "gl/direction_table.h"
-#include "gl/shaders.h"
 #include "methods/lobes_view.h"
 #include "shapes/scene.h"
 
-#include <epoxy/gl.h>
 #include <math.h>
 
 #define WIDTH  800
@@ -58,32 +57,10 @@ static const char tail[] =
     "                  w.w * at(int(k.w)), 1.0);\n"
     "}\n";
 
-static const char *text_of(const char *name) {
-    for (int k = 0; shaders[k].name != NULL; k++)
-        if (strcmp(shaders[k].name, name) == 0)
-            return shaders[k].source;
-    return "";
-}
-
-static GLuint compile(GLenum kind, const char *const *texts, int n) {
-    const GLuint shader = glCreateShader(kind);
-    GLint good = 0;
-    glShaderSource(shader, n, texts, NULL);
-    glCompileShader(shader);
-    glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
-    if (!good)
-        g_error("a shader of this program does not compile");
-    return shader;
-}
-
 static GLuint make_program(const char *way) {
-    const char *const vertex[] = {"#version 330 core\n", text_of("screen.vert")};
-    const char *const fragment[] = {head, text_of("directions.glsl"), way, tail};
-    const GLuint program = glCreateProgram();
-    glAttachShader(program, compile(GL_VERTEX_SHADER, vertex, 2));
-    glAttachShader(program, compile(GL_FRAGMENT_SHADER, fragment, 4));
-    glLinkProgram(program);
-    return program;
+    const char *const vertex[] = {"#version 330 core\n", bench_text_of("screen.vert"), NULL};
+    const char *const fragment[] = {head, bench_text_of("directions.glsl"), way, tail, NULL};
+    return bench_program(vertex, fragment);
 }
 
 static struct vec3 unit(double theta_deg, double phi_deg) {

@@ -4,7 +4,7 @@
 #include "bench.h"
 #include "frame_time.h"
 #include "gl/gpu.h"
-#include "lpca/lpca.h"
+#include "lpca_rendering_parts.h"
 #include "methods/lpca_grid.h"
 #include "methods/lpca_revised.h"
 #include "methods/lpca_view.h"
@@ -212,18 +212,37 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
     return good;
 }
 
+static gboolean bench_fetches(const char *file, int frames, gboolean json, GError **error) {
+    static const int n_components[] = {2, 4, 8};
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    gboolean good = gpu != NULL;
+    g_print(json ? "{\"renderer\": \"%s\", \"fetches\": [" : "%s, 800 × 600, torus\n",
+            gpu ? gpu_renderer() : "");
+    for (gsize k = 0; good && k < G_N_ELEMENTS(n_components); k++) {
+        g_autoptr(Lpca) whole = file ? lpca_read(file, error) : make_lpca(n_components[k]);
+        g_autoptr(Lpca) lpca =
+            whole ? lpca_truncated(whole, MIN(n_components[k], whole->n_components)) : NULL;
+        g_print("%s", json && k > 0 ? ", " : "");
+        good = lpca && lpca_rendering_fetches(lpca, 12, frames, json, error);
+    }
+    g_print(json ? "]}\n" : "");
+    return good;
+}
+
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
+    gboolean json = FALSE, fetches = FALSE;
     int frames = 5;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 5", "N"},
+        {"fetches", 0, 0, G_OPTION_ARG_NONE, &fetches, "Count and time texture fetches instead",
+         NULL},
         {NULL}};
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, "[lpca.exr]");
     if (frames < 1 || argc > 2)
         bench_fail(2, "bad arguments");
-    bench(argc > 1 ? argv[1] : NULL, frames, json, &error);
+    (fetches ? bench_fetches : bench)(argc > 1 ? argv[1] : NULL, frames, json, &error);
     bench_check(error);
     return 0;
 }

@@ -1,0 +1,12 @@
+/* The parts of bench_lpca_rendering, a file each. What they print is a part of one JSON object, or
+ * lines. In a GL context. */
+#pragma once
+
+#include "lpca/lpca.h"
+
+/* On what the gain of Schneider 2004 §6 rests: the texture fetches of a pixel, counted while a
+ * torus is drawn by pairs, from the 3D texture and from the grid; the time of each; the time of the
+ * 3D texture if the card's filter read one sample instead of eight; and the time without the
+ * fetches of eigen-BRDFs and weights, for which arithmetic of the same addresses stands in. */
+gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, gboolean json,
+                                GError **error);
