@@ -104,9 +104,13 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
     record_int(to, "height_holes", maps->height_holes);
     record_int(to, "dark", maps->fit->dark);
     record_int(to, "holes", maps->holes);
+    record_boolean(to, "fit_taken", maps->kept == MAPS_FIT_TAKEN);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels from %d views × %d lights in %s\n", output, maps->width,
-               maps->height, maps->n_views, maps->n_lights, time);
+    record_say(to, "%s: %d × %d texels from %d views × %d lights in %s%s\n", output, maps->width,
+               maps->height, maps->n_views, maps->n_lights, time,
+               maps->kept == MAPS_FIT_TAKEN ? ", with the fit of an earlier export" : "");
+    if (maps->lost)
+        record_say(to, "  the next export will fit again: %s\n", maps->lost);
     record_say(to,
                "  they differ from the BTF by %.2f CIEDE2000 on average (%.1f %% RMS), by %.1f "
                "in view %d under light %d\n",

@@ -6,6 +6,7 @@
 #include "base/data_error.h"
 #include "maps_png.h"
 #include "maps_private.h"
+#include "maps_store.h"
 
 #define ISOTROPIC 0.15F /* mean anisotropy below which it is left out */
 
@@ -14,6 +15,7 @@ void maps_free(struct maps *maps) {
         return;
     maps_fit_free(maps->fit);
     g_free(maps->name);
+    g_free(maps->lost);
     g_free(maps->heights_mm);
     g_free(maps->occlusion);
     g_free(maps->errors.pairs);
@@ -65,7 +67,8 @@ static char *maps_plain_name(const char *name) {
     return ret;
 }
 
-/* Where anisotropy is left out, the roughness of both directions is their geometric mean. */
+/* Where anisotropy is left out, the roughness of both directions is their geometric mean. The same
+ * again changes nothing. */
 static void maps_summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;
@@ -79,6 +82,8 @@ static void maps_summarise(struct maps *maps) {
     maps->anisotropic = anisotropy / (double)n >= (double)ISOTROPIC;
     for (gsize i = 0; i < n && !maps->anisotropic; i++) {
         struct maps_texel *texel = &maps->fit->texels[i];
+        if (texel->anisotropy <= 0)
+            continue;
         const float alpha = texel->roughness * texel->roughness;
         const float along = alpha + (1 - alpha) * texel->anisotropy * texel->anisotropy;
         texel->roughness = powf(alpha * along, 0.25F);
@@ -86,8 +91,8 @@ static void maps_summarise(struct maps *maps) {
     }
 }
 
-static struct maps *maps_of(const struct btf_matrix *btf, const char *session,
-                            const struct work *work, GError **error) {
+/* The fit and its errors. */
+static struct maps *maps_of(const struct btf_matrix *btf, const struct work *work, GError **error) {
     const gsize n = btf_layout_texels(&btf->layout);
     g_autoptr(Maps) maps = g_new0(struct maps, 1);
     if (n > MAPS_MOST_TEXELS) {
@@ -105,27 +110,54 @@ static struct maps *maps_of(const struct btf_matrix *btf, const char *session,
     maps->n_lights = (int)btf->layout.lights.n;
     maps->holes = btf->holes;
     maps->fit = maps_fit_new(btf, NULL, work, error);
-    if (!maps->fit || !maps_find_heights(maps, session, work, error))
+    if (!maps->fit)
         return NULL;
     maps_summarise(maps);
+    return maps_find_errors(maps, btf, work, error) ? g_steal_pointer(&maps) : NULL;
+}
+
+/* What follows from the fit and the session's MDF. */
+static gboolean maps_shape(struct maps *maps, const char *session, const struct work *work,
+                           GError **error) {
+    const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree float *heights = g_new(float, n);
+    if (!maps_find_heights(maps, session, work, error))
+        return FALSE;
     for (gsize i = 0; i < n; i++)
         heights[i] = (float)((double)maps->heights_mm[i] / maps->texel_mm);
     maps->occlusion = g_new0(float, n);
-    if (!maps_find_occlusion(heights, maps->width, maps->height, work, maps->occlusion, error) ||
-        !maps_find_errors(maps, btf, work, error))
-        return NULL;
-    return g_steal_pointer(&maps);
+    return maps_find_occlusion(heights, maps->width, maps->height, work, maps->occlusion, error);
 }
 
 struct maps *maps_new_of(const struct btf_matrix *btf, const struct work *work, GError **error) {
-    return maps_of(btf, NULL, work, error);
+    g_autoptr(Maps) maps = maps_of(btf, work, error);
+    return maps && maps_shape(maps, NULL, work, error) ? g_steal_pointer(&maps) : NULL;
+}
+
+/* The fit that an earlier export has kept, or a new one, which is kept where the session can be
+ * written to. */
+static struct maps *maps_fitted(const char *path, const char *session, gint64 memory,
+                                const struct work *work, GError **error) {
+    g_autoptr(GError) unknown = NULL;
+    g_autofree char *inputs = maps_store_inputs(session, &unknown);
+    g_autoptr(Maps) maps = inputs ? maps_store_read(session, inputs) : NULL;
+    if (maps) {
+        maps_summarise(maps);
+        maps->kept = MAPS_FIT_TAKEN;
+        return g_steal_pointer(&maps);
+    }
+    struct btf_matrix *btf = btf_matrix_read_within(memory, path, work, error);
+    maps = btf ? maps_of(btf, work, error) : NULL;
+    btf_matrix_free(btf);
+    if (maps && inputs && maps_store_write(session, inputs, maps, &unknown))
+        maps->kept = MAPS_FIT_KEPT;
+    else if (maps && unknown)
+        maps->lost = g_strdup(unknown->message);
+    return g_steal_pointer(&maps);
 }
 
 struct maps *maps_new(const char *path, gint64 memory, const struct work *work, GError **error) {
-    struct btf_matrix *btf = btf_matrix_read_within(memory, path, work, error);
     g_autofree char *session = btf_matrix_session(path);
-    struct maps *ret = btf ? maps_of(btf, session, work, error) : NULL;
-    btf_matrix_free(btf);
-    return ret;
+    g_autoptr(Maps) maps = maps_fitted(path, session, memory, work, error);
+    return maps && maps_shape(maps, session, work, error) ? g_steal_pointer(&maps) : NULL;
 }

@@ -13,6 +13,10 @@
 
 enum maps_heights { MAPS_HEIGHTS_MDF, MAPS_HEIGHTS_NORMALS };
 
+/* What became of the fit: it is not kept, it is kept for the next export, or it is that of an
+ * earlier export. */
+enum maps_kept { MAPS_FIT_UNKEPT, MAPS_FIT_KEPT, MAPS_FIT_TAKEN };
+
 /* The difference between the maps, rounded as 8 bits hold them, and the BTF they were fitted to. */
 struct maps_errors {
     int n_views, n_lights;
@@ -38,10 +42,14 @@ struct maps {
     float most_specular;  /* the largest specular_colour, at least 1 */
     gboolean anisotropic; /* the anisotropy of some texels matters */
     struct maps_errors errors;
+    enum maps_kept kept;
+    char *lost; /* why the fit of a session could not be kept; NULL: it is, or it is no session's */
 };
 
 /* path: a session or its products/btf. memory: bytes for the BTF, of which the rest is kept in a
- * file; 0: any. Stages "read", "fit", "heights", "occlusion", "errors". */
+ * file; 0: any. The fit is kept in the session (maps_store.h) and, while the BTF is the same, taken
+ * from there. Stages "read", "layers", "fit", "errors", which are left out then, and "occlusion".
+ */
 struct maps *maps_new(const char *path, gint64 memory, const struct work *work, GError **error);
 /* Without a session: of a BTF, with heights from normals. */
 struct maps *maps_new_of(const struct btf_matrix *btf, const struct work *work, GError **error);

@@ -153,7 +153,7 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
 /* The same for a file by its path; files outside of a session's products are ignored. "compress
- * …": the arguments with which mesorig makes it again. */
+ * …" or "export …": arguments with which mesorig makes it again. */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
 GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
 

@@ -112,7 +112,7 @@ static char *remedy_of(Session *session, gboolean frames, const char *made_by) {
     g_autofree char *directory = g_shell_quote(session->path);
     g_autofree char *imported = session_value(session, frames ? "imported_frames" : "imported");
 
-    if (g_str_has_prefix(made_by, "compress"))
+    if (g_str_has_prefix(made_by, "compress") || g_str_has_prefix(made_by, "export "))
         return g_strdup_printf("mesorig %s %s", made_by, directory);
     return imported ? NULL
                     : g_strdup_printf("mesorig %s %s", frames ? "resume" : "process", directory);

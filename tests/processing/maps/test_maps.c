@@ -4,6 +4,8 @@
 #include "base/direction.h"
 #include "maps/maps.h"
 #include "maps/maps_private.h"
+#include "maps/maps_store.h"
+#include "session/session.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -330,6 +332,63 @@ static char *import_session(const char *name) {
     return session;
 }
 
+static GBytes *kept_export(const char *session, int number, gboolean expect_taken) {
+    g_autofree char *path = g_strdup_printf("%s/kept_%d.glb", session_fixture_folder, number);
+    g_autofree char *said = process_mesorig(0, "export gltf %s -o %s --json", session, path);
+    char *bytes = NULL;
+    gsize length = 0;
+    assert_has(said, expect_taken ? "\"fit_taken\": true" : "\"fit_taken\": false");
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    return g_bytes_new_take(bytes, length);
+}
+
+/* A second export takes the fit of the first, and says the same; a file that is damaged or of
+ * another BTF is made again. */
+static void test_kept(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *session = import_session("kept");
+    g_autofree char *store = g_build_filename(session, MAPS_STORE_PRODUCT, NULL);
+    g_autofree char *view = g_build_filename(session, "products/btf/view_0001.exr", NULL);
+    GBytes *exports[5];
+    exports[0] = kept_export(session, 0, FALSE);
+    exports[1] = kept_export(session, 1, TRUE);
+    g_autofree char *inputs = maps_store_inputs(session, &error);
+    g_assert_no_error(error);
+    g_autoptr(Maps) kept = maps_store_read(session, inputs);
+    g_assert_nonnull(kept);
+    g_assert_null(maps_store_read(session, "of another BTF"));
+    g_autofree char *said = process_mesorig(0, "export maps %s -o %s/kept_maps --json", session,
+                                            session_fixture_folder);
+    char number[G_ASCII_DTOSTR_BUF_SIZE];
+    g_ascii_dtostr(number, sizeof number, kept->errors.delta_e);
+    g_autofree char *delta_e = g_strconcat("\"delta_e\": ", number, ",", NULL);
+    assert_has(said, delta_e);
+    g_autofree char *bytes = NULL;
+    gsize length = 0;
+    g_assert_true(g_file_get_contents(store, &bytes, &length, NULL));
+    bytes[length / 2] ^= 1;
+    g_assert_true(g_file_set_contents(store, bytes, (gssize)length, NULL));
+    exports[2] = kept_export(session, 2, FALSE);
+    g_autoptr(ExrFile) brighter = exr_read(view, &error);
+    g_assert_no_error(error);
+    for (guint k = 0; k < brighter->parts->len; k++) {
+        const struct exr_part *part = brighter->parts->pdata[k];
+        for (int i = 0; i < part->width * part->height; i++)
+            exr_part_plane(part, "G")[i] *= 1.5F;
+    }
+    g_assert_true(exr_write(view, brighter, EXR_ZIP, FALSE, &error));
+    g_assert_true(session_add_product_file(view, "brighter", &error));
+    exports[3] = kept_export(session, 3, FALSE);
+    exports[4] = kept_export(session, 4, TRUE);
+    g_assert_true(g_bytes_equal(exports[0], exports[1]));
+    g_assert_true(g_bytes_equal(exports[0], exports[2]));
+    g_assert_false(g_bytes_equal(exports[0], exports[3]));
+    g_assert_true(g_bytes_equal(exports[3], exports[4]));
+    g_free(process_mesorig(0, "verify %s", session));
+    for (int i = 0; i < 5; i++)
+        g_bytes_unref(exports[i]);
+}
+
 static void assert_nothing_left(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     const char *name;
@@ -450,6 +509,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/maps/occlusion", test_occlusion);
     g_test_add_func("/maps/little", test_little);
     g_test_add_func("/maps/command", test_command);
+    g_test_add_func("/maps/kept", test_kept);
     g_test_add_func("/maps/bad", test_bad);
     g_test_add_func("/maps/full_disk", test_full_disk);
     return session_fixture_run();

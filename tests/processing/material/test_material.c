@@ -12,6 +12,11 @@
 #include <mesorig/material.h>
 #include <string.h>
 
+/* Statuses cross the binary interface as plain ints, so that the test material_abi cannot see them.
+ */
+G_STATIC_ASSERT(MESORIG_OK == 0 && MESORIG_ERROR_ARGUMENT == 1 && MESORIG_ERROR_FILE == 2);
+G_STATIC_ASSERT(MESORIG_ERROR_FORMAT == 3 && MESORIG_ERROR_MEMORY == 4);
+
 #define POINTS 400
 
 /* A codec's file, as a plain evaluation sees it. */
