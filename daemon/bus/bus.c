@@ -57,7 +57,8 @@ static void show_status(Bus *bus, const struct capture_status *status) {
                  status->prompt ? status->prompt : "", "doing", status->doing ? status->doing : "",
                  "shots", status->shots, "shots-done", status->shots_done, "frames", status->frames,
                  "retakes", status->retakes, "elapsed", status->elapsed_s, "left", status->left_s,
-                 "predicted-end", end, NULL);
+                 "predicted-end", end, "bytes-stored", status->bytes_stored, "bytes-expected",
+                 status->bytes_expected, NULL);
     if (status->shot)
         bus_rig1_set_pose(bus->object, bus_pose(bus->devices, status->shot));
 }
@@ -156,7 +157,8 @@ static void show_idle(Bus *bus) {
                  "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
                  bus->devices && devices_are_simulated(bus->devices), "session", "", "shots", 0,
                  "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
-                 0.0, "predicted-end", (guint64)0, NULL);
+                 0.0, "predicted-end", (guint64)0, "bytes-stored", (guint64)0, "bytes-expected",
+                 (guint64)0, NULL);
     bus_rig1_set_pose(bus->object, bus_pose(bus->devices, NULL));
     bus_rig1_set_places(bus->object, bus_places(bus->devices));
     bus_show_devices(bus);

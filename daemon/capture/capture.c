@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "capture_bytes.h"
 #include "capture_calibration.h"
 #include "capture_check.h"
 #include "capture_marks.h"
@@ -108,10 +109,10 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->sequencer = sequencer_new(devices, &capture->conf, &hooks);
     capture->predicted_s = load_value(session, "predicted_s");
     capture->lower_bound_s = load_value(session, "lower_bound_s");
-    capture->predicted_bytes = load_value(session, "predicted_bytes");
-    capture->expected_bytes = load_value(session, "expected_bytes");
-    if (capture->expected_bytes <= 0)
-        capture->expected_bytes = capture->predicted_bytes;
+    capture->said_bytes = load_value(session, "expected_bytes");
+    if (capture->said_bytes <= 0)
+        capture->said_bytes = load_value(session, "predicted_bytes");
+    capture->expected_bytes = capture->said_bytes;
     capture->clock_base_s = load_value(session, "clock_s");
     capture->begun_us = g_get_monotonic_time();
     capture->real_base_s = load_value(session, "real_s");
@@ -265,9 +266,9 @@ static gboolean prepare_resumed(Capture *capture, GError **error) {
         if (isfinite(frame->captured_s))
             capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
     }
-    double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
-    double bytes = capture->expected_bytes * part;
-    if (part > 0 &&
+    capture_bytes_begin(capture, frames);
+    const double bytes = capture->expected_bytes - capture->stored_bytes;
+    if (capture->n_done < capture->n_shots &&
         !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
         return FALSE;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
@@ -329,6 +330,7 @@ void capture_free(Capture *capture) {
     session_conf_clear(&capture->conf);
     g_free(capture->plan_left_s);
     g_free(capture->footprints);
+    g_free(capture->shot_bytes);
     g_free(capture->reason);
     g_free(capture->doing);
     g_free(capture);
@@ -468,6 +470,8 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
         .retakes = capture->retakes,
         .elapsed_s = capture_now_s(capture),
         .left_s = time_left_s(capture),
+        .bytes_stored = (guint64)capture->stored_bytes,
+        .bytes_expected = (guint64)MAX(capture->expected_bytes, 0),
         .predicted_s = capture->predicted_s,
         .lower_bound_s = capture->lower_bound_s,
     };

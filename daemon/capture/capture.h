@@ -46,6 +46,8 @@ struct capture_status {
     int shots, shots_done;    /* of the whole session, those from before a resume counted */
     gint64 frames, retakes;   /* camera frames accepted and refused since started */
     double elapsed_s, left_s; /* on the rig's clock; left_s predicted */
+    guint64 bytes_stored;     /* on disk, frames and their rows; earlier runs counted */
+    guint64 bytes_expected;   /* of the whole session, as planned and then by what is stored */
     double predicted_s, lower_bound_s;
 };
 

@@ -66,8 +66,9 @@ struct Capture {
         double sum, planned;
     } bytes[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
     struct plan_footprint *footprints; /* of each camera; NULL: not needed yet */
-    double predicted_bytes;            /* by the plan */
-    double expected_bytes;             /* of the whole session, as last said */
+    float *shot_bytes; /* shots × cameras, of those that were to be taken; NULL: not needed yet */
+    double stored_bytes;               /* on disk, frames and their rows */
+    double expected_bytes, said_bytes; /* of the whole session, now and as last said */
     double *plan_left_s; /* before each of remaining and after the last: plan_left_s(); or NULL */
     double left_s, left_at_s; /* predicted, and when */
     double left_least_s;      /* not before the shot under way has been exposed */

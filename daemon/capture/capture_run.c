@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sys/resource.h>
 
+#include "capture_bytes.h"
 #include "capture_check.h"
 #include "capture_marks.h"
 #include "capture_mount.h"
@@ -16,8 +17,6 @@
 #define LAMP_SIGNAL 0.0005
 /* Part of a picture that may be saturated in the shortest exposure without a warning. */
 #define SATURATED_PART 0.001
-/* Part by which the disk space of a session is thought otherwise before that is told. */
-#define BYTES_PART 0.05
 /* Mean of a dark frame above black, as a part of full scale, that is not dark any more. */
 #define DARK_PART 0.05
 
@@ -209,75 +208,6 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
-/* The footprints of cameras whose frames vary in size. They are computed once: neither camera nor
- * plane moves. */
-static const struct plan_footprint *capture_footprints(Capture *capture) {
-    const struct rig *rig = &capture->devices->geometry;
-    if (capture->footprints)
-        return capture->footprints;
-    capture->footprints = g_new0(struct plan_footprint, rig->n_cameras);
-    for (int c = 0; c < rig->n_cameras; c++)
-        if (plan_bytes_vary(&rig->cameras[c]))
-            capture->footprints[c] = plan_footprint(&capture->conf, &rig->cameras[c]);
-    return capture->footprints;
-}
-
-/* Frames of a kind and camera differ from what was planned as much as those seen did. */
-static void note_bytes(Capture *capture, const struct session_shot *shot,
-                       const struct session_frame *frames, int n) {
-    const struct rig *rig = &capture->devices->geometry;
-    const int *bits = capture->devices->timing.bits;
-    const struct plan_footprint *footprints = capture_footprints(capture);
-    double all = 0, left = 0, said = 0;
-    for (int i = 0; i < n; i++) {
-        const int c = frames[i].camera;
-        capture->bytes[shot->kind][c].sum += (double)frames[i].bytes;
-        capture->bytes[shot->kind][c].planned +=
-            (double)plan_shot_bytes(&capture->conf, rig, shot, c, bits[c], &footprints[c]);
-    }
-    /* After 1, 2, 4, 8 … shots of this run. */
-    if ((capture->committed & (capture->committed - 1)) != 0)
-        return;
-    for (guint i = 0; i < capture->shots->len; i++) {
-        const struct session_shot *at = capture->shots->pdata[i];
-        for (int c = 0; c < rig->n_cameras && at->state != SHOT_SKIPPED; c++) {
-            if (!(at->cameras & 1u << c))
-                continue;
-            const double planned =
-                (double)plan_shot_bytes(&capture->conf, rig, at, c, bits[c], &footprints[c]);
-            const double seen = capture->bytes[at->kind][c].planned;
-            /* Sessions that keep exposures or laser frames, too, take the planned bytes. */
-            const double is = seen > 0 && plan_bytes_vary(&rig->cameras[c]) &&
-                                      !capture->conf.keep_exposures &&
-                                      !capture->conf.keep_laser_frames
-                                  ? planned * capture->bytes[at->kind][c].sum / seen
-                                  : planned;
-            all += is;
-            said += planned;
-            left += at->state == SHOT_PLANNED ? is : 0;
-        }
-    }
-    /* The database takes the planned bytes. */
-    all += MAX(capture->predicted_bytes - said, 0);
-    const guint64 free_bytes = capture_free_bytes(session_path(capture->session));
-    const gboolean differs = !(fabs(all / MAX(capture->expected_bytes, 1) - 1) <= BYTES_PART);
-    if (!differs)
-        return;
-    g_autofree char *size = g_format_size((guint64)all);
-    g_autofree char *before = g_format_size((guint64)capture->expected_bytes);
-    g_autofree char *more = g_format_size((guint64)left);
-    g_autofree char *room = g_format_size(free_bytes);
-    const gboolean full = left > (double)free_bytes;
-    g_autofree char *text =
-        g_strdup_printf("by the frames there are, the session will take about %s (it was thought "
-                        "%s), %s more%s%s%s",
-                        size, before, more, full ? "; the disk has only " : "", full ? room : "",
-                        full ? " free: make room, or the session will pause when it is full" : "");
-    capture->expected_bytes = all;
-    capture_save_value(capture->session, "expected_bytes", all);
-    capture_add_event(capture, full ? "warning" : "info", "disk", text);
-}
-
 /* FALSE after a fault: nothing is in flight any more. */
 static gboolean commit(Capture *capture, struct flight *flight) {
     struct session_frame frames[RIG_MAX_CAMERAS];
@@ -305,7 +235,7 @@ static gboolean commit(Capture *capture, struct flight *flight) {
         adaptive_take(capture->adaptive, flight->shot, frames, n);
     capture->n_done++;
     capture->committed++;
-    note_bytes(capture, flight->shot, frames, n);
+    capture_bytes_add(capture, flight->shot, frames, n);
     if (capture_now_s(capture) > capture->clock_saved_s + SAVE_CLOCK_S)
         save_clock(capture);
     return TRUE;

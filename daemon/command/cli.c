@@ -1,18 +1,27 @@
 #include "cli.h"
 
+#include "base/data_error.h"
 #include "base/nearest.h"
 
 #include <errno.h>
+#include <glib/gstdio.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
-gboolean cli_json, cli_streams;
+gboolean cli_json, cli_streams, cli_force;
 char *cli_address, *cli_bus;
 
 static const GOptionEntry json_entries[] = {
     {"json", 0, 0, G_OPTION_ARG_NONE, &cli_json, "Print JSON", NULL},
+    {NULL},
+};
+
+static const GOptionEntry force_entries[] = {
+    {"force", 0, 0, G_OPTION_ARG_NONE, &cli_force,
+     "Replace the output if it exists; other files of a folder stay", NULL},
     {NULL},
 };
 
@@ -41,6 +50,8 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
         ret[n++] = own;
     if (command->daemon)
         ret[n++] = link_entries;
+    if (command->exports)
+        ret[n++] = force_entries;
     ret[n++] = json_entries;
     ret[n] = NULL;
 }
@@ -161,6 +172,15 @@ static void put_out(const char *text) {
 
 static void put_err(const char *text) {
     cli_put(stderr, text);
+}
+
+gboolean cli_check_target(const char *path, GError **error) {
+    struct stat status;
+    if (cli_force || g_lstat(path, &status) != 0)
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                "%s exists already: give another name with -o, or --force to replace it", path);
+    return FALSE;
 }
 
 void cli_print_readably(void) {

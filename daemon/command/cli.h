@@ -22,7 +22,9 @@ struct command {
         void);        /* in place of options: made when they are asked for */
     gboolean daemon;  /* --address and --bus, too */
     gboolean streams; /* --json prints progress, too: an object a line, the result last */
-    int min, max;     /* number of positional arguments */
+    gboolean
+        exports;  /* --force, too: cli_check_target() refuses an output that exists without it */
+    int min, max; /* number of positional arguments */
 
     /* Returns an exit code and fills call->record. With an error set, cli_run() prints it, and the
      * exit code is CLI_FAILED. */
@@ -34,10 +36,9 @@ struct command {
         *children; /* its commands, named "PARENT CHILD", ending with NULL */
 };
 
-/* The tables of a command's options: its own, those of the daemon's address, --json; ends with
- * NULL.
- */
-#define CLI_TABLES 4
+/* The tables of a command's options: its own, those of the daemon's address, --force, --json; ends
+ * with NULL. */
+#define CLI_TABLES 5
 void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]);
 
 /* Parses the options, runs the command, and prints its record or its error. An exit code. */
@@ -49,6 +50,11 @@ int cli_run_child(const struct command *parent, int argc, char **argv);
 
 extern gboolean cli_json;    /* --json was given */
 extern gboolean cli_streams; /* of the command that runs */
+extern gboolean cli_force;   /* --force was given: what is exported may replace what is there */
+
+/* FALSE, with DATA_ERROR_EXISTS: something has the name of the output, be it a link that leads
+ * nowhere, and --force was not given. To be asked before long work. */
+gboolean cli_check_target(const char *path, GError **error);
 
 /* --address and --bus, for commands that talk to a daemon. */
 extern char *cli_address, *cli_bus;

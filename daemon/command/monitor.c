@@ -63,6 +63,8 @@ void monitor_status(Record *to, BusRig1 *rig) {
     record_double(to, "elapsed_s", bus_rig1_get_elapsed(rig));
     record_double(to, "left_s", bus_rig1_get_left(rig));
     record_int(to, "predicted_end", (gint64)bus_rig1_get_predicted_end(rig));
+    record_int(to, "bytes_stored", (gint64)bus_rig1_get_bytes_stored(rig));
+    record_int(to, "bytes_expected", (gint64)bus_rig1_get_bytes_expected(rig));
     g_autofree char *pose = watching_pose(rig);
     record_string(to, "pose", pose ? pose : "");
 }

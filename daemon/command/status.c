@@ -15,10 +15,13 @@ void status_say_progress(Record *to, BusRig1 *rig) {
     const guint64 end = bus_rig1_get_predicted_end(rig);
     g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
     g_autofree char *left = report_duration(bus_rig1_get_left(rig));
+    g_autofree char *stored = g_format_size(bus_rig1_get_bytes_stored(rig));
+    g_autofree char *expected = g_format_size(bus_rig1_get_bytes_expected(rig));
     record_say(to, "session    %s\n", bus_rig1_get_session(rig));
     record_say(to, "shots      %d of %d, %.1f %%\n", done, shots, 100.0 * done / shots);
     record_say(to, "frames     %" G_GINT64_FORMAT ", %" G_GINT64_FORMAT " retakes\n",
                bus_rig1_get_frames(rig), bus_rig1_get_retakes(rig));
+    record_say(to, "disk       %s of about %s\n", stored, expected);
     record_say(to, "time       %s, %s left%s", elapsed, left,
                bus_rig1_get_simulated(rig) ? " (simulated)" : "");
     if (end) {

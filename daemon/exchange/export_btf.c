@@ -69,4 +69,5 @@ const struct command exchange_btf = {.name = "export btf",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,
+                                     .exports = TRUE,
                                      .run = export_btf_run};

@@ -62,13 +62,13 @@ static gboolean export_maps_add(const struct job *job, MapsFiles *files, GError 
 static gboolean work_maps(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     g_autoptr(MapsFiles) files = maps_files_new();
-    if (!maps_files_check(output, error))
+    if (!maps_files_check(output, cli_force, error))
         return FALSE;
     job->maps = maps_new(job->session, (gint64)memory_mb << 20, work, error);
     if (!job->maps || !export_maps_add(job, files, error))
         return FALSE;
-    return job->kind == EXPORT_GLTF ? maps_files_write_beside(files, output, error)
-                                    : maps_files_write_folder(files, output, error);
+    return job->kind == EXPORT_GLTF ? maps_files_write_beside(files, output, cli_force, error)
+                                    : maps_files_write_folder(files, output, cli_force, error);
 }
 
 /* The pair of directions under which the maps are worst. */
@@ -139,7 +139,8 @@ static int export_maps_job(const struct call *call, struct job *job, GError **er
                     job->kind == EXPORT_GLTF ? "FILE.glb" : "FOLDER");
         return CLI_FAILED;
     }
-    const gboolean ok = cli_work_run(work_maps, job, &seconds, error);
+    const gboolean ok =
+        cli_check_target(output, error) && cli_work_run(work_maps, job, &seconds, error);
     if (ok)
         export_maps_tell(job, seconds, call->record);
     maps_free(job->maps);
@@ -187,6 +188,7 @@ const struct command exchange_maps = {
     .options = map_entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_maps_run};
 const struct command exchange_gltf = {
     .name = "export gltf",
@@ -196,6 +198,7 @@ const struct command exchange_gltf = {
     .options = gltf_entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_gltf_run};
 const struct command exchange_materialx = {
     .name = "export materialx",
@@ -205,6 +208,7 @@ const struct command exchange_materialx = {
     .options = folder_entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_materialx_run};
 const struct command exchange_blender = {
     .name = "export blender",
@@ -214,4 +218,5 @@ const struct command exchange_blender = {
     .options = folder_entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_blender_run};

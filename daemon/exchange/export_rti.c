@@ -37,9 +37,11 @@ static gboolean export_rti_work(const struct work *work, gpointer data, GError *
 }
 
 static int export_rti_run(const struct call *call, enum export_rti_kind kind, GError **error) {
-    struct job job = {
-        .session = call->arguments[0],
-        .options = {.kind = kind, .rgb = format && strcmp(format, "rgb") == 0, .view = view}};
+    struct job job = {.session = call->arguments[0],
+                      .options = {.kind = kind,
+                                  .rgb = format && strcmp(format, "rgb") == 0,
+                                  .view = view,
+                                  .replace = cli_force}};
     const struct export_rti_result *result = &job.result;
     Record *to = call->record;
     double seconds = 0;
@@ -88,6 +90,7 @@ const struct command exchange_ptm = {
     .options = ptm_entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_ptm_run};
 const struct command exchange_relight = {
     .name = "export relight",
@@ -97,4 +100,5 @@ const struct command exchange_relight = {
     .options = relight_entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_relight_run};

@@ -31,15 +31,17 @@ static gboolean work_web(const struct work *work, gpointer data, GError **error)
 
 static gboolean export_web_is_named(const char *name, GError **error) {
     g_autofree char *lower = name ? g_ascii_strdown(name, -1) : NULL;
-    return (lower && g_str_has_suffix(lower, ".mesoweb")) ||
-           exchange_check_output(name, "pages", "HTML and materials for three.js as .mesoweb",
-                                 ".html", error);
+    return exchange_check_output(name, "pages", "HTML and materials for three.js as .mesoweb",
+                                 lower && g_str_has_suffix(lower, ".mesoweb") ? NULL : ".html",
+                                 error);
 }
 
 static int export_web_run(const struct call *call, GError **error) {
-    struct job job = {
-        .asked = {
-            .path = call->arguments[0], .mdf = mdf, .output = output, .size = WEBGL_EXPORT_SIZE}};
+    struct job job = {.asked = {.path = call->arguments[0],
+                                .mdf = mdf,
+                                .output = output,
+                                .replace = cli_force,
+                                .size = WEBGL_EXPORT_SIZE}};
     const struct webgl_export_result *result = &job.result;
     Record *to = call->record;
     double seconds = 0;
@@ -77,4 +79,5 @@ const struct command exchange_web = {
     .options = entries,
     .min = 1,
     .max = 1,
+    .exports = TRUE,
     .run = export_web_run};

@@ -10,7 +10,7 @@ gboolean exchange_check_output(const char *output, const char *what, const char 
     }
     g_autofree char *lower = g_ascii_strdown(output, -1);
     if (end == NULL || g_str_has_suffix(lower, end))
-        return TRUE;
+        return cli_check_target(output, error);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_FILENAME,
                 "%s: %s are written as %s; give a name that ends in %s", output, what, format, end);
     return FALSE;

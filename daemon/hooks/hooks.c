@@ -8,7 +8,8 @@
 #include "base/input_file.h"
 #include "hooks_child.h"
 
-#define MOST_TOKEN 4096 /* bytes of its file */
+#define MOST_TOKEN  4096 /* bytes of its file */
+#define MOST_WAIT_S 3600 /* from one attempt of a post to the next */
 
 struct event {
     char *what, *json, *title, *text, *session, *name, *message;
@@ -16,17 +17,21 @@ struct event {
 
 /* Something to do for an event: a program, or a post. */
 struct delivery {
+    Hooks *hooks;
     char **argv; /* NULL: a post */
-    char *input; /* of the program */
+    char *input; /* of the program, or what is posted */
     double limit_s;
     const struct hooks_webhook *webhook;
+    int failed;    /* attempts of a post */
+    guint wait_id; /* while it waits for the next one */
 };
 
 struct Hooks {
     const struct hooks_conf *conf;
     struct event *event; /* at work; NULL: none */
     GQueue waiting;      /* of struct event, the oldest first */
-    GQueue deliveries;   /* of struct delivery, for the event at work */
+    GQueue deliveries;   /* of struct delivery, for the event at work; and posts tried again */
+    GQueue later;        /* of struct delivery: posts that failed, each with a timer */
     gboolean busy;       /* the first of them is under way */
     GCancellable *cancellable;
     SoupSession *http;
@@ -45,6 +50,7 @@ static void event_free(gpointer data) {
 
 static void delivery_free(gpointer data) {
     struct delivery *delivery = data;
+    g_clear_handle_id(&delivery->wait_id, g_source_remove);
     g_strfreev(delivery->argv);
     g_free(delivery->input);
     g_free(delivery);
@@ -128,7 +134,9 @@ static void push_webhook(Hooks *hooks, const struct event *event,
     if (!g_strv_contains((const char *const *)webhook->events, event->what))
         return;
     struct delivery *delivery = g_new0(struct delivery, 1);
+    delivery->hooks = hooks;
     delivery->webhook = webhook;
+    delivery->input = g_strdup(event->json);
     g_queue_push_tail(&hooks->deliveries, delivery);
 }
 
@@ -140,6 +148,44 @@ static void end_delivery(Hooks *hooks, GError *error) {
         g_warning("%s", error->message);
     g_clear_error(&error);
     delivery_free(g_queue_pop_head(&hooks->deliveries));
+    hooks->busy = FALSE;
+    hooks_next(hooks);
+}
+
+static gboolean on_waited(gpointer data) {
+    struct delivery *delivery = data;
+    Hooks *hooks = delivery->hooks;
+    delivery->wait_id = 0;
+    g_queue_remove(&hooks->later, delivery);
+    g_queue_push_tail(&hooks->deliveries, delivery);
+    hooks_next(hooks);
+    return G_SOURCE_REMOVE;
+}
+
+/* The post at the head has failed: it waits for its next attempt, if it has one. Takes the error.
+ */
+static void post_failed(Hooks *hooks, GError *error) {
+    struct delivery *delivery = g_queue_peek_head(&hooks->deliveries);
+    const struct hooks_webhook *webhook = delivery->webhook;
+    if (delivery->failed >= webhook->retries) {
+        if (webhook->retries > 0)
+            g_prefix_error(&error, "given up after %d attempts: ", delivery->failed + 1);
+        end_delivery(hooks, error);
+        return;
+    }
+    const double wait_s = MIN(webhook->retry_s * (double)(1u << delivery->failed), MOST_WAIT_S);
+    delivery->failed++;
+    g_warning("%s; it is posted again in %g s, attempt %d of %d", error->message, wait_s,
+              delivery->failed + 1, webhook->retries + 1);
+    g_error_free(error);
+    g_queue_pop_head(&hooks->deliveries);
+    g_queue_push_tail(&hooks->later, delivery);
+    delivery->wait_id = g_timeout_add((guint)(wait_s * 1000), on_waited, delivery);
+    if (hooks->later.length > HOOKS_MOST_WAITING) {
+        g_warning("%d posts wait to be tried again, which is the most: the oldest one is dropped",
+                  HOOKS_MOST_WAITING);
+        delivery_free(g_queue_pop_head(&hooks->later));
+    }
     hooks->busy = FALSE;
     hooks_next(hooks);
 }
@@ -206,13 +252,13 @@ static void on_posted(GObject *source, GAsyncResult *result, gpointer data) {
                             reason ? reason : "");
     }
     hooks->late = FALSE;
-    end_delivery(hooks, error);
+    (error ? post_failed : end_delivery)(hooks, error);
 }
 
-static void run_post(Hooks *hooks, const struct delivery *delivery, const struct event *event) {
+static void run_post(Hooks *hooks, const struct delivery *delivery) {
     const struct hooks_webhook *webhook = delivery->webhook;
     g_autoptr(SoupMessage) message = soup_message_new("POST", webhook->url);
-    g_autoptr(GBytes) body = g_bytes_new(event->json, strlen(event->json));
+    g_autoptr(GBytes) body = g_bytes_new(delivery->input, strlen(delivery->input));
     GError *error = NULL;
     g_autofree char *token = message && *webhook->token_file
                                  ? input_file_read_text(webhook->token_file, MOST_TOKEN, &error)
@@ -222,7 +268,7 @@ static void run_post(Hooks *hooks, const struct delivery *delivery, const struct
             error = g_error_new(G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
                                 "%s is not an address to post to", webhook->url);
         g_prefix_error(&error, "webhook %s: ", webhook->name);
-        end_delivery(hooks, error);
+        (message ? post_failed : end_delivery)(hooks, error);
         return;
     }
     if (token) {
@@ -260,7 +306,10 @@ static void hooks_next(Hooks *hooks) {
     }
     const struct delivery *delivery = g_queue_peek_head(&hooks->deliveries);
     hooks->busy = TRUE;
-    (delivery->argv ? run_child : run_post)(hooks, delivery, hooks->event);
+    if (delivery->argv)
+        run_child(hooks, delivery, hooks->event);
+    else
+        run_post(hooks, delivery);
 }
 
 Hooks *hooks_new(const struct hooks_conf *conf) {
@@ -270,18 +319,23 @@ Hooks *hooks_new(const struct hooks_conf *conf) {
     hooks->http = soup_session_new_with_options("user-agent", "mesorig-hooks", NULL);
     g_queue_init(&hooks->waiting);
     g_queue_init(&hooks->deliveries);
+    g_queue_init(&hooks->later);
     return hooks;
 }
 
 void hooks_free(Hooks *hooks) {
     if (!hooks)
         return;
+    if (hooks->later.length > 0)
+        g_warning("%u %s waited to be tried again and will not be", hooks->later.length,
+                  hooks->later.length == 1 ? "post" : "posts");
     g_object_set_data(G_OBJECT(hooks->http), "gone", hooks);
     g_clear_handle_id(&hooks->deadline_id, g_source_remove);
     g_cancellable_cancel(hooks->cancellable);
     g_clear_pointer(&hooks->event, event_free);
     g_queue_clear_full(&hooks->waiting, event_free);
     g_queue_clear_full(&hooks->deliveries, delivery_free);
+    g_queue_clear_full(&hooks->later, delivery_free);
     g_object_unref(hooks->cancellable);
     g_object_unref(hooks->http);
     g_free(hooks);
@@ -313,5 +367,6 @@ void hooks_tell(Hooks *hooks, const char *what, GVariant *details) {
 }
 
 gboolean hooks_is_idle(const Hooks *hooks) {
-    return !hooks->event && hooks->waiting.length == 0;
+    return !hooks->event && hooks->waiting.length == 0 && hooks->deliveries.length == 0 &&
+           hooks->later.length == 0;
 }

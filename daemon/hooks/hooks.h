@@ -1,14 +1,15 @@
 /*
  * Tells others what happens to captures: runs the executables of a folder, sends mails, posts to
  * web servers, or shows notifications on a desktop. One event after the other, and in each one
- * thing after the other; what fails is told in the log, and the next one follows. Main loop's
- * thread.
+ * thing after the other; what fails is told in the log, and the next one follows. A post that
+ * fails is tried again later, between others. Main loop's thread.
  */
 #pragma once
 
 #include "hooks_conf.h"
 
-/* Events that wait: when there are more, the oldest are dropped. */
+/* Events that wait, and posts that wait to be tried again: when there are more, the oldest are
+ * dropped. */
 #define HOOKS_MOST_WAITING 1000
 
 typedef struct Hooks Hooks;
@@ -23,7 +24,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 /* what and details: as the signal Milestone has them (a{sv}; a floating one is taken). */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
-/* Nothing runs and nothing waits. */
+/* Nothing runs and nothing waits, posts that are to be tried again included. */
 gboolean hooks_is_idle(const Hooks *hooks);
 
 /* An event as a person reads it; g_free(). */

@@ -39,6 +39,11 @@ static const struct option webhook_options[] = {
      .help = "File whose first line is sent as a bearer token"},
     {"time_limit_s", OPTION_DOUBLE, "s", 0.1, 3600, "20", .offset = WEBHOOK(time_limit_s),
      .help = "How long the server may take to answer"},
+    {"retries", OPTION_INT, NULL, 0, 20, "4", .offset = WEBHOOK(retries),
+     .help = "How often a post that failed is tried again; others do not wait for it"},
+    {"retry_s", OPTION_DOUBLE, "s", 0.1, 3600, "10", .offset = WEBHOOK(retry_s),
+     .help = "Time from the failure to the first of these attempts; it doubles with each further "
+             "one, to an hour at most"},
     {NULL},
 };
 

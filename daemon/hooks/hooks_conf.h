@@ -20,6 +20,8 @@ struct hooks_webhook {
     char *token_file; /* "": none; relative to the file */
     char **events;
     double time_limit_s;
+    int retries;    /* of a post that failed */
+    double retry_s; /* from its failure to the first of them; from each to the next twice as long */
 };
 
 struct hooks_conf {

@@ -380,14 +380,14 @@ static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     return TRUE;
 }
 
-static void plan_count(const struct plan_build *b, struct plan *plan) {
+static void plan_count(const struct plan_build *b, guint n_first, struct plan *plan) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
         plan->n_frames += shot_n_frames(b->conf, shot) * __builtin_popcount(shot->cameras);
     }
-    plan->bytes = plan_bytes(b);
+    plan->bytes = plan_bytes(b, n_first, &plan->bytes_least);
 }
 
 /* Orders the shots: those of the first round of sweeps, then those that may follow. Returns how
@@ -423,7 +423,8 @@ static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *pos
     return n_first;
 }
 
-static void plan_predict(struct plan_build *b, struct plan *plan) {
+/* Returns how many shots the first round of sweeps has. */
+static guint plan_predict(struct plan_build *b, struct plan *plan) {
     const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
     int n_poses = (int)b->poses->len;
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -451,6 +452,7 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
     plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
+    return n_first;
 }
 
 /* How often a laser must be mounted by hand in this order. */
@@ -492,6 +494,44 @@ static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
                                                bounds->str, conf->auto_longest_us));
 }
 
+static void plan_note_stop(const struct plan_build *b, const struct plan *plan) {
+    if (b->conf->laser_stop == STOP_ALL)
+        return;
+    if (plan->n_later > 0)
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("[lasers] stop = covered: %d of the sweeps are taken only "
+                                        "as far as those before them leave something unseen; the "
+                                        "predicted time and frames are for all of them",
+                                        plan->n_later));
+    else
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("[lasers] stop = covered: the first round already has all "
+                                        "sweeps, since no angle of the turntable has more than "
+                                        "first = %d, so that none can be saved",
+                                        b->conf->laser_first));
+}
+
+static void plan_note_bytes(const struct plan_build *b, const struct plan *plan) {
+    gboolean vary = FALSE, sweeps = FALSE;
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        for (int c = 0; c < b->rig->n_cameras && shot->state == SHOT_PLANNED; c++)
+            if (shot->cameras & 1u << c && plan_bytes_vary(&b->rig->cameras[c])) {
+                vary = TRUE;
+                sweeps |= shot->kind == SHOT_SWEEP;
+            }
+    }
+    if (vary)
+        g_ptr_array_add(
+            plan->notes,
+            g_strdup_printf("frames of more than 256² pixels are compressed, and what they show "
+                            "decides how far; %smesorig status tells what the session will take "
+                            "by the frames stored so far",
+                            sweeps ? "of a laser sweep, pixels that do not see its line take "
+                                     "next to nothing; "
+                                   : ""));
+}
+
 /* Texels much finer than the pixels of the finest camera show nothing more and cost space. */
 static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
     const struct session_grid *grid = &b->conf->grid;
@@ -525,8 +565,7 @@ static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
     plan->notes = g_ptr_array_new_with_free_func(g_free);
-    plan_predict(b, plan);
-    plan_count(b, plan);
+    plan_count(b, plan_predict(b, plan), plan);
     plan->n_mounts = count_mounts(b);
     for (guint i = 0; i < b->notes->len; i++) {
         const struct plan_note *note = &g_array_index(b->notes, struct plan_note, i);
@@ -534,22 +573,9 @@ static struct plan *plan_finish(struct plan_build *b) {
                                                      note->n == 1 ? "" : "s", note->text));
     }
     plan_note_auto(b->conf, plan->notes);
-    if (plan->n_later > 0)
-        g_ptr_array_add(plan->notes,
-                        g_strdup_printf("[lasers] stop = covered: %d of the sweeps are taken only "
-                                        "as far as those before them leave something unseen; the "
-                                        "predicted time, frames and space are for all of them",
-                                        plan->n_later));
+    plan_note_stop(b, plan);
     plan_note_texels(b, plan->notes);
-    for (int c = 0; c < b->rig->n_cameras; c++)
-        if (b->shots->len > 0 && plan_bytes_vary(&b->rig->cameras[c]) &&
-            g_array_index(b->shots, struct session_shot, 0).cameras & 1u << c) {
-            g_ptr_array_add(plan->notes,
-                            g_strdup("frames of more than 256² pixels are compressed, and how far "
-                                     "depends on what they show: disk space may be a sixth more; "
-                                     "the capture tells better after its first shots"));
-            break;
-        }
+    plan_note_bytes(b, plan);
     if (b->views->len == 1)
         g_ptr_array_add(plan->notes,
                         g_strdup("one view: what is seen from there under each light (an "

@@ -126,7 +126,9 @@ struct plan {
     struct session_plan session; /* grid, directions, shots; owned by the plan */
     int n_poses;                 /* visits counted: a pose may be visited again for another lamp */
     int n_frames;                /* camera frames to be triggered, brackets and sweeps counted */
-    guint64 bytes;               /* on disk, predicted */
+    guint64 bytes;               /* on disk, predicted: the cameras see the lines wherever they pass
+                                    the sample, and all sweeps are taken */
+    guint64 bytes_least;         /* they see none of them, and the first round suffices */
     double predicted_s;
     double lower_bound_s;
     int n_mounts;     /* by hand, that at the beginning counted; 0: no unit has a further place */
@@ -171,12 +173,18 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
                                      const struct rig_camera *camera);
 
 /* Disk space that one camera's part of a shot takes, kept frames and row included. Pictures for
- * which plan_bytes_vary() is true are compressed: they take what their noise needs, and by what
- * they show a sixth more or less. footprint is the camera's. */
+ * which plan_bytes_vary() is true are compressed: they take what their noise needs. A sweep is
+ * assumed to be seen wherever it passes the sample; pixels without a line take next to nothing.
+ * footprint is the camera's. */
 guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
                         const struct session_shot *shot, int camera, int bits,
                         const struct plan_footprint *footprint);
 gboolean plan_bytes_vary(const struct rig_camera *camera);
+
+/* What a stored frame whose file has that many bytes takes, its row included; and the database of a
+ * session without its frames' rows and directions. */
+guint64 plan_stored_bytes(guint64 file_bytes);
+guint64 plan_database_bytes(int n_shots);
 
 /* How long the axes take to home, all at once. */
 double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);

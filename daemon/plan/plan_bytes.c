@@ -47,6 +47,8 @@ static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
 #define DARK_DIGITS 0.13
 #define DARK_FRAMES 4 /* of those captures */
 #define MOST_DIGITS 8
+/* Of a sweep whose line no pixel shows: what packs zeros. */
+static const struct packing packed_nothing = {0, 0, 100, 0};
 /* The mean of one or two dark frames has no digits that a float keeps in its lower half. */
 static const struct packing packed_short_dark = {0.49, 0.49, 1500, 0.11};
 
@@ -100,6 +102,14 @@ static double plan_lit_share(const struct session_conf *conf, const struct rig *
     return (double)n / (PLAN_FOOTPRINT * PLAN_FOOTPRINT);
 }
 
+guint64 plan_stored_bytes(guint64 file_bytes) {
+    return FRAME_BYTES + (file_bytes + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
+}
+
+guint64 plan_database_bytes(int n_shots) {
+    return EMPTY_BYTES + (guint64)n_shots * SHOT_BYTES;
+}
+
 static guint64 file_bytes(const struct rig_camera *camera, int bits, double share,
                           const struct kind *kind) {
     const struct packing *packing = plan_bytes_vary(camera) ? kind->packing : NULL;
@@ -119,9 +129,10 @@ static guint64 file_bytes(const struct rig_camera *camera, int bits, double shar
     return (bytes + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
 }
 
-guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
-                        const struct session_shot *shot, int camera, int bits,
-                        const struct plan_footprint *footprint) {
+/* seen: the camera sees the laser's line wherever it passes the sample; else nowhere. */
+static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig,
+                          const struct session_shot *shot, int camera, int bits,
+                          const struct plan_footprint *footprint, gboolean seen) {
     gint64 exposures[SHOT_MAX_DARKS];
     const struct rig_camera *by = &rig->cameras[camera];
     const gboolean sweep = shot->kind == SHOT_SWEEP;
@@ -130,37 +141,50 @@ guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
         DARK_DIGITS * log2((double)MIN(conf->dark_frames, MOST_DIGITS) / DARK_FRAMES);
     const struct kind kinds[] = {
         [SHOT_LAMP] = {1, 1, 2, 700, &lamp},
-        [SHOT_SWEEP] = {1, 5, 4, 850, &packed_sweep},
+        [SHOT_SWEEP] = {1, 5, 4, 850, seen ? &packed_sweep : &packed_nothing},
         [SHOT_DARK] = {shot_dark_exposures(conf, exposures), 1, 4, 650,
                        conf->dark_frames > 2 ? &packed_dark : &packed_short_dark},
     };
     const struct kind raw = {1, 1, bits <= HALF_BITS ? 2 : 4, 750, sweep ? NULL : &packed_raw};
     const gboolean keeps = sweep ? conf->keep_laser_frames : conf->keep_exposures;
     const guint64 n_raw = keeps ? (guint64)shot_n_frames(conf, shot) : 0;
-    const double share = shot->kind == SHOT_DARK || !plan_bytes_vary(by)
+    const double share = shot->kind == SHOT_DARK || !seen || !plan_bytes_vary(by)
                              ? 0
                              : plan_lit_share(conf, rig, shot, footprint);
     return FRAME_BYTES + file_bytes(by, bits, share, &kinds[shot->kind]) +
            n_raw * file_bytes(by, bits, share, &raw);
 }
 
+guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
+                        const struct session_shot *shot, int camera, int bits,
+                        const struct plan_footprint *footprint) {
+    return shot_bytes(conf, rig, shot, camera, bits, footprint, TRUE);
+}
+
 gboolean plan_bytes_vary(const struct rig_camera *camera) {
     return (guint64)camera->width * (guint64)camera->height > SMALL_PIXELS;
 }
 
-guint64 plan_bytes(const struct plan_build *b) {
-    guint64 bytes =
-        EMPTY_BYTES + DIRECTION_BYTES * (b->views->len + b->lights->len + b->lasers->len);
+guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least) {
+    guint64 bytes = plan_database_bytes((int)b->shots->len) +
+                    DIRECTION_BYTES * (b->views->len + b->lights->len + b->lasers->len);
     g_autofree struct plan_footprint *footprints = g_new(struct plan_footprint, b->rig->n_cameras);
     for (int c = 0; c < b->rig->n_cameras; c++)
         footprints[c] = plan_footprint(b->conf, &b->rig->cameras[c]);
+    *ret_least = bytes;
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
-        bytes += SHOT_BYTES;
-        for (int c = 0; c < b->rig->n_cameras; c++)
-            if (shot->state == SHOT_PLANNED && shot->cameras & 1u << c)
-                bytes +=
-                    plan_shot_bytes(b->conf, b->rig, shot, c, b->timing->bits[c], &footprints[c]);
+        for (int c = 0; c < b->rig->n_cameras; c++) {
+            if (shot->state != SHOT_PLANNED || !(shot->cameras & 1u << c))
+                continue;
+            const int bits = b->timing->bits[c];
+            const guint64 most = plan_shot_bytes(b->conf, b->rig, shot, c, bits, &footprints[c]);
+            bytes += most;
+            if (i < n_first)
+                *ret_least += shot->kind == SHOT_SWEEP
+                                  ? shot_bytes(b->conf, b->rig, shot, c, bits, NULL, FALSE)
+                                  : most;
+        }
     }
     return bytes;
 }

@@ -83,8 +83,9 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
-/* Disk space of the session's frames and database, in blocks of 4 KiB; without products. */
-guint64 plan_bytes(const struct plan_build *b);
+/* Disk space of the session's frames and database, in blocks of 4 KiB; without products. ret_least:
+ * if only the first n_first shots are taken, and no camera sees a laser's line. */
+guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least);
 
 /* Describes the effect of skipped shots on the BTF: pictures that it will interpolate, views that
  * it will lack. g_free(); NULL: none. */

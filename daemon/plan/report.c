@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+/* Sizes that differ by less are told as one. */
+#define LEAST_RANGE 0.95
+
 char *report_duration(double seconds) {
     if (!isfinite(seconds) || seconds < 0 || seconds > 1e9)
         return g_strdup("?");
@@ -40,6 +43,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
                               g_variant_new_int32(counts[i].value));
     g_variant_builder_add(&builder, "{sv}", "bytes", g_variant_new_uint64(plan->bytes));
+    g_variant_builder_add(&builder, "{sv}", "bytes_least", g_variant_new_uint64(plan->bytes_least));
     const struct {
         const char *key;
         double value;
@@ -67,13 +71,24 @@ static double get_double(GVariant *report, const char *key) {
     return value;
 }
 
+/* "about 21.3 MB", or, where they differ, "13.1 to 21.3 MB". */
+static char *report_size_range(guint64 least, guint64 most, gboolean rounds) {
+    g_autofree char *most_text = g_format_size(most);
+    g_autofree char *least_text = g_format_size(least);
+    if (least == 0 || !((double)least < LEAST_RANGE * (double)most))
+        return g_strdup_printf("about %s of frames", most_text);
+    return g_strdup_printf("%s to %s of frames, by %show much the cameras see of the laser's lines",
+                           least_text, most_text, rounds ? "how many sweeps are needed and " : "");
+}
+
 char *report_text(GVariant *report) {
     GString *text = g_string_new(NULL);
     const char *name = "";
-    guint64 bytes = 0;
+    guint64 bytes = 0, least = 0;
     g_variant_lookup(report, "session", "&s", &name);
     g_variant_lookup(report, "bytes", "t", &bytes);
-    g_autofree char *size = g_format_size(bytes);
+    g_variant_lookup(report, "bytes_least", "t", &least);
+    g_autofree char *size = report_size_range(least, bytes, get_int(report, "later_sweeps") > 0);
     g_string_append_printf(text, "session         %s\n", name);
     const int views = get_int(report, "views"), lights = get_int(report, "lights");
     g_string_append_printf(text, "directions      %d views, %d lights, %d laser positions", views,
@@ -84,8 +99,7 @@ char *report_text(GVariant *report) {
     g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
     g_string_append_printf(text, "shots           %d, with %d camera frames\n",
                            get_int(report, "shots"), get_int(report, "frames"));
-    g_string_append_printf(text, "on disk         about %s of frames; products take their own\n",
-                           size);
+    g_string_append_printf(text, "on disk         %s; products take their own\n", size);
     const int mounts = get_int(report, "mounts");
     if (mounts > 0)
         g_string_append_printf(

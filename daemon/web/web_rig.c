@@ -136,6 +136,10 @@ char *web_rig_state(const WebRig *rig) {
         g_variant_builder_add(&to, "{sv}", "left_s", g_variant_new_double(bus_rig1_get_left(bus)));
         g_variant_builder_add(&to, "{sv}", "predicted_end",
                               g_variant_new_uint64(bus_rig1_get_predicted_end(bus)));
+        g_variant_builder_add(&to, "{sv}", "bytes_stored",
+                              g_variant_new_uint64(bus_rig1_get_bytes_stored(bus)));
+        g_variant_builder_add(&to, "{sv}", "bytes_expected",
+                              g_variant_new_uint64(bus_rig1_get_bytes_expected(bus)));
         add_pose(&to, bus);
         g_variant_builder_init(&devices, G_VARIANT_TYPE("aa{sv}"));
         GVariant *list = bus_rig1_get_devices(bus);

@@ -52,10 +52,10 @@ static gboolean maps_files_io(const char *path, int number, GError **error) {
     return FALSE;
 }
 
-gboolean maps_files_check(const char *path, GError **error) {
+gboolean maps_files_check(const char *path, gboolean replace, GError **error) {
     struct stat status;
     g_autofree char *folder = g_path_get_dirname(path);
-    if (g_lstat(path, &status) == 0)
+    if (!replace && g_lstat(path, &status) == 0)
         return maps_files_exists(path, error);
     if (!g_file_test(folder, G_FILE_TEST_IS_DIR)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
@@ -86,10 +86,21 @@ static void maps_files_remove(const MapsFiles *files, guint first, const char *f
     }
 }
 
-gboolean maps_files_write_folder(const MapsFiles *files, const char *path, GError **error) {
+/* Into a folder that is there; without one, errno is set. */
+static gboolean maps_files_replace(const MapsFiles *files, const char *path, GError **error) {
+    for (guint i = 0; i < files->len; i++)
+        if (!maps_files_write_one(files->pdata[i], path))
+            return maps_files_io(path, errno ? errno : EIO, error);
+    return TRUE;
+}
+
+gboolean maps_files_write_folder(const MapsFiles *files, const char *path, gboolean replace,
+                                 GError **error) {
     g_autofree char *parent = g_path_get_dirname(path), *name = g_path_get_basename(path);
     g_autofree char *hidden = g_strdup_printf("%s/.%s.XXXXXX", parent, name);
-    if (!maps_files_check(path, error))
+    if (replace && g_file_test(path, G_FILE_TEST_IS_DIR))
+        return maps_files_replace(files, path, error);
+    if (!maps_files_check(path, FALSE, error))
         return FALSE;
     if (!g_mkdtemp_full(hidden, 0777))
         return maps_files_io(path, errno, error);
@@ -106,19 +117,21 @@ gboolean maps_files_write_folder(const MapsFiles *files, const char *path, GErro
     return number == EEXIST ? maps_files_exists(path, error) : maps_files_io(path, number, error);
 }
 
-gboolean maps_files_write_beside(const MapsFiles *files, const char *path, GError **error) {
+gboolean maps_files_write_beside(const MapsFiles *files, const char *path, gboolean replace,
+                                 GError **error) {
     g_autofree char *folder = g_path_get_dirname(path);
     for (guint i = 0; i < files->len; i++) {
         const struct maps_file *file = files->pdata[i];
         g_autofree char *one = g_build_filename(folder, file->name, NULL);
-        if (!maps_files_check(one, error))
+        if (!maps_files_check(one, replace, error))
             return FALSE;
     }
     for (guint i = files->len; i-- > 0;) {
         if (maps_files_write_one(files->pdata[i], folder))
             continue;
         const int number = errno ? errno : EIO;
-        maps_files_remove(files, i + 1, folder);
+        if (!replace)
+            maps_files_remove(files, i + 1, folder);
         return maps_files_io(path, number, error);
     }
     return TRUE;

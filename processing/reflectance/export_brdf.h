@@ -31,8 +31,9 @@ enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
 
 struct export_rti_options {
     enum export_rti_kind kind;
-    gboolean rgb; /* six terms for each colour; else one brightness and a colour (LRGB) */
-    int view;     /* index; −1: the one nearest to straight from above */
+    gboolean rgb;     /* six terms for each colour; else one brightness and a colour (LRGB) */
+    int view;         /* index; −1: the one nearest to straight from above */
+    gboolean replace; /* the files of a folder that exists; else that is an error */
 };
 
 struct export_rti_result {

@@ -74,7 +74,7 @@ static gboolean export_rti_view(const struct session_view_files *files, const ch
     ret->holes = fit.holes;
     return options->kind == EXPORT_PTM
                ? rti_write_ptm(output, rti, error)
-               : rti_write_relight(output, rti, lights, (int)files->lights.n,
+               : rti_write_relight(output, options->replace, rti, lights, (int)files->lights.n,
                                    grid->width_mm / grid->width, error);
 }
 

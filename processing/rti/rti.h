@@ -52,8 +52,8 @@ gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
 /* Writes a PTM as the new folder of OpenLIME's: info.json and plane_0.png … beside it. lights: n ×
  * 3, under which it was made. The folder must not exist, and appears complete or not at all. */
-gboolean rti_write_relight(const char *folder, const struct rti *rti, const float *lights, int n,
-                           double texel_mm, GError **error);
+gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
+                           const float *lights, int n, double texel_mm, GError **error);
 
 /*
  * Fitting a PTM to pictures under n lights (Malzbender et al. 2001): least squares of each texel,

@@ -76,6 +76,14 @@ static gboolean rti_write_info(const char *folder, const struct rti *rti, const 
     return output_file_write(path, text->str, text->len, error);
 }
 
+static gboolean rti_write_files(const char *folder, const struct rti *rti, const float *lights,
+                                int n, double texel_mm, GError **error) {
+    gboolean ok = rti_write_info(folder, rti, lights, n, texel_mm, error);
+    for (int plane = 0; ok && plane < (rti->lrgb ? 3 : TERMS); plane++)
+        ok = rti_write_plane(folder, rti, plane, error);
+    return ok;
+}
+
 static gboolean rti_fail_folder(const char *folder, GError **error) {
     const int saved = errno;
     const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
@@ -96,20 +104,20 @@ static void rti_remove_folder(const char *folder) {
     g_rmdir(folder);
 }
 
-gboolean rti_write_relight(const char *folder, const struct rti *rti, const float *lights, int n,
-                           double texel_mm, GError **error) {
+gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
+                           const float *lights, int n, double texel_mm, GError **error) {
     g_autofree char *absolute = g_canonicalize_filename(folder, NULL);
     g_autofree char *parent = g_path_get_dirname(absolute), *base = g_path_get_basename(absolute);
     g_autofree char *beside = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
+    if (replace && g_file_test(absolute, G_FILE_TEST_IS_DIR))
+        return rti_write_files(absolute, rti, lights, n, texel_mm, error);
     if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
         errno = EEXIST;
         return rti_fail_folder(folder, error);
     }
     if (!g_mkdtemp_full(beside, 0777))
         return rti_fail_folder(folder, error);
-    gboolean ok = rti_write_info(beside, rti, lights, n, texel_mm, error);
-    for (int plane = 0; ok && plane < (rti->lrgb ? 3 : TERMS); plane++)
-        ok = rti_write_plane(beside, rti, plane, error);
+    gboolean ok = rti_write_files(beside, rti, lights, n, texel_mm, error);
     if (ok && renameat2(AT_FDCWD, beside, AT_FDCWD, absolute, RENAME_NOREPLACE) != 0)
         ok = rti_fail_folder(folder, error);
     if (!ok)

@@ -69,9 +69,10 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
 }
 
 /* Before anything is computed. */
-static gboolean webgl_export_check_output(const char *output, GError **error) {
+static gboolean webgl_export_check_output(const char *output, gboolean replace, GError **error) {
     g_autofree char *folder = g_path_get_dirname(output);
-    if (g_file_test(output, G_FILE_TEST_EXISTS) || g_file_test(output, G_FILE_TEST_IS_SYMLINK)) {
+    if (!replace &&
+        (g_file_test(output, G_FILE_TEST_EXISTS) || g_file_test(output, G_FILE_TEST_IS_SYMLINK))) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
                     "%s exists already; give another name, or remove it first", output);
         return FALSE;
@@ -82,7 +83,7 @@ static gboolean webgl_export_check_output(const char *output, GError **error) {
 
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error) {
-    if (!webgl_export_check_output(asked->output, error))
+    if (!webgl_export_check_output(asked->output, asked->replace, error))
         return FALSE;
     struct webgl_source source;
     const gboolean ok = webgl_source_open(&source, asked->path, asked->mdf, work, error) &&

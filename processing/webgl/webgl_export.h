@@ -9,6 +9,7 @@ struct webgl_export {
     const char *path;   /* a session or a compressed material, see webgl_source.h */
     const char *mdf;    /* NULL: the mdf.exr beside it, if there is one */
     const char *output; /* NAME.html: a page; NAME.mesoweb: the material alone */
+    gboolean replace;   /* an output that exists */
     gint64 size;        /* of the output, at most */
 };
 
@@ -20,7 +21,7 @@ struct webgl_export_result {
 };
 
 /* Chooses the finest grid of directions, 16 at most, that is sure to fit into size. An output that
- * exists is left alone: DATA_ERROR_EXISTS. It appears when it is complete, or not at all. Stages of
- * webgl_source.h and webgl_pack.h. */
+ * exists is left alone unless it may be replaced: DATA_ERROR_EXISTS. It appears when it is
+ * complete, or not at all. Stages of webgl_source.h and webgl_pack.h. */
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error);

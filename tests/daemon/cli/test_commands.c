@@ -2,7 +2,9 @@
  * has an example that is right, and every program says its version. */
 #include "cli/commands.h"
 
+#include <glib/gstdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* What a program prints, to stdout and then to stderr; it must end with this code. (tests/lib has
  * the same, under a name that the room cli uses otherwise.) */
@@ -129,6 +131,59 @@ static void check_examples(const struct command *command, gpointer data) {
     }
 }
 
+/* The name of an output as the usage of the command has it: "FILE.glb" of "DIR -o FILE.glb". */
+static char *output_of(const struct command *command) {
+    const char *at = strstr(command->arguments, "-o ");
+    if (!at)
+        g_error("%s has no -o in its usage", command->name);
+    return g_strndup(at + strlen("-o "), strcspn(at + strlen("-o "), " |"));
+}
+
+static void assert_kept(const char *path) {
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_assert_cmpstr(text, ==, "precious");
+}
+
+/* Every export refuses an output that exists before it looks at the session, and --force says that
+ * it may be replaced: then it is the session that is missing. */
+static void check_refuses(const struct command *command, gpointer data) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-exports-XXXXXX", NULL);
+    g_autofree char *name = output_of(command);
+    g_autofree char *path = g_build_filename(folder, name, NULL);
+    g_autofree char *none = g_build_filename(folder, "none.session", NULL);
+    const char *kind = command->name + strlen("export ");
+    g_assert_true(command->exports);
+    g_assert_true(g_file_set_contents(path, "precious", -1, NULL));
+    const char *const argv[] = {BUILD_DIR "/bin/mesorig", "export", kind, none, "-o", path, NULL};
+    g_autofree char *refused = said_by(1, argv);
+    g_autofree char *expected = g_strdup_printf(
+        "%s exists already: give another name with -o, or --force to replace it", path);
+    assert_said(refused, expected);
+    const char *const forced[] = {
+        BUILD_DIR "/bin/mesorig", "export", kind, none, "-o", path, "--force", NULL};
+    g_autofree char *missing = said_by(1, forced);
+    assert_said(missing, "none.session");
+    g_assert_null(strstr(missing, "exists already"));
+    assert_kept(path);
+    /* A link that leads nowhere counts as well. */
+    g_assert_cmpint(g_unlink(path), ==, 0);
+    g_assert_cmpint(symlink("/nowhere/at-all", path), ==, 0);
+    g_autofree char *link = said_by(1, argv);
+    assert_said(link, expected);
+    g_assert_cmpint(g_unlink(path), ==, 0);
+    g_assert_cmpint(g_rmdir(folder), ==, 0);
+    ++*(int *)data;
+}
+
+static void test_exports(void) {
+    int n = 0;
+    for (const struct command *const *at = cli_commands(); *at; at++)
+        if (strcmp((*at)->name, "export") == 0)
+            each_command((*at)->children, check_refuses, &n);
+    g_assert_cmpint(n, >=, 13);
+}
+
 static void test_examples(void) {
     int n = 0;
     each_command(cli_commands(), check_examples, &n);
@@ -165,6 +220,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/commands/letters", test_letters);
     g_test_add_func("/commands/examples", test_examples);
+    g_test_add_func("/commands/exports", test_exports);
     g_test_add_func("/commands/programs", test_programs);
     return g_test_run();
 }

@@ -122,6 +122,7 @@ static void check_wrong(void) {
         {1, "export ptm satin.session -o x.ptm --view 19", "views 0 to 18"},
         {2, "export ptm satin.session -o x.ptm --format cmyk", "choose from: lrgb, rgb"},
         {1, "export relight satin.session -o web", "exists already"},
+        {1, "export bsdf satin.session -o satin.bsdf", "satin.bsdf exists already"},
         {1, "export ptm line.session -o x.ptm", "do not determine the six terms"},
     };
     says(0, "import bsdf satin.bsdf -o line.session -d line.csv", "1 views × 3 lights");

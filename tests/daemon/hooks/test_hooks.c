@@ -186,7 +186,9 @@ struct server {
     guint16 port;
     int n;
     guint status;
+    int refusals; /* of the first posts */
     gboolean hangs;
+    GString *taken; /* names of the events that it did not refuse */
     char *body, *authorization, *type;
     SoupServerMessage *kept;
 };
@@ -204,7 +206,11 @@ static void on_post(SoupServer *soup, SoupServerMessage *message, const char *pa
     server->authorization = g_strdup(soup_message_headers_get_one(headers, "Authorization"));
     g_free(server->type);
     server->type = g_strdup(soup_message_headers_get_one(headers, "Content-Type"));
-    soup_server_message_set_status(message, server->status, NULL);
+    const gboolean refused = server->n <= server->refusals;
+    const char *event = strstr(server->body, "\"event\": \"");
+    if (!refused && event)
+        g_string_append_printf(server->taken, "%.5s;", event + strlen("\"event\": \""));
+    soup_server_message_set_status(message, refused ? 503 : server->status, NULL);
     if (server->hangs) {
         soup_server_message_pause(message);
         server->kept = g_object_ref(message);
@@ -213,7 +219,8 @@ static void on_post(SoupServer *soup, SoupServerMessage *message, const char *pa
 
 static void server_begin(struct server *server) {
     g_autoptr(GError) error = NULL;
-    *server = (struct server){.soup = soup_server_new(NULL, NULL), .status = 204};
+    *server = (struct server){
+        .soup = soup_server_new(NULL, NULL), .status = 204, .taken = g_string_new(NULL)};
     soup_server_add_handler(server->soup, NULL, on_post, server, NULL);
     soup_server_listen_local(server->soup, 0, SOUP_SERVER_LISTEN_IPV4_ONLY, &error);
     g_assert_no_error(error);
@@ -226,6 +233,7 @@ static void server_end(struct server *server) {
     soup_server_disconnect(server->soup);
     g_clear_object(&server->kept);
     g_object_unref(server->soup);
+    g_string_free(server->taken, TRUE);
     g_free(server->body);
     g_free(server->authorization);
     g_free(server->type);
@@ -261,7 +269,8 @@ static void test_webhook(struct fixture *fixture, gconstpointer data) {
     g_autofree char *token = g_build_filename(fixture->folder, "token", NULL);
     write_file(token, "secret-1\nmore\n", 0600);
     g_autofree char *conf = g_strdup_printf(
-        "[webhook chat]\nurl = http://127.0.0.1:%u/rig\ntoken_file = token\ntime_limit_s = 1\n",
+        "[webhook chat]\nurl = http://127.0.0.1:%u/rig\ntoken_file = token\ntime_limit_s = 1\n"
+        "retries = 0\n",
         server.port);
     write_conf(fixture, conf);
     tell_one(fixture);
@@ -280,6 +289,58 @@ static void test_webhook(struct fixture *fixture, gconstpointer data) {
     tell_one_warned(fixture, "*webhook chat: http:*refused*");
     g_assert_cmpint(g_unlink(token), ==, 0);
     tell_one_warned(fixture, "*webhook chat: *token: *");
+}
+
+/* A server that refuses twice gets the event all the same, the same text each time; an event that
+ * comes meanwhile does not wait for it. */
+static void test_retries(struct fixture *fixture, gconstpointer data) {
+    struct server server;
+    g_autoptr(GError) error = NULL;
+    g_auto(HooksConf) conf = {0};
+    server_begin(&server);
+    server.refusals = 2;
+    g_autofree char *text = g_strdup_printf(
+        "[webhook chat]\nurl = http://127.0.0.1:%u/rig\nretries = 2\nretry_s = 0.2\n", server.port);
+    write_conf(fixture, text);
+    hooks_conf_load(&conf, fixture->conf, &error);
+    g_assert_no_error(error);
+    Hooks *hooks = hooks_new(&conf);
+    g_string_truncate(warnings, 0);
+    hooks_tell(hooks, "fault", some_details());
+    while (server.n < 1 || !strstr(warnings->str, "attempt 2 of 3"))
+        g_main_context_iteration(NULL, TRUE);
+    g_autofree char *first = g_strdup(server.body);
+    g_assert_false(hooks_is_idle(hooks)); /* it waits for the second attempt */
+    server.refusals = 1;
+    hooks_tell(hooks, "done", some_details());
+    while (server.n < 2)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpstr(server.taken->str, ==, "done\";");
+    server.refusals = 3; /* the second attempt of the first event, which is the third post */
+    while (!hooks_is_idle(hooks))
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpint(server.n, ==, 4);
+    g_assert_cmpstr(server.taken->str, ==, "done\";fault;");
+    g_assert_cmpstr(server.body, ==, first);
+    assert_has(warnings->str, "has answered 503 (Service Unavailable); it is posted again in 0.2 s,"
+                              " attempt 2 of 3");
+    assert_has(warnings->str, "; it is posted again in 0.4 s, attempt 3 of 3");
+    /* One that goes on refusing: it is told that the event is lost. */
+    g_string_truncate(warnings, 0);
+    server.refusals = 1000;
+    hooks_tell(hooks, "hands", some_details());
+    while (!hooks_is_idle(hooks))
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpint(server.n, ==, 7);
+    assert_has(warnings->str, "given up after 3 attempts: webhook chat: ");
+    /* What waits when the program ends is lost, and it is said. */
+    hooks_tell(hooks, "fault", some_details());
+    g_string_truncate(warnings, 0);
+    while (!strstr(warnings->str, "attempt 2 of 3"))
+        g_main_context_iteration(NULL, TRUE);
+    hooks_free(hooks);
+    assert_has(warnings->str, "1 post waited to be tried again and will not be");
+    server_end(&server);
 }
 
 static void test_mistakes(struct fixture *fixture, gconstpointer data) {
@@ -423,6 +484,7 @@ int main(int argc, char **argv) {
     ADD("trusted", test_trusted);
     ADD("mail", test_mail);
     ADD("webhook", test_webhook);
+    ADD("retries", test_retries);
     ADD("mistakes", test_mistakes);
     ADD("shipped", test_shipped);
     ADD("capture", test_capture);

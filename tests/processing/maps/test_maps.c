@@ -199,9 +199,9 @@ static char *write_gltf(const struct maps *maps, const char *name, gboolean text
     g_autoptr(MapsFiles) files = maps_files_new();
     char *path = g_build_filename(session_fixture_folder, name, NULL);
     g_assert_true(maps_add_gltf(maps, name, text, MAPS_PLANE | MAPS_SPHERE, files, &error));
-    g_assert_true(maps_files_write_beside(files, path, &error));
+    g_assert_true(maps_files_write_beside(files, path, FALSE, &error));
     g_assert_no_error(error);
-    g_assert_false(maps_files_write_beside(files, path, &error));
+    g_assert_false(maps_files_write_beside(files, path, FALSE, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
     return path;
 }
@@ -407,7 +407,19 @@ static void test_command(void) {
         assert_has(said, "\"delta_e\": ");
         g_autofree char *again =
             process_mesorig(1, "export %s %s -o %s_%s", kinds[i], session, base, kinds[i]);
-        assert_has(again, "exists already: give another name with -o, or remove it");
+        assert_has(again, "exists already: give another name with -o, or --force to replace it");
+        /* With --force the files are made anew, and what else is in the folder stays. */
+        g_autofree char *own = g_strdup_printf("%s_%s/own.txt", base, kinds[i]);
+        g_autofree char *one = g_strdup_printf("%s_%s/small_Height.png", base, kinds[i]);
+        g_assert_true(g_file_set_contents(own, "own", -1, NULL));
+        g_assert_true(g_file_set_contents(one, "no picture", -1, NULL));
+        g_free(
+            process_mesorig(0, "export %s %s -o %s_%s --force", kinds[i], session, base, kinds[i]));
+        g_autofree char *kept = NULL, *made = NULL;
+        g_assert_true(g_file_get_contents(own, &kept, NULL, NULL));
+        g_assert_cmpstr(kept, ==, "own");
+        g_assert_true(g_file_get_contents(one, &made, NULL, NULL));
+        g_assert_cmpstr(made, !=, "no picture");
         static const char *const maps[] = {"BaseColor", "Roughness", "Normal", "Height"};
         for (gsize k = 0; k < G_N_ELEMENTS(maps); k++) {
             g_autofree char *file = g_strdup_printf("%s_%s/small_%s.png", base, kinds[i], maps[k]);
@@ -421,6 +433,7 @@ static void test_command(void) {
     g_free(process_mesorig(0, "export gltf %s -o %s.gltf --shape plane", session, base));
     g_autofree char *second = process_mesorig(1, "export gltf %s -o %s.gltf", session, base);
     assert_has(second, "exists already");
+    g_free(process_mesorig(0, "export gltf %s -o %s.gltf --force", session, base));
     const char *lint[] = {"xmllint", "--noout", NULL, NULL, NULL};
     g_autofree char *open = g_strconcat(base, "_materialx/small_openpbr.mtlx", NULL);
     g_autofree char *standard = g_strconcat(base, "_materialx/small_standard_surface.mtlx", NULL);

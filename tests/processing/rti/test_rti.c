@@ -144,7 +144,7 @@ static void check_written(gboolean lrgb, double tolerance) {
     g_assert_cmpfloat(fit.error, <, tolerance);
     g_assert_cmpint(fit.holes, ==, 1);
     g_assert_true(rti_write_ptm(path, rti, &error));
-    g_assert_true(rti_write_relight(web, rti, lights, LIGHTS, 0.5, &error));
+    g_assert_true(rti_write_relight(web, FALSE, rti, lights, LIGHTS, 0.5, &error));
     g_assert_no_error(error);
     g_autofree double *of_ptm = peer("evaluate", "ptm", path, NULL, TEXELS);
     g_autofree double *of_web = peer("evaluate", "relight", web, NULL, TEXELS);
@@ -167,7 +167,7 @@ static void check_written(gboolean lrgb, double tolerance) {
     remove_tree(session);
 
     /* A folder that is there is left alone. */
-    g_assert_false(rti_write_relight(web, rti, lights, LIGHTS, 0.5, &error));
+    g_assert_false(rti_write_relight(web, FALSE, rti, lights, LIGHTS, 0.5, &error));
     assert_has(error->message, "exists already");
     remove_tree(web);
 }

@@ -1,0 +1,15 @@
+/* What a session takes on disk while it is captured: as planned at first, and then by the frames
+ * there are. Main loop's thread. */
+#pragma once
+
+#include "capture.h"
+#include "session/session.h"
+
+/* Counts the frames of earlier runs of the session (frames: of struct session_frame), from which
+ * the estimate follows, too. Once, before anything is captured. */
+void capture_bytes_begin(Capture *capture, const GPtrArray *frames);
+
+/* The frames of a shot were committed. Tells an event when the whole session is thought to take
+ * more or less than was told last, by more than a twentieth. */
+void capture_bytes_add(Capture *capture, const struct session_shot *shot,
+                       const struct session_frame *frames, int n);
