@@ -1,7 +1,6 @@
 #include "relief.h"
 
 #include "gl/gpu.h"
-#include "shadow_maps.h"
 
 #include <epoxy/gl.h>
 #include <string.h>
@@ -17,7 +16,7 @@ struct Relief {
     int n_further;
     guint seen;
     float light[3], radius;
-    float rights[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_right() */
+    float axes[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_axes() */
 };
 
 Relief *relief_new(GError **error) {
@@ -81,10 +80,10 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     if (from->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
         return FALSE;
     struct shadow_scene shadows = {scene, from->radius, from->serial, from->shadow_size};
-    const float(*light)[3] = (const float(*)[3]) & relief->light;
+    struct shadow_lamp light = {.place = {from->light[0], from->light[1], from->light[2]}};
     shadows.casting.n_indices = from->n_casting;
     if (relief->shadows &&
-        !shadow_maps_find(relief->first, relief->lamp, &shadows, light, 1, error))
+        !shadow_maps_find(relief->first, relief->lamp, &shadows, &light, 1, error))
         return FALSE;
     if (!from->shadows || from->n_further == 0)
         return TRUE;
@@ -93,11 +92,13 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         return FALSE;
     /* Further lamps share the memory of four maps of full size: each of many lamps contributes
      * little. */
-    shadows.size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
-    for (int k = 0; k < from->n_further; k++)
-        shadow_maps_right(from->further[k], relief->rights[k]);
-    return shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,
-                            error);
+    const int layers = shadow_maps_layers(from->further, from->n_further, from->radius);
+    shadows.size /= layers <= 4 ? 1 : layers <= 16 ? 2 : 4;
+    if (!shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,
+                          error))
+        return FALSE;
+    shadow_maps_axes(relief->further, from->further, from->n_further, from->radius, relief->axes);
+    return TRUE;
 }
 
 void relief_bind(const Relief *relief, guint program) {
@@ -121,7 +122,7 @@ void relief_bind(const Relief *relief, guint program) {
     float further_range[3] = {0.0f};
     if (n > 0) {
         shadow_maps_range(relief->further, relief->radius, further_range);
-        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
+        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->axes[0]);
     }
     gpu_bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
                      n > 0 ? shadow_maps_texture(relief->further) : 0);

@@ -5,9 +5,10 @@
  */
 #pragma once
 
+#include "shadow_maps.h"
 #include "visibility.h"
 
-#define RELIEF_MAX_LAMPS 64
+#define RELIEF_MAX_LAMPS SHADOW_MAPS_MOST
 
 typedef struct Relief Relief; /* belongs to the thread of the GL context */
 
@@ -33,9 +34,9 @@ struct relief_scene {
     gboolean silhouettes, shadows;
     gboolean lit; /* by the first lamp; FALSE: it is off and casts no shadow */
     int n_further;
-    float further[RELIEF_MAX_LAMPS][3]; /* unit vectors towards further lamps */
+    struct shadow_lamp further[RELIEF_MAX_LAMPS];
     int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of
-                        more than 16 a quarter */
+                        more than 16 a quarter; a lamp amid the mesh has six */
 };
 
 /* Leaves framebuffers of its own bound. Shadow maps are kept while lamp, mesh, tiles, MDF and

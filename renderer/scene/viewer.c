@@ -6,6 +6,7 @@
 #include "gl/gpu.h"
 #include "gl/index_texture.h"
 #include "hatching.h"
+#include "lamp.h"
 #include "methods/eigenmaps_view.h"
 #include "programs.h"
 #include "relief/relief.h"
@@ -18,6 +19,9 @@
 
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
+
+/* Of the first lamp, of a further one, and of that with its shadow. */
+enum { GEOMETRY_FIRST, GEOMETRY_FURTHER, GEOMETRY_FURTHER_SHADOWS, GEOMETRIES };
 
 const struct viewer_settings viewer_settings_default = {
     .camera_azimuth_deg = -90.0,
@@ -43,7 +47,7 @@ struct Viewer {
     Relief *relief;
     Backdrop *backdrop;
     Hatching *hatching;
-    guint plain_program, geometry_program, resolve_program;
+    guint plain_program, geometry_programs[GEOMETRIES], resolve_program;
     guint array, vertices, shapes, indices;
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
@@ -71,7 +75,11 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         {"exposure", s->exposure_ev, -20.0, 20.0},
         {"ambient", s->ambient, 0.0, 100.0},
         {"lamp", s->lamp, 0.0, 100.0},
-        {"lamps", s->n_lamps, 0.0, VIEWER_MAX_LAMPS},
+        {"light distance", s->light_distance, 0.0, 1000.0},
+        {"light cone", s->light_cone_deg, 0.0, 90.0},
+        {"inner cone of the light", s->light_inner_deg, 0.0, 90.0},
+        {"lamps beside a near light", s->n_lamps, 0.0,
+         VIEWER_MAX_LAMPS - (s->light_distance > 0.0 && s->lamp > 0.0)},
         {"environment's turn", s->environment_turn_deg, -1e6, 1e6},
         {"environment's lamps", s->environment_lamps, 1.0, VIEWER_MAX_LAMPS},
         {"supersampling", s->samples, 1.0, 8.0},
@@ -85,6 +93,17 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
                         ranges[k].low, ranges[k].high);
             return FALSE;
         }
+    for (int k = 0; k < s->n_lamps; k++) {
+        const struct viewer_lamp *l = &s->lamps[k];
+        if (!(l->distance >= 0.0 && l->distance <= 1000.0 && l->cone_deg >= 0.0 &&
+              l->cone_deg <= 90.0 && l->inner_deg >= 0.0 && l->inner_deg <= 90.0)) {
+            g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                        "further lamp %d: its distance is %g, its cone %g and its inner cone %g; "
+                        "they must be 0 … 1000, 0 … 90° and 0 … 90°",
+                        k + 1, l->distance, l->cone_deg, l->inner_deg);
+            return FALSE;
+        }
+    }
     return TRUE;
 }
 
@@ -120,15 +139,28 @@ static void make_array(Viewer *viewer) {
     glBindVertexArray(0);
 }
 
+/* The program, compiled when it is first asked for; 0 on error. */
+static guint viewer_geometry_program(Viewer *viewer, int which, GError **error) {
+    static const char *const names[] = {"mesh.vert",   "frame.glsl",   "visible.glsl",
+                                        "shadow.glsl", "further.glsl", "geometry.frag",
+                                        NULL};
+    static const char *const constants[GEOMETRIES] = {
+        "#define FURTHER 0\n#define LAMP_SHADOWS 0\n",
+        "#define FURTHER 1\n#define LAMP_SHADOWS 0\n#define NEAR_LAMPS\n",
+        "#define FURTHER 1\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n"};
+    guint *program = &viewer->geometry_programs[which];
+    if (*program == 0)
+        *program = gpu_program(constants[which], names, error);
+    return *program;
+}
+
 Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
-    const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
-                                    "shadow.glsl", "geometry.frag", NULL};
     const char *const resolve[] = {"screen.vert", "tone.glsl", "resolve.frag", NULL};
     g_autoptr(Viewer) viewer = g_new0(Viewer, 1);
     viewer->radius = viewer->reach = 1.0;
     if ((viewer->plain_program = gpu_program("", plain, error)) == 0 ||
-        (viewer->geometry_program = gpu_program("", geometry, error)) == 0 ||
+        !viewer_geometry_program(viewer, GEOMETRY_FIRST, error) ||
         (viewer->resolve_program = gpu_program("", resolve, error)) == 0 ||
         (viewer->relief = relief_new(error)) == NULL ||
         (viewer->backdrop = backdrop_new(error)) == NULL ||
@@ -151,7 +183,8 @@ void viewer_free(Viewer *viewer) {
     backdrop_free(viewer->backdrop);
     hatching_free(viewer->hatching);
     glDeleteProgram(viewer->plain_program);
-    glDeleteProgram(viewer->geometry_program);
+    for (int k = 0; k < GEOMETRIES; k++)
+        glDeleteProgram(viewer->geometry_programs[k]);
     glDeleteProgram(viewer->resolve_program);
     glDeleteVertexArrays(1, &viewer->array);
     glDeleteBuffers(1, &viewer->vertices);
@@ -309,7 +342,7 @@ static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, scene->seen.sight);
     glUniform3fv(glGetUniformLocation(program, "light"), 1, scene->light);
     glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
-    programs_set_lamps(program, s);
+    programs_set_lamps(program, s, viewer->radius);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
     glEnable(GL_DEPTH_TEST);
@@ -354,7 +387,7 @@ static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *
                   ret->seen.sight);
     direction_from_deg(s->light_theta_deg, s->light_phi_deg, ret->light);
     for (int k = 0; k < s->n_lamps; k++)
-        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, ret->further[k]);
+        ret->further[k] = lamp_placed(&s->lamps[k], viewer->radius);
     return relief_prepare(viewer->relief, ret, error);
 }
 
@@ -366,8 +399,9 @@ static void viewer_begin(const struct gpu_target *target) {
     glClear(GL_DEPTH_BUFFER_BIT | GL_COLOR_BUFFER_BIT);
 }
 
-static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *s, int width,
+static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *settings, int width,
                                   int height, GError **error) {
+    const struct viewer_settings lit = lamp_settings(settings), *s = &lit;
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
     const guint program = s->plain ? viewer->plain_program
                                    : programs_get(viewer->programs, kind, viewer->material,
@@ -396,18 +430,24 @@ static void resolve(Viewer *viewer, const struct viewer_settings *s, int samples
     gpu_fill_screen();
 }
 
-static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *s,
+static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *settings,
                               enum viewer_geometry which, int width, int height, GError **error) {
+    const struct viewer_settings lit = lamp_settings(settings), *s = &lit;
+    const int kind = s->lamp > 0.0 || s->n_lamps == 0 ? GEOMETRY_FIRST
+                     : s->shadows                     ? GEOMETRY_FURTHER_SHADOWS
+                                                      : GEOMETRY_FURTHER;
+    const guint program = viewer_geometry_program(viewer, kind, error);
     struct relief_scene scene;
-    if (!gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
+    if (program == 0 ||
+        !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
         !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->geometry);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
-    glUseProgram(viewer->geometry_program);
-    glUniform1i(glGetUniformLocation(viewer->geometry_program, "which"), which);
-    viewer_draw_mesh(viewer, viewer->geometry_program, s, &scene);
+    glUseProgram(program);
+    glUniform1i(glGetUniformLocation(program, "which"), which);
+    viewer_draw_mesh(viewer, program, s, &scene);
     return TRUE;
 }
 
