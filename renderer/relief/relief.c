@@ -8,7 +8,7 @@
 #define SLACK 1e-4 /* of distances from the eye, in radii */
 
 struct Relief {
-    MdfTexture *mdf, *smooth;
+    MdfTexture *mdfs[RELIEF_MAX_MATERIALS], *smooth;
     Visibility *eye, *lamp;      /* each keeps its textures at their size */
     ShadowMaps *first, *further; /* of the first lamp; of further ones, NULL until there are any */
     /* What relief_prepare() has set for relief_bind(). */
@@ -34,7 +34,8 @@ Relief *relief_new(GError **error) {
 void relief_free(Relief *relief) {
     if (relief == NULL)
         return;
-    mdf_texture_free(relief->mdf);
+    for (int k = 0; k < RELIEF_MAX_MATERIALS; k++)
+        mdf_texture_free(relief->mdfs[k]);
     mdf_texture_free(relief->smooth);
     visibility_free(relief->eye);
     visibility_free(relief->lamp);
@@ -43,12 +44,13 @@ void relief_free(Relief *relief) {
     g_free(relief);
 }
 
-gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error) {
+gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf,
+                        GError **error) {
     MdfTexture *texture = mdf != NULL ? mdf_texture_new(mdf, error) : NULL;
     if (mdf != NULL && texture == NULL)
         return FALSE;
-    mdf_texture_free(relief->mdf);
-    relief->mdf = texture;
+    mdf_texture_free(relief->mdfs[material]);
+    relief->mdfs[material] = texture;
     relief_forget(relief);
     return TRUE;
 }
@@ -60,18 +62,39 @@ void relief_forget(Relief *relief) {
 }
 
 gint64 relief_mdf_bytes(const Relief *relief) {
-    return mdf_texture_bytes(relief->mdf);
+    gint64 sum = 0;
+    for (int k = 0; k < RELIEF_MAX_MATERIALS; k++)
+        sum += mdf_texture_bytes(relief->mdfs[k]);
+    return sum;
+}
+
+/* The parts within the first n_casting indices; of a single part its first. */
+static void parts_casting(struct visibility_scene *scene, guint n_casting) {
+    int n = 0;
+    for (int k = 0; k < scene->n_parts; k++) {
+        struct visibility_part part = scene->parts[k];
+        if (part.first_index >= n_casting)
+            continue;
+        part.n_indices = MIN(part.n_indices, n_casting - part.first_index);
+        scene->parts[n++] = part;
+    }
+    scene->n_parts = n;
 }
 
 gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
     struct visibility_scene scene = from->seen;
-    if (from->silhouettes && relief->mdf == NULL) {
+    gboolean any = FALSE;
+    for (int k = 0; k < scene.n_parts; k++) {
+        const MdfTexture *mdf = relief->mdfs[scene.parts[k].material];
+        scene.parts[k].mdf = from->silhouettes && mdf != NULL ? mdf : relief->smooth;
+        any |= mdf != NULL;
+    }
+    if (from->silhouettes && !any) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "silhouettes need the material's distances, an mdf.exr: “mesorig process” "
                     "makes it from a session with laser sweeps");
         return FALSE;
     }
-    scene.mdf = from->silhouettes ? relief->mdf : relief->smooth;
     memcpy(relief->light, from->light, sizeof from->light);
     relief->radius = from->radius;
     relief->silhouettes = from->silhouettes;
@@ -81,7 +104,7 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         return FALSE;
     struct shadow_scene shadows = {scene, from->radius, from->serial, from->shadow_size};
     struct shadow_lamp light = {.place = {from->light[0], from->light[1], from->light[2]}};
-    shadows.casting.n_indices = from->n_casting;
+    parts_casting(&shadows.casting, from->n_casting);
     if (relief->shadows &&
         !shadow_maps_find(relief->first, relief->lamp, &shadows, &light, 1, error))
         return FALSE;

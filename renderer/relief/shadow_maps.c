@@ -16,11 +16,9 @@
 
 /* Everything that a map depends on. */
 struct key {
-    const MdfTexture *mdf; /* NULL: there is no map yet */
-    const IndexTexture *index;
+    guint64 parts; /* of parts_hash(); 0: there is no map yet */
     guint serial;
     struct shadow_lamp lamp;
-    float tiles[2];
     struct visibility_options options;
 };
 
@@ -243,10 +241,25 @@ static gboolean same_lamp(const struct shadow_lamp *a, const struct shadow_lamp 
 }
 
 static gboolean same_key(const struct key *a, const struct key *b) {
-    return a->mdf == b->mdf && a->index == b->index && a->serial == b->serial &&
-           same_lamp(&a->lamp, &b->lamp) && same_floats(a->tiles, b->tiles, 2) &&
+    return a->parts == b->parts && a->serial == b->serial && same_lamp(&a->lamp, &b->lamp) &&
            a->options.way == b->options.way && a->options.layers == b->options.layers &&
            a->options.straight == b->options.straight;
+}
+
+/* FNV-1a over what casts, not 0. */
+static guint64 parts_hash(const struct visibility_scene *s) {
+    guint64 hash = 14695981039346656037U;
+    for (int k = 0; k < s->n_parts; k++) {
+        const struct visibility_part *part = &s->parts[k];
+        const guint64 values[] = {GPOINTER_TO_SIZE(part->mdf), GPOINTER_TO_SIZE(part->index),
+                                  part->first_index, part->n_indices};
+        const guint8 *bytes[] = {(const guint8 *)values, (const guint8 *)part->tiles};
+        const gsize sizes[] = {sizeof values, sizeof part->tiles};
+        for (int of = 0; of < 2; of++)
+            for (gsize i = 0; i < sizes[of]; i++)
+                hash = (hash ^ bytes[of][i]) * 1099511628211U;
+    }
+    return hash | 1;
 }
 
 /* One face of a lamp, into a layer. */
@@ -256,7 +269,7 @@ static gboolean find_face(ShadowMaps *maps, Visibility *visibility,
     struct visibility_scene seen_from = scene->casting;
     const struct shadow_lamp *lamp = &key->lamp;
     guint seen;
-    maps->keys[layer].mdf = NULL;
+    maps->keys[layer].parts = 0;
     if (lamp->place[3] < 0.5F)
         lamp_matrix(lamp->place, scene->radius, seen_from.projection);
     else
@@ -274,10 +287,8 @@ static gboolean find_face(ShadowMaps *maps, Visibility *visibility,
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const struct shadow_lamp *lamps, int n,
                           GError **error) {
-    struct key key = {.mdf = scene->casting.mdf,
-                      .index = scene->casting.index,
+    struct key key = {.parts = parts_hash(&scene->casting),
                       .serial = scene->serial,
-                      .tiles = {scene->casting.tiles[0], scene->casting.tiles[1]},
                       .options = scene->casting.options};
     const int layers = shadow_maps_layers(lamps, n, scene->radius);
     int next = n;

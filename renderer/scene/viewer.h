@@ -82,7 +82,18 @@ gboolean viewer_open(Viewer *viewer, const struct method *method, const char *pa
 /* Takes the material that the method opened, if it succeeds. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
-gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error); /* copies */
+/* Copies. A part whose material was not added is of the main one. */
+gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
+
+/* A scene has several materials: the functions above set the main one, number 0, and the following
+ * adds another, with so many tiles for one unit of the texture coordinates. Returns its number, −1
+ * on error. The index map, viewer_render_flat() and plain pictures are of the main material alone.
+ */
+#define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
+int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
+                        GError **error);
+/* The MDF of a material of that number. */
+gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
 
 /* The MDF of the material in any of its forms; NULL: none. Copies what it needs. */
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
@@ -140,11 +151,11 @@ float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settin
                             int height, GError **error);
 
 /* What a sample of such a picture needs to be shaded elsewhere; the fourth float as above. Texels
- * are in tiles, +y along the texture's rows downwards; directions are unit, in the local frame;
- * "lit" is how much of the lamp's light arrives (0 … 1; times the irradiance of a near lamp on what
- * faces it, relative to that at the origin), the way from the mesh along the ray to the structure,
- * and that from the eye to the mesh. The lamp is the first, or where that is off the first of the
- * further ones, if there are any. */
+ * are in tiles, +y along the texture's rows downwards, and third 1 + the number of the material, or
+ * 0 on a back face; directions are unit, in the local frame; "lit" is how much of the lamp's light
+ * arrives (0 … 1; times the irradiance of a near lamp on what faces it, relative to that at the
+ * origin), the way from the mesh along the ray to the structure, and that from the eye to the mesh.
+ * The lamp is the first, or where that is off the first of the further ones, if there are any. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,

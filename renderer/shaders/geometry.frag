@@ -1,6 +1,7 @@
 // Outputs what code outside the GPU needs to shade a sample; see viewer_render_geometry(). The light is
 // that of the first lamp, or with FURTHER that of the first further one.
 uniform int which;
+uniform float material; // 1 + its number
 
 void main() {
     mat3 frame = local_frame();
@@ -15,7 +16,7 @@ void main() {
     vec3 l = light;
     float lit = lamp_at(p);
 #endif
-    vec3 shown = which == 0   ? vec3(texel, gl_FrontFacing ? 1.0 : 0.0)
+    vec3 shown = which == 0   ? vec3(texel, gl_FrontFacing ? material : 0.0)
                  : which == 1 ? frame * v
                  : which == 2 ? frame * l
                               : vec3(lit, way, length(eye - world));
