@@ -1,7 +1,6 @@
 #include "relief.h"
 
 #include "gl/gpu.h"
-#include "shadow_maps.h"
 
 #include <epoxy/gl.h>
 #include <string.h>
@@ -9,7 +8,7 @@
 #define SLACK 1e-4 /* of distances from the eye, in radii */
 
 struct Relief {
-    MdfTexture *mdf, *smooth;
+    MdfTexture *mdfs[RELIEF_MAX_MATERIALS], *smooth;
     Visibility *eye, *lamp;      /* each keeps its textures at their size */
     ShadowMaps *first, *further; /* of the first lamp; of further ones, NULL until there are any */
     /* What relief_prepare() has set for relief_bind(). */
@@ -17,7 +16,7 @@ struct Relief {
     int n_further;
     guint seen;
     float light[3], radius;
-    float rights[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_right() */
+    float axes[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_axes() */
 };
 
 Relief *relief_new(GError **error) {
@@ -35,7 +34,8 @@ Relief *relief_new(GError **error) {
 void relief_free(Relief *relief) {
     if (relief == NULL)
         return;
-    mdf_texture_free(relief->mdf);
+    for (int k = 0; k < RELIEF_MAX_MATERIALS; k++)
+        mdf_texture_free(relief->mdfs[k]);
     mdf_texture_free(relief->smooth);
     visibility_free(relief->eye);
     visibility_free(relief->lamp);
@@ -44,12 +44,13 @@ void relief_free(Relief *relief) {
     g_free(relief);
 }
 
-gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error) {
+gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf,
+                        GError **error) {
     MdfTexture *texture = mdf != NULL ? mdf_texture_new(mdf, error) : NULL;
     if (mdf != NULL && texture == NULL)
         return FALSE;
-    mdf_texture_free(relief->mdf);
-    relief->mdf = texture;
+    mdf_texture_free(relief->mdfs[material]);
+    relief->mdfs[material] = texture;
     relief_forget(relief);
     return TRUE;
 }
@@ -61,19 +62,43 @@ void relief_forget(Relief *relief) {
 }
 
 gint64 relief_mdf_bytes(const Relief *relief) {
-    return mdf_texture_bytes(relief->mdf);
+    gint64 sum = 0;
+    for (int k = 0; k < RELIEF_MAX_MATERIALS; k++)
+        sum += mdf_texture_bytes(relief->mdfs[k]);
+    return sum;
+}
+
+/* The parts within the first n_casting indices; of a single part its first. */
+static void parts_casting(struct visibility_scene *scene, guint n_casting) {
+    int n = 0;
+    for (int k = 0; k < scene->n_parts; k++) {
+        struct visibility_part part = scene->parts[k];
+        if (part.first_index >= n_casting)
+            continue;
+        part.n_indices = MIN(part.n_indices, n_casting - part.first_index);
+        scene->parts[n++] = part;
+    }
+    scene->n_parts = n;
 }
 
 gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
     struct visibility_scene scene = from->seen;
-    if (from->silhouettes && relief->mdf == NULL) {
+    gboolean any = FALSE;
+    for (int k = 0; k < scene.n_parts; k++) {
+        struct visibility_part *part = &scene.parts[k];
+        MdfTexture *mdf = relief->mdfs[part->material];
+        any |= mdf != NULL;
+        part->mdf = from->silhouettes && mdf != NULL ? mdf : relief->smooth;
+        part->volume = scene.options.volume && part->mdf == mdf;
+        if (part->volume && !mdf_texture_make_volume(mdf, error))
+            return FALSE;
+    }
+    if (from->silhouettes && !any) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "silhouettes need the material's distances, an mdf.exr: “mesorig process” "
                     "makes it from a session with laser sweeps");
         return FALSE;
     }
-    scene.mdf = from->silhouettes ? relief->mdf : relief->smooth;
-    scene.options.volume &= from->silhouettes;
     memcpy(relief->light, from->light, sizeof from->light);
     relief->radius = from->radius;
     relief->silhouettes = from->silhouettes;
@@ -82,10 +107,10 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     if (from->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
         return FALSE;
     struct shadow_scene shadows = {scene, from->radius, from->serial, from->shadow_size};
-    const float(*light)[3] = (const float(*)[3]) & relief->light;
-    shadows.casting.n_indices = from->n_casting;
+    struct shadow_lamp light = {.place = {from->light[0], from->light[1], from->light[2]}};
+    parts_casting(&shadows.casting, from->n_casting);
     if (relief->shadows &&
-        !shadow_maps_find(relief->first, relief->lamp, &shadows, light, 1, error))
+        !shadow_maps_find(relief->first, relief->lamp, &shadows, &light, 1, error))
         return FALSE;
     if (!from->shadows || from->n_further == 0)
         return TRUE;
@@ -94,11 +119,13 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         return FALSE;
     /* Further lamps share the memory of four maps of full size: each of many lamps contributes
      * little. */
-    shadows.size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
-    for (int k = 0; k < from->n_further; k++)
-        shadow_maps_right(from->further[k], relief->rights[k]);
-    return shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,
-                            error);
+    const int layers = shadow_maps_layers(from->further, from->n_further, from->radius);
+    shadows.size /= layers <= 4 ? 1 : layers <= 16 ? 2 : 4;
+    if (!shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,
+                          error))
+        return FALSE;
+    shadow_maps_axes(relief->further, from->further, from->n_further, from->radius, relief->axes);
+    return TRUE;
 }
 
 void relief_bind(const Relief *relief, guint program) {
@@ -122,7 +149,7 @@ void relief_bind(const Relief *relief, guint program) {
     float further_range[3] = {0.0f};
     if (n > 0) {
         shadow_maps_range(relief->further, relief->radius, further_range);
-        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
+        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->axes[0]);
     }
     gpu_bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
                      n > 0 ? shadow_maps_texture(relief->further) : 0);

@@ -5,9 +5,10 @@
  */
 #pragma once
 
+#include "shadow_maps.h"
 #include "visibility.h"
 
-#define RELIEF_MAX_LAMPS 64
+#define RELIEF_MAX_LAMPS SHADOW_MAPS_MOST
 
 typedef struct Relief Relief; /* belongs to the thread of the GL context */
 
@@ -15,27 +16,31 @@ Relief *relief_new(GError **error);
 void relief_free(Relief *relief); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 
-/* NULL: the mesh is smooth. Copies what it needs. On error the former MDF stays. */
-gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error);
+#define RELIEF_MAX_MATERIALS 16
+
+/* Of a material's number below RELIEF_MAX_MATERIALS. NULL: it is smooth. Copies what it needs. On
+ * error the former MDF stays. */
+gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf, GError **error);
 
 /* Shadow maps are drawn again: what they depend on beside the scene has changed. */
 void relief_forget(Relief *relief);
 
-gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of the MDF; 0 without one */
+gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of all MDFs */
 
 struct relief_scene {
-    struct visibility_scene seen; /* by the eye; without its MDF, which is that of the relief */
-    guint n_casting; /* of the indices, from the first: these cast shadows, all receive them */
+    struct visibility_scene seen; /* by the eye; without its MDFs, which are those of the relief */
+    guint n_casting; /* of the indices, from the first: these cast shadows, all receive them. No
+                        part is on both sides, unless there is but one. */
     double radius;   /* of what casts */
     float light[3];
     guint serial; /* another one for each mesh */
-    /* Silhouettes and the shadows of every lamp; silhouettes need an MDF. */
+    /* Silhouettes and the shadows of every lamp; silhouettes need the MDF of a part. */
     gboolean silhouettes, shadows;
     gboolean lit; /* by the first lamp; FALSE: it is off and casts no shadow */
     int n_further;
-    float further[RELIEF_MAX_LAMPS][3]; /* unit vectors towards further lamps */
+    struct shadow_lamp further[RELIEF_MAX_LAMPS];
     int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of
-                        more than 16 a quarter */
+                        more than 16 a quarter; a lamp amid the mesh has six */
 };
 
 /* Leaves framebuffers of its own bound. Shadow maps are kept while lamp, mesh, tiles, MDF and

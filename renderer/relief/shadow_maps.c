@@ -10,12 +10,15 @@
 #define REACH 2.0 /* in radii; see shadow_maps_range() */
 #define RANGE 4.0
 
+#define NEAR  1.2                 /* in radii: nearer to the origin, a lamp has six maps */
+#define WIDE  (75.0 * G_PI / 180) /* so has one with a wider cone */
+#define FACES 6
+
 /* Everything that a map depends on. */
 struct key {
-    const MdfTexture *mdf; /* NULL: there is no map yet */
-    const IndexTexture *index;
+    guint64 parts; /* of parts_hash(); 0: there is no map yet */
     guint serial;
-    float light[3], tiles[2];
+    struct shadow_lamp lamp;
     struct visibility_options options;
 };
 
@@ -23,7 +26,7 @@ struct ShadowMaps {
     gboolean layered;
     guint program, texture, framebuffer;
     int size, n;
-    struct key keys[SHADOW_MAPS_MOST];
+    struct key keys[SHADOW_MAPS_LAYER]; /* of layers */
 };
 
 ShadowMaps *shadow_maps_new(gboolean layered, GError **error) {
@@ -60,10 +63,10 @@ static gboolean shadow_maps_make(ShadowMaps *maps, int size, int n, GError **err
     GLint largest = 0, layers = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (size > largest || n > (maps->layered ? MIN(layers, SHADOW_MAPS_MOST) : 1)) {
+    if (size > largest || n > (maps->layered ? MIN(layers, SHADOW_MAPS_LAYER) : 1)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                     "%d shadow maps of %d × %d: %s takes %d each way, and %d of them; choose a "
-                    "smaller --shadow-map",
+                    "smaller --shadow-map or fewer lamps",
                     n, size, size, gpu_renderer(), largest, layers);
         return FALSE;
     }
@@ -104,7 +107,70 @@ void shadow_maps_range(const ShadowMaps *maps, double radius, float ret[3]) {
     ret[2] = (float)(SLACK * texel);
 }
 
-/* From far away along light: a sphere of the radius fills the picture. Column-major. */
+static double place_distance(const struct shadow_lamp *lamp) {
+    const float *p = lamp->place;
+    return sqrt((double)p[0] * p[0] + (double)p[1] * p[1] + (double)p[2] * p[2]);
+}
+
+static gboolean lamp_has_cone(const struct shadow_lamp *lamp) {
+    return lamp->cone_rad > 0.0F && (double)lamp->cone_rad <= WIDE;
+}
+
+static int lamp_faces(const struct shadow_lamp *lamp, double radius) {
+    const gboolean outside = lamp->cone_rad <= 0.0F && place_distance(lamp) >= NEAR * radius;
+    return lamp->place[3] < 0.5F || lamp_has_cone(lamp) || outside ? 1 : FACES;
+}
+
+/* Tangent of half the angle of a near lamp's map. Outside of the sphere its tangents just fit. */
+static double lamp_tangent(const struct shadow_lamp *lamp, double radius) {
+    const double distance = place_distance(lamp);
+    if (lamp_faces(lamp, radius) == FACES)
+        return 1.0;
+    return lamp_has_cone(lamp) ? tan((double)lamp->cone_rad)
+                               : radius / sqrt(distance * distance - radius * radius);
+}
+
+static double lamp_range(const struct shadow_lamp *lamp, double radius) {
+    return lamp->place[3] < 0.5F ? RANGE * radius : place_distance(lamp) + 2.0 * radius;
+}
+
+int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius) {
+    int layers = n;
+    for (int k = 0; k < n; k++)
+        layers += lamp_faces(&lamps[k], radius) - 1;
+    return layers;
+}
+
+void shadow_maps_axes(const ShadowMaps *maps, const struct shadow_lamp *lamps, int n, double radius,
+                      float (*ret)[3]) {
+    int next = n;
+    for (int k = 0; k < n; k++) {
+        const gboolean cube = lamp_faces(&lamps[k], radius) == FACES;
+        const double tangent = lamp_tangent(&lamps[k], radius);
+        if (lamps[k].place[3] < 0.5F) {
+            shadow_maps_right(lamps[k].place, ret[k]);
+            continue;
+        }
+        ret[k][0] = (float)tangent;
+        ret[k][1] = (float)(SLACK * 2.0 * tangent / MAX(maps->size, 1));
+        ret[k][2] = cube ? (float)next : -1.0F;
+        next += cube ? FACES - 1 : 0;
+    }
+}
+
+/* Unit, against the way that a face of the lamp's maps looks. */
+static void face_back(const struct shadow_lamp *lamp, int face, double radius, float ret[3]) {
+    const double distance = place_distance(lamp);
+    const gboolean cube = lamp_faces(lamp, radius) == FACES, cone = lamp_has_cone(lamp);
+    for (int k = 0; k < 3; k++)
+        ret[k] = cube   ? (k != face / 2   ? 0.0F
+                           : face % 2 != 0 ? -1.0F
+                                           : 1.0F)
+                 : cone ? -lamp->axis[k]
+                        : (float)(lamp->place[k] / distance);
+}
+
+/* From far away along the light: a sphere of the radius fills the picture. Column-major. */
 static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     float right[3], up[3];
     shadow_maps_right(light, right);
@@ -118,7 +184,32 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     ret[15] = 1.0f;
 }
 
-static void draw_map(const ShadowMaps *maps, int layer, double radius, guint seen) {
+/* From a place, column-major; what is nearer than a hundredth of the radius is cut off. */
+static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
+    float back[3], right[3], up[3];
+    face_back(lamp, face, radius, back);
+    shadow_maps_right(back, right);
+    shadow_maps_cross(back, right, up);
+    const double distance = place_distance(lamp), tangent = lamp_tangent(lamp, radius);
+    const double near = 0.01 * radius, far = distance + 1.05 * radius;
+    const double scale = (far + near) / (far - near), shift = 2.0 * far * near / (far - near);
+    double moved[3] = {0.0};
+    for (int k = 0; k < 3; k++) {
+        ret[4 * k] = (float)(right[k] / tangent);
+        ret[4 * k + 1] = (float)(up[k] / tangent);
+        ret[4 * k + 2] = (float)(-back[k] * scale);
+        ret[4 * k + 3] = -back[k];
+        moved[0] += (double)right[k] * lamp->place[k];
+        moved[1] += (double)up[k] * lamp->place[k];
+        moved[2] += (double)back[k] * lamp->place[k];
+    }
+    ret[12] = (float)(-moved[0] / tangent);
+    ret[13] = (float)(-moved[1] / tangent);
+    ret[14] = (float)(moved[2] * scale - shift);
+    ret[15] = (float)moved[2];
+}
+
+static void draw_map(const ShadowMaps *maps, int layer, double range, guint seen) {
     glBindFramebuffer(GL_FRAMEBUFFER, maps->framebuffer);
     if (maps->layered)
         glFramebufferTextureLayer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, maps->texture, 0, layer);
@@ -132,7 +223,7 @@ static void draw_map(const ShadowMaps *maps, int layer, double radius, guint see
     glDepthMask(GL_TRUE);
     glUseProgram(maps->program);
     gpu_bind_texture(maps->program, "seen", 0, GL_TEXTURE_2D, seen);
-    glUniform1f(glGetUniformLocation(maps->program, "range"), (float)(RANGE * radius));
+    glUniform1f(glGetUniformLocation(maps->program, "range"), (float)range);
     gpu_fill_screen();
     glDepthFunc(GL_LESS);
 }
@@ -144,39 +235,74 @@ static gboolean same_floats(const float *a, const float *b, int n) {
     return TRUE;
 }
 
+static gboolean same_lamp(const struct shadow_lamp *a, const struct shadow_lamp *b) {
+    return same_floats(a->place, b->place, 4) && same_floats(a->axis, b->axis, 3) &&
+           a->cone_rad == b->cone_rad;
+}
+
 static gboolean same_key(const struct key *a, const struct key *b) {
-    return a->mdf == b->mdf && a->index == b->index && a->serial == b->serial &&
-           same_floats(a->light, b->light, 3) && same_floats(a->tiles, b->tiles, 2) &&
+    return a->parts == b->parts && a->serial == b->serial && same_lamp(&a->lamp, &b->lamp) &&
            a->options.way == b->options.way && a->options.layers == b->options.layers &&
            a->options.straight == b->options.straight && a->options.volume == b->options.volume;
 }
 
-gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
-                          const struct shadow_scene *scene, const float (*towards)[3], int n,
-                          GError **error) {
+/* FNV-1a over what casts, not 0. */
+static guint64 parts_hash(const struct visibility_scene *s) {
+    guint64 hash = 14695981039346656037U;
+    for (int k = 0; k < s->n_parts; k++) {
+        const struct visibility_part *part = &s->parts[k];
+        const guint64 values[] = {GPOINTER_TO_SIZE(part->mdf), GPOINTER_TO_SIZE(part->index),
+                                  part->first_index, part->n_indices};
+        const guint8 *bytes[] = {(const guint8 *)values, (const guint8 *)part->tiles};
+        const gsize sizes[] = {sizeof values, sizeof part->tiles};
+        for (int of = 0; of < 2; of++)
+            for (gsize i = 0; i < sizes[of]; i++)
+                hash = (hash ^ bytes[of][i]) * 1099511628211U;
+    }
+    return hash | 1;
+}
+
+/* One face of a lamp, into a layer. */
+static gboolean find_face(ShadowMaps *maps, Visibility *visibility,
+                          const struct shadow_scene *scene, const struct key *key, int face,
+                          int layer, GError **error) {
     struct visibility_scene seen_from = scene->casting;
-    struct key key = {.mdf = seen_from.mdf,
-                      .index = seen_from.index,
+    const struct shadow_lamp *lamp = &key->lamp;
+    guint seen;
+    maps->keys[layer].parts = 0;
+    if (lamp->place[3] < 0.5F)
+        lamp_matrix(lamp->place, scene->radius, seen_from.projection);
+    else
+        near_matrix(lamp, face, scene->radius, seen_from.projection);
+    memcpy(seen_from.sight, lamp->place, sizeof lamp->place);
+    seen_from.reach = (float)(REACH * scene->radius);
+    seen_from.width = seen_from.height = maps->size;
+    if (!visibility_find(visibility, &seen_from, &seen, error))
+        return FALSE;
+    draw_map(maps, layer, lamp_range(lamp, scene->radius), seen);
+    maps->keys[layer] = *key;
+    return TRUE;
+}
+
+gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
+                          const struct shadow_scene *scene, const struct shadow_lamp *lamps, int n,
+                          GError **error) {
+    struct key key = {.parts = parts_hash(&scene->casting),
                       .serial = scene->serial,
-                      .tiles = {seen_from.tiles[0], seen_from.tiles[1]},
-                      .options = seen_from.options};
-    if (!shadow_maps_make(maps, scene->size, n, error))
+                      .options = scene->casting.options};
+    const int layers = shadow_maps_layers(lamps, n, scene->radius);
+    int next = n;
+    if (!shadow_maps_make(maps, scene->size, layers, error))
         return FALSE;
     for (int k = 0; k < n; k++) {
-        guint seen;
-        memcpy(key.light, towards[k], sizeof key.light);
-        if (same_key(&key, &maps->keys[k]))
-            continue;
-        maps->keys[k].mdf = NULL;
-        lamp_matrix(towards[k], scene->radius, seen_from.projection);
-        memcpy(seen_from.sight, towards[k], sizeof key.light);
-        seen_from.sight[3] = 0.0f;
-        seen_from.reach = (float)(REACH * scene->radius);
-        seen_from.width = seen_from.height = maps->size;
-        if (!visibility_find(visibility, &seen_from, &seen, error))
-            return FALSE;
-        draw_map(maps, k, scene->radius, seen);
-        maps->keys[k] = key;
+        const int faces = lamp_faces(&lamps[k], scene->radius);
+        key.lamp = lamps[k];
+        for (int face = 0; face < faces; face++) {
+            const int layer = face == 0 ? k : next++;
+            if (!same_key(&key, &maps->keys[layer]) &&
+                !find_face(maps, visibility, scene, &key, face, layer, error))
+                return FALSE;
+        }
     }
     return gpu_check("drawing shadow maps", error);
 }

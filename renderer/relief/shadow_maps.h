@@ -1,13 +1,15 @@
 /*
- * Shadow maps of lamps that are infinitely far away (Wang et al. 2005 §4.2), one layer per lamp.
- * Depth is that of the base of the structure: the shadows that the structure casts on itself are
- * already part of the BTF.
+ * Shadow maps (Wang et al. 2005 §4.2). A lamp that is infinitely far away has a parallel map; one
+ * outside of the mesh's sphere, or with a narrow cone, a perspective map; any other near lamp six,
+ * the faces of a cube around it. Depth is that of the base of the structure: the shadows that the
+ * structure casts on itself are already part of the BTF.
  */
 #pragma once
 
 #include "visibility.h"
 
-#define SHADOW_MAPS_MOST 64 /* lamps, VIEWER_MAX_LAMPS */
+#define SHADOW_MAPS_MOST  64                     /* lamps, VIEWER_MAX_LAMPS */
+#define SHADOW_MAPS_LAYER (6 * SHADOW_MAPS_MOST) /* layers, at most */
 
 typedef struct ShadowMaps ShadowMaps; /* belongs to the thread of the GL context */
 
@@ -23,11 +25,24 @@ struct shadow_scene {
     int size;                        /* of a map, each way */
 };
 
-/* towards: n unit vectors. Draws only those maps whose lamp, mesh, tiles, MDF or options have
- * changed. */
+struct shadow_lamp {
+    float place[4]; /* w 1: where it is, not the origin; w 0: unit, towards a lamp far away */
+    float axis[3];  /* with a cone: unit, the way its light goes */
+    float cone_rad; /* half the angle that holds its light; 0: it shines all around */
+};
+
+/* Layers of the maps of n lamps: the first n are the first of each lamp, then follow five for each
+ * lamp that has six. */
+int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius);
+
+/* Draws only those maps whose lamp, mesh, tiles, MDF or options have changed. Without layers n is 1
+ * and the lamp far away. */
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
-                          const struct shadow_scene *scene, const float (*towards)[3], int n,
+                          const struct shadow_scene *scene, const struct shadow_lamp *lamps, int n,
                           GError **error);
+/* What further_right[] in further.glsl says of each lamp; after shadow_maps_find(). */
+void shadow_maps_axes(const ShadowMaps *maps, const struct shadow_lamp *lamps, int n, double radius,
+                      float (*ret)[3]);
 void shadow_maps_forget(ShadowMaps *maps); /* all are drawn again at the next call */
 
 guint shadow_maps_texture(const ShadowMaps *maps);

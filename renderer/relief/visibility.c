@@ -15,7 +15,6 @@ struct Visibility {
     /* For MDFs of views, of maps (bit 0), through an index map (bit 1), in a volume (bit 2): all
      * but the first compiled on demand. ADD and FIND only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
-    const guint *programs; /* those in use now */
     guint query;
     struct gpu_target back[2], seen;
     guint stencil; /* of seen: the layer that a pixel was found in */
@@ -69,25 +68,51 @@ void visibility_free(Visibility *v) {
 
 void visibility_set_sight(guint program, const struct visibility_scene *s) {
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, s->projection);
-    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, s->tiles);
     glUniform4fv(glGetUniformLocation(program, "sight"), 1, s->sight);
     glUniform1f(glGetUniformLocation(program, "reach"), s->reach);
     glUniform1i(glGetUniformLocation(program, "straight"), s->options.straight);
 }
 
-static void use(guint program, const struct visibility_scene *s) {
-    glUseProgram(program);
-    visibility_set_sight(program, s);
-    mdf_texture_bind(s->mdf, program);
-    index_texture_bind(s->index, program);
+static int part_variant(const struct visibility_part *part) {
+    return (mdf_texture_is_maps(part->mdf) ? 1 : 0) + (part->index != NULL ? 2 : 0) +
+           (part->volume ? 4 : 0);
 }
 
-static void visibility_draw_mesh(const struct visibility_scene *s, GLenum culled) {
+/* textures: those of VISIBILITY_UNIT and of the next unit, and their names; may be NULL. */
+struct pass {
+    int program; /* BACK, FRONT or ADD */
+    const char *names[2];
+    guint textures[2];
+};
+
+static void draw_parts(const Visibility *v, const struct visibility_scene *s,
+                       const struct pass *pass) {
+    glBindVertexArray(s->array);
+    for (int k = 0; k < s->n_parts; k++) {
+        const struct visibility_part *part = &s->parts[k];
+        const guint program = v->all_programs[part_variant(part)][pass->program];
+        glUseProgram(program);
+        visibility_set_sight(program, s);
+        glUniform2fv(glGetUniformLocation(program, "tiles"), 1, part->tiles);
+        mdf_texture_bind(part->mdf, program);
+        index_texture_bind(part->index, program);
+        for (int t = 0; t < 2; t++)
+            if (pass->names[t] != NULL)
+                gpu_bind_texture(program, pass->names[t], VISIBILITY_UNIT + t, GL_TEXTURE_2D,
+                                 pass->textures[t]);
+        if (pass->program == ADD)
+            glUniform1ui(glGetUniformLocation(program, "room"), v->room);
+        glDrawElements(GL_TRIANGLES, (GLsizei)part->n_indices, GL_UNSIGNED_INT,
+                       (const char *)NULL + sizeof(guint32) * (gsize)part->first_index);
+    }
+    glBindVertexArray(0);
+}
+
+static void draw_culled(const Visibility *v, const struct visibility_scene *s, GLenum culled,
+                        const struct pass *pass) {
     glEnable(GL_CULL_FACE);
     glCullFace(culled);
-    glBindVertexArray(s->array);
-    glDrawElements(GL_TRIANGLES, s->n_indices, GL_UNSIGNED_INT, NULL);
-    glBindVertexArray(0);
+    draw_parts(v, s, pass);
     glDisable(GL_CULL_FACE);
 }
 
@@ -102,12 +127,10 @@ static void visibility_clear(guint framebuffer, GLbitfield what) {
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
     visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-    use(v->programs[BACK], s);
-    gpu_bind_texture(v->programs[BACK], "before", VISIBILITY_UNIT, GL_TEXTURE_2D,
-                     v->back[~layer & 1].colour);
-    gpu_bind_texture(v->programs[BACK], "seen", VISIBILITY_UNIT + 1, GL_TEXTURE_2D, v->seen.colour);
+    const struct pass pass = {
+        BACK, {"before", "seen"}, {v->back[~layer & 1].colour, v->seen.colour}};
     glBeginQuery(GL_ANY_SAMPLES_PASSED, v->query);
-    visibility_draw_mesh(s, GL_FRONT);
+    draw_culled(v, s, GL_FRONT, &pass);
     glEndQuery(GL_ANY_SAMPLES_PASSED);
     glGetQueryObjectuiv(v->query, GL_QUERY_RESULT, &any);
     return any != 0;
@@ -121,12 +144,9 @@ static void peel_front(Visibility *v, const struct visibility_scene *s, int laye
     glStencilMask(0xff);
     glStencilFunc(GL_LEQUAL, layer, 0xff);
     glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
-    use(v->programs[FRONT], s);
-    gpu_bind_texture(v->programs[FRONT], "before", VISIBILITY_UNIT, GL_TEXTURE_2D,
-                     v->back[~layer & 1].colour);
-    gpu_bind_texture(v->programs[FRONT], "back", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
-                     v->back[layer & 1].colour);
-    visibility_draw_mesh(s, GL_BACK);
+    const struct pass pass = {
+        FRONT, {"before", "back"}, {v->back[~layer & 1].colour, v->back[layer & 1].colour}};
+    draw_culled(v, s, GL_BACK, &pass);
     glDisable(GL_STENCIL_TEST);
 }
 
@@ -175,11 +195,8 @@ static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof none, none);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, v->faces);
     glBindImageTexture(0, v->first, 0, GL_FALSE, 0, GL_READ_WRITE, GL_R32UI);
-    use(v->programs[ADD], s);
-    glUniform1ui(glGetUniformLocation(v->programs[ADD], "room"), v->room);
     glDisable(GL_DEPTH_TEST);
-    glBindVertexArray(s->array);
-    glDrawElements(GL_TRIANGLES, s->n_indices, GL_UNSIGNED_INT, NULL);
+    draw_parts(v, s, &(struct pass){.program = ADD});
     glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT |
                     GL_BUFFER_UPDATE_BARRIER_BIT | GL_FRAMEBUFFER_BARRIER_BIT);
@@ -214,11 +231,22 @@ static gboolean visibility_list(Visibility *v, const struct visibility_scene *s,
         if (!visibility_fits(n_faces + n_faces / 4) ||
             !visibility_make_room(v, n_faces + n_faces / 4))
             return FALSE;
-    glUseProgram(v->programs[FIND]);
-    glUniform1i(glGetUniformLocation(v->programs[FIND], "layers"), s->options.layers);
-    glUniform1i(glGetUniformLocation(v->programs[FIND], "straight"), s->options.straight);
+    const guint find = v->all_programs[0][FIND]; /* the same in all variants */
+    glUseProgram(find);
+    glUniform1i(glGetUniformLocation(find, "layers"), s->options.layers);
+    glUniform1i(glGetUniformLocation(find, "straight"), s->options.straight);
     gpu_fill_screen();
     return gpu_check("finding silhouettes in lists", error);
+}
+
+static gboolean visibility_need(Visibility *v, const struct visibility_part *part, GError **error) {
+    guint *programs = v->all_programs[part_variant(part)];
+    if (programs[BACK] != 0 || visibility_make_programs(programs, mdf_texture_is_maps(part->mdf),
+                                                        part->volume, part->index, error))
+        return TRUE;
+    glDeleteProgram(programs[BACK]);
+    programs[BACK] = 0;
+    return FALSE;
 }
 
 gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint *ret_texture,
@@ -232,17 +260,9 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
                     gpu_renderer());
         return FALSE;
     }
-    const gboolean maps = mdf_texture_is_maps(s->mdf), volume = s->options.volume;
-    if (volume && !mdf_texture_make_volume(s->mdf, error))
-        return FALSE;
-    guint *programs =
-        v->all_programs[(maps ? 1 : 0) + (s->index != NULL ? 2 : 0) + (volume ? 4 : 0)];
-    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, volume, s->index, error)) {
-        glDeleteProgram(programs[BACK]);
-        programs[BACK] = 0;
-        return FALSE;
-    }
-    v->programs = programs;
+    for (int k = 0; k < s->n_parts; k++)
+        if (!visibility_need(v, &s->parts[k], error))
+            return FALSE;
     if (v->seen.framebuffer == 0 || v->seen.width != s->width || v->seen.height != s->height) {
         if (!gpu_target_resize(&v->seen, s->width, s->height, GL_RGBA32F, FALSE, error))
             return FALSE;

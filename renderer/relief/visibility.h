@@ -4,7 +4,8 @@
  * (Wang et al. 2005 §4.1).
  *
  * The mesh should be closed. A ray that enters and does not leave counts as meeting the structure;
- * a ray that only leaves sees nothing.
+ * a ray that only leaves sees nothing. A scene of several meshes, which do not intersect, and
+ * materials is searched as one.
  */
 #pragma once
 
@@ -24,17 +25,28 @@ struct visibility_options {
     enum visibility_way way;
     int layers;        /* most pairs of front and back faces behind each other that are tested */
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is flat under each ray */
-    gboolean volume;   /* distances in a volume, as there (mdf_texture_make_volume()) */
+    gboolean volume;   /* distances in volumes, as there; the parts say which have one */
+};
+
+#define VISIBILITY_MAX_PARTS 64
+
+/* Indices of one material. */
+struct visibility_part {
+    const MdfTexture *mdf;
+    const IndexTexture *index; /* NULL: the MDF's tile is repeated */
+    float tiles[2];
+    guint first_index, n_indices;
+    gboolean volume; /* after mdf_texture_make_volume() */
+    int material;    /* see relief_set_mdf() */
 };
 
 struct visibility_scene {
-    MdfTexture *mdf;
-    const IndexTexture *index; /* NULL: the MDF's tile is repeated */
-    guint array, n_indices;
+    guint array;
+    struct visibility_part parts[VISIBILITY_MAX_PARTS];
+    int n_parts;
     float projection[16];
     float sight[4]; /* [3] = 1: the eye; 0: unit, towards an eye infinitely far away */
     float reach;    /* of such an eye: a length larger than any of the scene */
-    float tiles[2];
     int width, height;
     struct visibility_options options;
 };
@@ -52,5 +64,5 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
 gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
                          guint *ret_texture, GError **error);
 
-/* Sets what relief.glsl needs, the MDF aside, in a program in use. */
+/* Sets what relief.glsl needs, MDF and tiles aside, in a program in use. */
 void visibility_set_sight(guint program, const struct visibility_scene *scene);

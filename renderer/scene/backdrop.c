@@ -3,6 +3,7 @@
 #include "base/direction.h"
 #include "camera.h"
 #include "gl/gpu.h"
+#include "lamp.h"
 #include "programs.h"
 
 #include <epoxy/gl.h>
@@ -10,7 +11,7 @@
 
 #define MOST 6e4f /* near the largest half float, 65504 */
 
-enum { GROUND, GROUND_LAMPS, ENVIRONMENT, N_PROGRAMS };
+enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
 
 struct Backdrop {
     guint programs[N_PROGRAMS]; /* each compiled when it is first asked for */
@@ -19,8 +20,9 @@ struct Backdrop {
 };
 
 static gboolean backdrop_need(Backdrop *backdrop, int which, GError **error) {
-    static const char *const constants[] = {"#define LAMP_SHADOWS 0\n", "#define LAMP_SHADOWS 1\n",
-                                            ""};
+    static const char *const constants[N_PROGRAMS] = {
+        "#define LAMP_SHADOWS 0\n", "#define LAMP_SHADOWS 1\n",
+        "#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n", ""};
     static const char *const ground[] = {"screen.vert", "shadow.glsl", "further.glsl",
                                          "background.frag", NULL};
     static const char *const environment[] = {"screen.vert", "environment.frag", NULL};
@@ -99,9 +101,10 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
 
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, const Relief *relief,
                        const float projection[16], const float eye[3], GError **error) {
-    const int which = s->backdrop                    ? ENVIRONMENT
-                      : s->shadows && s->n_lamps > 0 ? GROUND_LAMPS
-                                                     : GROUND;
+    const int which = s->backdrop                       ? ENVIRONMENT
+                      : !(s->shadows && s->n_lamps > 0) ? GROUND
+                      : lamp_any_near(s)                ? GROUND_NEAR
+                                                        : GROUND_LAMPS;
     if (which == ENVIRONMENT && backdrop->environment == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "--backdrop needs an environment map; name one with --environment FILE.exr");
@@ -126,7 +129,7 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
         glUniform1f(glGetUniformLocation(program, "radius"), backdrop->radius);
         glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
         relief_bind(relief, program);
-        programs_set_lamps(program, s);
+        programs_set_lamps(program, s, (double)backdrop->radius);
     }
     glDepthFunc(GL_LEQUAL); /* where nothing was drawn yet */
     glDepthMask(GL_FALSE);

@@ -78,9 +78,9 @@ static struct viewer_lamp environment_lamp_of(const struct map *map, const struc
                 sum[c] += p[c] * solid_angle(map, y) / G_PI;
         }
     const double flat = hypot(towards[0], towards[1]), deg = 180.0 / G_PI;
-    return (struct viewer_lamp){atan2(flat, towards[2]) * deg,
-                                atan2(towards[1], towards[0]) * deg,
-                                {(float)sum[0], (float)sum[1], (float)sum[2]}};
+    return (struct viewer_lamp){.theta_deg = atan2(flat, towards[2]) * deg,
+                                .phi_deg = atan2(towards[1], towards[0]) * deg,
+                                .rgb = {(float)sum[0], (float)sum[1], (float)sum[2]}};
 }
 
 int environment_lamps(const float *rgb, int width, int height, int n,
@@ -164,13 +164,14 @@ void environment_free(struct environment *environment) {
 gboolean environment_light(const struct environment *e, struct viewer_settings *settings,
                            GError **error) {
     struct viewer_lamp *lamps = settings->lamps + settings->n_lamps;
-    if (settings->n_lamps >= VIEWER_MAX_LAMPS) {
+    const int most = VIEWER_MAX_LAMPS - (settings->light_distance > 0.0); /* see lamp_settings() */
+    if (settings->n_lamps >= most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "with %d lamps no lamp is left to stand for the environment: give fewer",
                     settings->n_lamps);
         return FALSE;
     }
-    const int room = VIEWER_MAX_LAMPS - settings->n_lamps;
+    const int room = most - settings->n_lamps;
     const int n = environment_lamps(e->rgb, e->width, e->height,
                                     MIN(room, settings->environment_lamps), lamps);
     if (n == 0) {

@@ -1,8 +1,8 @@
 #include "programs.h"
 
-#include "base/direction.h"
 #include "camera.h"
 #include "gl/gpu.h"
+#include "lamp.h"
 
 #include <epoxy/gl.h>
 #include <string.h>
@@ -41,13 +41,15 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
         {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "surface_relief.frag", NULL},
         {"flat.frag", NULL},
     };
+    static const char no_first[] = "#define NO_FIRST_LAMP\n";
     const struct method *method = programs->method;
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *of_index = index_texture_constants(index, s->style.nearest);
     g_autofree char *constants =
-        g_strdup_printf("#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s%s",
+        g_strdup_printf("#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s%s%s%s",
                         s->n_lamps > 0, kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0,
-                        s->ambient > 0, of_index, own ? own : "");
+                        s->ambient > 0, s->lamp > 0 || s->ambient > 0 ? "" : no_first,
+                        lamp_any_near(s) ? "#define NEAR_LAMPS\n" : "", of_index, own ? own : "");
     g_autofree char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));
     if (program != 0)
@@ -64,16 +66,24 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     return program;
 }
 
-void programs_set_lamps(guint program, const struct viewer_settings *s) {
-    float towards[VIEWER_MAX_LAMPS][3], colours[VIEWER_MAX_LAMPS][3];
-    for (int k = 0; k < s->n_lamps; k++) {
-        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
+void programs_set_lamps(guint program, const struct viewer_settings *s, double radius) {
+    float places[VIEWER_MAX_LAMPS][4], cones[VIEWER_MAX_LAMPS][4], towards[VIEWER_MAX_LAMPS][3];
+    float colours[VIEWER_MAX_LAMPS][3];
+    const int n = s->n_lamps;
+    for (int k = 0; k < n; k++) {
+        const struct shadow_lamp placed = lamp_placed(&s->lamps[k], radius);
+        memcpy(places[k], placed.place, sizeof places[k]);
+        memcpy(towards[k], placed.place, sizeof towards[k]);
         memcpy(colours[k], s->lamps[k].rgb, sizeof colours[k]);
+        lamp_cone(&placed, s->lamps[k].inner_deg, cones[k]);
     }
     glUniform1f(glGetUniformLocation(program, "lamp"), (float)s->lamp);
-    glUniform1i(glGetUniformLocation(program, "n_lamps"), s->n_lamps);
-    if (s->n_lamps == 0)
+    glUniform1i(glGetUniformLocation(program, "n_lamps"), n);
+    if (n == 0)
         return;
-    glUniform3fv(glGetUniformLocation(program, "lamp_towards"), s->n_lamps, towards[0]);
-    glUniform3fv(glGetUniformLocation(program, "lamp_colours"), s->n_lamps, colours[0]);
+    /* A program has either of the first two. */
+    glUniform4fv(glGetUniformLocation(program, "lamp_places"), n, places[0]);
+    glUniform3fv(glGetUniformLocation(program, "lamp_towards"), n, towards[0]);
+    glUniform4fv(glGetUniformLocation(program, "lamp_cones"), n, cones[0]);
+    glUniform3fv(glGetUniformLocation(program, "lamp_colours"), n, colours[0]);
 }

@@ -26,5 +26,5 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
                    GError **error);
 
 /* Sets the brightness of the first lamp and all further lamps in a program in use that has
- * further.glsl. */
-void programs_set_lamps(guint program, const struct viewer_settings *settings);
+ * further.glsl. radius: of the mesh. */
+void programs_set_lamps(guint program, const struct viewer_settings *settings, double radius);

@@ -4,6 +4,7 @@
 #include "btf/btf.h"
 #include "directions/directions.h"
 #include "exr/exr.h"
+#include "lamp.h"
 #include "material/material.h"
 #include "session/session.h"
 
@@ -38,7 +39,9 @@ struct shading {
     const Directions *views, *lights;
     struct sample *samples;
     guint n_samples;
-    const float *texel, *view, *light, *lit; /* as viewer_render_geometry() gives them */
+    const float *texel, *view; /* as viewer_render_geometry() gives them */
+    const float *light, *lit;  /* the same, of the lamp that is added */
+    double rgb[3], ambient;    /* of that lamp, and of an even sky that is added with it */
     /* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _.
      */
     float *layers;
@@ -217,7 +220,7 @@ static void add_layer(const struct shading *s, int layer, const struct sample *a
 }
 
 /* Adds the contribution of the loaded view to a part of the samples:
- * BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
+ * rgb × BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
 static void reference_shade(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;
@@ -232,12 +235,14 @@ static void reference_shade(int part, gpointer data) {
                 share += sample->view.weight[i] * s->pole_share;
         if (share == 0.0f)
             continue;
+        float lamp[3] = {0.0F};
         for (int i = 0; i < 4; i++)
             if (sample->light.weight[i] != 0.0f)
-                add_layer(s, sample->light.index[i], sample, share * sample->light.weight[i],
-                          sample->sum);
-        if (s->settings->ambient != 0.0)
-            add_layer(s, n_lights + 1, sample, share * s->settings->ambient, sample->sum);
+                add_layer(s, sample->light.index[i], sample, share * sample->light.weight[i], lamp);
+        for (int c = 0; c < 3; c++)
+            sample->sum[c] += (float)s->rgb[c] * lamp[c];
+        if (s->ambient != 0.0)
+            add_layer(s, n_lights + 1, sample, share * s->ambient, sample->sum);
     }
 }
 
@@ -350,7 +355,7 @@ struct material_shading {
     const float *sky;
 };
 
-/* lit × the value, plus ambient × Σ_l sky_l × the value under light l. */
+/* Adds rgb × lit × the value, and ambient × Σ_l sky_l × the value under light l. */
 static void reference_shade_point(const struct material_shading *m, struct sample *sample) {
     const struct shading *s = m->shading;
     const gsize at = 4 * (gsize)sample->at;
@@ -364,13 +369,13 @@ static void reference_shade_point(const struct material_shading *m, struct sampl
     }
     mesorig_material_evaluate(m->material, 1, uv, view, s->light + at, NULL, rgb);
     for (int c = 0; c < 3; c++)
-        sample->sum[c] = s->lit[at] * rgb[c];
-    for (int l = 0; s->settings->ambient != 0.0 && l < m->info.n_lights; l++) {
+        sample->sum[c] += (float)s->rgb[c] * s->lit[at] * rgb[c];
+    for (int l = 0; s->ambient != 0.0 && l < m->info.n_lights; l++) {
         if (m->sky[l] == 0.0f)
             continue;
         mesorig_material_evaluate(m->material, 1, uv, view, m->lights + 3 * l, NULL, rgb);
         for (int c = 0; c < 3; c++)
-            sample->sum[c] += s->settings->ambient * m->sky[l] * rgb[c];
+            sample->sum[c] += s->ambient * m->sky[l] * rgb[c];
     }
 }
 
@@ -419,18 +424,54 @@ static void put_samples(const struct shading *s, float *picture, double *ret_err
         *ret_error = squares > 0.0 ? sqrt(differences / squares) : 0.0;
 }
 
+/* Adds a lamp, which is the only one of the settings, and their even sky. */
+static gboolean add_lamp(struct shading *s, const Reference *r, Viewer *viewer,
+                         const struct viewer_settings *lamp, const float rgb[3], int width,
+                         int height, GError **error) {
+    g_autofree float *light =
+        viewer_render_geometry(viewer, lamp, VIEWER_GEOMETRY_LIGHT, width, height, error);
+    g_autofree float *lit =
+        light != NULL
+            ? viewer_render_geometry(viewer, lamp, VIEWER_GEOMETRY_LIT, width, height, error)
+            : NULL;
+    if (lit == NULL)
+        return FALSE;
+    s->light = light;
+    s->lit = lit;
+    s->ambient = lamp->ambient;
+    for (int c = 0; c < 3; c++)
+        s->rgb[c] = (double)rgb[c];
+    return r->material != NULL ? shade_by_material(s, r->material, error) : shade_samples(s, error);
+}
+
+/* One lamp after the other: the first with the sky, then the further ones. */
+static gboolean add_lamps(struct shading *shading, const Reference *r, Viewer *viewer, int width,
+                          int height, GError **error) {
+    const struct viewer_settings lit = lamp_settings(shading->settings);
+    struct viewer_settings one = lit;
+    const float first[3] = {(float)lit.lamp, (float)lit.lamp, (float)lit.lamp};
+    one.n_lamps = 0;
+    if ((lit.lamp > 0.0 || lit.ambient > 0.0 || lit.n_lamps == 0) &&
+        !add_lamp(shading, r, viewer, &one, first, width, height, error))
+        return FALSE;
+    one.lamp = one.ambient = 0.0;
+    one.n_lamps = 1;
+    for (int k = 0; k < lit.n_lamps; k++) {
+        one.lamps[0] = lit.lamps[k];
+        if (!add_lamp(shading, r, viewer, &one, lit.lamps[k].rgb, width, height, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
 float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *s,
                                int width, int height, double *ret_error, GError **error) {
     g_autofree float *picture = viewer_render_linear(viewer, s, width, height, error);
     const struct index_map *index = viewer_index(viewer);
-    g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL, *lit = NULL;
+    g_autofree float *texel = NULL, *to_view = NULL;
     if (picture == NULL ||
         !(texel = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, width, height, error)) ||
-        !(to_view =
-              viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error)) ||
-        !(to_light =
-              viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIGHT, width, height, error)) ||
-        !(lit = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, error)))
+        !(to_view = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error)))
         return NULL;
     if (index != NULL && (index->sample_width != r->width || index->sample_height != r->height)) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
@@ -453,11 +494,8 @@ float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer
                               .samples = (struct sample *)(void *)samples->data,
                               .n_samples = samples->len,
                               .texel = texel,
-                              .view = to_view,
-                              .light = to_light,
-                              .lit = lit};
-    if (!(r->material != NULL ? shade_by_material(&shading, r->material, error)
-                              : shade_samples(&shading, error)))
+                              .view = to_view};
+    if (!add_lamps(&shading, r, viewer, width, height, error))
         return NULL;
     put_samples(&shading, picture, ret_error);
     return g_steal_pointer(&picture);

@@ -4,8 +4,11 @@
  * graphics card makes of it. Directions are interpolated the same way as on the graphics card,
  * texels bilinearly without mip levels, all on the CPU.
  *
- * Views are read one after the other. Memory: one of them, and some 100 bytes for each sample of
- * the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at most.
+ * All lamps of the settings are added up, each as the viewer's geometry has it.
+ *
+ * Views are read one after the other, once for each lamp. Memory: one of them, and some 100 bytes
+ * for each sample of the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at
+ * most.
  */
 #pragma once
 

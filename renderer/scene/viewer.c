@@ -6,6 +6,7 @@
 #include "gl/gpu.h"
 #include "gl/index_texture.h"
 #include "hatching.h"
+#include "lamp.h"
 #include "methods/eigenmaps_view.h"
 #include "programs.h"
 #include "relief/relief.h"
@@ -18,6 +19,9 @@
 
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
+
+/* Of the first lamp, of a further one, and of that with its shadow. */
+enum { GEOMETRY_FIRST, GEOMETRY_FURTHER, GEOMETRY_FURTHER_SHADOWS, GEOMETRIES };
 
 const struct viewer_settings viewer_settings_default = {
     .camera_azimuth_deg = -90.0,
@@ -34,16 +38,25 @@ const struct viewer_settings viewer_settings_default = {
     .shadow_size = 1024,
 };
 
-struct Viewer {
+/* Its MDF is the relief's of the same number. */
+struct viewer_material {
     const struct method *method;
-    gpointer material;           /* of the method */
-    Programs *programs;          /* of the method */
-    IndexTexture *index;         /* NULL: none */
+    gpointer material;  /* of the method */
+    Programs *programs; /* of the method */
+    double tiles;       /* each way, of all but the first */
+};
+
+struct Viewer {
+    struct viewer_material materials[VIEWER_MAX_MATERIALS];
+    int n_materials;             /* at least 1, the main material, which may be empty */
+    IndexTexture *index;         /* of the main material; NULL: none */
     struct index_map *index_map; /* the same on the CPU */
+    struct mesh_part *parts;     /* of the mesh */
+    int n_parts;
     Relief *relief;
     Backdrop *backdrop;
     Hatching *hatching;
-    guint plain_program, geometry_program, resolve_program;
+    guint plain_program, geometry_programs[GEOMETRIES], resolve_program;
     guint array, vertices, shapes, indices;
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
@@ -71,7 +84,11 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         {"exposure", s->exposure_ev, -20.0, 20.0},
         {"ambient", s->ambient, 0.0, 100.0},
         {"lamp", s->lamp, 0.0, 100.0},
-        {"lamps", s->n_lamps, 0.0, VIEWER_MAX_LAMPS},
+        {"light distance", s->light_distance, 0.0, 1000.0},
+        {"light cone", s->light_cone_deg, 0.0, 90.0},
+        {"inner cone of the light", s->light_inner_deg, 0.0, 90.0},
+        {"lamps beside a near light", s->n_lamps, 0.0,
+         VIEWER_MAX_LAMPS - (s->light_distance > 0.0 && s->lamp > 0.0)},
         {"environment's turn", s->environment_turn_deg, -1e6, 1e6},
         {"environment's lamps", s->environment_lamps, 1.0, VIEWER_MAX_LAMPS},
         {"supersampling", s->samples, 1.0, 8.0},
@@ -85,6 +102,17 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
                         ranges[k].low, ranges[k].high);
             return FALSE;
         }
+    for (int k = 0; k < s->n_lamps; k++) {
+        const struct viewer_lamp *l = &s->lamps[k];
+        if (!(l->distance >= 0.0 && l->distance <= 1000.0 && l->cone_deg >= 0.0 &&
+              l->cone_deg <= 90.0 && l->inner_deg >= 0.0 && l->inner_deg <= 90.0)) {
+            g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                        "further lamp %d: its distance is %g, its cone %g and its inner cone %g; "
+                        "they must be 0 … 1000, 0 … 90° and 0 … 90°",
+                        k + 1, l->distance, l->cone_deg, l->inner_deg);
+            return FALSE;
+        }
+    }
     return TRUE;
 }
 
@@ -120,15 +148,29 @@ static void make_array(Viewer *viewer) {
     glBindVertexArray(0);
 }
 
+/* The program, compiled when it is first asked for; 0 on error. */
+static guint viewer_geometry_program(Viewer *viewer, int which, GError **error) {
+    static const char *const names[] = {"mesh.vert",   "frame.glsl",   "visible.glsl",
+                                        "shadow.glsl", "further.glsl", "geometry.frag",
+                                        NULL};
+    static const char *const constants[GEOMETRIES] = {
+        "#define FURTHER 0\n#define LAMP_SHADOWS 0\n",
+        "#define FURTHER 1\n#define LAMP_SHADOWS 0\n#define NEAR_LAMPS\n",
+        "#define FURTHER 1\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n"};
+    guint *program = &viewer->geometry_programs[which];
+    if (*program == 0)
+        *program = gpu_program(constants[which], names, error);
+    return *program;
+}
+
 Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
-    const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
-                                    "shadow.glsl", "geometry.frag", NULL};
     const char *const resolve[] = {"screen.vert", "tone.glsl", "resolve.frag", NULL};
     g_autoptr(Viewer) viewer = g_new0(Viewer, 1);
     viewer->radius = viewer->reach = 1.0;
+    viewer->n_materials = 1;
     if ((viewer->plain_program = gpu_program("", plain, error)) == 0 ||
-        (viewer->geometry_program = gpu_program("", geometry, error)) == 0 ||
+        !viewer_geometry_program(viewer, GEOMETRY_FIRST, error) ||
         (viewer->resolve_program = gpu_program("", resolve, error)) == 0 ||
         (viewer->relief = relief_new(error)) == NULL ||
         (viewer->backdrop = backdrop_new(error)) == NULL ||
@@ -139,19 +181,26 @@ Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
     return g_steal_pointer(&viewer);
 }
 
+static void material_clear(struct viewer_material *m) {
+    if (m->method != NULL)
+        m->method->free(m->material);
+    programs_free(m->programs);
+    *m = (struct viewer_material){NULL};
+}
+
 void viewer_free(Viewer *viewer) {
     if (viewer == NULL)
         return;
-    if (viewer->method != NULL)
-        viewer->method->free(viewer->material);
-    programs_free(viewer->programs);
+    for (int k = 0; k < viewer->n_materials; k++)
+        material_clear(&viewer->materials[k]);
     index_texture_free(viewer->index);
     index_map_free(viewer->index_map);
     relief_free(viewer->relief);
     backdrop_free(viewer->backdrop);
     hatching_free(viewer->hatching);
     glDeleteProgram(viewer->plain_program);
-    glDeleteProgram(viewer->geometry_program);
+    for (int k = 0; k < GEOMETRIES; k++)
+        glDeleteProgram(viewer->geometry_programs[k]);
     glDeleteProgram(viewer->resolve_program);
     glDeleteVertexArrays(1, &viewer->array);
     glDeleteBuffers(1, &viewer->vertices);
@@ -164,21 +213,27 @@ void viewer_free(Viewer *viewer) {
     g_free(viewer);
 }
 
-gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
-                           GError **error) {
-    if (viewer->method != method) {
+/* material: taken, if it succeeds. */
+static gboolean material_set(struct viewer_material *m, const struct method *method,
+                             gpointer material, GError **error) {
+    if (m->method != method) {
         g_autoptr(Programs) programs = programs_new(method);
         if (!programs_get(programs, PROGRAM_SURFACE, material, NULL, &viewer_settings_default,
                           error))
             return FALSE;
-        programs_free(viewer->programs);
-        viewer->programs = g_steal_pointer(&programs);
+        programs_free(m->programs);
+        m->programs = g_steal_pointer(&programs);
     }
-    if (viewer->method != NULL)
-        viewer->method->free(viewer->material);
-    viewer->method = method;
-    viewer->material = material;
+    if (m->method != NULL)
+        m->method->free(m->material);
+    m->method = method;
+    m->material = material;
     return TRUE;
+}
+
+gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
+                           GError **error) {
+    return material_set(&viewer->materials[0], method, material, error);
 }
 
 /* material: taken; NULL with an error. */
@@ -195,21 +250,46 @@ gboolean viewer_open(Viewer *viewer, const struct method *method, const char *pa
     return viewer_take(viewer, method, method_open(method, path, error), error);
 }
 
+int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
+                        GError **error) {
+    const int n = viewer->n_materials;
+    struct viewer_material *m = &viewer->materials[MIN(n, VIEWER_MAX_MATERIALS - 1)];
+    if (n >= VIEWER_MAX_MATERIALS) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%s: a scene has at most %d materials; leave some out", path,
+                    VIEWER_MAX_MATERIALS);
+        return -1;
+    }
+    gpointer material = method_open(method, path, error);
+    if (material == NULL || !material_set(m, method, material, error)) {
+        if (material != NULL)
+            method->free(material);
+        material_clear(m);
+        return -1;
+    }
+    m->tiles = tiles;
+    return viewer->n_materials++;
+}
+
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error) {
     return viewer_take(viewer, &method_eigenmaps, eigenmaps_view_new(material, error), error);
 }
 
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error) {
-    return relief_set_mdf(viewer->relief, mdf, error);
+    return relief_set_mdf(viewer->relief, 0, mdf, error);
 }
 
-gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error) {
+gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error) {
     struct mdf_source *mdf = mdf_source_read(path, error);
-    gboolean good = mdf != NULL && viewer_set_mdf(viewer, mdf, error);
+    gboolean good = mdf != NULL && relief_set_mdf(viewer->relief, material, mdf, error);
     if (mdf != NULL && !good)
         g_prefix_error(error, "%s: ", path);
     mdf_source_free(mdf);
     return good;
+}
+
+gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error) {
+    return viewer_open_material_mdf(viewer, 0, path, error);
 }
 
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *map, GError **error) {
@@ -234,9 +314,10 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* The index texture, of methods that look texels up. */
-static const IndexTexture *viewer_index_used(const Viewer *viewer) {
-    return viewer->method != NULL && viewer->method->product != NULL ? viewer->index : NULL;
+/* The index texture, of the main material with a method that looks texels up. */
+static const IndexTexture *viewer_index_used(const Viewer *viewer, int material) {
+    const struct method *method = viewer->materials[0].method;
+    return material == 0 && method != NULL && method->product != NULL ? viewer->index : NULL;
 }
 
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v) {
@@ -255,12 +336,26 @@ gboolean viewer_set_environment(Viewer *viewer, const struct environment *enviro
 }
 
 struct viewer_memory viewer_memory(const Viewer *viewer) {
-    return (struct viewer_memory){viewer->method ? viewer->method->bytes(viewer->material) : 0,
-                                  relief_mdf_bytes(viewer->relief),
+    gint64 materials = 0;
+    for (int k = 0; k < viewer->n_materials; k++)
+        if (viewer->materials[k].method != NULL)
+            materials += viewer->materials[k].method->bytes(viewer->materials[k].material);
+    return (struct viewer_memory){materials, relief_mdf_bytes(viewer->relief),
                                   index_texture_bytes(viewer->index)};
 }
 
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error) {
+    const struct mesh_part whole = {0, mesh->n_indices, 0};
+    if (mesh->n_parts > VISIBILITY_MAX_PARTS) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%s: %u parts are too many: at most %d are drawn", mesh->name, mesh->n_parts,
+                    VISIBILITY_MAX_PARTS);
+        return FALSE;
+    }
+    g_free(viewer->parts);
+    viewer->n_parts = mesh->n_parts > 0 ? (int)mesh->n_parts : 1;
+    viewer->parts =
+        g_memdup2(mesh->n_parts > 0 ? mesh->parts : &whole, (gsize)viewer->n_parts * sizeof whole);
     g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
     glBindVertexArray(viewer->array);
     glBindBuffer(GL_ARRAY_BUFFER, viewer->vertices);
@@ -297,46 +392,96 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
         camera_fit(settings, viewer->points, viewer->n_points, viewer->radius, aspect);
 }
 
-static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
-                             const struct relief_scene *scene) {
+/* The number of a part's material; the main one, where that is not there yet. */
+static int viewer_part_material(const Viewer *viewer, int part) {
+    const int material = viewer->parts[part].material;
+    return material < viewer->n_materials ? material : 0;
+}
+
+static void viewer_draw_part(Viewer *viewer, guint program, const struct viewer_settings *s,
+                             const struct relief_scene *scene, int part) {
+    const struct visibility_part *drawn = &scene->seen.parts[part];
+    const struct viewer_material *m = &viewer->materials[drawn->material];
     glUseProgram(program);
-    viewer->method->bind(viewer->material, program, &s->style);
+    m->method->bind(m->material, program, &s->style);
     relief_bind(viewer->relief, program);
-    index_texture_bind(viewer_index_used(viewer), program);
+    index_texture_bind(drawn->index, program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE,
                        scene->seen.projection);
-    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, scene->seen.tiles);
+    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, drawn->tiles);
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, scene->seen.sight);
     glUniform3fv(glGetUniformLocation(program, "light"), 1, scene->light);
     glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
-    programs_set_lamps(program, s);
+    glUniform1f(glGetUniformLocation(program, "material"), 1.0F + (float)drawn->material);
+    programs_set_lamps(program, s, viewer->radius);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LESS);
     glDepthMask(GL_TRUE);
     glBindVertexArray(viewer->array);
-    glDrawElements(GL_TRIANGLES, viewer->n_indices, GL_UNSIGNED_INT, NULL);
+    glDrawElements(GL_TRIANGLES, (GLsizei)drawn->n_indices, GL_UNSIGNED_INT,
+                   (const char *)NULL + sizeof(guint32) * (gsize)drawn->first_index);
     glBindVertexArray(0);
+}
+
+/* program: of all parts; 0: each part's own. */
+static gboolean viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
+                                 const struct relief_scene *scene, GError **error) {
+    const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
+    for (int k = 0; k < viewer->n_parts; k++) {
+        const struct visibility_part *part = &scene->seen.parts[k];
+        const struct viewer_material *m = &viewer->materials[part->material];
+        const guint own = program != 0
+                              ? program
+                              : programs_get(m->programs, kind, m->material, part->index, s, error);
+        if (own == 0)
+            return FALSE;
+        viewer_draw_part(viewer, own, s, scene, k);
+    }
+    return TRUE;
+}
+
+/* The tiles of the main material. */
+static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings *s,
+                              double ret[2]) {
+    ret[0] = s->tiles_u;
+    ret[1] = s->tiles_v;
+    if (s->tiles_u > 0.0 && s->tiles_v > 0.0)
+        return;
+    ret[0] = viewer->tiles_u;
+    ret[1] = viewer->tiles_v;
+    if (viewer_index_used(viewer, 0) != NULL)
+        viewer_whole_tiles(viewer, &ret[0], &ret[1]);
+}
+
+static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
+                         struct visibility_scene *ret) {
+    double tiles[2];
+    viewer_main_tiles(viewer, s, tiles);
+    ret->array = viewer->array;
+    ret->n_parts = viewer->n_parts;
+    for (int k = 0; k < viewer->n_parts; k++) {
+        const int material = viewer_part_material(viewer, k);
+        const double own = viewer->materials[material].tiles;
+        ret->parts[k] = (struct visibility_part){
+            .index = viewer_index_used(viewer, material),
+            .tiles = {(float)(material > 0 ? own : tiles[0]),
+                      (float)(material > 0 ? own : tiles[1])},
+            .first_index = viewer->parts[k].first_index,
+            .n_indices = viewer->parts[k].n_indices,
+            .material = material,
+        };
+    }
 }
 
 /* Points the camera, and finds the parts of the relief that it and the lamps see. */
 static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
                             int height, struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
-    double aspect = (double)width / height, tiles[2] = {s->tiles_u, s->tiles_v};
-    if (!(tiles[0] > 0.0 && tiles[1] > 0.0)) {
-        tiles[0] = viewer->tiles_u;
-        tiles[1] = viewer->tiles_v;
-        if (viewer_index_used(viewer) != NULL)
-            viewer_whole_tiles(viewer, &tiles[0], &tiles[1]);
-    }
+    const double aspect = (double)width / height;
     *ret = (struct relief_scene){
-        .seen = {.index = viewer_index_used(viewer),
-                 .array = viewer->array,
-                 .n_indices = viewer->n_indices,
-                 .sight = {0.0f, 0.0f, 0.0f, 1.0f},
-                 .tiles = {(float)tiles[0], (float)tiles[1]},
+        .seen = {.sight = {0.0f, 0.0f, 0.0f, 1.0f},
                  .width = width,
                  .height = height,
                  .options = s->visibility},
@@ -349,12 +494,13 @@ static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *
         .n_further = s->n_lamps,
         .shadow_size = s->shadow_size,
     };
+    viewer_parts(viewer, s, &ret->seen);
     viewer_fit(viewer, &fitted, aspect);
     camera_matrix(&fitted, viewer->radius, viewer->reach, aspect, ret->seen.projection,
                   ret->seen.sight);
     direction_from_deg(s->light_theta_deg, s->light_phi_deg, ret->light);
     for (int k = 0; k < s->n_lamps; k++)
-        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, ret->further[k]);
+        ret->further[k] = lamp_placed(&s->lamps[k], viewer->radius);
     return relief_prepare(viewer->relief, ret, error);
 }
 
@@ -366,20 +512,16 @@ static void viewer_begin(const struct gpu_target *target) {
     glClear(GL_DEPTH_BUFFER_BIT | GL_COLOR_BUFFER_BIT);
 }
 
-static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *s, int width,
+static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *settings, int width,
                                   int height, GError **error) {
-    const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
-    const guint program = s->plain ? viewer->plain_program
-                                   : programs_get(viewer->programs, kind, viewer->material,
-                                                  viewer_index_used(viewer), s, error);
+    const struct viewer_settings lit = lamp_settings(settings), *s = &lit;
     struct relief_scene scene;
-    if (program == 0 ||
-        !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
+    if (!gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
         !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->scene);
-    viewer_draw_mesh(viewer, program, s, &scene);
-    return backdrop_draw(viewer->backdrop, s, viewer->relief, scene.seen.projection,
+    return viewer_draw_mesh(viewer, s->plain ? viewer->plain_program : 0, s, &scene, error) &&
+           backdrop_draw(viewer->backdrop, s, viewer->relief, scene.seen.projection,
                          scene.seen.sight, error);
 }
 
@@ -396,19 +538,24 @@ static void resolve(Viewer *viewer, const struct viewer_settings *s, int samples
     gpu_fill_screen();
 }
 
-static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *s,
+static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *settings,
                               enum viewer_geometry which, int width, int height, GError **error) {
+    const struct viewer_settings lit = lamp_settings(settings), *s = &lit;
+    const int kind = s->lamp > 0.0 || s->n_lamps == 0 ? GEOMETRY_FIRST
+                     : s->shadows                     ? GEOMETRY_FURTHER_SHADOWS
+                                                      : GEOMETRY_FURTHER;
+    const guint program = viewer_geometry_program(viewer, kind, error);
     struct relief_scene scene;
-    if (!gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
+    if (program == 0 ||
+        !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
         !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->geometry);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
-    glUseProgram(viewer->geometry_program);
-    glUniform1i(glGetUniformLocation(viewer->geometry_program, "which"), which);
-    viewer_draw_mesh(viewer, viewer->geometry_program, s, &scene);
-    return TRUE;
+    glUseProgram(program);
+    glUniform1i(glGetUniformLocation(program, "which"), which);
+    return viewer_draw_mesh(viewer, program, s, &scene, error);
 }
 
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n) {
@@ -492,10 +639,10 @@ float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *s,
 
 float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const float to_view[3],
                           const float to_light[3], int width, int height, GError **error) {
+    const struct viewer_material *m = &viewer->materials[0];
     struct viewer_settings alone = *s;
     alone.ambient = 0;
-    const guint program =
-        programs_get(viewer->programs, PROGRAM_FLAT, viewer->material, NULL, &alone, error);
+    const guint program = programs_get(m->programs, PROGRAM_FLAT, m->material, NULL, &alone, error);
     if (program == 0 ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;
@@ -503,7 +650,7 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const
     glDisable(GL_BLEND);
     glDisable(GL_DEPTH_TEST);
     glUseProgram(program);
-    viewer->method->bind(viewer->material, program, &s->style);
+    m->method->bind(m->material, program, &s->style);
     glUniform3fv(glGetUniformLocation(program, "to_view"), 1, to_view);
     glUniform3fv(glGetUniformLocation(program, "to_light"), 1, to_light);
     gpu_fill_screen();

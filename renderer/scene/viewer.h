@@ -13,12 +13,18 @@
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"
 
-/* Infinitely far away. Brightness 1, as of the first lamp, gives a white diffuser lit from its
- * normal the radiance 1. */
+/* Infinitely far away, or near: then light falls with the square of the distance, and its direction
+ * is another at each point. Brightness 1, as of the first lamp, gives a white diffuser lit from its
+ * normal the radiance 1; of a near lamp at the origin. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
-    double theta_deg, phi_deg;
+    double theta_deg, phi_deg; /* direction from the origin */
     float rgb[3];
+    double distance; /* from the origin, in radii of the mesh; 0: infinitely far away */
+    /* Half the angle of a near lamp's cone of light, and the part of it in which light does not
+     * fall towards the edge (KHR_lights_punctual); 0: it shines all around. */
+    double cone_deg, inner_deg;
+    double aim[3]; /* a point on the cone's axis, in radii; not where the lamp is */
 };
 
 /* World coordinates are the mesh's: z up. Azimuths are from +x, counter-clockwise seen from above.
@@ -28,17 +34,22 @@ struct viewer_settings {
     double camera_distance; /* from the origin, in radii of the mesh; 0: the mesh just fits */
     double camera_pan[2];  /* offset of the point it looks at: right and up, in radii of the mesh */
     double camera_fov_deg; /* of the picture's shorter side */
-    double light_theta_deg, light_phi_deg; /* a light far away */
+    double light_theta_deg, light_phi_deg; /* direction of the light from the origin */
     double lamp;                           /* its brightness */
-    int n_lamps;                           /* number of further lamps */
+    double light_distance, light_cone_deg, light_inner_deg; /* as of viewer_lamp; it aims at the
+                                                               origin */
+    int n_lamps;                                            /* number of further lamps */
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
     double environment_turn_deg; /* of the environment about the vertical axis, counter-clockwise
                                     seen from above */
     int environment_lamps;       /* lamps that stand for the environment, at most */
     double tiles_u, tiles_v;     /* 0: as the mesh has it */
     double exposure_ev;          /* 0: a white diffuser lit from its normal is 0.8 of full scale */
-    double ambient; /* radiance of an even sky, relative to the light's irradiance / π */
-    int samples;    /* supersampling each way */
+    /* Radiance of an even sky, relative to the light's irradiance / π. It is added everywhere; in
+     * shadow it alone is left: ambient / π · L_a with L_a = ∫ T dω of Wang et al. 2005 §4.2, who
+     * show L_a in shadow only. */
+    double ambient;
+    int samples; /* supersampling each way */
     struct method_style style;
     /* These three take viewer_set_mdf(). Silhouettes: where a ray misses the structure, what is
      * behind is seen (Wang et al. 2005 §4.1). Shadows: those that the mesh casts, with silhouettes
@@ -71,7 +82,18 @@ gboolean viewer_open(Viewer *viewer, const struct method *method, const char *pa
 /* Takes the material that the method opened, if it succeeds. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
-gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error); /* copies */
+/* Copies. A part whose material was not added is of the main one. */
+gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
+
+/* A scene has several materials: the functions above set the main one, number 0, and the following
+ * adds another, with so many tiles for one unit of the texture coordinates. Returns its number, −1
+ * on error. The index map, viewer_render_flat() and plain pictures are of the main material alone.
+ */
+#define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
+int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
+                        GError **error);
+/* The MDF of a material of that number. */
+gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
 
 /* The MDF of the material in any of its forms; NULL: none. Copies what it needs. */
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
@@ -129,9 +151,11 @@ float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settin
                             int height, GError **error);
 
 /* What a sample of such a picture needs to be shaded elsewhere; the fourth float as above. Texels
- * are in tiles, +y along the texture's rows downwards; directions are unit, in the local frame;
- * "lit" is how much of the lamp's light arrives (0 … 1), the way from the mesh along the ray to the
- * structure, and that from the eye to the mesh. */
+ * are in tiles, +y along the texture's rows downwards, and third 1 + the number of the material, or
+ * 0 on a back face; directions are unit, in the local frame; "lit" is how much of the lamp's light
+ * arrives (0 … 1; times the irradiance of a near lamp on what faces it, relative to that at the
+ * origin), the way from the mesh along the ray to the structure, and that from the eye to the mesh.
+ * The lamp is the first, or where that is off the first of the further ones, if there are any. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,

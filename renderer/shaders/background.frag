@@ -18,7 +18,8 @@ float arriving(vec3 p) {
 #if LAMP_SHADOWS
     float all = lamp * max(light.z, 0.0), sum = all * lamp_at(p);
     for (int k = 0; k < n_lamps; k++) {
-        float one = dot(lamp_colours[k], vec3(1.0 / 3.0)) * max(lamp_towards[k].z, 0.0);
+        float shines, up = max(towards_lamp(k, p, shines).z, 0.0);
+        float one = dot(lamp_colours[k], vec3(1.0 / 3.0)) * up * shines;
         all += one;
         sum += one * further_at(k, p);
     }

@@ -1,13 +1,24 @@
-// Outputs what code outside the GPU needs to shade a sample; see viewer_render_geometry().
+// Outputs what code outside the GPU needs to shade a sample; see viewer_render_geometry(). The light is
+// that of the first lamp, or with FURTHER that of the first further one.
 uniform int which;
+uniform float material; // 1 + its number
 
 void main() {
     mat3 frame = local_frame();
     vec3 v = normalize(eye - world);
     float way = way_to_structure();
-    vec3 shown = which == 0   ? vec3(texel, gl_FrontFacing ? 1.0 : 0.0)
+    vec3 p = world - way * v;
+#if FURTHER
+    float lit;
+    vec3 l = towards_lamp(0, p, lit);
+    lit *= further_at(0, p);
+#else
+    vec3 l = light;
+    float lit = lamp_at(p);
+#endif
+    vec3 shown = which == 0   ? vec3(texel, gl_FrontFacing ? material : 0.0)
                  : which == 1 ? frame * v
-                 : which == 2 ? frame * light
-                              : vec3(lamp_at(world - way * v), way, length(eye - world));
+                 : which == 2 ? frame * l
+                              : vec3(lit, way, length(eye - world));
     colour = vec4(shown, 1.0);
 }

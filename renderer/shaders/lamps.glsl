@@ -13,7 +13,8 @@ vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 }
 
 // Radiance of a point p under the first lamp (of which the share lit arrives), the even sky and all
-// further lamps.
+// further lamps. In the shadow of all lamps the sky is left: ambient / π · L_a (Wang et al. 2005 §4.2).
+// NO_FIRST_LAMP is defined where the first lamp and the sky give no light.
 vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;
 #if PLACES
@@ -21,11 +22,20 @@ vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
 #else
     places at = one_place(texel);
 #endif
-    vec3 sum = btf_at(at, v, frame * light, lit * lamp);
+    vec3 sum = vec3(0.0);
+#ifndef NO_FIRST_LAMP
+    sum = btf_at(at, v, frame * light, lit * lamp);
+#endif
 #if LAMPS
     ambient = 0.0;
-    for (int k = 0; k < n_lamps; k++)
-        sum += lamp_colours[k] * btf_at(at, v, frame * lamp_towards[k], further_at(k, p));
+    for (int k = 0; k < n_lamps; k++) {
+        float shines;
+        vec3 l = towards_lamp(k, p, shines);
+        sum += lamp_colours[k] * btf_at(at, v, frame * l, shines * further_at(k, p));
+    }
+#endif
+#ifdef NEAR_LAMPS
+    sum = min(sum, vec3(6e4)); // of half floats; light has no limit near its lamp
 #endif
     return sum;
 }

@@ -237,6 +237,7 @@ void mesh_free(struct mesh *mesh) {
     g_free(mesh->name);
     g_free(mesh->vertices);
     g_free(mesh->indices);
+    g_free(mesh->parts);
     g_free(mesh);
 }
 

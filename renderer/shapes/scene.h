@@ -29,6 +29,12 @@ struct vertex {
     float uv[2];
 };
 
+/* Indices of one material, see mesh.parts. */
+struct mesh_part {
+    guint first_index, n_indices;
+    int material; /* number of the renderer's, from 0 */
+};
+
 struct mesh {
     char *name;
     struct vertex *vertices;
@@ -40,6 +46,10 @@ struct mesh {
     /* The last of vertices and indices are a floor, which receives shadows and casts none, and need
      * neither lie within the radius nor fit into the picture. */
     guint n_floor_vertices, n_floor_indices;
+    /* In the order of the indices, of which they hold each once; a part is of the floor or not.
+     * 0: all is of material 0. */
+    struct mesh_part *parts;
+    guint n_parts;
 };
 
 typedef struct mesh Mesh;

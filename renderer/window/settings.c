@@ -50,6 +50,18 @@ const struct setting settings_table[SETTINGS] = {
     [SETTING_LIGHT_BRIGHTNESS] = {"light-brightness", "brightness", SETTING_NUMBER,
                                   AT(settings.lamp), 0.0, 4.0, "%.2f", "FACTOR",
                                   "Of the light, default 1, with --environment 0"},
+    [SETTING_LIGHT_DISTANCE] = {"light-distance", "distance", SETTING_NUMBER,
+                                AT(settings.light_distance), 0.0, 10.0, "%.2f", "R",
+                                "Of the light from the middle of the shape, in radii of the shape; "
+                                "default 0: infinitely far away"},
+    [SETTING_LIGHT_CONE] = {"light-cone-deg", "cone", SETTING_NUMBER, AT(settings.light_cone_deg),
+                            0.0, 90.0, "%.0f°", "DEG",
+                            "With --light-distance: a spot on the middle of the shape, whose light "
+                            "ends this far from its axis; default 0: it shines all around"},
+    [SETTING_LIGHT_INNER] = {"light-inner-deg", "full within", SETTING_NUMBER,
+                             AT(settings.light_inner_deg), 0.0, 90.0, "%.0f°", "DEG",
+                             "With --light-cone-deg: the spot is full within this angle of its "
+                             "axis, and falls from there to the edge; default 0"},
     [SETTING_LAMP] = OTHER("lamp", "lamp"),
     [SETTING_ENVIRONMENT] = OTHER("environment", "environment"),
     [SETTING_ENVIRONMENT_TURN] = {"environment-turn-deg", "turned by", SETTING_NUMBER,
@@ -193,8 +205,11 @@ char *settings_command(const struct viewer_options *o, const struct settings_pic
         command_add(command, "index", command_file(o->index_path));
     for (int k = 0; k < picture->n_lamps; k++) {
         const struct viewer_lamp *l = &s->lamps[k];
-        const double values[5] = {l->theta_deg, l->phi_deg, l->rgb[0], l->rgb[1], l->rgb[2]};
-        command_add(command, "lamp", command_numbers(values, 5, ","));
+        const double values[8] = {l->theta_deg,      l->phi_deg,        (double)l->rgb[0],
+                                  (double)l->rgb[1], (double)l->rgb[2], l->distance,
+                                  l->cone_deg,       l->inner_deg};
+        const int n = l->distance == 0.0 ? 5 : l->cone_deg == 0.0 ? 6 : 8;
+        command_add(command, "lamp", command_numbers(values, n, ","));
     }
     if (o->environment != NULL)
         command_add(command, "environment", command_file(o->environment));

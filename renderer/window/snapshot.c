@@ -28,7 +28,21 @@ static char *lamps_of(const struct viewer_settings *s) {
         g_string_append_printf(text, "%s%.6g,%.6g,%.6g,%.6g,%.6g", k == 0 ? ": " : "; ",
                                l->theta_deg, l->phi_deg, (double)l->rgb[0], (double)l->rgb[1],
                                (double)l->rgb[2]);
+        if (l->distance > 0.0)
+            g_string_append_printf(text, ",%.6g,%.6g,%.6g", l->distance, l->cone_deg, l->inner_deg);
     }
+    return g_string_free(text, FALSE);
+}
+
+/* Where the first lamp is. */
+static char *light_of(const struct viewer_settings *s) {
+    GString *text = g_string_new(NULL);
+    g_string_printf(text, "theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg);
+    if (s->light_distance > 0.0)
+        g_string_append_printf(text, ", distance %.10g", s->light_distance);
+    if (s->light_distance > 0.0 && s->light_cone_deg > 0.0)
+        g_string_append_printf(text, ", cone %.10g deg, full within %.10g deg", s->light_cone_deg,
+                               s->light_inner_deg);
     return g_string_free(text, FALSE);
 }
 
@@ -78,9 +92,7 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
     add_text(texts, "Shape", file_of(snapshot->shape));
     add_text(texts, "Floor", o->floor ? g_strdup("of the material") : NULL);
     add_text(texts, "Tiles", g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v));
-    add_text(
-        texts, "Light",
-        g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg));
+    add_text(texts, "Light", light_of(s));
     add_text(texts, "Lamps", lamps_of(s));
     add_text(texts, "Environment",
              g_strconcat(environment != NULL ? environment : "none", turned,

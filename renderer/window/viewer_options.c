@@ -47,14 +47,14 @@ static gboolean parse_rotation(const char *option, const char *value, gpointer d
     return bad(error, option, value, "exact, approximate or none");
 }
 
-/* Parses THETA,PHI[,R,G,B]; the colour may be missing. */
+/* Parses THETA,PHI[,R,G,B[,DISTANCE[,CONE[,INNER]]]]. */
 static gboolean parse_lamp(const char *option, const char *value, gpointer data, GError **error) {
     struct viewer_options *o = data;
     struct viewer_settings *s = &o->settings;
-    double numbers[5] = {0, 0, 1, 1, 1};
+    double numbers[8] = {0, 0, 1, 1, 1, 0, 0, 0};
     g_auto(GStrv) parts = g_strsplit(value, ",", -1);
     const guint n = g_strv_length(parts);
-    gboolean good = (n == 2 || n == 5) && s->n_lamps < VIEWER_MAX_LAMPS;
+    gboolean good = (n == 2 || (n >= 5 && n <= 8)) && s->n_lamps < VIEWER_MAX_LAMPS;
     for (guint k = 0; good && k < n; k++) {
         char *end;
         numbers[k] = g_ascii_strtod(parts[k], &end);
@@ -62,9 +62,17 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
                (k == 1 || numbers[k] >= 0.0);
     }
     if (!good)
-        return bad(error, option, value, "THETA,PHI or THETA,PHI,R,G,B, 64 times at most,");
+        return bad(error, option, value,
+                   "THETA,PHI or THETA,PHI,R,G,B, or with DISTANCE, CONE, INNER behind that, 64 "
+                   "times at most,");
     s->lamps[s->n_lamps++] = (struct viewer_lamp){
-        numbers[0], numbers[1], {(float)numbers[2], (float)numbers[3], (float)numbers[4]}};
+        .theta_deg = numbers[0],
+        .phi_deg = numbers[1],
+        .rgb = {(float)numbers[2], (float)numbers[3], (float)numbers[4]},
+        .distance = numbers[5],
+        .cone_deg = numbers[6],
+        .inner_deg = numbers[7],
+    };
     return TRUE;
 }
 
@@ -113,8 +121,8 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         OPTION("size", STRING, &o->size, "WxH", "Pixels, default 800x600, of the window 1200x800"),
         OPTION("tiles", STRING, &o->tiles, "N|UxV",
                "Repetitions of the material along the shape, for example 8x3"),
-        OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B]",
-               "A further lamp; may be given again"),
+        OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B[,DISTANCE[,CONE[,INNER]]]]",
+               "A further lamp, as --light-distance and so on have it; may be given again"),
         OPTION("environment", FILENAME, &o->environment, "studio|overcast|FILE.exr",
                "Light from all directions instead of the lamp: computed, or a picture (EXR, zenith "
                "in its first row)"),
@@ -286,8 +294,12 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--measured goes with --render OUT.png of one picture, and a session"},
         {o->live && (!session || !first || o->second != NULL),
          "--live goes with a session and --method eigenmaps"},
-        {o->reference && (o->environment != NULL || s->n_lamps > 0),
-         "--reference knows one lamp, not --lamp or --environment"},
+        {s->plain && s->light_distance > 0.0,
+         "--plain knows a light far away, not --light-distance"},
+        {o->measured && s->light_distance > 0.0,
+         "--measured compares with a light far away, not --light-distance"},
+        {s->light_cone_deg > 0.0 && s->light_distance == 0.0,
+         "--light-cone-deg goes with --light-distance"},
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
                               (o->second != NULL && o->second->product == NULL)),
          "--index goes with a MATERIAL, not with --plain, --live or --measured"},

@@ -37,12 +37,13 @@ void window_set_environment(struct window *w, struct environment *environment, c
 
 void window_add_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
-    if (w->n_lamps >= VIEWER_MAX_LAMPS - (w->environment != NULL)) {
-        window_say(w, "There are 64 lamps already; remove one first.");
+    if (w->n_lamps >= VIEWER_MAX_LAMPS - 1 - (w->environment != NULL)) { /* and a near light */
+        window_say(w, "There are 63 lamps already; remove one first.");
         return;
     }
-    s->lamps[w->n_lamps++] =
-        (struct viewer_lamp){45.0, s->light_phi_deg + 120.0 * w->n_lamps, {0.5F, 0.5F, 0.5F}};
+    s->lamps[w->n_lamps++] = (struct viewer_lamp){.theta_deg = 45.0,
+                                                  .phi_deg = s->light_phi_deg + 120.0 * w->n_lamps,
+                                                  .rgb = {0.5F, 0.5F, 0.5F}};
     w->lamp = w->n_lamps;
     window_relight(w);
 }
@@ -115,6 +116,22 @@ static void draw_glyph(struct window *w) {
         window_move_lamp(w, theta - dots[held].theta_deg, phi - dots[held].phi_deg);
 }
 
+/* A slider of a lamp, which the table has for the first light. */
+static void lamp_slider(struct window *w, enum setting_id id, double *value) {
+    const struct setting *setting = &settings_table[id];
+    w->stale |= ui_slider(setting->label, value, setting->low, setting->high, setting->format);
+}
+
+/* Of a lamp far away there is no cone. */
+static void draw_lamp_place(struct window *w, double *distance, double *cone, double *inner) {
+    lamp_slider(w, SETTING_LIGHT_DISTANCE, distance);
+    if (*distance == 0.0)
+        return;
+    lamp_slider(w, SETTING_LIGHT_CONE, cone);
+    if (*cone > 0.0)
+        lamp_slider(w, SETTING_LIGHT_INNER, inner);
+}
+
 static void draw_chosen_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
     if (w->lamp == 0) {
@@ -124,6 +141,7 @@ static void draw_chosen_lamp(struct window *w) {
         if (!window_draw_setting(w, SETTING_LIGHT_PHI))
             s->light_phi_deg = phi;
         window_draw_setting(w, SETTING_LIGHT_BRIGHTNESS);
+        draw_lamp_place(w, &s->light_distance, &s->light_cone_deg, &s->light_inner_deg);
     } else if (w->lamp <= w->n_lamps) {
         struct viewer_lamp *lamp = &s->lamps[w->lamp - 1];
         double phi = around(lamp->phi_deg);
@@ -133,6 +151,7 @@ static void draw_chosen_lamp(struct window *w) {
             w->stale = TRUE;
         }
         w->stale |= ui_colour("colour", lamp->rgb);
+        draw_lamp_place(w, &lamp->distance, &lamp->cone_deg, &lamp->inner_deg);
     } else {
         double turn = around(s->environment_turn_deg);
         if (ui_slider(settings_table[SETTING_ENVIRONMENT_TURN].label, &turn, 0.0, 360.0, "%.0f°"))

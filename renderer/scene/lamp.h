@@ -1,0 +1,18 @@
+/* The lamps of a picture's settings where the mesh is: what shaders and shadow maps take of them.
+ */
+#pragma once
+
+#include "viewer.h"
+
+/* Settings whose first lamp is far away or off: one that is near becomes the first of the further
+ * ones, which may all be near. Needs room for it: viewer_settings_check(). */
+struct viewer_settings lamp_settings(const struct viewer_settings *settings);
+
+gboolean lamp_any_near(const struct viewer_settings *settings); /* of the further ones */
+
+/* radius: of the mesh. */
+struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius);
+
+/* Of a spot that lights with full strength within half an angle of inner_deg and ends at
+ * place->cone_rad: what further.glsl says of lamp_cones[]. */
+void lamp_cone(const struct shadow_lamp *placed, double inner_deg, float ret[4]);
