@@ -4,6 +4,7 @@
  */
 #pragma once
 
+#include "base/vec.h"
 #include "mdf_lines.h"
 
 #include <gio/gio.h>
@@ -19,6 +20,16 @@ struct mdf_plane { /* texels of the reference plane, see pipeline.h */
     int width, height;
     double texel_mm, reference_mm;
 };
+
+/* The point on the ray of texel i at a distance behind the reference plane. */
+struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
+                            double distance_mm);
+
+/* Position in texels (from the centre of the first) at which the ray to a point crosses the
+ * reference plane, and the point's distance behind it. FALSE:
+ * outside of the texels; set all the same. */
+gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
+                           double *ret_column, double *ret_row, double *ret_mm);
 
 /* Counts for each texel of a view how many of the n − 1 other views confirm its point (they see it
  * there, to a third of a texel plus the slope of the surface between texels), and how many deny it

@@ -1,22 +1,12 @@
 /* Looking up a point of one view in another: shared by mdf_views.c and mdf_settle.c. Any thread. */
 #pragma once
 
-#include "base/vec.h"
 #include "mdf_views.h"
 
 #define MDF_TOLERANCE  0.33 /* of a texel: closer points are on the same surface */
 #define MDF_MOST_ASKED 24   /* views that each is compared with: of more, an even selection */
 
 enum mdf_answer { MDF_NO_ANSWER, MDF_CONFIRMED, MDF_DENIED };
-
-/* The point on the ray of texel i at a distance behind the reference plane. */
-struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
-                            double distance_mm);
-
-/* Position in texels (from the centre of the first) at which the ray to a point crosses the
- * reference plane, and the point's distance behind it. FALSE: outside of the texels. */
-gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
-                           double *ret_column, double *ret_row, double *ret_mm);
 
 enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
                               struct vec3 p);

@@ -1,0 +1,430 @@
+#include "surface.h"
+
+#include "base/data_error.h"
+#include "directions/directions.h"
+#include "exr/exr.h"
+
+#include <math.h>
+#include <string.h>
+
+/* TOLERANCE, EPSILON, SHORTER, CUBIC and ONE_COLOUR were chosen on the weave and the brick of
+ * tests/bench/fast_materials, see docs/fast.md. */
+#define TOLERANCE 0.5  /* of a texel, see T_i */
+#define ERRORS    2.0  /* standard errors, likewise */
+#define EPSILON   0.05 /* see w_i */
+#define SHORTER   0.7  /* likewise */
+#define NEAREST   8    /* views that have a weight h, at most */
+#define STEP      0.25 /* of a texel: between points of a ray that are examined */
+#define ONE_SURFACE                                                                                \
+    0.75 /* of a texel, over the cosine of the view's polar angle: neighbours with a larger step   \
+            in distance lie on different surfaces */
+/* The same of texels whose values are mixed: a value is that of a texel's whole area, and at a step
+ * two values are nearer to what is there than one. */
+#define ONE_COLOUR 1.6
+#define CUBIC      -0.6F /* of Keys' kernel */
+#define HALVINGS   6     /* of STEP, once the surface lies within it */
+
+struct eye { /* a view */
+    struct mdf_eye mdf;
+    struct vec3 direction; /* from the plane's centre, unit */
+    float step_mm;         /* see ONE_SURFACE */
+    float colour_mm;       /* see ONE_COLOUR */
+    float *distance, *error_mm;
+};
+
+struct Surface {
+    struct mdf_plane plane;
+    int n;
+    struct eye *eyes;
+    gboolean tiled;
+    Directions *directions;
+    double radius_mm;  /* mean distance of the cameras from the plane's centre */
+    double deepest_mm; /* below the reference plane */
+};
+
+static struct vec3 surface_centre(const double centre_mm[3]) {
+    return vec3(centre_mm[0], centre_mm[1], centre_mm[2]);
+}
+
+static gboolean surface_add_eye(Surface *s, int k, const struct surface_view *view,
+                                GError **error) {
+    const gsize n = (gsize)s->plane.width * (gsize)s->plane.height;
+    struct eye *eye = &s->eyes[k];
+    const struct vec3 centre =
+        vec3_sub(surface_centre(view->centre_mm), vec3(0, 0, s->plane.reference_mm));
+    if (!(centre.z > 0)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "view %d: its camera is at z = %g mm, not above the reference plane", k,
+                    view->centre_mm[2]);
+        return FALSE;
+    }
+    eye->distance = g_memdup2(view->distance, n * sizeof(float));
+    eye->error_mm = view->error_mm ? g_memdup2(view->error_mm, n * sizeof(float)) : NULL;
+    memcpy(eye->mdf.centre_mm, view->centre_mm, sizeof eye->mdf.centre_mm);
+    eye->mdf.distance = eye->distance;
+    eye->direction = vec3_unit(centre);
+    eye->step_mm = (float)(ONE_SURFACE * s->plane.texel_mm / MAX(eye->direction.z, 0.1));
+    eye->colour_mm = eye->step_mm * (float)(ONE_COLOUR / ONE_SURFACE);
+    s->radius_mm += vec3_length(centre) / s->n;
+    for (gsize i = 0; i < n; i++)
+        if (eye->distance[i] >= 0)
+            s->deepest_mm =
+                MAX(s->deepest_mm,
+                    s->plane.reference_mm -
+                        mdf_views_point(&eye->mdf, &s->plane, (int)i, (double)eye->distance[i]).z);
+    return TRUE;
+}
+
+Surface *surface_new(const struct mdf_plane *plane, const struct surface_view *views, int n,
+                     gboolean tiled, GError **error) {
+    if (n < 1) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views");
+        return NULL;
+    }
+    g_autoptr(Surface) s = g_new0(Surface, 1);
+    g_autofree float *theta_deg = g_new(float, n), *phi_deg = g_new(float, n);
+    s->plane = *plane;
+    s->n = n;
+    s->tiled = tiled;
+    s->eyes = g_new0(struct eye, n);
+    s->deepest_mm = -1;
+    for (int k = 0; k < n; k++) {
+        if (!surface_add_eye(s, k, &views[k], error))
+            return NULL;
+        const struct vec3 v = s->eyes[k].direction;
+        theta_deg[k] = (float)(acos(CLAMP(v.z, 0, 1)) * 180 / G_PI);
+        phi_deg[k] = (float)(atan2(v.y, v.x) * 180 / G_PI);
+    }
+    if (s->deepest_mm < 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "no view knows any distance");
+        return NULL;
+    }
+    s->directions = directions_new_triangulated(theta_deg, phi_deg, n, error);
+    return s->directions ? g_steal_pointer(&s) : NULL;
+}
+
+void surface_free(Surface *s) {
+    if (!s)
+        return;
+    for (int k = 0; k < s->n; k++) {
+        g_free(s->eyes[k].distance);
+        g_free(s->eyes[k].error_mm);
+    }
+    g_free(s->eyes);
+    directions_free(s->directions);
+    g_free(s);
+}
+
+const struct mdf_plane *surface_plane(const Surface *s) {
+    return &s->plane;
+}
+
+void surface_texel_mm(const Surface *s, int texel, double ret_mm[2]) {
+    const int column = texel % s->plane.width, row = texel / s->plane.width;
+    ret_mm[0] = (column + 0.5 - 0.5 * s->plane.width) * s->plane.texel_mm;
+    ret_mm[1] = (0.5 * s->plane.height - row - 0.5) * s->plane.texel_mm;
+}
+
+struct vec3 surface_towards(const Surface *s, const struct surface_target *target,
+                            const double at_mm[2]) {
+    if (!target->near)
+        return target->at;
+    return vec3_unit(vec3_sub(target->at, vec3(at_mm[0], at_mm[1], s->plane.reference_mm)));
+}
+
+/* Index of the view among the weights, which is added if it is not there; −1: they are full. */
+static int surface_weight_of(struct surface_weights *weights, int view) {
+    for (int k = 0; k < weights->n; k++)
+        if (weights->view[k] == view)
+            return k;
+    if (weights->n == SURFACE_MOST_VIEWS)
+        return -1;
+    weights->view[weights->n] = view;
+    weights->flat[weights->n] = weights->value[weights->n] = weights->depth[weights->n] = 0;
+    return weights->n++;
+}
+
+/* h: Franke and Little's weights of the NEAREST views; ret_view is by distance. Returns their
+ * number. */
+static int surface_nearest(const Surface *s, struct vec3 v, int ret_view[NEAREST],
+                           double ret_weight[NEAREST]) {
+    double r[NEAREST + 1], sum = 0;
+    int view[NEAREST + 1], n = 0;
+    for (int k = 0; k < s->n; k++) {
+        const double distance = vec3_length(vec3_sub(s->eyes[k].direction, v));
+        int at = MIN(n, NEAREST);
+        if (n == NEAREST + 1 && distance >= r[NEAREST])
+            continue;
+        for (; at > 0 && r[at - 1] > distance; at--) {
+            r[at] = r[at - 1];
+            view[at] = view[at - 1];
+        }
+        r[at] = distance;
+        view[at] = k;
+        n = MIN(n + 1, NEAREST + 1);
+    }
+    const double end = n > NEAREST ? r[NEAREST] : 1.5 * r[n - 1] + 1e-6;
+    n = MIN(n, NEAREST);
+    for (int k = 0; k < n; k++) {
+        const double at = MAX(r[k], 1e-6), h = MAX(end - at, 0) / (end * at);
+        ret_view[k] = view[k];
+        ret_weight[k] = h * h;
+        sum += h * h;
+    }
+    for (int k = 0; k < n; k++)
+        ret_weight[k] = sum > 0 ? ret_weight[k] / sum : 1.0 / n;
+    return n;
+}
+
+void surface_weigh(const Surface *s, const double at_mm[2], struct vec3 v,
+                   struct surface_weights *ret) {
+    const struct vec3 nominal =
+        vec3_unit(vec3(at_mm[0] + s->radius_mm * v.x, at_mm[1] + s->radius_mm * v.y,
+                       s->radius_mm * MAX(v.z, 1e-3)));
+    struct direction_weights flat;
+    int view[NEAREST];
+    double weight[NEAREST];
+    float sum = 0;
+    ret->n = 0;
+    directions_weights(s->directions, nominal, &flat);
+    for (int i = 0; i < 4; i++) {
+        if (!(flat.weight[i] > 0))
+            continue;
+        const int k = surface_weight_of(ret, flat.index[i]);
+        const double cosine = s->eyes[flat.index[i]].direction.z;
+        ret->flat[k] += flat.weight[i];
+        ret->depth[k] += flat.weight[i];
+        ret->value[k] += flat.weight[i] * (float)pow(cosine, SHORTER);
+    }
+    for (int k = 0; k < ret->n; k++)
+        sum += ret->value[k];
+    for (int k = 0; k < ret->n; k++)
+        ret->value[k] /= sum;
+    const int n = surface_nearest(s, nominal, view, weight);
+    for (int i = 0; i < n; i++) {
+        const int k = surface_weight_of(ret, view[i]);
+        ret->value[k] += (float)(EPSILON * weight[i]);
+        ret->depth[k] += (float)weight[i];
+    }
+}
+
+/* Moves a texel onto the plane: repeated, or where it is beyond the border that at the border. */
+static int surface_texel(const Surface *s, int x, int y) {
+    const int width = s->plane.width, height = s->plane.height;
+    if (s->tiled) {
+        x = ((x % width) + width) % width;
+        y = ((y % height) + height) % height;
+    }
+    return CLAMP(y, 0, height - 1) * width + CLAMP(x, 0, width - 1);
+}
+
+/* A position among texels: the one before it in both directions, and the rest, 0 … 1. */
+struct place {
+    int i, j;
+    float u, v;
+};
+
+/* FALSE: outside of the texels. */
+static gboolean surface_place(const Surface *s, double column, double row, struct place *ret) {
+    if (!(fabs(column) < 1e6 && fabs(row) < 1e6))
+        return FALSE;
+    ret->i = (int)floor(column);
+    ret->j = (int)floor(row);
+    ret->u = (float)(column - ret->i);
+    ret->v = (float)(row - ret->j);
+    return s->tiled || (column >= -0.5 && row >= -0.5 && column <= s->plane.width - 0.5 &&
+                        row <= s->plane.height - 0.5);
+}
+
+/* The four texels around a place, and their bilinear weights. */
+static void surface_four(const Surface *s, const struct place *at, int ret_texel[4],
+                         float ret_weight[4]) {
+    for (int k = 0; k < 4; k++) {
+        ret_texel[k] = surface_texel(s, at->i + (k & 1), at->j + (k >> 1));
+        ret_weight[k] = (k & 1 ? at->u : 1 - at->u) * (k >> 1 ? at->v : 1 - at->v);
+    }
+}
+
+/* Weights of four samples at −1, 0, 1, 2 for the value at u (Keys 1981). */
+static void surface_cubic(float u, float ret[4]) {
+    const float a = CUBIC;
+    for (int k = 0; k < 4; k++) {
+        const float x = fabsf(u - (float)(k - 1));
+        ret[k] = x <= 1 ? ((a + 2) * x - (a + 3)) * x * x + 1
+                        : ((a * x - 5 * a) * x + 8 * a) * x - 4 * a;
+    }
+}
+
+/* What a view knows of a point. */
+struct look {
+    double q; /* INFINITY: nothing */
+    struct place at;
+    float distance; /* of the nearest texel */
+    int texel[4];
+    float weight[4]; /* sum 1; 0: of another surface */
+};
+
+static void surface_examine(const Surface *s, const struct eye *eye, struct vec3 p,
+                            struct look *ret) {
+    double column, row, mm;
+    ret->q = INFINITY;
+    mdf_views_look_up(&eye->mdf, &s->plane, p, &column, &row, &mm);
+    if (!surface_place(s, column, row, &ret->at))
+        return;
+    surface_four(s, &ret->at, ret->texel, ret->weight);
+    int nearest = -1;
+    for (int k = 0; k < 4; k++)
+        if (eye->distance[ret->texel[k]] >= 0 &&
+            (nearest < 0 || ret->weight[k] > ret->weight[nearest]))
+            nearest = k;
+    if (nearest < 0)
+        return;
+    ret->distance = eye->distance[ret->texel[nearest]];
+    float sum = 0, distance = 0, error_mm = 0;
+    for (int k = 0; k < 4; k++) {
+        const float d = eye->distance[ret->texel[k]];
+        if (!(d >= 0) || fabsf(d - ret->distance) > eye->step_mm)
+            ret->weight[k] = 0;
+        sum += ret->weight[k];
+        distance += ret->weight[k] * d;
+        if (eye->error_mm)
+            error_mm += ret->weight[k] * MAX(eye->error_mm[ret->texel[k]], 0);
+    }
+    if (!(sum > 1e-6F))
+        return;
+    for (int k = 0; k < 4; k++)
+        ret->weight[k] /= sum;
+    const double tolerance = TOLERANCE * s->plane.texel_mm + ERRORS * (double)(error_mm / sum);
+    ret->q = (mm - (double)(distance / sum)) / tolerance;
+}
+
+/* The texels of a value: 4 × 4 where all of them lie on one surface, else the four around. */
+static int surface_spread(const Surface *s, int view, const struct look *look, double weight,
+                          struct surface_tap *ret) {
+    const struct eye *eye = &s->eyes[view];
+    float across[4], down[4];
+    int n = 0;
+    gboolean one = TRUE;
+    surface_cubic(look->at.u, across);
+    surface_cubic(look->at.v, down);
+    for (int k = 0; k < 16 && one; k++) {
+        const int texel = surface_texel(s, look->at.i - 1 + k % 4, look->at.j - 1 + k / 4);
+        const float d = eye->distance[texel];
+        ret[k] = (struct surface_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
+        /* Two texels apart, where the step may be twice as large. */
+        one = d >= 0 && fabsf(d - look->distance) <= 2 * eye->colour_mm;
+    }
+    if (one)
+        return 16;
+    float share[4], sum = 0;
+    int texel[4];
+    surface_four(s, &look->at, texel, share);
+    for (int k = 0; k < 4; k++) {
+        const float d = eye->distance[texel[k]];
+        if (!(d >= 0) || fabsf(d - look->distance) > eye->colour_mm)
+            share[k] = 0;
+        sum += share[k];
+    }
+    for (int k = 0; k < 4; k++)
+        if (share[k] > 0)
+            ret[n++] = (struct surface_tap){view, texel[k], (float)weight * share[k] / sum};
+    return n;
+}
+
+/* s(q) */
+static double surface_visible(double q) {
+    return CLAMP(2 - fabs(q), 0, 1);
+}
+
+/* F at a point. */
+static double surface_vote(const Surface *s, struct vec3 p, const struct surface_weights *weights) {
+    double sum = 0;
+    for (int k = 0; k < weights->n; k++) {
+        struct look look;
+        surface_examine(s, &s->eyes[weights->view[k]], p, &look);
+        const double q = look.q, f = q < -1 ? -1 : q <= 1 ? q : q < 2 ? 2 - q : 0;
+        sum += (double)weights->depth[k] * f;
+    }
+    return sum;
+}
+
+static struct vec3 surface_point(const Surface *s, const double at_mm[2], struct vec3 v,
+                                 double mm) {
+    return vec3_sub(vec3(at_mm[0], at_mm[1], s->plane.reference_mm), vec3_scale(v, mm));
+}
+
+/* Marches along the ray to where F rises through 0, and halves the last step. −1: nowhere. */
+static double surface_march(const Surface *s, const double at_mm[2], struct vec3 v,
+                            const struct surface_weights *weights) {
+    const double step = STEP * s->plane.texel_mm, end = (s->deepest_mm + step) / MAX(v.z, 0.05);
+    double before = -2 * step, vote = surface_vote(s, surface_point(s, at_mm, v, before), weights);
+    for (double at = -step; at < end + 2 * step; at += step) {
+        const double next = surface_vote(s, surface_point(s, at_mm, v, at), weights);
+        if (vote < 0 && next > 0) {
+            double low = before, high = at;
+            for (int k = 0; k < HALVINGS; k++) {
+                const double middle = 0.5 * (low + high);
+                if (surface_vote(s, surface_point(s, at_mm, v, middle), weights) > 0)
+                    high = middle;
+                else
+                    low = middle;
+            }
+            return MAX(0.5 * (low + high), 0);
+        }
+        before = at;
+        vote = next;
+    }
+    return -1;
+}
+
+void surface_trace(const Surface *s, const double at_mm[2], struct vec3 v,
+                   const struct surface_weights *weights, struct surface_hit *ret) {
+    *ret = (struct surface_hit){.mm = surface_march(s, at_mm, v, weights)};
+    ret->p = surface_point(s, at_mm, v, MAX(ret->mm, 0));
+    for (int k = 0; ret->mm >= 0 && k < weights->n; k++) {
+        struct look look;
+        surface_examine(s, &s->eyes[weights->view[k]], ret->p, &look);
+        ret->weight += (double)weights->value[k] * surface_visible(look.q);
+    }
+    ret->seen = ret->weight > 1e-6;
+    if (ret->seen)
+        return;
+    *ret = (struct surface_hit){.mm = -1, .p = surface_point(s, at_mm, v, 0)};
+    for (int k = 0; k < weights->n; k++)
+        ret->weight += (double)weights->flat[k];
+}
+
+int surface_look(const Surface *s, const struct surface_hit *hit,
+                 const struct surface_weights *weights, int k,
+                 struct surface_tap ret[SURFACE_VIEW_TAPS]) {
+    const int view = weights->view[k];
+    struct look look = {0};
+    if (hit->seen) {
+        surface_examine(s, &s->eyes[view], hit->p, &look);
+        const double weight = (double)weights->value[k] * surface_visible(look.q);
+        return weight > 0 ? surface_spread(s, view, &look, weight / hit->weight, ret) : 0;
+    }
+    const double column = hit->p.x / s->plane.texel_mm + 0.5 * s->plane.width - 0.5;
+    const double row = 0.5 * s->plane.height - hit->p.y / s->plane.texel_mm - 0.5;
+    if (!surface_place(s, column, row, &look.at))
+        return 0;
+    surface_four(s, &look.at, look.texel, look.weight);
+    int n = 0;
+    for (int i = 0; i < 4; i++)
+        if (look.weight[i] > 0 && weights->flat[k] > 0)
+            ret[n++] = (struct surface_tap){view, look.texel[i],
+                                            (float)((double)weights->flat[k] / hit->weight) *
+                                                look.weight[i]};
+    return n;
+}
+
+int surface_taps(const Surface *s, const double at_mm[2], struct vec3 v,
+                 struct surface_hit *ret_hit, struct surface_tap ret[SURFACE_MOST_TAPS]) {
+    struct surface_weights weights;
+    int n = 0;
+    surface_weigh(s, at_mm, v, &weights);
+    surface_trace(s, at_mm, v, &weights, ret_hit);
+    for (int k = 0; k < weights.n; k++)
+        n += surface_look(s, ret_hit, &weights, k, ret + n);
+    return n;
+}

@@ -1,0 +1,118 @@
+/*
+ * Interpolation between views along the surface. Where there is relief, a texel x of the reference
+ * plane shows another surface point in each view, so that a mix of its values has ghosts. The MDF
+ * of each view says which point that is: a new view is predicted by moving the measured views'
+ * pictures along the surface first, each as far as it sees that surface, and mixing them then.
+ *
+ * Symbols. v: the unit vector from x towards a new camera; v_i, c_i: direction and camera of the
+ * measured view i; D_i its MDF (pipeline.h: the distance of the surface behind x_i, along the ray).
+ *
+ *   p(t) = x − v t                 the new view's ray, behind the reference plane for t > 0
+ *   x_i, m_i                       where the ray from p to c_i crosses the reference plane, and how
+ *                                  far behind it p lies
+ *   q_i(p) = (m_i − D_i(x_i)) / T_i
+ *     T_i = ½ texel + 2 S_i        tolerance, S_i the MDF's standard error there
+ *     q < −1: view i sees through p; |q| ≤ 1: it sees p; q > 2: something hides p from it
+ *   F(t) = Σ_i u_i f(q_i)          f(q) = −1 below −1, q to 1, 2 − q to 2, 0 beyond
+ *   d(x, v)                        the MDF of the new view: the least t at which F rises through 0,
+ *                                  the first point that the views see, and do not see through
+ *   s(q) = 1 for |q| ≤ 1, 2 − |q| to 2, 0 beyond
+ *   B(x, v, l) = Σ_i w_i s(q_i) B(x_i, v_i, l) / Σ_i w_i s(q_i)     at p = p(d)
+ *
+ * w_i = b_i' + ε h_i with b_i' = b_i (cos θ_i)^a / Σ_j b_j (cos θ_j)^a, and u_i = b_i + h_i. b are
+ * barycentric weights of v in the triangulation of the measured directions (directions.h); outside
+ * of them those of the nearest point of their border. h are weights of the nearest views,
+ * continuous in v (Franke & Little 1980: ((R − r_i) / (R r_i))² with r_i the distance of the
+ * directions, R that of the first view without weight; their sum is 1). They count for values where
+ * no view of the triangle sees p. The cosine lets a slanted view, whose pixels are larger on the
+ * sample, count less. All weights are continuous in v, so that no seam appears where the
+ * triangle changes, and at a measured direction the view itself alone counts. Values still change
+ * at once where a view loses sight of a surface that it grazes.
+ *
+ * D_i is bilinear among those of the four texels around x_i that lie on one surface with the
+ * nearest: edges are not bridged. B(x_i, …) is bicubic (Keys 1981) where the 16 texels around x_i
+ * lie on one surface, else bilinear like D_i. Where no view sees anything on the ray, values are
+ * mixed at x as if the material were flat, and the hit says so.
+ *
+ * Directions differ from texel to texel, since cameras are near (near_field.h): v counts as the
+ * direction from the sample's centre to the point x + R v, R being the cameras' mean distance.
+ */
+#pragma once
+
+#include "base/vec.h"
+#include "mdf/mdf_views.h"
+
+#define SURFACE_MOST_VIEWS 12 /* that a ray asks */
+#define SURFACE_VIEW_TAPS  16 /* texels of a view that a value is mixed of */
+#define SURFACE_MOST_TAPS  (SURFACE_VIEW_TAPS * SURFACE_MOST_VIEWS)
+
+struct surface_view {      /* a measured view */
+    double centre_mm[3];   /* its camera, sample frame */
+    const float *distance; /* n_texels, mm; −1: not known */
+    const float *error_mm; /* the same shape, standard errors, −1: not known; NULL: none is */
+};
+
+typedef struct Surface Surface; /* any number of threads may ask one at once */
+
+/* The views' planes are copied. tiled: texels repeat beyond the plane; else nothing is known there.
+ * DATA_ERROR_INVALID: no views, a camera that is not above the plane, or no distance is known. */
+Surface *surface_new(const struct mdf_plane *plane, const struct surface_view *views, int n,
+                     gboolean tiled, GError **error);
+
+/* Reads the MDF of a session (products/mdf.exr). Its views are ordered as n directions, those of a
+ * BTF; a direction without an MDF has no distances. */
+Surface *surface_read(const char *path, const float *theta_deg, const float *phi_deg, int n,
+                      gboolean tiled, GError **error);
+void surface_free(Surface *surface); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Surface, surface_free)
+
+const struct mdf_plane *surface_plane(const Surface *surface);
+
+/* Weights of the views for a ray. */
+struct surface_weights {
+    int n;
+    int view[SURFACE_MOST_VIEWS];
+    float flat[SURFACE_MOST_VIEWS];  /* b */
+    float value[SURFACE_MOST_VIEWS]; /* w */
+    float depth[SURFACE_MOST_VIEWS]; /* u */
+};
+/* at_mm: x, y of a point of the reference plane; v: unit vector, upwards. */
+void surface_weigh(const Surface *surface, const double at_mm[2], struct vec3 v,
+                   struct surface_weights *ret);
+
+/* What a ray meets. */
+struct surface_hit {
+    gboolean seen; /* FALSE: no view sees anything on it */
+    double mm;     /* d(x, v); not seen: −1 */
+    struct vec3 p; /* not seen: x */
+    double weight; /* Σ_i w_i s(q_i); not seen: Σ_i b_i = 1 */
+};
+void surface_trace(const Surface *surface, const double at_mm[2], struct vec3 v,
+                   const struct surface_weights *weights, struct surface_hit *ret);
+
+/* A value is Σ weight · B(texel, view, l); the weights of all taps sum to 1. */
+struct surface_tap {
+    int view, texel;
+    float weight;
+};
+
+/* The taps of one view in a hit, k < weights->n. Returns their number. */
+int surface_look(const Surface *surface, const struct surface_hit *hit,
+                 const struct surface_weights *weights, int k,
+                 struct surface_tap ret[SURFACE_VIEW_TAPS]);
+
+/* All of the above for one ray: returns the number of taps. */
+int surface_taps(const Surface *surface, const double at_mm[2], struct vec3 v,
+                 struct surface_hit *ret_hit, struct surface_tap ret[SURFACE_MOST_TAPS]);
+
+/* A new view: a camera, or a direction that is the same for all texels. */
+struct surface_target {
+    gboolean near;
+    struct vec3 at; /* near: the camera's centre, mm, sample frame; else a unit vector */
+};
+/* Towards it from a point of the reference plane. */
+struct vec3 surface_towards(const Surface *surface, const struct surface_target *target,
+                            const double at_mm[2]);
+
+/* The centre of a texel, row 0 at +y. */
+void surface_texel_mm(const Surface *surface, int texel, double ret_mm[2]);

@@ -1,0 +1,404 @@
+/*
+ * Views predicted along the surface (surface/surface.h) against the same views mixed at each texel,
+ * as drawing does it (directions.h). Views of a session are left out, by default the rings at 30°
+ * and 60° of five that are 15° apart, so that neighbours are 30° apart in the polar angle; the
+ * others settle their MDF without them, and predict them. The truth is what the rig has measured in
+ * the views left out; with --truth what the simulated world says (world.conf beside the session),
+ * and the measured views themselves are held against it, too.
+ *
+ * error: ‖predicted − measured‖ / ‖measured‖ of R, G, B over all lights and texels of the views
+ * left out. delta_e: mean CIEDE2000, the diffuser being white. ratio: along / mixed. fallback:
+ * share of texels of which no view sees the surface; they are mixed. depth_rms: of the predicted
+ * MDF against what the view itself has measured, in texels, and the share that is off by more than
+ * one.
+ */
+#include "bench.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/png_bytes.h"
+#include "base/work.h"
+#include "btf/btf_matrix.h"
+#include "codec/compare.h"
+#include "directions/directions.h"
+#include "exr/exr.h"
+#include "mdf/mdf_views.h"
+#include "session/session.h"
+#include "surface/surface.h"
+#include "world/truth.h"
+
+static gboolean json;
+static char *left_out, *pictures;
+static int threads, truth_samples;
+static const GOptionEntry entries[] = {
+    {"left-out", 0, 0, G_OPTION_ARG_STRING, &left_out,
+     "Polar angles of the views left out, in degrees; default 30;60", "DEG;…"},
+    {"pictures", 0, 0, G_OPTION_ARG_FILENAME, &pictures,
+     "Write a picture of each view there: measured, mixed and predicted under the first light",
+     "DIR"},
+    {"truth", 0, 0, G_OPTION_ARG_INT, &truth_samples,
+     "Compare with the simulated world, of N × N rays a texel, not with what was measured", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
+    {NULL},
+};
+
+#define SCALE     6  /* pixels a texel in pictures */
+#define MOST_POLE 64 /* views of the topmost ring */
+
+enum { MIXED, ALONG, MEASURED, WAYS };
+
+struct sums {
+    double squares[WAYS], norm, delta_e[WAYS];
+    gint64 colours, texels, fallback, depths, wrong;
+    double depth_squares;
+};
+
+struct scene {
+    struct btf_matrix *btf;
+    struct exr_file *mdf;
+    struct mdf_plane plane;
+    int n_kept, n_out, *kept, *out;
+    struct surface_view *views; /* those kept */
+    float **settled;
+    Surface *surface;
+    Directions *directions; /* of those kept */
+    float **truth;     /* of each view left out, n_texels × n_lights × 3; NULL: as measured */
+    struct sums *sums; /* of each view left out */
+    double seconds;    /* CPU, for finding taps */
+};
+
+static struct exr_part *surface_bench_part(const struct scene *scene, int view) {
+    return g_ptr_array_index(scene->mdf->parts, (guint)view);
+}
+
+static const float *surface_bench_plane(const struct scene *scene, int view, const char *name) {
+    const float *plane = exr_part_plane(surface_bench_part(scene, view), name);
+    if (!plane)
+        bench_fail(1, "the MDF has no channel %s", name);
+    return plane;
+}
+
+static void surface_bench_centre(const struct scene *scene, int view, double ret[3]) {
+    g_autoptr(GError) error = NULL;
+    exr_get_v3d(surface_bench_part(scene, view), "view.centre_mm", ret, &error);
+    bench_check(error);
+}
+
+static gboolean is_left_out(double theta_deg) {
+    g_auto(GStrv) list = g_strsplit(left_out ? left_out : "30;60", ";", -1);
+    for (char **at = list; *at; at++)
+        if (fabs(theta_deg - g_ascii_strtod(*at, NULL)) < 1)
+            return TRUE;
+    return FALSE;
+}
+
+static void surface_bench_settle(int k, gpointer data) {
+    struct scene *scene = data;
+    const int n = scene->plane.width * scene->plane.height;
+    g_autofree struct mdf_eye *eyes = g_new0(struct mdf_eye, scene->n_kept);
+    g_autofree guint8 *source = g_new(guint8, n);
+    for (int i = 0; i < scene->n_kept; i++) {
+        const int view = scene->kept[i];
+        surface_bench_centre(scene, view, eyes[i].centre_mm);
+        eyes[i].distance = surface_bench_plane(scene, view, "M");
+        eyes[i].other = surface_bench_plane(scene, view, "O");
+        eyes[i].lasers = surface_bench_plane(scene, view, "N");
+    }
+    scene->settled[k] = g_new(float, n);
+    mdf_views_settle(eyes, scene->n_kept, k, &scene->plane, scene->settled[k], source);
+}
+
+static void surface_bench_open(struct scene *scene, const char *session) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = g_build_filename(session, "products", "mdf.exr", NULL);
+    scene->btf = btf_matrix_read(session, NULL, &error);
+    bench_check(error);
+    scene->mdf = exr_read(path, &error);
+    bench_check(error);
+    const struct btf_layout *layout = &scene->btf->layout;
+    const int n = (int)layout->views.n;
+    if ((int)scene->mdf->parts->len != n)
+        bench_fail(1, "%s: not the views of the BTF", path);
+    scene->plane = (struct mdf_plane){(int)layout->width, (int)layout->height, layout->texel_mm,
+                                      layout->reference_mm};
+    scene->kept = g_new(int, n);
+    scene->out = g_new(int, n);
+    g_autofree float *theta = g_new(float, n), *phi = g_new(float, n);
+    for (int v = 0; v < n; v++)
+        if (is_left_out((double)layout->views.theta_deg[v])) {
+            scene->out[scene->n_out++] = v;
+        } else {
+            theta[scene->n_kept] = layout->views.theta_deg[v];
+            phi[scene->n_kept] = layout->views.phi_deg[v];
+            scene->kept[scene->n_kept++] = v;
+        }
+    if (scene->n_kept < 1 || scene->n_out < 1)
+        bench_fail(1, "%d views are left out of %d", scene->n_out, n);
+    scene->directions = directions_new(theta, phi, scene->n_kept, &error);
+    bench_check(error);
+    scene->settled = g_new0(float *, scene->n_kept);
+    work_for_each(threads, scene->n_kept, surface_bench_settle, scene);
+    scene->views = g_new0(struct surface_view, scene->n_kept);
+    for (int k = 0; k < scene->n_kept; k++) {
+        surface_bench_centre(scene, scene->kept[k], scene->views[k].centre_mm);
+        scene->views[k].distance = scene->settled[k];
+        scene->views[k].error_mm = surface_bench_plane(scene, scene->kept[k], "S");
+    }
+    scene->surface = surface_new(&scene->plane, scene->views, scene->n_kept, FALSE, &error);
+    bench_check(error);
+    scene->sums = g_new0(struct sums, scene->n_out);
+}
+
+/* What the views left out would show without noise and errors of the rig. */
+static void surface_bench_trace(struct scene *scene, const char *path) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_path_get_dirname(path);
+    g_autofree char *conf = g_build_filename(folder, "world.conf", NULL);
+    World *world = world_get(conf, &error);
+    bench_check(error);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+    bench_check(error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) views = shots ? session_views(session, &error) : NULL;
+    bench_check(error);
+    const struct mdf_plane *plane = &scene->plane;
+    const struct truth_grid grid = {plane->width, plane->height, plane->width * plane->texel_mm,
+                                    plane->height * plane->texel_mm, plane->reference_mm};
+    const gsize n = (gsize)plane->width * (gsize)plane->height;
+    const gsize n_lights = scene->btf->layout.lights.n;
+    g_autofree float *rgb = g_new(float, 3 * n);
+    scene->truth = g_new0(float *, scene->n_out);
+    for (int k = 0; k < scene->n_out; k++) {
+        const struct session_direction *view = views->pdata[scene->out[k]];
+        scene->truth[k] = g_new0(float, 3 * n * n_lights);
+        for (guint i = 0; i < shots->len; i++) {
+            const struct session_shot *shot = shots->pdata[i];
+            if (shot->kind != SHOT_LAMP || !(shot->cameras >> view->device & 1) ||
+                fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
+                continue;
+            truth_btf(world, view->device, shot->device, shot->turntable_deg, shot->arc_deg, &grid,
+                      truth_samples, rgb);
+            for (gsize t = 0; t < n; t++)
+                memcpy(scene->truth[k] + 3 * (t * n_lights + (gsize)shot->source), rgb + 3 * t,
+                       3 * sizeof(float));
+        }
+    }
+    world_unref(world);
+}
+
+static void surface_bench_close(struct scene *scene) {
+    for (int k = 0; k < scene->n_kept; k++)
+        g_free(scene->settled[k]);
+    surface_free(scene->surface);
+    directions_free(scene->directions);
+    btf_matrix_free(scene->btf);
+    exr_file_free(scene->mdf);
+    for (int k = 0; k < scene->n_out && scene->truth; k++)
+        g_free(scene->truth[k]);
+    g_free(scene->truth);
+    g_free(scene->settled);
+    g_free(scene->views);
+    g_free(scene->kept);
+    g_free(scene->out);
+    g_free(scene->sums);
+}
+
+/* n_lights × 3 */
+static const float *surface_bench_values(const struct scene *scene, int texel, int view) {
+    const gsize row = scene->btf->layout.lights.n * 3;
+    return scene->btf->values + ((gsize)texel * scene->btf->layout.views.n + (gsize)view) * row;
+}
+
+/* Taps of the views kept, as drawing mixes them: the pole is the mean of its ring. */
+static int surface_bench_mixed(const struct scene *scene, struct vec3 v, int texel,
+                               struct surface_tap *ret) {
+    struct direction_weights weights;
+    int n = 0, n_pole;
+    const int *pole = directions_pole(scene->directions, &n_pole);
+    directions_weights(scene->directions, v, &weights);
+    for (int i = 0; i < 4; i++)
+        if (weights.index[i] < scene->n_kept)
+            ret[n++] = (struct surface_tap){weights.index[i], texel, weights.weight[i]};
+        else
+            for (int k = 0; k < n_pole && weights.weight[i] > 0; k++)
+                ret[n++] = (struct surface_tap){pole[k], texel, weights.weight[i] / (float)n_pole};
+    return n;
+}
+
+static void surface_bench_mix(const struct scene *scene, const struct surface_tap *taps, int n,
+                              float *ret) {
+    const int row = (int)scene->btf->layout.lights.n * 3;
+    memset(ret, 0, sizeof(float) * (gsize)row);
+    for (int k = 0; k < n; k++) {
+        const float *from = surface_bench_values(scene, taps[k].texel, scene->kept[taps[k].view]);
+        for (int i = 0; i < row; i++)
+            ret[i] += taps[k].weight * from[i];
+    }
+}
+
+static void surface_bench_add(const struct scene *scene, const float *const *made,
+                              const float *truth, struct sums *sums) {
+    for (gsize light = 0; light < scene->btf->layout.lights.n; light++) {
+        double lab[3], lab_made[3];
+        compare_lab(truth + 3 * light, lab);
+        for (int way = 0; way < WAYS; way++) {
+            for (int c = 0; c < 3; c++) {
+                const double off =
+                    (double)made[way][3 * light + (gsize)c] - (double)truth[3 * light + (gsize)c];
+                sums->squares[way] += off * off;
+            }
+            compare_lab(made[way] + 3 * light, lab_made);
+            sums->delta_e[way] += compare_delta_e(lab, lab_made);
+        }
+        for (gsize c = 0; c < 3; c++)
+            sums->norm += (double)truth[3 * light + c] * (double)truth[3 * light + c];
+        sums->colours++;
+    }
+}
+
+static void surface_bench_depth(const struct scene *scene, int view, int texel, double mm,
+                                struct sums *sums) {
+    const float measured = surface_bench_plane(scene, view, "M")[texel];
+    if (!(measured >= 0) || mm < 0)
+        return;
+    const double off = (mm - (double)measured) / scene->plane.texel_mm;
+    sums->depths++;
+    if (fabs(off) > 1)
+        sums->wrong++;
+    else
+        sums->depth_squares += off * off;
+}
+
+static guint8 surface_bench_srgb(float value) {
+    const double v = CLAMP((double)value, 0, 1);
+    return (guint8)lround(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055));
+}
+
+/* Measured, mixed and predicted beside each other, as sRGB, the brightest hundredth being white. */
+static void surface_bench_write(const struct scene *scene, int view, float *const *planes) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = g_strdup_printf("%s/view_%04d.png", pictures, view);
+    const int width = scene->plane.width, height = scene->plane.height, panels = 3;
+    const int across = panels * width * SCALE, down = height * SCALE, n = 3 * width * height;
+    g_autofree guint8 *rgb = g_malloc(3 * (gsize)across * (gsize)down);
+    g_autofree double *sorted = g_new(double, n);
+    for (int i = 0; i < n; i++)
+        sorted[i] = (double)planes[0][i];
+    const float white = (float)bench_time_quantile(sorted, n, 0.99);
+    for (int i = 0; i < across * down; i++) {
+        const int x = i % across / SCALE, y = i / across / SCALE;
+        for (int c = 0; c < 3; c++)
+            rgb[3 * i + c] = surface_bench_srgb(planes[x / width][3 * (y * width + x % width) + c] /
+                                                MAX(white, 1e-6F));
+    }
+    g_autoptr(GBytes) png = png_bytes(rgb, across, down, &error);
+    bench_check(error);
+    g_file_set_contents(path, g_bytes_get_data(png, NULL), (gssize)g_bytes_get_size(png), &error);
+    bench_check(error);
+}
+
+static void surface_bench_view(int k, gpointer data) {
+    struct scene *scene = data;
+    const int view = scene->out[k], n = scene->plane.width * scene->plane.height;
+    const gsize row = scene->btf->layout.lights.n * 3;
+    struct surface_target target = {.near = TRUE};
+    double centre[3];
+    g_autofree float *mixed = g_new(float, row), *along = g_new(float, row);
+    float *shown[3] = {NULL};
+    surface_bench_centre(scene, view, centre);
+    target.at = vec3(centre[0], centre[1], centre[2]);
+    const struct vec3 nominal =
+        vec3_unit(vec3(centre[0], centre[1], centre[2] - scene->plane.reference_mm));
+    for (int i = 0; i < 3 && pictures; i++)
+        shown[i] = g_new(float, 3 * n);
+    for (int texel = 0; texel < n; texel++) {
+        struct surface_tap taps[4 * MOST_POLE];
+        struct surface_hit hit;
+        double at_mm[2];
+        int n_taps = surface_bench_mixed(scene, nominal, texel, taps);
+        surface_bench_mix(scene, taps, n_taps, mixed);
+        surface_texel_mm(scene->surface, texel, at_mm);
+        n_taps = surface_taps(scene->surface, at_mm,
+                              surface_towards(scene->surface, &target, at_mm), &hit, taps);
+        surface_bench_mix(scene, taps, n_taps, along);
+        const float *measured = surface_bench_values(scene, texel, view);
+        const float *truth = scene->truth ? scene->truth[k] + (gsize)texel * row : measured;
+        surface_bench_add(scene, (const float *const[]){mixed, along, measured}, truth,
+                          &scene->sums[k]);
+        surface_bench_depth(scene, view, texel, hit.mm, &scene->sums[k]);
+        scene->sums[k].texels++;
+        scene->sums[k].fallback += !hit.seen;
+        for (int i = 0; i < 3 && pictures; i++)
+            memcpy(shown[i] + 3 * texel, (const float *const[]){truth, mixed, along}[i],
+                   3 * sizeof(float));
+    }
+    if (pictures)
+        surface_bench_write(scene, view, shown);
+    for (int i = 0; i < 3; i++)
+        g_free(shown[i]);
+}
+
+static void surface_bench_tell(const char *session, const struct scene *scene, gboolean first) {
+    struct sums all = {0};
+    for (int k = 0; k < scene->n_out; k++) {
+        const struct sums *one = &scene->sums[k];
+        for (int way = 0; way < WAYS; way++) {
+            all.squares[way] += one->squares[way];
+            all.delta_e[way] += one->delta_e[way];
+        }
+        all.norm += one->norm;
+        all.colours += one->colours;
+        all.texels += one->texels;
+        all.fallback += one->fallback;
+        all.depths += one->depths;
+        all.wrong += one->wrong;
+        all.depth_squares += one->depth_squares;
+    }
+    double error[WAYS], delta_e[WAYS];
+    for (int way = 0; way < WAYS; way++) {
+        error[way] = sqrt(all.squares[way] / all.norm);
+        delta_e[way] = all.delta_e[way] / (double)all.colours;
+    }
+    const double depth = sqrt(all.depth_squares / (double)MAX(all.depths - all.wrong, 1));
+    const double wrong = (double)all.wrong / (double)MAX(all.depths, 1);
+    const double fallback = (double)all.fallback / (double)all.texels;
+    const double us = 1e6 * scene->seconds / (double)all.texels;
+    if (json)
+        g_print("%s\n  \"%s\": {\"views_kept\": %d, \"views_left_out\": %d, \"error_mixed\": %.4f, "
+                "\"error_along\": %.4f, \"error_measured\": %.4f, \"ratio\": %.3f, "
+                "\"delta_e_mixed\": %.3f, \"delta_e_along\": %.3f, \"delta_e_measured\": %.3f, "
+                "\"fallback\": %.5f, \"depth_rms_texels\": %.4f, \"depth_wrong\": %.5f, "
+                "\"cpu_us_a_texel\": %.2f}",
+                first ? "{" : ",", session, scene->n_kept, scene->n_out, error[MIXED], error[ALONG],
+                error[MEASURED], error[ALONG] / error[MIXED], delta_e[MIXED], delta_e[ALONG],
+                delta_e[MEASURED], fallback, depth, wrong, us);
+    else
+        g_print(
+            "%s: %d views from %d: error %.4f mixed, %.4f along (%.3f), %.4f measured; ΔE %.2f, "
+            "%.2f (%.3f), %.2f; fallback %.4f; depth %.3f texels, wrong %.4f; %.1f µs a texel\n",
+            session, scene->n_out, scene->n_kept, error[MIXED], error[ALONG],
+            error[ALONG] / error[MIXED], error[MEASURED], delta_e[MIXED], delta_e[ALONG],
+            delta_e[ALONG] / delta_e[MIXED], delta_e[MEASURED], fallback, depth, wrong, us);
+}
+
+int main(int argc, char **argv) {
+    bench_parse(&argc, &argv, entries, "DIR.session …");
+    if (argc < 2)
+        bench_fail(2, "give sessions with a BTF and an MDF");
+    for (int i = 1; i < argc; i++) {
+        struct scene scene = {0};
+        surface_bench_open(&scene, argv[i]);
+        if (truth_samples > 0)
+            surface_bench_trace(&scene, argv[i]);
+        const double begun = bench_cpu_s();
+        work_for_each(threads, scene.n_out, surface_bench_view, &scene);
+        scene.seconds = bench_cpu_s() - begun;
+        surface_bench_tell(argv[i], &scene, i == 1);
+        surface_bench_close(&scene);
+    }
+    if (json)
+        g_print("\n}\n");
+    return 0;
+}
