@@ -246,7 +246,7 @@ gboolean export_surface(const char *session, const char *file,
                         struct export_surface_result *ret, GError **error) {
     struct surface surface;
     *ret = (struct export_surface_result){0};
-    gboolean ok = surface_read(session, work, &surface, error);
+    gboolean ok = surface_points_read(session, work, &surface, error);
     const int least = options->least_views > 0 ? options->least_views : MIN(2, surface.n_views);
     if (ok && options->what == EXPORT_POINTS)
         ok = write_points(&surface, file, least, ret, error);

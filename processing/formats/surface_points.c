@@ -113,8 +113,8 @@ static gboolean surface_points_add_view(struct surface *surface, const struct ex
     return TRUE;
 }
 
-gboolean surface_read(const char *session, const struct work *work, struct surface *ret,
-                      GError **error) {
+gboolean surface_points_read(const char *session, const struct work *work, struct surface *ret,
+                             GError **error) {
     *ret = (struct surface){.points = g_array_new(FALSE, FALSE, sizeof(struct surface_point))};
     g_autoptr(Session) from = session_open(session, SESSION_READ, error);
     if (!from || !session_grid(from, &ret->grid, error))

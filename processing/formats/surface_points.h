@@ -17,6 +17,6 @@ struct surface {
     GArray *points; /* of struct surface_point */
 };
 
-gboolean surface_read(const char *session, const struct work *work, struct surface *ret,
-                      GError **error);
+gboolean surface_points_read(const char *session, const struct work *work, struct surface *ret,
+                             GError **error);
 void surface_clear(struct surface *surface);
