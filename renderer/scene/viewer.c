@@ -210,6 +210,7 @@ void viewer_free(Viewer *viewer) {
     gpu_target_clear(&viewer->geometry);
     gpu_target_clear(&viewer->picture);
     g_free(viewer->points);
+    g_free(viewer->parts);
     g_free(viewer);
 }
 
