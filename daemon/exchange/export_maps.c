@@ -1,4 +1,5 @@
 /* export maps, gltf, materialx, blender: a microfacet model of the material, for artists. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "maps/maps.h"
@@ -105,8 +106,8 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
     record_int(to, "dark", maps->fit->dark);
     record_int(to, "holes", maps->holes);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels from %d views × %d lights in %s\n", output, maps->width,
-               maps->height, maps->n_views, maps->n_lights, time);
+    record_say(to, "%s: %d × %d texels from %d %s × %d %s in %s\n", output, maps->width,
+               maps->height, PLURAL(maps->n_views, "view"), PLURAL(maps->n_lights, "light"), time);
     record_say(to,
                "  they differ from the BTF by %.2f CIEDE2000 on average (%.1f %% RMS), by %.1f "
                "in view %d under light %d\n",
