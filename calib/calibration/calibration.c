@@ -24,8 +24,7 @@ char *calibration_line(const struct calibration *calibration, const char *from,
                                calibration_part_name((enum calibration_kind)i));
     }
     if (has->len == 0)
-        return g_strdup_printf("none: geometry and light are nominal, as the rig file has them; %s",
-                               how_to);
+        return g_strdup_printf("none: geometry and light are nominal (%s)", how_to);
     return g_strdup_printf("%s (%s%s%s)", from, has->str, lacks->len ? "; not calibrated: " : "",
                            lacks->str);
 }

@@ -24,5 +24,4 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
 char *capture_calibration_line(const char *rig_path, const char *path, GError **error);
 
 /* How to give a calibration to a capture; for calibration_line(). */
-#define CAPTURE_CALIBRATION_HOW                                                                    \
-    "“mesorig calibrate” makes a calibration, [rig] calibration or capture -c FILE gives it"
+#define CAPTURE_CALIBRATION_HOW "mesorig calibrate makes one, -c FILE gives it"

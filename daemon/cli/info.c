@@ -3,6 +3,7 @@
 
 #include "adaptive/adaptive.h"
 #include "archive/archive.h"
+#include "base/plural.h"
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
 #include "codecs/codecs.h"
@@ -235,13 +236,14 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
         record_say(to, "to go on   mesorig resume %s\n", directory);
     record_say(to, "sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm,
                grid->width, grid->height);
-    record_say(to, "directions %d views, %d lights, %d laser positions\n", counts->views,
-               counts->lights, counts->lasers);
+    record_say(to, "directions %d %s, %d %s, %d %s\n", PLURAL(counts->views, "view"),
+               PLURAL(counts->lights, "light"), PLURAL(counts->lasers, "laser position"));
     tell_sweeps(to, session, counts);
     if (chosen)
         record_say(to, "chosen     %s\n", chosen);
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
-    record_say(to, "frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
+    record_say(to, "frames     %d, %s, %d %s\n", counts->frames, size,
+               PLURAL(counts->retakes, "retake"));
     if (!imported && !tell_calibration(to, session, error))
         return FALSE;
     tell_products(to, directory);
@@ -310,6 +312,25 @@ static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
     record_end(to);
 }
 
+/* What an index map of `mesorig synthesize` says of itself (synthesis/index_map.h): its size, the
+ * sample's, and how it was made. NULL: its attributes are not there. g_free() */
+static char *info_index_map(const struct exr_file *file) {
+    const struct exr_part *part = file->parts->pdata[0];
+    const char *method = NULL;
+    int width = 0, height = 0;
+    double texel_mm = 0;
+    if (!exr_get_string(part, "mesorig.method", &method, NULL) ||
+        !exr_get_int(part, "sample_width", &width, NULL) ||
+        !exr_get_int(part, "sample_height", &height, NULL) ||
+        !exr_get_double(part, "texel_mm", &texel_mm, NULL))
+        return NULL;
+    return g_strdup_printf("index map of %d × %d texels (%.4g × %.4g mm), by %s, of a sample of %d "
+                           "× %d; %u %s",
+                           part->width, part->height, part->width * texel_mm,
+                           part->height * texel_mm, method, width, height, file->parts->len,
+                           file->parts->len == 1 ? "mip level" : "mip levels");
+}
+
 static gboolean info_exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
@@ -330,6 +351,8 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
     for (gsize i = 0; whole && !codec && !text && mdf_codecs[i]; i++)
         if (g_str_equal(mdf_codecs[i]->kind, kind))
             text = mdf_codecs[i]->describe_file(file);
+    if (whole && !text && g_str_equal(kind, "index"))
+        text = info_index_map(file);
     if (whole) {
         record_string(to, "kind", kind);
         record_string(to, "path", path);

@@ -1,5 +1,6 @@
 /* export bsdf, merl: the mean BRDF of a material's texels. */
 #include "reflectance/export_brdf.h"
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "plan/report.h"
@@ -75,10 +76,14 @@ static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError 
     if (kind == BRDF_MERL)
         record_double(to, "spread", result->spread);
     record_double(to, "real_s", seconds);
+    if (result->width == 1 && result->height == 1)
+        record_say(to, "%s: one texel", output);
+    else
+        record_say(to, "%s: the mean of %d × %d texels", output, result->width, result->height);
     record_say(to,
-               "%s: the mean of %d × %d texels, %d views × %d lights, in %s; interpolated with an "
-               "error of %.2f %%; beyond %.0f° nothing was measured\n",
-               output, result->width, result->height, result->n_views, result->n_lights, time,
+               ", %d %s × %d %s, in %s; interpolated with an error of %.2f %%; beyond %.0f° "
+               "nothing was measured\n",
+               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"), time,
                100 * result->error, result->lowest_deg);
     if (kind == BRDF_MERL)
         record_say(to,

@@ -1,4 +1,5 @@
 /* export btf: the BTF of a session as a file of Bonn's. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "formats/export.h"
@@ -53,8 +54,9 @@ static int export_btf_run(const struct call *call, GError **error) {
     record_int(to, "height", result->height);
     record_double(to, "error", result->error);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d views × %d lights as %s in %s", output, result->width,
-               result->height, result->n_views, result->n_lights, bonn_kind_name(job.kind), time);
+    record_say(to, "%s: %d × %d texels, %d %s × %d %s as %s in %s", output, result->width,
+               result->height, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               bonn_kind_name(job.kind), time);
     if (result->error > 0)
         record_say(to, ", with an error of %.2f %%", 100 * result->error);
     record_say(to, "\n");

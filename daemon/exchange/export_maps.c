@@ -1,4 +1,5 @@
 /* export maps, gltf, materialx, blender: a microfacet model of the material, for artists. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "maps/maps.h"
@@ -106,8 +107,8 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
     record_int(to, "holes", maps->holes);
     record_boolean(to, "fit_taken", maps->kept == MAPS_FIT_TAKEN);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels from %d views × %d lights in %s%s\n", output, maps->width,
-               maps->height, maps->n_views, maps->n_lights, time,
+    record_say(to, "%s: %d × %d texels from %d %s × %d %s in %s%s\n", output, maps->width,
+               maps->height, PLURAL(maps->n_views, "view"), PLURAL(maps->n_lights, "light"), time,
                maps->kept == MAPS_FIT_TAKEN ? ", with the fit of an earlier export" : "");
     if (maps->lost)
         record_say(to, "  the next export will fit again: %s\n", maps->lost);

@@ -1,4 +1,5 @@
 /* export ptm, relight: one view of a session as functions of the light. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "plan/report.h"
@@ -65,10 +66,10 @@ static int export_rti_run(const struct call *call, enum export_rti_kind kind, GE
     record_double(to, "error", result->error);
     record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d × %d texels of view %d (%.0f° from the normal) under %d lights in %s, with "
+               "%s: %d × %d texels of view %d (%.0f° from the normal) under %d %s in %s, with "
                "an error of %.2f %% of white in sRGB\n",
                output, result->width, result->height, result->view, result->theta_deg,
-               result->n_lights, time, 100 * result->error);
+               PLURAL(result->n_lights, "light"), time, 100 * result->error);
     if (result->clipped > 0)
         record_say(to, "%" G_GINT64_FORMAT " values are brighter than white, which viewers clip\n",
                    result->clipped);

@@ -1,5 +1,6 @@
 /* export web: a material as a page for browsers, or as the file that three.js loads. */
 #include "base/options.h"
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "plan/report.h"
@@ -63,9 +64,9 @@ static int export_web_run(const struct call *call, GError **error) {
     record_boolean(to, "compressed", result->compressed);
     record_int(to, "bytes", result->bytes);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d cluster%s of %d components on a grid of %d, %s, in %s\n",
-               output, result->width, result->height, result->clusters,
-               result->clusters == 1 ? "" : "s", result->components, result->grid, taken, time);
+    record_say(to, "%s: %d × %d texels, %d %s of %d %s on a grid of %d, %s, in %s\n", output,
+               result->width, result->height, PLURAL(result->clusters, "cluster"),
+               PLURAL(result->components, "component"), result->grid, taken, time);
     if (result->mdf_terms == 0)
         record_say(to, "There is no mdf.exr: the page is without silhouettes of the structure.\n");
     return CLI_DONE;

@@ -1,4 +1,5 @@
 /* import btf, pictures, rti, relight, ptm: finished BTFs of others, made into sessions. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "plan/report.h"
@@ -51,11 +52,9 @@ void exchange_tell_import(Record *to, const char *session, const struct import_r
     record_int(to, "holes", result->holes);
     record_double(to, "eigenmaps_error", result->eigenmaps_error);
     record_double(to, "real_s", seconds);
-    record_say(to,
-               "%s: %d × %d texels, %d views × %d lights in %s; eigen-maps with an error of %.2f "
-               "%%\n",
-               session, result->width, result->height, result->n_views, result->n_lights, time,
-               100 * result->eigenmaps_error);
+    record_say(to, "%s: %d × %d texels, %d %s × %d %s in %s; eigen-maps with an error of %.2f %%\n",
+               session, result->width, result->height, PLURAL(result->n_views, "view"),
+               PLURAL(result->n_lights, "light"), time, 100 * result->eigenmaps_error);
     if (result->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT
@@ -136,9 +135,10 @@ const struct command exchange_import_rti = {
     .run = import_rti_run};
 const struct command exchange_import_relight = {
     .name = "import relight",
-    .arguments = "FILE.json -o DIR",
-    .examples = "  mesorig import relight info.json -o coin.session\n",
-    .help = "Make a session of Relight's info.json with its planes.",
+    .arguments = "FOLDER|FILE.json -o DIR",
+    .examples = "  mesorig import relight coin -o coin.session\n"
+                "  mesorig import relight coin/info.json -o coin.session\n",
+    .help = "Make a session of a folder of Relight's: its info.json with the planes.",
     .options = entries,
     .min = 1,
     .max = 1,

@@ -1,5 +1,7 @@
 #include "report.h"
 
+#include "base/plural.h"
+
 #include <math.h>
 
 /* Sizes that differ by less are told as one. */
@@ -91,14 +93,16 @@ char *report_text(GVariant *report) {
     g_autofree char *size = report_size_range(least, bytes, get_int(report, "later_sweeps") > 0);
     g_string_append_printf(text, "session         %s\n", name);
     const int views = get_int(report, "views"), lights = get_int(report, "lights");
-    g_string_append_printf(text, "directions      %d views, %d lights, %d laser positions", views,
-                           lights, get_int(report, "lasers"));
-    if (views > 0 && lights > 0)
-        g_string_append_printf(text, "; %d pictures of the BTF", views * lights);
+    const int lasers = get_int(report, "lasers"), pictures = views * lights;
+    const int shots = get_int(report, "shots"), frames = get_int(report, "frames");
+    g_string_append_printf(text, "directions      %d %s, %d %s, %d %s", PLURAL(views, "view"),
+                           PLURAL(lights, "light"), PLURAL(lasers, "laser position"));
+    if (pictures > 0)
+        g_string_append_printf(text, "; %d %s of the BTF", PLURAL(pictures, "picture"));
     g_string_append(text, "\n");
     g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
-    g_string_append_printf(text, "shots           %d, with %d camera frames\n",
-                           get_int(report, "shots"), get_int(report, "frames"));
+    g_string_append_printf(text, "shots           %d, with %d %s\n", shots,
+                           PLURAL(frames, "camera frame"));
     g_string_append_printf(text, "on disk         %s; products take their own\n", size);
     const int mounts = get_int(report, "mounts");
     if (mounts > 0)

@@ -1,7 +1,9 @@
 #include "utia.h"
 
+#include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/data_error.h"
 #include "base/input_file.h"
@@ -15,20 +17,30 @@ struct utia {
     float values[3][PIXELS]; /* of light · UTIA_SIDE + view */
 };
 
+#define BYTES (3 * PIXELS * sizeof(double))
+
+static gboolean utia_fail_size(const char *path, gsize is, GError **error) {
+    return data_error_fail(
+        path, 0, error,
+        "it has %zu bytes; a BRDF of UTIA's has %zu, of 3 × 288 × 288 numbers of "
+        "8 bytes (288 × 288 pairs of directions in three colours)",
+        is, BYTES);
+}
+
 static gboolean utia_read_bin(struct utia *utia, const char *path, GError **error) {
-    const gsize bytes = 3 * PIXELS * sizeof(double);
+    const gsize bytes = BYTES;
     gsize length;
     GError *found = NULL;
+    GStatBuf status;
+    if (g_stat(path, &status) == 0 && S_ISREG(status.st_mode) && status.st_size > (goffset)bytes)
+        return utia_fail_size(path, (gsize)status.st_size, error);
     g_autofree char *data = input_file_read(path, bytes, &length, &found);
     if (!data) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_IO, DATA_ERROR_INVALID, error);
         return FALSE;
     }
     if (length != bytes)
-        return data_error_fail(path, 0, error,
-                               "it has %zu bytes; a BRDF of UTIA's has %zu, of 3 × 288 × 288 "
-                               "numbers",
-                               length, bytes);
+        return utia_fail_size(path, length, error);
     for (gsize c = 0; c < 3; c++)
         for (gsize i = 0; i < PIXELS; i++) {
             double value;

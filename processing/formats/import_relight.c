@@ -251,22 +251,25 @@ static gboolean relight_import(struct relight *relight, const char *path,
 
 gboolean import_relight(const char *path, const char *file, const struct import_wish *wish,
                         const struct work *work, struct import_result *ret, GError **error) {
-    struct relight relight = {.path = file};
+    g_autofree char *info = g_file_test(file, G_FILE_TEST_IS_DIR)
+                                ? g_build_filename(file, "info.json", NULL)
+                                : g_strdup(file);
+    struct relight relight = {.path = info};
     GError *found = NULL;
-    g_autofree char *text = input_file_read_text(file, MAX_INFO_BYTES, &found);
+    g_autofree char *text = input_file_read_text(info, MAX_INFO_BYTES, &found);
     g_autoptr(JsonParser) parser = json_parser_new_immutable();
     if (!text) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
         return FALSE;
     }
     if (!json_parser_load_from_data(parser, text, -1, &found)) {
-        data_error_set(file, 0, error, "it is no JSON: %s", found->message);
+        data_error_set(info, 0, error, "it is no JSON: %s", found->message);
         g_error_free(found);
         return FALSE;
     }
     JsonNode *root = json_parser_get_root(parser);
     if (!root || !JSON_NODE_HOLDS_OBJECT(root))
-        return data_error_fail(file, 0, error, "it is not a JSON object");
+        return data_error_fail(info, 0, error, "it is not a JSON object");
     relight.info = json_node_get_object(root);
     const gboolean ok = relight_import(&relight, path, wish, work, ret, error);
     relight_clear(&relight);

@@ -197,6 +197,6 @@ double course_left_s(Course *course) {
     }
     const double views_s = time_left_views_s(tasks, course->n_tasks, course->n_threads, &rates);
     const int n = CLAMP(running + waiting, 1, course->n_threads);
-    return views_s / time_left_speed_of(&course->speed, course->n_busy, n) +
-           after_s / time_left_speed_of(&course->speed, course->n_busy, 1);
+    return views_s / time_left_speed_of(&course->speed, n) +
+           after_s / time_left_speed_of(&course->speed, 1);
 }

@@ -134,13 +134,15 @@ void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cp
     const double kept = exp(-wall_s / MAX(elapsed_s / 4, SHORTEST_S));
     speed->cpu_s = speed->cpu_s * kept + cpu_s;
     speed->thread_s = speed->thread_s * kept + wall_s * n_busy;
+    speed->wall_s = speed->wall_s * kept + wall_s;
 }
 
-double time_left_speed_of(const struct time_left_speed *speed, int n_busy, int n) {
-    if (speed->thread_s <= 0 || n_busy < 1)
+double time_left_speed_of(const struct time_left_speed *speed, int n) {
+    if (speed->thread_s <= 0 || speed->wall_s <= 0)
         return 1;
-    const double was = CLAMP(speed->cpu_s / speed->thread_s, LEAST_SPEED, 1);
-    return was < FULL_SPEED ? MIN(was * n_busy / n, 1) : 1;
+    if (speed->cpu_s / speed->thread_s >= FULL_SPEED)
+        return 1;
+    return CLAMP(speed->cpu_s / speed->wall_s / n, LEAST_SPEED, 1);
 }
 
 int time_left_view(int k, int n) {

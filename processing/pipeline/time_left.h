@@ -47,16 +47,17 @@ double time_left_views_s(const struct time_left_task *tasks, int n, int n_thread
 
 /* How fast the process got on lately; zeroed at first. */
 struct time_left_speed {
-    double cpu_s, thread_s; /* decaying sums: of CPU time, and of time of threads that had work */
+    /* Decaying sums: of CPU time, of time of threads that had work, and of time. */
+    double cpu_s, thread_s, wall_s;
 };
 /* n_busy threads had work for wall_s, and used cpu_s together. elapsed_s: since the beginning; the
  * past counts less and less over a quarter of it, 3 s at least. */
 void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cpu_s, int n_busy,
                          double elapsed_s);
 /* CPU seconds a second that each of n threads will get, at most 1, if the process gets as much as
- * it did while n_busy threads had work: schedulers share processors out to sessions and services,
- * whatever their threads are. 1: nothing was measured. */
-double time_left_speed_of(const struct time_left_speed *speed, int n_busy, int n);
+ * it did lately, however many threads had work then: schedulers share processors out to sessions
+ * and services, whatever their threads are. 1: nothing was measured. */
+double time_left_speed_of(const struct time_left_speed *speed, int n);
 
 /* The k-th of n views in an order in which the views of a ring, which take similarly long, lie
  * spread: then the first ones tell how long all will take. Each view comes once. */

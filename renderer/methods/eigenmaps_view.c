@@ -14,6 +14,7 @@
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
+    int width, height;     /* of the material, texels */
     int n_terms, n_layers; /* layers a term */
     gboolean refined;      /* level 0 is twice as fine as the material */
     guint maps, view_weights;
@@ -216,6 +217,8 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
     g_autofree float *pole = g_new0(float, maps->layout.lights.n);
     g_autofree float *ambient = g_new0(float, maps->layout.lights.n);
+    view->width = (int)maps->layout.width;
+    view->height = (int)maps->layout.height;
     view->n_terms = maps->n_terms;
     view->n_layers = maps->layout.lights.n + 2;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
@@ -260,6 +263,12 @@ static gint64 eigenmaps_view_bytes(gconstpointer material) {
            direction_textures_bytes(&view->lights);
 }
 
+static void eigenmaps_view_size(gconstpointer material, int *ret_width, int *ret_height) {
+    const EigenmapsView *view = material;
+    *ret_width = view->width;
+    *ret_height = view->height;
+}
+
 static gpointer eigenmaps_view_open_file(const char *path, GError **error) {
     struct eigenmaps *maps = eigenmaps_read(path, error);
     EigenmapsView *view = maps != NULL ? eigenmaps_view_new(maps, error) : NULL;
@@ -278,5 +287,6 @@ const struct method method_eigenmaps = {
     .open = eigenmaps_view_open_file,
     .free = (GDestroyNotify)eigenmaps_view_free,
     .bytes = eigenmaps_view_bytes,
+    .size = eigenmaps_view_size,
     .bind = eigenmaps_view_bind_all,
 };

@@ -69,6 +69,12 @@ static gpointer hsh_view_open(const char *path, GError **error) {
     return view;
 }
 
+static void hsh_view_size(gconstpointer material, int *ret_width, int *ret_height) {
+    const HshView *view = material;
+    *ret_width = view->slices.width;
+    *ret_height = view->slices.height;
+}
+
 static gint64 hsh_view_bytes(gconstpointer material) {
     const HshView *view = material;
     return slices_bytes(&view->slices);
@@ -99,5 +105,6 @@ const struct method method_hsh = {
     .free = (GDestroyNotify)hsh_view_free,
     .constants = hsh_view_constants,
     .bytes = hsh_view_bytes,
+    .size = hsh_view_size,
     .bind = hsh_view_bind,
 };

@@ -107,6 +107,12 @@ void lobes_view_free(LobesView *view) {
     g_free(view);
 }
 
+static void lobes_view_size(gconstpointer material, int *ret_width, int *ret_height) {
+    const LobesView *view = material;
+    *ret_width = view->slices.width;
+    *ret_height = view->slices.height;
+}
+
 static gint64 lobes_view_bytes(gconstpointer material) {
     const LobesView *view = material;
     return slices_bytes(&view->slices);
@@ -164,7 +170,7 @@ OPEN(ashikhmin, LOBES_ASHIKHMIN)
         .name = #model, .title = (text), .product = #model ".exr",                                 \
         .made_by = "mesorig compress --method " #model, .shaders = (model), .open = open_##model,  \
         .free = (GDestroyNotify)lobes_view_free, .constants = lobes_view_constants,                \
-        .bytes = lobes_view_bytes, .bind = lobes_view_bind,                                        \
+        .bytes = lobes_view_bytes, .size = lobes_view_size, .bind = lobes_view_bind,               \
     }
 
 const struct method methods_lobes[LOBES_MODELS] = {

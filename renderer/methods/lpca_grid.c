@@ -254,6 +254,12 @@ static gint64 lpca_grid_bytes(gconstpointer material) {
     return lpca_texels_bytes(&grid->texels) + gpu_texture_bytes(GL_TEXTURE_BUFFER, grid->brdfs);
 }
 
+static void lpca_grid_size(gconstpointer material, int *ret_width, int *ret_height) {
+    const LpcaGrid *view = material;
+    *ret_width = view->texels.width;
+    *ret_height = view->texels.height;
+}
+
 static gpointer lpca_grid_open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_grid_new(levels, n, 0, error);
 }
@@ -275,5 +281,6 @@ const struct method method_lpca_grid = {
     .free = (GDestroyNotify)lpca_grid_free,
     .constants = lpca_grid_constants,
     .bytes = lpca_grid_bytes,
+    .size = lpca_grid_size,
     .bind = lpca_grid_bind_all,
 };

@@ -187,6 +187,12 @@ static gint64 lpca_revised_bytes(gconstpointer material) {
            gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->light_map);
 }
 
+static void lpca_revised_size(gconstpointer material, int *ret_width, int *ret_height) {
+    const LpcaRevised *view = material;
+    *ret_width = view->texels.width;
+    *ret_height = view->texels.height;
+}
+
 static gpointer lpca_revised_open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_revised_new(levels, n, 0, error);
 }
@@ -208,5 +214,6 @@ const struct method method_lpca_revised = {
     .free = (GDestroyNotify)lpca_revised_free,
     .constants = lpca_revised_constants,
     .bytes = lpca_revised_bytes,
+    .size = lpca_revised_size,
     .bind = lpca_revised_bind_all,
 };

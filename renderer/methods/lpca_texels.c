@@ -202,6 +202,8 @@ static guint lpca_texels_mipmapped(GLenum target, int n_levels) {
 
 gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
                           const float *scales, GError **error) {
+    texels->width = (int)pyramid->levels[0]->layout.width;
+    texels->height = (int)pyramid->levels[0]->layout.height;
     texels->n_components = pyramid->lpca->n_components;
     texels->n_levels = pyramid->n_levels;
     texels->log = pyramid->lpca->colours == LPCA_LOG;

@@ -33,6 +33,7 @@ typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
 gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 
 struct lpca_texels {
+    int width, height; /* of level 0 */
     int n_components, n_levels;
     gboolean log; /* texels are not mixed before they are evaluated */
     guint weights, clusters;

@@ -160,6 +160,12 @@ static gint64 lpca_view_bytes(gconstpointer material) {
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
 }
 
+static void lpca_view_size(gconstpointer material, int *ret_width, int *ret_height) {
+    const LpcaView *view = material;
+    *ret_width = view->texels.width;
+    *ret_height = view->texels.height;
+}
+
 static gpointer lpca_view_open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_view_new(levels, n, error);
 }
@@ -180,5 +186,6 @@ const struct method method_lpca = {
     .free = (GDestroyNotify)lpca_view_free,
     .constants = lpca_view_constants,
     .bytes = lpca_view_bytes,
+    .size = lpca_view_size,
     .bind = lpca_view_bind_all,
 };

@@ -46,6 +46,8 @@ struct method {
     /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* GPU memory */
+    /* Texels of the sample; NULL for a method without a material file. */
+    void (*size)(gconstpointer material, int *ret_width, int *ret_height);
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };

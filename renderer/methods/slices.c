@@ -76,6 +76,8 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     const struct btf_layout *layout = levels[0].layout;
     const int width = (int)layout->width, height = (int)layout->height;
     const int n_views = (int)layout->views.n;
+    slices->width = width;
+    slices->height = height;
     g_autofree char *what = g_strdup_printf("the texture of the %s", slices->what);
     g_autoptr(Directions) views = method_directions(&layout->views, "views", FALSE, error);
     if (!views)

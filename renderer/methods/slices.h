@@ -29,6 +29,7 @@ struct slices {
     int n_levels, n_pages, n_slices;
     int value_at[SLICES_MAX_PAGES][SLICES_PAGE]; /* which value of a texel; −1: none */
     /* Set by slices_upload(). */
+    int width, height;            /* texels of level 0 */
     guint values, ambients, pole; /* textures */
     struct direction_textures views;
 };

@@ -308,7 +308,19 @@ gboolean viewer_set_index(Viewer *viewer, const struct index_map *map, GError **
 
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error) {
     g_autoptr(IndexMap) map = index_map_read(path, error);
-    return map != NULL && viewer_set_index(viewer, map, error);
+    int width = 0, height = 0;
+    if (map == NULL)
+        return FALSE;
+    if (viewer->method != NULL && viewer->method->size != NULL)
+        viewer->method->size(viewer->material, &width, &height);
+    if (width > 0 && (map->sample_width != width || map->sample_height != height)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "%s is an index map of a sample of %d × %d texels, and the material has %d × "
+                    "%d; synthesize it from this material",
+                    path, map->sample_width, map->sample_height, width, height);
+        return FALSE;
+    }
+    return viewer_set_index(viewer, map, error);
 }
 
 const struct index_map *viewer_index(const Viewer *viewer) {

@@ -104,6 +104,7 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
  * without a material file, viewer_render_flat() and plain pictures take no notice of it. Where
  * settings leave the tiles to the mesh, they become a multiple of those that the map is long. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
+/* FALSE also for a map of a sample of another size than the material that is open. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
 /* Rounds tiles to those that a map repeats in, as near as may be in size along v; without a map
  * they stay. */

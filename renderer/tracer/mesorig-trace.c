@@ -2,6 +2,7 @@
 #include "trace_output.h"
 
 #include "base/nearest.h"
+#include "scene/environment.h"
 
 #include <locale.h>
 #include <math.h>
@@ -116,6 +117,10 @@ static gboolean trace_main_set_material(TraceScene *scene, const char *text, GEr
     return trace_scene_set_material(scene, name, path, tiles, error);
 }
 
+static gboolean trace_main_is_environment(const char *name) {
+    return g_strv_contains(environment_names, name) || g_file_test(name, G_FILE_TEST_EXISTS);
+}
+
 static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
     if (environment_name == NULL)
         return TRUE;
@@ -125,6 +130,12 @@ static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
         *environment = (struct environment){2, 1, g_new(float, 6)};
         for (int k = 0; k < 6; k++)
             environment->rgb[k] = 1.0F;
+    } else if (!trace_main_is_environment(environment_name)) {
+        g_autofree char *names = g_strjoinv(", ", (char **)environment_names);
+        return trace_main_fail(error,
+                               "--environment=%s: there is no file of that name; choose from: "
+                               "white, %s; or give FILE.exr, twice as wide as high",
+                               environment_name, names);
     } else {
         environment = environment_open(environment_name, error);
     }

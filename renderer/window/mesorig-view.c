@@ -190,6 +190,9 @@ static gboolean viewer_main_render(struct studio *studio, GError **error) {
     g_autoptr(Viewer) viewer = compose != NULL ? open_viewer(studio, o->method, error) : NULL;
     g_autoptr(Viewer) second =
         viewer != NULL && o->second != NULL ? open_viewer(studio, o->second, error) : NULL;
+    if (viewer == NULL && o->reference && o->argument != NULL)
+        g_prefix_error(error,
+                       "--reference is held against a picture by --method %s: ", o->method->name);
     if (viewer == NULL || (o->second != NULL && second == NULL))
         return FALSE;
     studio->drawn.renderer = g_strdup(gpu_renderer());

@@ -190,7 +190,7 @@ static void test_dome(void) {
     g_autofree char *picture = g_build_filename(folder, "dome.png", NULL);
 
     plan = process_mesorig(0, "plan " DEMO "dome/rig.conf " DEMO "dome/session.conf");
-    assert_has(plan, "1 views, 64 lights");
+    assert_has(plan, "1 view, 64 lights");
     assert_has(plan, "RTI");
     session = capture(
         "dome", "dome", NULL, NOTHING,

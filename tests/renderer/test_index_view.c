@@ -235,6 +235,31 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     remove_folder(dir);
 }
 
+/* A map's file of a sample of another size is refused with a sentence, and the one before stays. */
+static void test_other_sample(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 16, 8);
+    g_autoptr(Viewer) view = view_fixture_view(TEXEL, 8, 16, mesh);
+    g_autoptr(IndexMap) map = new_map(W, H), other = new_map(W + 1, H);
+    g_autofree char *folder = g_dir_make_tmp("mesorig-index-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "index.exr", NULL);
+    g_assert_true(index_map_write(path, other, &error));
+    g_assert_false(viewer_open_index(view, path, &error));
+    g_assert_error(error, GPU_ERROR, GPU_ERROR_FAILED);
+    g_autofree char *sizes = g_strdup_printf(
+        "of a sample of %d × %d texels, and the material has %d × %d", W + 1, H, W, H);
+    g_assert_nonnull(strstr(error->message, sizes));
+    g_assert_null(viewer_index(view));
+    g_clear_error(&error);
+    g_assert_true(index_map_write(path, map, &error));
+    g_assert_true(viewer_open_index(view, path, &error));
+    g_assert_no_error(error);
+    g_assert_nonnull(viewer_index(view));
+    remove_folder(folder);
+}
+
 /* Tiles that the mesh has become those in which the map repeats. */
 static void test_tiles(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
@@ -264,6 +289,7 @@ int main(int argc, char **argv) {
                  {"/index-view/filtered", test_filtered},
                  {"/index-view/relief", test_relief},
                  {"/index-view/reference", test_reference},
+                 {"/index-view/other-sample", test_other_sample},
                  {"/index-view/tiles", test_tiles}};
     g_test_init(&argc, &argv, NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)

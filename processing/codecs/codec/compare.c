@@ -203,10 +203,11 @@ static gboolean compare_same_directions(const struct direction_list *of_a,
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error) {
     const struct btf_layout *of_a = material_info(a)->layout, *of_b = material_info(b)->layout;
-    const char *what = of_a->width != of_b->width || of_a->height != of_b->height ? "texels"
-                       : !compare_same_directions(&of_a->views, &of_b->views)     ? "views"
-                       : !compare_same_directions(&of_a->lights, &of_b->lights)   ? "lights"
-                                                                                  : NULL;
+    const char *what = of_a->width != of_b->width || of_a->height != of_b->height
+                           ? "numbers of texels"
+                       : !compare_same_directions(&of_a->views, &of_b->views)   ? "views"
+                       : !compare_same_directions(&of_a->lights, &of_b->lights) ? "lights"
+                                                                                : NULL;
     if (what) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) "

@@ -74,7 +74,7 @@ static void check_round(void) {
     g_assert_cmpfloat(number_of(out, "lowest_deg"), ==, 70);
     g_assert_cmpint((int)number_of(out, "width"), ==, 4);
     says(0, "export bsdf satin.session --texel 3,3 --isotropic -o texel.bsdf",
-         "the mean of 1 × 1 texels");
+         "one texel, 19 views");
     says(0, "import bsdf again.bsdf -o again.session -d few.csv --texels 4", "19 views");
     g_autofree char *compared = process_mesorig(0, "compare satin.session again.session --json");
     /* Nineteen directions, 20° apart, are all that the file was interpolated from: 3.5 %. */
@@ -87,8 +87,9 @@ static void check_round(void) {
     says(0, "export ptm satin.session -o satin.ptm", "view 0 (0° from the normal)");
     says(0, "export ptm satin.session -o rgb.ptm --format rgb --view 3", "view 3 (70°");
     says(0, "export relight satin.session -o web", "under 19 lights");
-    says(0, "import ptm satin.ptm -o ptm.session -d few.csv", "1 views × 19 lights");
-    says(0, "import relight web/info.json -o web.session", "1 views × 19 lights");
+    says(0, "import ptm satin.ptm -o ptm.session -d few.csv", "1 view × 19 lights");
+    says(0, "import relight web/info.json -o web.session", "1 view × 19 lights");
+    says(0, "import relight web -o folder.session", "1 view × 19 lights"); /* the folder itself */
 }
 
 static void check_wrong(void) {
@@ -125,7 +126,7 @@ static void check_wrong(void) {
         {1, "export bsdf satin.session -o satin.bsdf", "satin.bsdf exists already"},
         {1, "export ptm line.session -o x.ptm", "do not determine the six terms"},
     };
-    says(0, "import bsdf satin.bsdf -o line.session -d line.csv", "1 views × 3 lights");
+    says(0, "import bsdf satin.bsdf -o line.session -d line.csv", "1 view × 3 lights");
     const int before = count_files();
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
         says(wrong[i].code, wrong[i].arguments, wrong[i].words);

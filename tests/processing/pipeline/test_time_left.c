@@ -74,7 +74,7 @@ static double worst_error(const struct course *course, const struct time_left_ra
         const double after_s =
             course->after_said_s * MIN((total_s - now_s) / (total_s - views_s + 1e-9), 1);
         const double left_s = time_left_views_s(tasks, course->n, course->n_threads, rates) /
-                                  time_left_speed_of(&speed, n_busy, n_busy) +
+                                  time_left_speed_of(&speed, n_busy) +
                               after_s / course->speed;
         if (percent >= 10)
             worst = MAX(worst, fabs(left_s / (total_s - now_s) - 1));
@@ -150,15 +150,22 @@ static void test_order(void) {
 /* Two threads that got half a processor each: one alone gets a whole one. */
 static void test_speed(void) {
     struct time_left_speed speed = {0};
-    g_assert_cmpfloat(time_left_speed_of(&speed, 2, 2), ==, 1);
+    g_assert_cmpfloat(time_left_speed_of(&speed, 2), ==, 1);
     for (int i = 0; i < 100; i++)
         time_left_speed_add(&speed, 0.5, 0.5, 2, i * 0.5);
-    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2, 2), 0.5, 1e-9);
-    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2, 1), 1, 1e-9);
+    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2), 0.5, 1e-9);
+    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 1), 1, 1e-9);
+    /* Where one thread follows two that got a tenth each, and the process gets as much as before,
+     * nothing of that changes meanwhile: what two threads got does not count as what one gets. */
+    struct time_left_speed shared = {0};
+    for (int i = 0; i < 120; i++) {
+        time_left_speed_add(&shared, 0.5, 0.1, i < 100 ? 2 : 1, i * 0.5);
+        g_assert_cmpfloat_with_epsilon(time_left_speed_of(&shared, 1), 0.2, 1e-9);
+    }
     /* What was long ago is forgotten. */
     for (int i = 0; i < 100; i++)
         time_left_speed_add(&speed, 0.5, 0.2, 2, 50 + i * 0.5);
-    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2, 2), 0.2, 0.02);
+    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2), 0.2, 0.02);
 }
 
 /* What one run measured is there for the next; a damaged file is none. */
