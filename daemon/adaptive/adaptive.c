@@ -341,7 +341,10 @@ static gboolean adaptive_load(Adaptive *adaptive, const struct rig *nominal, GEr
     const guint n = adaptive->shots->len;
     while (!adaptive->over) {
         g_autofree char *key = g_strdup_printf(ROUND_KEY "%d", adaptive->n_rounds + 1);
-        g_autofree char *text = session_value(adaptive->session, key);
+        g_autofree char *text = NULL;
+        /* A round that cannot be read is not one that was never chosen. */
+        if (!session_read_value(adaptive->session, key, &text, error))
+            return FALSE;
         if (!text)
             break;
         if (!adaptive_load_round(adaptive, text, error))

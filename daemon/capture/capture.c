@@ -11,10 +11,32 @@
 #include "intake_write.h"
 #include "thumbnail.h"
 
-static double load_value(Session *session, const char *key) {
-    g_autofree char *text = session_value(session, key);
-    double value = text ? g_ascii_strtod(text, NULL) : 0;
-    return isfinite(value) ? value : 0;
+/* 0: it is not set. A value that cannot be read is an error: it would be stored again as 0. */
+static gboolean load_value(Session *session, const char *key, double *ret, GError **error) {
+    g_autofree char *text = NULL;
+    const gboolean ok = session_read_value(session, key, &text, error);
+    const double value = text ? g_ascii_strtod(text, NULL) : 0;
+    *ret = isfinite(value) ? value : 0;
+    return ok;
+}
+
+/* The figures of the session's runs before this one. */
+static gboolean load_figures(Capture *capture, GError **error) {
+    Session *session = capture->session;
+    double predicted_bytes = 0;
+    if (!load_value(session, "predicted_s", &capture->predicted_s, error) ||
+        !load_value(session, "lower_bound_s", &capture->lower_bound_s, error) ||
+        !load_value(session, "predicted_bytes", &predicted_bytes, error) ||
+        !load_value(session, "expected_bytes", &capture->said_bytes, error) ||
+        !load_value(session, "clock_s", &capture->clock_base_s, error) ||
+        !load_value(session, "real_s", &capture->real_base_s, error) ||
+        !load_value(session, "frames", &capture->frames_base, error) ||
+        !load_value(session, "retakes", &capture->retakes_base, error))
+        return FALSE;
+    if (capture->said_bytes <= 0)
+        capture->said_bytes = predicted_bytes;
+    capture->expected_bytes = capture->said_bytes;
+    return exposure_advice_load(&capture->exposures, session, error);
 }
 
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
@@ -107,19 +129,8 @@ static Capture *capture_open(struct devices *devices, const char *directory,
                                  .calibration = capture->calibration};
     capture->intake = intake_new(&setup, &intake_hooks);
     capture->sequencer = sequencer_new(devices, &capture->conf, &hooks);
-    capture->predicted_s = load_value(session, "predicted_s");
-    capture->lower_bound_s = load_value(session, "lower_bound_s");
-    capture->said_bytes = load_value(session, "expected_bytes");
-    if (capture->said_bytes <= 0)
-        capture->said_bytes = load_value(session, "predicted_bytes");
-    capture->expected_bytes = capture->said_bytes;
-    capture->clock_base_s = load_value(session, "clock_s");
     capture->begun_us = g_get_monotonic_time();
-    capture->real_base_s = load_value(session, "real_s");
-    capture->frames_base = load_value(session, "frames");
-    capture->retakes_base = load_value(session, "retakes");
-    exposure_advice_load(&capture->exposures, session);
-    if (!capture_mount_load(capture, error))
+    if (!load_figures(capture, error) || !capture_mount_load(capture, error))
         g_clear_pointer(&capture, capture_free);
     return capture;
 }
@@ -128,18 +139,26 @@ static Session *create_session(const struct devices *devices, const struct sessi
                                const char *directory, const struct plan *plan,
                                const struct calibration *calibration, GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
+    g_autofree char *reference = laser_reference_to_text(&conf->reference);
+    gboolean calibrated = FALSE;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibrated |= calibration->parts[i].done;
+    /* What processing reads is there from the beginning: a daemon may be killed right after it. */
+    const char *const values[][2] = {
+        {LASER_REFERENCE_KEY, conf->reference.radius_mm > 0 ? reference : NULL},
+        {"chosen", conf->chosen},
+        /* The session has the calibration as a whole; this says where it came from. */
+        {"calibration", calibrated ? devices->calibration_path : "nominal"},
+    };
     struct session_texts texts = {
         .rig_conf = devices->text,
         .session_conf = conf->text,
         .calibration = text,
         .rig_path = devices->path,
+        .values = values,
+        .n_values = G_N_ELEMENTS(values),
     };
-    Session *session = session_create(directory, conf->name, &texts, &plan->session, error);
-    g_autofree char *reference = laser_reference_to_text(&conf->reference);
-    if (session && conf->reference.radius_mm > 0 &&
-        !session_set_value(session, LASER_REFERENCE_KEY, reference, error))
-        g_clear_pointer(&session, session_close);
-    return session;
+    return session_create(directory, conf->name, &texts, &plan->session, error);
 }
 
 static void capture_note(Session *session, const char *level, const char *source,
@@ -160,9 +179,6 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
     g_autoptr(Session) session =
         calibration ? create_session(devices, conf, directory, plan, calibration, error) : NULL;
     if (session) {
-        gboolean calibrated = FALSE;
-        for (int i = 0; i < CALIBRATION_PARTS; i++)
-            calibrated |= calibration->parts[i].done;
         g_autofree char *line =
             calibration_line(calibration, devices->calibration_path, CAPTURE_CALIBRATION_HOW);
         capture_save_value(session, "predicted_s", plan->predicted_s);
@@ -172,12 +188,8 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         if (conf->chosen) {
             g_autofree char *said =
                 g_strdup_printf("chosen by pictures on trial: %s", conf->chosen);
-            session_set_value(session, "chosen", conf->chosen, NULL);
             session_add_event(session, 0, "info", "exposures", said, NULL);
         }
-        /* The session has the calibration as a whole; this says where it came from. */
-        session_set_value(session, "calibration",
-                          calibrated ? devices->calibration_path : "nominal", NULL);
         session_add_event(session, 0, "info", "calibration", line, NULL);
         capture_note(session, "warning", "calibration", warnings);
     }

@@ -9,23 +9,25 @@
 #define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
 
-static void keep_outputs(Capture *capture, const struct flight *flight) {
+static gboolean keep_outputs(Capture *capture, const struct flight *flight, GError **error) {
     const struct calibration *known = capture->calibration;
     const struct fiducial_seen *seen = (const struct fiducial_seen *)(void *)flight->marks->data;
     if (!known->lamp_radiometry[flight->shot->device].known)
-        return;
+        return TRUE;
     for (int c = 0; c < known->rig.n_cameras; c++) {
         g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
-        double output, error;
+        double output, own_error;
         for (guint i = 0; i < flight->marks->len; i++)
             if (seen[i].camera == c)
                 g_array_append_val(own, seen[i]);
         if (known->camera_radiometry[c].known &&
             fiducials_output((struct fiducial_seen *)(void *)own->data, (int)own->len, &output,
-                             &error))
-            outputs_store(capture->session, flight->shot->id, known->rig.cameras[c].name, output,
-                          error, NULL);
+                             &own_error) &&
+            !outputs_store(capture->session, flight->shot->id, known->rig.cameras[c].name, output,
+                           own_error, error))
+            return FALSE;
     }
+    return TRUE;
 }
 
 static guint32 capture_marks_moved(const struct rig *rig, const struct fiducials_check *check) {
@@ -75,12 +77,11 @@ static void check_seen(const Capture *capture, const GArray *seen, struct fiduci
                     (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
-char *capture_marks_check(Capture *capture, const struct flight *flight) {
+char *capture_marks_check(Capture *capture, const struct flight *flight, GError **error) {
     const struct rig *rig = &capture->calibration->rig;
-    if (flight->shot->kind != SHOT_LAMP || !flight->marks)
-        return NULL;
-    keep_outputs(capture, flight);
-    if (!capture->calibration->parts[CALIBRATION_CAMERAS].done)
+    if (flight->shot->kind != SHOT_LAMP || !flight->marks ||
+        !keep_outputs(capture, flight, error) ||
+        !capture->calibration->parts[CALIBRATION_CAMERAS].done)
         return NULL;
     struct fiducials_check check;
     g_autoptr(GArray) window = add_to_window(capture, flight);

@@ -21,7 +21,9 @@ gboolean capture_mount_load(Capture *capture, GError **error) {
         if (!timing_of(capture)->mounts[i])
             continue;
         g_autofree char *key = key_of(capture, i);
-        g_autofree char *said = session_value(capture->session, key);
+        g_autofree char *said = NULL;
+        if (!session_read_value(capture->session, key, &said, error))
+            return FALSE;
         capture->mounted[i] =
             -1; /* the session does not say, or names a laser that the rig no longer has */
         for (int k = 0; said && k < capture->devices->geometry.n_lasers; k++)

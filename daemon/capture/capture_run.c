@@ -278,7 +278,12 @@ static void commit_what_is_back(Capture *capture) {
             stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
             return;
         }
-        g_autofree char *moved = capture_marks_check(capture, flight);
+        g_autoptr(GError) error = NULL;
+        g_autofree char *moved = capture_marks_check(capture, flight, &error);
+        if (error) {
+            stop_for_disk(capture, error);
+            return;
+        }
         if (moved) {
             stop_for(capture, CAPTURE_FAULT_RIG, "fiducials", moved);
             return;

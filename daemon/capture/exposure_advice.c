@@ -12,14 +12,16 @@ void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us
         retakes->shortest_us = shortened_us;
 }
 
-void exposure_advice_load(struct exposure_retakes *ret, Session *session) {
-    g_autofree char *text = session_value(session, KEY);
+gboolean exposure_advice_load(struct exposure_retakes *ret, Session *session, GError **error) {
+    g_autofree char *text = NULL;
+    const gboolean ok = session_read_value(session, KEY, &text, error);
     g_auto(GStrv) words = g_strsplit(text ? text : "", " ", 2);
     *ret = (struct exposure_retakes){0};
     if (g_strv_length(words) == 2) {
         ret->n = (int)CLAMP(g_ascii_strtoll(words[0], NULL, 10), 0, G_MAXINT);
         ret->shortest_us = MAX(g_ascii_strtoll(words[1], NULL, 10), 0);
     }
+    return ok;
 }
 
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session) {
@@ -42,7 +44,7 @@ static int count_lit_pictures(Session *session) {
 
 char *exposure_advice(Session *session, double lacking) {
     struct exposure_retakes retakes;
-    exposure_advice_load(&retakes, session);
+    exposure_advice_load(&retakes, session, NULL);
     const int n = count_lit_pictures(session);
     if (n == 0 || retakes.n < MOST_RETAKEN * n)
         return lacking > MOST_LACKING

@@ -12,8 +12,9 @@ struct exposure_retakes {
 /* shortened_us: as the sequencer's hook “retake” has it. */
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us);
 
-/* Reads and writes the session's value "saturated_retakes", the sum over all runs. */
-void exposure_advice_load(struct exposure_retakes *ret, Session *session);
+/* Reads and writes the session's value "saturated_retakes", the sum over all runs. FALSE: it cannot
+ * be read, and *ret is 0. */
+gboolean exposure_advice_load(struct exposure_retakes *ret, Session *session, GError **error);
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session);
 
 /* A sentence with what to change, if there were at least half as many such retakes as pictures

@@ -97,8 +97,10 @@ gboolean video_control_set(const struct video_node *node, guint32 id, gint64 val
     gboolean named = v4l2_controls_query(node, id, &about);
     gboolean hidden =
         about.flags & V4L2_CTRL_FLAG_WRITE_ONLY || about.type == V4L2_CTRL_TYPE_BUTTON;
-    g_autofree char *name =
+    /* The message goes over D-Bus, which wants UTF-8; a camera may say anything. */
+    g_autofree char *said =
         named ? g_strndup((char *)about.name, sizeof about.name) : g_strdup("a control");
+    g_autofree char *name = g_utf8_make_valid(said, -1);
     g_autofree char *what = g_strdup_printf("refused %s = %" G_GINT64_FORMAT, name, value);
     if (video_ioctl(node, VIDIOC_S_CTRL, &set) < 0 ||
         (!hidden && video_ioctl(node, VIDIOC_G_CTRL, &is) < 0))

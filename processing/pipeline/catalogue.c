@@ -131,10 +131,11 @@ static gboolean load_calibration(struct catalogue *catalogue, Session *session, 
 static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
                                   const char *calibration, GError **error) {
     g_autofree char *path = session_file(session, "session.db (calibration.conf)");
-    g_autofree char *reference = session_value(session, LASER_REFERENCE_KEY);
+    g_autofree char *reference = NULL;
     const struct session_grid *grid = &catalogue->grid;
     catalogue->directory = session_path(session);
-    if (!load_calibration(catalogue, session, path, calibration, error) ||
+    if (!session_read_value(session, LASER_REFERENCE_KEY, &reference, error) ||
+        !load_calibration(catalogue, session, path, calibration, error) ||
         !session_grid(session, &catalogue->grid, error))
         return FALSE;
     if (grid->width < 1 || grid->height < 1 || grid->width > 8192 || grid->height > 8192 ||

@@ -9,16 +9,22 @@
 #define TEXT  "products_calibration.conf"
 
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error) {
-    g_autofree char *mixed = session_value(session, MIXED);
-    g_autofree char *where = session_value(session, WHERE);
-    *ret = (struct made_with){.own = where == NULL, .mixed = mixed != NULL};
+    g_autofree char *mixed = NULL, *where = NULL, *begun_with = NULL;
+    *ret = (struct made_with){0};
+    /* An error must not look like a value that is not set: that means the session's own. */
+    if (!session_read_value(session, MIXED, &mixed, error) ||
+        !session_read_value(session, WHERE, &where, error) ||
+        !session_read_value(session, "calibration", &begun_with, error))
+        return FALSE;
     ret->text = session_text(session, where ? TEXT : "calibration.conf", error);
-    ret->where = where ? g_steal_pointer(&where) : session_value(session, "calibration");
-    if (!ret->where)
-        ret->where = g_strdup("nominal"); /* imported, or made by a test */
     if (!ret->text)
-        made_with_clear(ret);
-    return ret->text != NULL;
+        return FALSE;
+    ret->own = where == NULL;
+    ret->mixed = mixed != NULL;
+    ret->where = where        ? g_steal_pointer(&where)
+                 : begun_with ? g_steal_pointer(&begun_with)
+                              : g_strdup("nominal"); /* imported, or made by a test */
+    return TRUE;
 }
 
 void made_with_clear(struct made_with *with) {

@@ -166,10 +166,15 @@ char *session_text(Session *session, const char *name, GError **error) {
     return content;
 }
 
+gboolean session_read_value(Session *session, const char *key, char **ret, GError **error) {
+    return session_db_one_text(session, "SELECT value FROM value WHERE key = ?1", key, ret,
+                               error) >= 0;
+}
+
 char *session_value(Session *session, const char *key) {
     char *value;
 
-    session_db_one_text(session, "SELECT value FROM value WHERE key = ?1", key, &value, NULL);
+    session_read_value(session, key, &value, NULL);
     return value;
 }
 

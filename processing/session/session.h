@@ -39,6 +39,9 @@ struct session_texts {
     const char *rig_conf, *session_conf; /* as the user wrote them */
     const char *calibration;             /* rig_to_text() */
     const char *rig_path; /* absolute; stored as the value "rig_path"; NULL: unknown */
+    const char *const (
+        *values)[2]; /* further values: name and value each; a value NULL: left out */
+    int n_values;
 };
 
 struct session_grid {  /* the texels of the reference plane, in the sample frame */
@@ -141,9 +144,12 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
 gboolean session_add_event(Session *session, double time_s, const char *level, const char *source,
                            const char *message, GError **error);
 
-/* Values by name ("state", "clock_s", …): bookkeeping of capture, and results of processing. */
+/* Values by name ("state", "clock_s", …): bookkeeping of capture, and results of processing.
+ * session_read_value(): *ret is NULL if the value is not set, and on an error; g_free() */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
-char *session_value(Session *session, const char *key); /* NULL: not set; g_free() */
+gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
+/* The same, for what is shown to people alone: NULL: not set, or it cannot be read; g_free() */
+char *session_value(Session *session, const char *key);
 
 /* All values whose names begin with prefix: name → value, both owned by the table. */
 GHashTable *session_values(Session *session, const char *prefix, GError **error);

@@ -4,6 +4,7 @@
 
 #include "base/new_file.h"
 
+#include <errno.h>
 #include <math.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -15,11 +16,14 @@ static gboolean session_commit_refuse(const struct session_frame *frame, const c
                         frame->camera, frame->path ? frame->path : "", what);
 }
 
+/* −1: there is no such file, or no regular one. −2, with errno: the disk does not tell. */
 static gint64 session_commit_size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;
 
-    return lstat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
+    if (lstat(file, &status) == 0)
+        return S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
+    return errno == ENOENT || errno == ENOTDIR || errno == ENAMETOOLONG || errno == ELOOP ? -1 : -2;
 }
 
 static gboolean session_commit_check_frames(const Session *session, gint64 shot,
@@ -169,6 +173,11 @@ gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GErr
         const gint64 size = session_commit_size_of(session, frame->path);
         char *wrong = NULL;
 
+        /* A disk that does not answer has lost nothing: all shots would be planned again. */
+        if (size == -2)
+            return session_fail(error, SESSION_ERROR_IO,
+                                "%s/%s: cannot be examined: %s; check the disk and try again",
+                                session->path, frame->path, g_strerror(errno));
         if (size < 0) {
             wrong = g_strdup_printf("%s is gone", frame->path);
         } else if (size != frame->bytes) {
@@ -178,8 +187,7 @@ gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GErr
             struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
 
             if (damage)
-                wrong =
-                    g_strdup_printf("%s has changed since it was taken (checksum)", frame->path);
+                wrong = g_strdup_printf("%s is not as it was taken: %s", frame->path, damage->what);
             session_damage_free(damage);
         }
         g_ptr_array_add(why, wrong);

@@ -128,6 +128,9 @@ static gboolean insert_all(Session *session, const char *name, const struct sess
     for (gsize i = 0; ok && i < G_N_ELEMENTS(files); i++)
         ok = session_db_run(session, error, "INSERT INTO text VALUES (?1, ?2)", "ss", files[i][0],
                             files[i][1]);
+    for (int i = 0; ok && i < texts->n_values; i++)
+        ok = !texts->values[i][1] ||
+             session_set_value(session, texts->values[i][0], texts->values[i][1], error);
     return ok &&
            (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error)) &&
            insert_plan(session, plan, error) && session_commit(session, error);

@@ -38,6 +38,45 @@ static gboolean session_db_damaged(const Session *session, const char *what, GEr
                         session->path, valid);
 }
 
+/* Whether all of a file that SQLite has open can be read. Through SQLite: to open and close the
+ * file anew would release this process's locks of it. */
+static gboolean can_read_all(sqlite3 *db, int which) {
+    sqlite3_file *file = NULL;
+    sqlite3_int64 size = 0;
+    guint8 block[4096];
+    if (sqlite3_file_control(db, "main", which, &file) != SQLITE_OK || !file || !file->pMethods)
+        return TRUE; /* there is no such file */
+    if (file->pMethods->xFileSize(file, &size) != SQLITE_OK)
+        return FALSE;
+    for (sqlite3_int64 at = 0; at < size; at += (sqlite3_int64)sizeof block) {
+        const int n = (int)MIN(size - at, (sqlite3_int64)sizeof block);
+        const int rc = file->pMethods->xRead(file, block, n, at);
+        if (rc != SQLITE_OK && rc != SQLITE_IOERR_SHORT_READ)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* SQLite calls a page damaged, too, that the disk fails to read (SQLITE_IOERR_CORRUPTFS becomes
+ * SQLITE_CORRUPT while a statement runs). TRUE: the disk reads all of the database now, and a
+ * connection that has seen nothing of it so far finds it damaged. */
+static gboolean is_truly_damaged(const Session *session) {
+    if (!can_read_all(session->db, SQLITE_FCNTL_FILE_POINTER) ||
+        !can_read_all(session->db, SQLITE_FCNTL_JOURNAL_POINTER))
+        return FALSE;
+    g_autofree char *file = session_file(session, "session.db");
+    g_autoptr(sqlite3_stmt) check = NULL;
+    sqlite3 *db = NULL;
+    gboolean sound = FALSE;
+    if (sqlite3_open_v2(file, &db, SQLITE_OPEN_READONLY, NULL) == SQLITE_OK &&
+        sqlite3_prepare_v2(db, "PRAGMA quick_check(1)", -1, &check, NULL) == SQLITE_OK &&
+        sqlite3_step(check) == SQLITE_ROW)
+        sound = g_strcmp0((const char *)sqlite3_column_text(check, 0), "ok") == 0;
+    g_clear_pointer(&check, sqlite3_finalize);
+    sqlite3_close(db);
+    return !sound;
+}
+
 gboolean session_db_fail(const Session *session, int rc, GError **error) {
     int saved = session->db ? sqlite3_system_errno(session->db) : 0;
     const char *says = session->db ? sqlite3_errmsg(session->db) : sqlite3_errstr(rc);
@@ -50,6 +89,11 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
     if (primary == SQLITE_NOTADB)
         return session_fail(error, SESSION_ERROR_FORMAT,
                             "%s/session.db: not a session's database: %s", session->path, says);
+    if (primary == SQLITE_CORRUPT && session->db && !session->is_new && !is_truly_damaged(session))
+        return session_fail(error, SESSION_ERROR_IO,
+                            "%s/session.db: a part of it could not be read; check the disk and try "
+                            "again",
+                            session->path);
     if (primary == SQLITE_CORRUPT || primary == SQLITE_FORMAT || primary == SQLITE_TOOBIG)
         return session_db_damaged(session, says, error);
     if (primary == SQLITE_BUSY || primary == SQLITE_LOCKED)

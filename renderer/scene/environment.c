@@ -7,6 +7,8 @@
 #include <math.h>
 #include <string.h>
 
+#define MOST_RADIANCE 1e30f /* the light of a whole sphere of it is finite as a float, too */
+
 struct part { /* of the picture: columns and rows, the ends not in it */
     int x0, x1, y0, y1;
     double light;
@@ -124,8 +126,8 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
     }
     for (gsize k = 0; k < 3 * n; k++) {
         rgb[k] = planes[k % 3][k / 3];
-        if (!isfinite(rgb[k]) || rgb[k] < 0.0f) {
-            environment_refuse(path, "a radiance is negative or not finite", error);
+        if (!(rgb[k] >= 0.0f && rgb[k] <= MOST_RADIANCE)) {
+            environment_refuse(path, "a radiance is negative, above 1e30 or not a number", error);
             return NULL;
         }
     }

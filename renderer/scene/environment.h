@@ -11,7 +11,7 @@
 
 struct environment {
     int width, height;
-    float *rgb; /* height × width × 3, finite and not negative */
+    float *rgb; /* height × width × 3, 0 … 1e30 */
 };
 
 /* Environments that are computed, NULL-ended: see environment_made.h. */

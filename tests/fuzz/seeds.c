@@ -12,6 +12,7 @@
 #include "queue/queue.h"
 #include "rig/devices.h"
 #include "session/session.h"
+#include "synthesis/index_map.h"
 
 #include "fuzz.h"
 #include "lib/remove_tree.h"
@@ -297,6 +298,40 @@ static void write_queue(const char *folder) {
     g_unlink(lock);
 }
 
+/* A map of two levels, and one of a sample of one texel. */
+static void write_indices(const char *folder) {
+    for (int k = 0; k < 2; k++) {
+        g_autofree char *path = file_in(folder, "index", k ? "one.exr" : "map.exr");
+        const int side = k ? 1 : 4;
+        g_autoptr(IndexMap) map = index_map_new(side, side, side, side, 0.5, "quilting");
+        for (int i = 0; i < side * side; i++) {
+            map->levels[0][2 * i] = (guint16)(i % side);
+            map->levels[0][2 * i + 1] = (guint16)(side - 1 - i / side);
+        }
+        if (!k) {
+            map->n_levels = 2;
+            map->levels[1] = g_new0(guint16, 2 * 2 * 2);
+            map->levels[1][0] = 2;
+        }
+        g_assert_true(index_map_write(path, map, NULL));
+    }
+}
+
+static void write_environments(const char *folder) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    for (int k = 0; k < 3; k++) {
+        static const char *const names[] = {"black.exr", "sun.exr", "bright.exr"};
+        g_autofree char *path = file_in(folder, "environment", names[k]);
+        g_autoptr(ExrFile) file = exr_file_new();
+        struct exr_part *part = exr_part_new("sky", 8, 4, channels, EXR_FLOAT);
+        for (int i = 0; k > 0 && i < 8 * 4; i++)
+            for (int c = 0; c < 3; c++)
+                part->planes[c][i] = k == 2 ? 3e38F : i == 11 ? 1000 : 0.5F;
+        exr_file_add(file, part);
+        g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+    }
+}
+
 int main(int argc, char **argv) {
     g_assert_cmpint(argc, ==, 3);
     write_calibration(argv[1], argv[2]);
@@ -310,5 +345,7 @@ int main(int argc, char **argv) {
     write_checkpoint(argv[1]);
     write_options(argv[1]);
     write_queue(argv[1]);
+    write_indices(argv[1]);
+    write_environments(argv[1]);
     return 0;
 }

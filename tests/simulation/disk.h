@@ -38,7 +38,7 @@ struct disk {
     char root[256]; /* absolute, without links */
     struct disk_fault faults[SCHEDULE_MAX_DISK];
     int n_faults;
-    int calls[DISK_KINDS + 1]; /* of each kind, and of all */
+    int calls[DISK_COUNTS]; /* of each kind, and of all */
     gboolean active, full;
     gboolean cut;    /* the process was killed, and the power failed as well */
     int n_failed;    /* calls that were made to fail, or while the disk was full */

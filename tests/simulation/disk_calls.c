@@ -230,7 +230,7 @@ static int open_watched(int folder, const char *name, int flags, mode_t mode) {
         return real(folder, name, flags, mode);
     pthread_mutex_lock(&disk_lock);
     struct stat status;
-    const gboolean existed = lstat(path, &status) == 0;
+    const gboolean existed = fstatat(AT_FDCWD, path, &status, AT_SYMLINK_NOFOLLOW) == 0;
     const gboolean makes = (flags & O_CREAT) && !existed;
     const int code = decide(DISK_OPEN, path, makes, NULL);
     int fd = -1;
@@ -444,7 +444,7 @@ static int change_name(enum disk_kind kind, int from_folder, const char *from, i
     if (result == 0 && inside) {
         struct stat status = {0};
         if (kind == DISK_FOLDER)
-            lstat(path, &status);
+            fstatat(AT_FDCWD, path, &status, AT_SYMLINK_NOFOLLOW);
         journal_add(kind == DISK_FOLDER ? (int)ENTRY_FOLDER
                     : to                ? (int)ENTRY_RENAME
                                         : (int)ENTRY_REMOVE,
@@ -482,7 +482,8 @@ int rmdir(const char *path) {
 
 int remove(const char *path) {
     struct stat status;
-    const gboolean folder = lstat(path, &status) == 0 && S_ISDIR(status.st_mode);
+    const gboolean folder =
+        fstatat(AT_FDCWD, path, &status, AT_SYMLINK_NOFOLLOW) == 0 && S_ISDIR(status.st_mode);
     return folder ? rmdir(path) : unlink(path);
 }
 
@@ -492,6 +493,26 @@ int mkdir(const char *path, mode_t mode) {
 
 int mkdirat(int folder, const char *path, mode_t mode) {
     return change_name(DISK_FOLDER, folder, path, 0, NULL, SYS_mkdirat, (long)mode);
+}
+
+/* Not among the calls that a schedule has: most of them follow a call that is. */
+int lstat(const char *path, struct stat *ret) {
+    char whole[PATH_MAX];
+    if (!find_path(AT_FDCWD, path, whole))
+        return fstatat(AT_FDCWD, path, ret, AT_SYMLINK_NOFOLLOW);
+    gboolean failing = FALSE;
+    pthread_mutex_lock(&disk_lock);
+    const int n = ++disk->calls[DISK_STAT];
+    for (int i = 0; i < disk->n_faults; i++) {
+        const struct disk_fault *fault = &disk->faults[i];
+        failing |= fault->kind == DISK_STAT && n >= fault->at && n - fault->at < fault->calls;
+    }
+    disk->n_failed += failing;
+    pthread_mutex_unlock(&disk_lock);
+    if (!failing)
+        return fstatat(AT_FDCWD, path, ret, AT_SYMLINK_NOFOLLOW);
+    errno = EIO;
+    return -1;
 }
 
 /* Room for 8 GiB, or none: the machine's own disk is not asked. */

@@ -24,13 +24,19 @@ struct Reference {
 /* The sessions, as changes of the small rig's. */
 static const struct {
     const char *what;
-    struct change changes[3];
+    struct change changes[6];
 } sessions[SCHEDULE_SESSIONS] = {
     {"the small rig's session", {{0}}},
     {"one exposure, and a short one at each step of a sweep",
      {{"[capture]", "exposures_us = 16000"}, {"[capture]", "laser_short_us = 1000"}, {0}}},
     {"all exposures and all frames of the sweeps are kept",
      {{"[capture]", "keep_exposures = yes"}, {"[capture]", "keep_laser_frames = yes"}, {0}}},
+    {"sweeps in rounds, until the surface is known",
+     {{"[lasers]", "rings = 30:2; 60:2"},
+      {"[lasers]", "stop = covered"},
+      {"[lasers]", "first = 1"},
+      {"[lasers]", "gain_pct = 1"},
+      {0}}},
 };
 
 struct run {
@@ -241,6 +247,19 @@ static gboolean run_life(struct run *run, const struct life *life) {
     return !*scene->violation;
 }
 
+/* Products and, of a session whose sweeps come in rounds, the rounds are those of the undisturbed
+ * run. */
+static void run_check_last(struct run *run) {
+    struct store *store = store_new();
+    store_check(run->scene, run->reference, run->damaged, run->scratch, store);
+    if (g_strcmp0(store->rounds, run->reference->rounds) != 0)
+        scene_break(run->scene, "products are the same",
+                    "the rounds of sweeps are “%s”, in an undisturbed run “%s”", store->rounds,
+                    run->reference->rounds);
+    store_free(store);
+    store_check_products(run->scene, run->reference);
+}
+
 /* Until everything is there; nothing goes wrong any more. */
 static gboolean run_last(struct run *run) {
     run_say(run, "last lives: nothing happens\n");
@@ -253,7 +272,7 @@ static gboolean run_last(struct run *run) {
                     "%d undisturbed lives have not finished it; the last: %s", LAST_ATTEMPTS,
                     run->scene->message);
     else if (run->reference)
-        store_check_products(run->scene, run->reference);
+        run_check_last(run);
     else
         store_check_exposures(run->scene, run->scratch);
     run_say(run, run->scene->disk.said);

@@ -7,7 +7,7 @@
 
 #include <glib.h>
 
-#define SCHEDULE_SESSIONS    3
+#define SCHEDULE_SESSIONS    4
 #define SCHEDULE_MAX_LIVES   5
 #define SCHEDULE_MAX_DEVICES 3
 #define SCHEDULE_MAX_DISK    3
@@ -25,6 +25,8 @@ enum disk_kind {
     DISK_FOLDER, /* mkdir() */
     DISK_KINDS,
     DISK_ANY = DISK_KINDS, /* of a fault: all of them counted together */
+    DISK_STAT,             /* lstat(): of tests alone; counted apart, and not among all of them */
+    DISK_COUNTS,
 };
 
 enum disk_action {

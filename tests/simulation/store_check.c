@@ -19,6 +19,7 @@ void store_free(struct store *store) {
     g_hash_table_unref(store->products);
     g_free(store->state);
     g_free(store->reason);
+    g_free(store->rounds);
     g_free(store);
 }
 
@@ -130,6 +131,13 @@ gboolean store_check(struct scene *scene, const struct store *reference, GHashTa
     check_rows(scene, db, reference, damaged, ret);
     ret->state = one_text(scene, db, "SELECT value FROM value WHERE key = 'state'");
     ret->reason = one_text(scene, db, "SELECT value FROM value WHERE key = 'reason'");
+    ret->rounds = one_text(
+        scene, db,
+        "SELECT coalesce((SELECT group_concat(line, '; ') FROM (SELECT key || ' = ' || value AS "
+        "line "
+        "FROM value WHERE key LIKE 'lasers.round.%' ORDER BY key)), 'none') || ', left out: ' || "
+        "coalesce((SELECT group_concat(id) FROM (SELECT id FROM shot WHERE state = 'skipped' "
+        "ORDER BY id)), 'none')");
     sqlite3_close(db);
     return TRUE;
 }
@@ -206,7 +214,8 @@ void store_check_exposures(struct scene *scene, const char *scratch) {
     sqlite3 *db = open_copy(scene, scratch);
     sqlite3_stmt *shots =
         db ? prepare(scene, db,
-                     "SELECT id, turntable_deg, arc_deg, kind, device, cameras FROM shot")
+                     "SELECT id, turntable_deg, arc_deg, kind, device, cameras FROM shot"
+                     " WHERE state = 'done'")
            : NULL;
     while (shots && sqlite3_step(shots) == SQLITE_ROW) {
         const guint64 id = (guint64)sqlite3_column_int64(shots, 0);

@@ -15,6 +15,7 @@ struct store {
     GHashTable *products; /* path → SHA-256 of the files */
     int done, planned;    /* shots */
     char *state, *reason; /* values; NULL: not set */
+    char *rounds;         /* of sweeps, with their shots, and the shots that were left out */
 };
 
 struct store *store_new(void);

@@ -2,10 +2,13 @@
  * The daemon is killed with SIGKILL at random moments of a small session and resumed, until it was
  * killed forty times; the products are bit for bit those of an undisturbed run.
  *
- * MESORIG_KILLS sets another number.
+ * MESORIG_KILLS sets another number. The same with sweeps in rounds, until the surface is known:
+ * the rounds, what they leave out, and all frames are those of an undisturbed run, after five kills
+ * or MESORIG_ADAPTIVE_KILLS.
  */
 #include <gio/gio.h>
 #include <glib/gstdio.h>
+#include <sqlite3.h>
 
 #include <signal.h>
 #include <stdlib.h>
@@ -14,6 +17,7 @@
 
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/small_rig.h"
 #include "session/session.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
@@ -123,8 +127,9 @@ static gboolean wait_for_moment(GPid pid, const char *session, GRand *random, gb
 
 /* One session, killed at random moments until it is done or enough were killed. Adds to *ret_amid
  * the kills that came between the first shot and the last. */
-static int capture_with_kills(const char *session, int most, GRand *random, int *ret_amid) {
-    const char *const capture[] = {MESORIG, "capture", RIG, SESSION, "-o", session, NULL};
+static int capture_with_kills(const char *conf, const char *session, int most, GRand *random,
+                              int *ret_amid) {
+    const char *const capture[] = {MESORIG, "capture", RIG, conf, "-o", session, NULL};
     const char *const resume[] = {MESORIG, "resume", session, NULL};
     g_autofree char *database = g_build_filename(session, "session.db", NULL);
     for (int kills = 0;; kills++) {
@@ -164,7 +169,7 @@ static void test_kill(void) {
     int kills = 0, amid = 0;
     for (int run = 0; kills < wanted; run++) {
         g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, run);
-        kills += capture_with_kills(session, wanted - kills, random, &amid);
+        kills += capture_with_kills(SESSION, session, wanted - kills, random, &amid);
         run_whole((const char *[]){MESORIG, "process", session, NULL}, "process");
         for (gsize i = 0; i < G_N_ELEMENTS(products); i++) {
             g_autofree char *expected = checksum(reference, products[i]);
@@ -178,8 +183,63 @@ static void test_kill(void) {
     remove_tree(folder);
 }
 
+/* Every shot's state and note, every frame's checksum, and the values of the rounds. */
+static char *content_of(const char *path) {
+    static const char *const queries[] = {
+        "SELECT id || ' ' || state || ' ' || coalesce(note, '') FROM shot ORDER BY id",
+        "SELECT path || ' ' || sha256 FROM frame ORDER BY path",
+        "SELECT key || '=' || value FROM value WHERE key LIKE 'lasers.%' ORDER BY key"};
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    GString *text = g_string_new(NULL);
+    sqlite3 *db = NULL;
+    g_assert_cmpint(sqlite3_open_v2(file, &db, SQLITE_OPEN_READONLY, NULL), ==, SQLITE_OK);
+    for (gsize i = 0; i < G_N_ELEMENTS(queries); i++) {
+        sqlite3_stmt *rows = NULL;
+        g_assert_cmpint(sqlite3_prepare_v2(db, queries[i], -1, &rows, NULL), ==, SQLITE_OK);
+        while (sqlite3_step(rows) == SQLITE_ROW)
+            g_string_append_printf(text, "%s\n", (const char *)sqlite3_column_text(rows, 0));
+        sqlite3_finalize(rows);
+    }
+    sqlite3_close(db);
+    return g_string_free(text, FALSE);
+}
+
+static void test_adaptive(void) {
+    static const struct change changes[] = {{"[lasers]", "rings = 30:4; 60:4"},
+                                            {"[lasers]", "stop = covered"},
+                                            {"[lasers]", "first = 2"},
+                                            {"[lasers]", "gain_pct = 1"},
+                                            {NULL, NULL}};
+    const char *asked = g_getenv("MESORIG_ADAPTIVE_KILLS");
+    const int wanted = asked ? atoi(asked) : 5;
+    g_autoptr(GRand) random = g_rand_new_with_seed(21);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
+    g_assert_no_error(error);
+    g_autofree char *reference = g_build_filename(folder, "reference.session", NULL);
+    g_autofree char *conf = g_build_filename(folder, "session.conf", NULL);
+    small_rig_write(folder, "session.conf", changes);
+    run_whole((const char *[]){MESORIG, "capture", RIG, conf, "-o", reference, NULL}, "reference");
+    g_autofree char *expected = content_of(reference);
+    g_assert_nonnull(strstr(expected, "lasers.round.2="));
+    g_assert_nonnull(strstr(expected, " skipped "));
+
+    int kills = 0, amid = 0, runs = 0;
+    for (; kills < wanted; runs++) {
+        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, runs);
+        kills += capture_with_kills(conf, session, wanted - kills, random, &amid);
+        g_autofree char *content = content_of(session);
+        g_assert_cmpstr(content, ==, expected);
+        remove_tree(session);
+    }
+    g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
+    g_assert_cmpint(amid, >=, wanted / 2);
+    remove_tree(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/kill/adaptive", test_adaptive);
     g_test_add_func("/kill/products-are-bit-identical", test_kill);
     return g_test_run();
 }

@@ -35,6 +35,39 @@ static void assert_refused(const struct session_plan *plan) {
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
+/* Values that a session is made with are there as soon as it has its name; one that is not set is
+ * no error, and differs from one that cannot be read. */
+static void test_first_values(void) {
+    static const char *const values[][2] = {{"calibration", "nominal"}, {"chosen", NULL}};
+    g_autofree struct random_plan *p = session_fixture_random_plan(3, 5);
+    g_autofree char *path = session_fixture_path("values"), *found = NULL, *none = NULL;
+    g_autoptr(GError) error = NULL;
+    struct session_texts with = texts;
+    with.values = values;
+    with.n_values = G_N_ELEMENTS(values);
+    Session *session = session_create(path, "x", &with, &p->plan, &error);
+    g_assert_no_error(error);
+    g_assert_true(session_read_value(session, "calibration", &found, &error));
+    g_assert_cmpstr(found, ==, "nominal");
+    g_assert_true(session_read_value(session, "chosen", &none, &error));
+    g_assert_null(none);
+    session_close(session);
+    g_clear_pointer(&found, g_free);
+    /* The table goes while the session is open. */
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    sqlite3 *db = NULL;
+    session = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(sqlite3_open(file, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db, "DROP TABLE value", NULL, NULL, NULL), ==, SQLITE_OK);
+    sqlite3_close(db);
+    g_assert_false(session_read_value(session, "calibration", &found, &error));
+    g_assert_nonnull(error);
+    g_assert_null(found);
+    g_assert_null(session_value(session, "calibration"));
+    session_close(session);
+}
+
 /* Who may write is for the umask to say, and whose group it is for the folder it is made in. */
 static void test_permissions(void) {
     static const struct {
@@ -325,6 +358,7 @@ static void test_concurrent(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/session/plan", test_plan);
+    g_test_add_func("/session/first-values", test_first_values);
     g_test_add_func("/session/permissions", test_permissions);
     g_test_add_func("/session/bad-plan", test_bad_plan);
     g_test_add_func("/session/exists", test_exists);
