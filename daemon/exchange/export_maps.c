@@ -102,6 +102,7 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
     record_double(to, "coat_roughness", (double)maps->fit->layers.coat_roughness);
     record_string(to, "heights", mdf ? "mdf" : "normals");
     record_double(to, "relief_mm", maps->relief_mm);
+    record_double(to, "depth_mm", maps->depth_mm);
     record_int(to, "height_holes", maps->height_holes);
     record_int(to, "dark", maps->fit->dark);
     record_int(to, "holes", maps->holes);
@@ -124,6 +125,9 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
     record_say(to, "%s%s%s\n", maps->anisotropic ? "; anisotropic" : "",
                maps->fit->layers.sheen_roughness > 0 ? "; with sheen" : "",
                maps->fit->layers.coat_roughness > 0 ? "; with a clear coat" : "");
+    if (maps->depth_mm != 0)
+        record_say(to, "  they are those of the mean surface, %.2f mm below the reference plane\n",
+                   maps->depth_mm);
     if (maps->n_views == 1)
         record_say(to, "  one view tells little of how it shines: roughness and metallic are "
                        "uncertain\n");

@@ -109,11 +109,14 @@ static struct maps *maps_of(const struct btf_matrix *btf, const struct work *wor
     maps->n_views = (int)btf->layout.views.n;
     maps->n_lights = (int)btf->layout.lights.n;
     maps->holes = btf->holes;
-    maps->fit = maps_fit_new(btf, NULL, work, error);
-    if (!maps->fit)
-        return NULL;
-    maps_summarise(maps);
-    return maps_find_errors(maps, btf, work, error) ? g_steal_pointer(&maps) : NULL;
+    struct maps_register *of = maps_register_new(btf, work, error);
+    maps->depth_mm = of ? of->depth_mm : 0;
+    maps->fit = of ? maps_fit_new(of, NULL, work, error) : NULL;
+    if (maps->fit)
+        maps_summarise(maps);
+    const gboolean ok = maps->fit && maps_find_errors(maps, of, work, error);
+    maps_register_free(of);
+    return ok ? g_steal_pointer(&maps) : NULL;
 }
 
 /* What follows from the fit and the session's MDF. */

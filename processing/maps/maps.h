@@ -33,6 +33,7 @@ struct maps {
     double texel_mm;
     int n_views, n_lights;
     gint64 holes; /* values of the BTF that were not measured, and come from texels around them */
+    double depth_mm; /* of the mean surface, which the maps describe, below the reference plane */
     struct maps_fit *fit;
     enum maps_heights heights_from;
     float *heights_mm;    /* height × width, from 0 upwards */
@@ -48,7 +49,8 @@ struct maps {
 
 /* path: a session or its products/btf. memory: bytes for the BTF, of which the rest is kept in a
  * file; 0: any. The fit is kept in the session (maps_store.h) and, while the BTF is the same, taken
- * from there. Stages "read", "layers", "fit", "errors", which are left out then, and "occlusion".
+ * from there. Stages "read", "depth", "layers", "fit", "errors", which are left out then, and
+ * "occlusion".
  */
 struct maps *maps_new(const char *path, gint64 memory, const struct work *work, GError **error);
 /* Without a session: of a BTF, with heights from normals. */

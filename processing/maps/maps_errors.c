@@ -8,7 +8,8 @@
 
 struct maps_errors_run {
     struct maps *maps;
-    const struct btf_matrix *btf;
+    const struct maps_register *of;
+    const struct btf_matrix *btf; /* of->btf */
     const float *views, *lights;
     GMutex mutex;
     double *sums, *counts; /* of pairs */
@@ -23,7 +24,7 @@ static void maps_errors_row(int y, gpointer data) {
     const int width = maps->width, every = maps->errors.every;
     const gsize row = run->btf->layout.lights.n * 3;
     const int n_pairs = maps->n_views * maps->n_lights;
-    g_autofree float *buffer = run->btf->values ? NULL : g_new(float, row *(gsize)width);
+    g_autofree float *buffer = g_new(float, row *(gsize)width);
     g_autofree double *sums = g_new0(double, n_pairs), *counts = g_new0(double, n_pairs);
     g_autofree double *texels = g_new0(double, width), *compared = g_new0(double, width);
     double residual = 0, all = 0;
@@ -31,7 +32,7 @@ static void maps_errors_row(int y, gpointer data) {
     for (int view = 0; view < maps->n_views && !error; view++) {
         gsize stride;
         const float *from =
-            btf_matrix_rows(run->btf, view, y * width, width, buffer, &stride, &error);
+            maps_register_rows(run->of, view, y * width, width, buffer, &stride, &error);
         for (int x = 0; from && x < width; x++) {
             const gsize texel = (gsize)y * (gsize)width + (gsize)x;
             const struct maps_texel rounded = maps_rounded(maps, texel);
@@ -75,15 +76,21 @@ static void maps_errors_row(int y, gpointer data) {
     g_mutex_unlock(&run->mutex);
 }
 
-gboolean maps_find_errors(struct maps *maps, const struct btf_matrix *btf, const struct work *work,
-                          GError **error) {
+gboolean maps_find_errors(struct maps *maps, const struct maps_register *of,
+                          const struct work *work, GError **error) {
+    const struct btf_matrix *btf = of->btf;
     const gsize n_pairs = btf->layout.views.n * btf->layout.lights.n;
     const gsize n = btf_layout_texels(&btf->layout);
     g_autofree float *views = direction_list_vectors(&btf->layout.views);
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
     g_autofree double *sums = g_new0(double, n_pairs), *counts = g_new0(double, n_pairs);
-    struct maps_errors_run run = {
-        .maps = maps, .btf = btf, .views = views, .lights = lights, .sums = sums, .counts = counts};
+    struct maps_errors_run run = {.maps = maps,
+                                  .of = of,
+                                  .btf = btf,
+                                  .views = views,
+                                  .lights = lights,
+                                  .sums = sums,
+                                  .counts = counts};
     struct maps_errors *errors = &maps->errors;
     errors->n_views = maps->n_views;
     errors->n_lights = maps->n_lights;

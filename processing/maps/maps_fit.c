@@ -16,7 +16,8 @@
 #define LAMBERT_LIMIT 0.7
 
 struct maps_fit_run {
-    const struct btf_matrix *btf;
+    const struct maps_register *of;
+    const struct btf_matrix *btf; /* of->btf */
     const struct maps_pairs *pairs;
     struct maps_fit *fit;
     float mean[MAPS_SHAPE];
@@ -38,7 +39,7 @@ static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n
                               GError **error) {
     const struct btf_matrix *btf = run->btf;
     const gsize row = btf->layout.lights.n * 3, n_lights = btf->layout.lights.n;
-    g_autofree float *buffer = btf->values ? NULL : g_new(float, row *(gsize)n);
+    g_autofree float *buffer = g_new(float, row *(gsize)n);
     const float *from = NULL;
     gsize stride = 0;
     int view = -1;
@@ -46,7 +47,7 @@ static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n
         const int index = run->pairs->index[i];
         if (!from || index / (int)n_lights != view) {
             view = index / (int)n_lights;
-            from = btf_matrix_rows(btf, view, (int)first, n, buffer, &stride, error);
+            from = maps_register_rows(run->of, view, (int)first, n, buffer, &stride, error);
             if (!from)
                 return FALSE;
         }
@@ -217,12 +218,13 @@ static gboolean maps_fit_choose(struct maps_fit_run *run, struct maps_pairs *pai
     return ok;
 }
 
-struct maps_fit *maps_fit_new(const struct btf_matrix *btf, const struct maps_layers *layers,
+struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               const struct work *work, GError **error) {
+    const struct btf_matrix *btf = of->btf;
     const gsize n = btf_layout_texels(&btf->layout);
     struct maps_fit *fit = g_new0(struct maps_fit, 1);
     struct maps_pairs *pairs = maps_pairs_new(&btf->layout);
-    struct maps_fit_run run = {.btf = btf, .pairs = pairs, .fit = fit};
+    struct maps_fit_run run = {.of = of, .btf = btf, .pairs = pairs, .fit = fit};
     g_mutex_init(&run.mutex);
     gboolean ok = pairs->n > 0;
     if (!ok)

@@ -19,6 +19,7 @@
 #include "base/work.h"
 #include "btf/btf_matrix.h"
 #include "maps_model.h"
+#include "maps_register.h"
 
 #define MAPS_MOST_PAIRS 4096 /* of a view and a light; of more, every second, third, … is taken */
 
@@ -28,9 +29,9 @@ struct maps_fit {
     int dark;                  /* texels without light */
 };
 
-/* layers: NULL: those that lower the cost of some texels by more than a twentieth are chosen.
- * DATA_ERROR: the BTF has no light in it at all, or there is not enough memory. Stages "layers",
- * "fit". */
-struct maps_fit *maps_fit_new(const struct btf_matrix *btf, const struct maps_layers *layers,
+/* Of the points of the mean surface. layers: NULL: those that lower the cost of some texels by more
+ * than a twentieth are chosen. DATA_ERROR: the BTF has no light in it at all, or there is not
+ * enough memory. Stages "layers", "fit". */
+struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */

@@ -296,6 +296,8 @@ static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GStr
         maps_gltf_number(material, (double)layers->coat_roughness);
         g_string_append_c(material, '}');
     }
+    g_string_append(material, "},\n   \"extras\": {\"depth_mm\": ");
+    maps_gltf_number(material, maps->depth_mm);
     g_string_append(material, "}}");
     return TRUE;
 }

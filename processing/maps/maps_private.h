@@ -16,5 +16,5 @@ gboolean maps_find_heights(struct maps *maps, const char *session, const struct 
 gboolean maps_find_occlusion(const float *heights, int width, int height, const struct work *work,
                              float *ret, GError **error);
 
-gboolean maps_find_errors(struct maps *maps, const struct btf_matrix *btf, const struct work *work,
-                          GError **error);
+gboolean maps_find_errors(struct maps *maps, const struct maps_register *of,
+                          const struct work *work, GError **error);

@@ -10,7 +10,7 @@
 #include "session/session.h"
 
 /* Counts the versions of fit and errors; the file of another one is not read. */
-#define VERSION 2
+#define VERSION 3
 #define MADE_BY "export maps -o FOLDER"
 
 /* The members of a texel by name, in the order that an EXR demands; E comes first. */
@@ -73,6 +73,7 @@ static gboolean maps_store_numbers(const struct exr_part *part, struct maps *map
         exr_get_int(part, "holes", &holes, NULL) &&
         exr_get_int(part, "errors_every", &maps->errors.every, NULL) &&
         exr_get_double(part, "texel_mm", &maps->texel_mm, NULL) &&
+        exr_get_double(part, "depth_mm", &maps->depth_mm, NULL) &&
         exr_get_double(part, "delta_e", &maps->errors.delta_e, NULL) &&
         exr_get_double(part, "relative_error", &maps->errors.relative_error, NULL) &&
         exr_get_double(part, "sheen_roughness", &ret_layers[0], NULL) &&
@@ -142,6 +143,7 @@ static struct exr_part *maps_store_texels(const char *inputs, const struct maps 
     exr_set_int(ret, "holes", (int)MIN(maps->holes, G_MAXINT));
     exr_set_int(ret, "errors_every", maps->errors.every);
     exr_set_double(ret, "texel_mm", maps->texel_mm);
+    exr_set_double(ret, "depth_mm", maps->depth_mm);
     exr_set_double(ret, "delta_e", maps->errors.delta_e);
     exr_set_double(ret, "relative_error", maps->errors.relative_error);
     exr_set_double(ret, "sheen_roughness", (double)maps->fit->layers.sheen_roughness);

@@ -11,8 +11,9 @@ for thing in list(bpy.data.objects):
                                              thing.name.split('_')[-1] != given['shape']):
         bpy.data.objects.remove(thing)
 shape = next(o for o in bpy.data.objects if o.type == 'MESH')
-shape.location = (0, 0, 0)
-shape.scale = [s / given['radius'] for s in shape.scale]
+sphere = given['shape'] == 'sphere'
+shape.location = (0, 0, 0 if sphere else -given['depth'])
+shape.scale = [s * (1 - given['depth'] * sphere) / given['radius'] for s in shape.scale]
 
 
 def z_up(v):

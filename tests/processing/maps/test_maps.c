@@ -101,6 +101,58 @@ static void planted_value(const struct planted *p, const float *view, const floa
     }
 }
 
+/* A pattern painted on a plane that lies deep_mm below the reference plane, seen and lit evenly,
+ * with a factor of each view and light. pattern 0: grey all over. */
+#define SIDE 24
+static struct btf_matrix *sunk_btf(double deep_mm, gboolean pattern) {
+    struct btf_matrix *btf = btf_fixture_of("sunk", SIDE, SIDE, btf_fixture_rings(4, 60, 5),
+                                            btf_fixture_rings(2, 45, 11));
+    const gsize n_views = btf->layout.views.n, n_lights = btf->layout.lights.n;
+    g_autofree float *views = direction_list_vectors(&btf->layout.views);
+    g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
+    btf->layout.texel_mm = 0.5;
+    for (gsize i = 0; i < SIDE * SIDE * n_views; i++) {
+        const float *v = views + i % n_views * 3;
+        const double x_mm = 0.5 * (double)(i / n_views % SIDE) - deep_mm * (double)(v[0] / v[2]);
+        const double y_mm = -0.5 * (double)(i / n_views / SIDE) - deep_mm * (double)(v[1] / v[2]);
+        for (gsize l = 0; l < n_lights; l++)
+            for (int c = 0; c < 3; c++)
+                btf->values[(i * n_lights + l) * 3 + (gsize)c] =
+                    lights[3 * l + 2] * (0.8F + 0.2F * v[2]) *
+                    (float)(0.4 + pattern * 0.2 * sin(2.1 * x_mm + c) * cos(1.7 * y_mm - c));
+    }
+    return btf;
+}
+
+/* The depth is found; a plane at the reference plane, and one without a pattern, are not moved. */
+static void test_depth(void) {
+    static const double depths_mm[] = {0.33, 0, 0.8, 0.33, -0.2};
+    for (gsize i = 0; i < G_N_ELEMENTS(depths_mm); i++) {
+        const gboolean pattern = i != 3;
+        g_autoptr(GError) error = NULL;
+        g_autoptr(BtfMatrix) btf = sunk_btf(depths_mm[i], pattern);
+        struct maps_register *of = maps_register_new(btf, &quietly, &error);
+        g_assert_no_error(error);
+        g_test_message("%.2f mm deep%s: found %.4f", depths_mm[i], pattern ? "" : " and grey",
+                       of->depth_mm);
+        g_assert_cmpfloat_with_epsilon(of->depth_mm, pattern ? depths_mm[i] : 0, 0.02);
+        /* A texel in the middle shows the same in each view, but for the factor of the view. */
+        const int texel = SIDE * SIDE / 2 + SIDE / 2;
+        g_autofree float *views = direction_list_vectors(&btf->layout.views);
+        g_autofree float *buffer = g_new(float, btf->layout.lights.n * 3);
+        float first = 0;
+        for (gsize v = 0; v < btf->layout.views.n; v++) {
+            gsize stride;
+            const float *row = maps_register_rows(of, (int)v, texel, 1, buffer, &stride, &error);
+            g_assert_no_error(error);
+            const float value = row[0] / (0.8F + 0.2F * views[3 * v + 2]);
+            first = v > 0 ? first : value;
+            g_assert_cmpfloat_with_epsilon(value, first, 0.02F * first);
+        }
+        maps_register_free(of);
+    }
+}
+
 enum trouble { NONE, HOLES, SHADOW };
 
 static struct btf_matrix *planted_btf(gboolean anisotropic, enum trouble trouble) {
@@ -307,14 +359,15 @@ static void test_layers(void) {
 /* A groove of two walls that rise by the slope s: of a white sky (1 + s²)^−½ arrives at its bottom
  * (∫ cos²θ(φ) dφ / 2π with tan θ = s |cos φ|). */
 static void test_occlusion(void) {
-    enum { SIDE = 97 };
-    g_autofree float *heights = g_new(float, SIDE *SIDE), *occlusion = g_new(float, SIDE *SIDE);
+    enum { ACROSS = 97 };
+    g_autofree float *heights = g_new(float, ACROSS *ACROSS);
+    g_autofree float *occlusion = g_new(float, ACROSS *ACROSS);
     for (int k = 0; k <= 3; k++) {
         const double slope = 0.5 * k;
-        for (int i = 0; i < SIDE * SIDE; i++)
-            heights[i] = (float)(slope * abs(i % SIDE - SIDE / 2));
-        g_assert_true(maps_find_occlusion(heights, SIDE, SIDE, &quietly, occlusion, NULL));
-        const double found = occlusion[SIDE / 2 * SIDE + SIDE / 2];
+        for (int i = 0; i < ACROSS * ACROSS; i++)
+            heights[i] = (float)(slope * abs(i % ACROSS - ACROSS / 2));
+        g_assert_true(maps_find_occlusion(heights, ACROSS, ACROSS, &quietly, occlusion, NULL));
+        const double found = occlusion[ACROSS / 2 * ACROSS + ACROSS / 2];
         g_test_message("slope %.1f: %.4f of the sky", slope, found);
         g_assert_cmpfloat_with_epsilon(found, 1 / sqrt(1 + slope * slope), 0.02);
     }
@@ -515,6 +568,7 @@ static void test_full_disk(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/maps/depth", test_depth);
     g_test_add_func("/maps/planted", test_planted);
     g_test_add_func("/maps/trouble", test_trouble);
     g_test_add_func("/maps/gltf", test_gltf);

@@ -272,6 +272,35 @@ static void test_converted(void) {
     assert_has(of_one, "\"compressed\": false");
 }
 
+/* A session's directory: its BTF is compressed, its products/lpca.exr is taken as it is. */
+static void test_session(void) {
+    g_autofree char *btf = g_strdup(in_folder("session.btf"));
+    g_autofree char *session = g_strdup(in_folder("small.session"));
+    g_autofree char *values = g_strdup(in_folder("session.values"));
+    const char *argv[] = {"python3", SOURCE_DIR "/tests/bonn_peer.py", "write", "bdi", btf, values,
+                          NULL};
+    g_free(process_text(0, argv));
+    g_free(process_mesorig(0, "import btf %s -o %s", btf, session));
+    g_autofree char *whole =
+        process_mesorig(0, "export web %s -o %s --json", session, in_folder("whole.html"));
+    assert_has(whole, "\"compressed\": true");
+    g_autofree char *page = NULL;
+    g_assert_true(g_file_get_contents(in_folder("whole.html"), &page, NULL, NULL));
+    assert_has(page, "</html>");
+    g_free(process_mesorig(0, "compress %s --clusters 2 --components 3", session));
+    g_autofree char *by_session = g_strdup(in_folder("session.mesoweb"));
+    g_autofree char *by_file = g_strdup(in_folder("file.mesoweb"));
+    g_autofree char *taken = process_mesorig(0, "export web %s -o %s --json", session, by_session);
+    assert_has(taken, "\"compressed\": false");
+    assert_has(taken, "\"clusters\": 2, \"components\": 3");
+    g_free(process_mesorig(0, "export web %s/products/lpca.exr -o %s", session, by_file));
+    g_autofree char *one = NULL, *other = NULL;
+    gsize bytes = 0, other_bytes = 0;
+    g_assert_true(g_file_get_contents(by_session, &one, &bytes, NULL));
+    g_assert_true(g_file_get_contents(by_file, &other, &other_bytes, NULL));
+    g_assert_cmpmem(one, bytes, other, other_bytes);
+}
+
 static void webgl_test_refused(const char *command, const char *words) {
     g_autofree char *said = process_mesorig(1, "%s", command);
     assert_has(said, words);
@@ -334,6 +363,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/webgl/file", test_file);
     g_test_add_func("/webgl/size", test_size);
     g_test_add_func("/webgl/converted", test_converted);
+    g_test_add_func("/webgl/session", test_session);
     g_test_add_data_func("/webgl/pictures/weave", GINT_TO_POINTER(RELIEF_WEAVE), test_pictures);
     g_test_add_data_func("/webgl/pictures/bumps", GINT_TO_POINTER(RELIEF_BUMPS), test_pictures);
     g_test_add_data_func("/webgl/pictures/grooves", GINT_TO_POINTER(RELIEF_GROOVES), test_pictures);
