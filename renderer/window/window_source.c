@@ -1,6 +1,7 @@
 #include "window_private.h"
 
 #include "desktop/recent.h"
+#include "scene_files.h"
 #include "series.h"
 
 #include <epoxy/gl.h>
@@ -150,7 +151,8 @@ static gboolean take_first(struct window *w, struct opened *o, GError **error) {
 static gboolean take_second(struct window *w, struct opened *o, GError **error) {
     if (w->second == NULL) {
         g_autoptr(Viewer) viewer = viewer_new(NULL, error);
-        if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
+        if (viewer == NULL || !scene_files_open(w->start, o->method, viewer, error) ||
+            !viewer_set_mesh(viewer, w->mesh, error) ||
             (w->environment != NULL && !viewer_set_environment(viewer, w->environment, error)) ||
             (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)) ||
             !viewer_set_index(viewer, viewer_index(w->viewer), error))
