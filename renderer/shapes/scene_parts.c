@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FLAT 1e-4 /* of the scene's height: how even a floor is */
+#define FLAT 1e-4 /* of the scene's width: how even a floor is */
 
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error) {
     const char *equals = strchr(text, '=');
@@ -107,17 +107,30 @@ static void parts_box(struct parts *p, gboolean with_floor) {
     }
 }
 
+/* Whether a mesh is flat, faces up, and reaches as far as the box around everything on all sides.
+ */
+static gboolean part_is_floor(const struct parts *p, const struct mesh *mesh) {
+    const float even = (float)FLAT * hypotf(p->high[0] - p->low[0], p->high[1] - p->low[1]);
+    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (guint v = 0; v < mesh->n_vertices; v++) {
+        if ((double)mesh->vertices[v].normal[2] < 0.99)
+            return FALSE;
+        for (int c = 0; c < 3; c++) {
+            low[c] = MIN(low[c], mesh->vertices[v].position[c]);
+            high[c] = MAX(high[c], mesh->vertices[v].position[c]);
+        }
+    }
+    return high[2] - low[2] <= even && low[2] <= 0.5F * (p->low[2] + p->high[2]) &&
+           low[0] <= p->low[0] + even && low[1] <= p->low[1] + even &&
+           high[0] >= p->high[0] - even && high[1] >= p->high[1] - even;
+}
+
 /* Finds the floor, and the box around everything else. */
 static void parts_find_floor(struct parts *p) {
     guint n_floors = 0;
     parts_box(p, TRUE);
-    const float limit = p->low[2] + (float)FLAT * (p->high[2] - p->low[2]);
     for (guint k = 0; k < p->scene->parts->len; k++) {
-        const struct mesh *mesh = parts_at(p, k)->mesh;
-        p->floor[k] = TRUE;
-        for (guint v = 0; p->floor[k] && v < mesh->n_vertices; v++)
-            p->floor[k] = mesh->vertices[v].position[2] <= limit &&
-                          (double)mesh->vertices[v].normal[2] > 0.99;
+        p->floor[k] = part_is_floor(p, parts_at(p, k)->mesh);
         n_floors += p->floor[k];
     }
     if (n_floors == p->scene->parts->len)

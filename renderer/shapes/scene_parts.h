@@ -3,7 +3,8 @@
  * What no binding names is of material 0, the first binding's is 1, and so on.
  *
  * Lengths stay those of the file; z is up, and the middle of the box around the objects becomes the
- * origin. Meshes that are flat, horizontal and lowest are the mesh's floor, unless all are.
+ * origin. A mesh in the lower half that is flat, faces up and reaches as far as everything else on
+ * all sides is the mesh's floor, unless there is nothing else.
  */
 #pragma once
 
