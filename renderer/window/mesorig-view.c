@@ -178,7 +178,7 @@ static Viewer *open_viewer(struct studio *studio, const struct method *method, G
     if (!(o->live ? open_live(studio, viewer, error) : viewer_open(viewer, method, path, error)) ||
         (o->settings.silhouettes && (o->n_bindings == 0 || o->argument != NULL) &&
          !viewer_open_mdf(viewer, o->mdf_path, error)) ||
-        !scene_files_open(o, method, viewer, error) ||
+        !scene_files_open(o, method, o->settings.silhouettes, viewer, error) ||
         (o->index_path != NULL && !viewer_open_index(viewer, o->index_path, error)) ||
         (o->settings.backdrop && !viewer_set_environment(viewer, studio->environment, error)) ||
         !viewer_set_mesh(viewer, studio->mesh, error))

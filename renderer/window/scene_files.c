@@ -30,8 +30,8 @@ static const struct method *scene_files_method(const struct method *method, cons
     return found;
 }
 
-static gboolean scene_files_add(const struct viewer_options *o, const struct scene_binding *binding,
-                                const struct method *method, Viewer *viewer, GError **error) {
+static gboolean scene_files_add(const struct scene_binding *binding, const struct method *method,
+                                gboolean relief, Viewer *viewer, GError **error) {
     const struct method *own = scene_files_method(method, binding->path, error);
     if (own == NULL)
         return FALSE;
@@ -39,14 +39,14 @@ static gboolean scene_files_add(const struct viewer_options *o, const struct sce
     g_autofree char *folder = g_path_get_dirname(path);
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
     const int number = viewer_add_material(viewer, own, path, binding->tiles, error);
-    return number >= 0 && (!o->settings.silhouettes || !g_file_test(mdf, G_FILE_TEST_EXISTS) ||
+    return number >= 0 && (!relief || !g_file_test(mdf, G_FILE_TEST_EXISTS) ||
                            viewer_open_material_mdf(viewer, number, mdf, error));
 }
 
 gboolean scene_files_open(const struct viewer_options *o, const struct method *method,
-                          Viewer *viewer, GError **error) {
+                          gboolean relief, Viewer *viewer, GError **error) {
     for (int k = 0; k < o->n_bindings; k++)
-        if (!scene_files_add(o, &o->bindings[k], method, viewer, error))
+        if (!scene_files_add(&o->bindings[k], method, relief, viewer, error))
             return FALSE;
     return TRUE;
 }

@@ -8,10 +8,10 @@
 struct mesh *scene_files_mesh(const struct viewer_options *options, const char *shape,
                               const struct scene_options *how, GError **error);
 
-/* Adds the materials of --material to a viewer; sessions by the method, if that draws them. With
- * silhouettes their MDFs, too, where there are any. */
+/* Adds the materials of --material to a viewer; sessions by the method, if that draws them. relief:
+ * their MDFs, too, where there are any. */
 gboolean scene_files_open(const struct viewer_options *options, const struct method *method,
-                          Viewer *viewer, GError **error);
+                          gboolean relief, Viewer *viewer, GError **error);
 
 /* The whole BTF of a session, or a compressed file. */
 Reference *scene_files_reference(const char *path, GError **error);

@@ -120,7 +120,7 @@ static void window_open_index(struct window *w) {
 static void window_open_scene(struct window *w) {
     const struct viewer_options *o = w->start;
     g_autoptr(GError) error = NULL;
-    if (!scene_files_open(o, o->method, w->viewer, &error)) {
+    if (!scene_files_open(o, o->method, TRUE, w->viewer, &error)) {
         window_say(w, error->message);
         return;
     }
