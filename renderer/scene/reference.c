@@ -408,20 +408,18 @@ static gboolean shade_by_material(struct shading *s, const mesorig_material *mat
     return TRUE;
 }
 
-/* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.
- */
-static void put_samples(const struct shading *s, float *picture, double *ret_error) {
-    double squares = 0.0, differences = 0.0;
+/* Replaces the pixels that the viewer drew by the samples; adds to the squares of their values and
+ * of the differences. */
+static void put_samples(const struct shading *s, float *picture, double *squares,
+                        double *differences) {
     for (guint k = 0; k < s->n_samples; k++)
         for (int c = 0; c < 3; c++) {
             float *there = &picture[4 * (gsize)s->samples[k].at + c];
             double value = fmax(s->samples[k].sum[c], 0.0);
-            squares += value * value;
-            differences += (*there - value) * (*there - value);
+            *squares += value * value;
+            *differences += (*there - value) * (*there - value);
             *there = value;
         }
-    if (ret_error != NULL)
-        *ret_error = squares > 0.0 ? sqrt(differences / squares) : 0.0;
 }
 
 /* Adds a lamp, which is the only one of the settings, and their even sky. */
@@ -464,45 +462,68 @@ static gboolean add_lamps(struct shading *shading, const Reference *r, Viewer *v
     return TRUE;
 }
 
-float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *s,
-                               int width, int height, double *ret_error, GError **error) {
-    g_autofree float *picture = viewer_render_linear(viewer, s, width, height, error);
-    const struct index_map *index = viewer_index(viewer);
-    g_autofree float *texel = NULL, *to_view = NULL;
-    if (picture == NULL ||
-        !(texel = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, width, height, error)) ||
-        !(to_view = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error)))
-        return NULL;
+/* Shades what shows the material of a number. texel, to_view: of viewer_render_geometry(). */
+static gboolean shade_material_number(Reference *r, int number, struct shading *shading,
+                                      Viewer *viewer, int width, int height, GError **error) {
+    g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
+    for (gsize k = 0; k < (gsize)width * height; k++)
+        if (shading->texel[4 * k + 3] > 0.5f &&
+            (int)lrintf(shading->texel[4 * k + 2]) == number + 1) {
+            const struct sample sample = {.at = k};
+            g_array_append_val(samples, sample);
+        }
+    const struct index_map *index = number == 0 ? viewer_index(viewer) : NULL;
     if (index != NULL && (index->sample_width != r->width || index->sample_height != r->height)) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "the index map is of a sample of %d × %d texels, and the BTF has %d × %d; "
                     "synthesize it from this session",
                     index->sample_width, index->sample_height, r->width, r->height);
-        return NULL;
+        return FALSE;
     }
-    g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
-    for (gsize k = 0; k < (gsize)width * height; k++)
-        if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
-            const struct sample sample = {.at = k};
-            g_array_append_val(samples, sample);
-        }
-    struct shading shading = {.reference = r,
-                              .settings = s,
-                              .index = index,
-                              .width = index != NULL ? index->width : r->width,
-                              .height = index != NULL ? index->height : r->height,
-                              .samples = (struct sample *)(void *)samples->data,
-                              .n_samples = samples->len,
-                              .texel = texel,
-                              .view = to_view};
-    if (!add_lamps(&shading, r, viewer, width, height, error))
+    shading->reference = r;
+    shading->index = index;
+    shading->width = index != NULL ? index->width : r->width;
+    shading->height = index != NULL ? index->height : r->height;
+    shading->n_samples = samples->len;
+    shading->samples = (struct sample *)(void *)g_array_free(g_steal_pointer(&samples), FALSE);
+    return shading->n_samples == 0 || add_lamps(shading, r, viewer, width, height, error);
+}
+
+float *reference_render_scene_linear(Reference *const *references, int n, Viewer *viewer,
+                                     const struct viewer_settings *s, int width, int height,
+                                     double *ret_error, GError **error) {
+    g_autofree float *picture = viewer_render_linear(viewer, s, width, height, error);
+    g_autofree float *texel = NULL, *to_view = NULL;
+    double squares = 0.0, differences = 0.0;
+    if (picture == NULL ||
+        !(texel = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, width, height, error)) ||
+        !(to_view = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error)))
         return NULL;
-    put_samples(&shading, picture, ret_error);
+    for (int k = 0; k < n; k++) {
+        if (references[k] == NULL)
+            continue;
+        struct shading shading = {.settings = s, .texel = texel, .view = to_view};
+        const gboolean good =
+            shade_material_number(references[k], k, &shading, viewer, width, height, error);
+        if (good)
+            put_samples(&shading, picture, &squares, &differences);
+        g_free(shading.samples);
+        if (!good)
+            return NULL;
+    }
+    if (ret_error != NULL)
+        *ret_error = squares > 0.0 ? sqrt(differences / squares) : 0.0;
     return g_steal_pointer(&picture);
 }
 
-guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
-                         int width, int height, double *ret_error, GError **error) {
+float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
+                               int width, int height, double *ret_error, GError **error) {
+    return reference_render_scene_linear(&r, 1, viewer, settings, width, height, ret_error, error);
+}
+
+guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
+                               const struct viewer_settings *settings, int width, int height,
+                               double *ret_error, GError **error) {
     struct viewer_settings s = *settings;
     while (s.samples > 1 && (gint64)width * height * s.samples * s.samples > REFERENCE_MAX_SAMPLES)
         s.samples--;
@@ -512,7 +533,12 @@ guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_setti
                     width, height, REFERENCE_MAX_SAMPLES);
         return NULL;
     }
-    g_autofree float *linear = reference_render_linear(r, viewer, &s, width * s.samples,
-                                                       height * s.samples, ret_error, error);
+    g_autofree float *linear = reference_render_scene_linear(
+        references, n, viewer, &s, width * s.samples, height * s.samples, ret_error, error);
     return linear != NULL ? viewer_resolve(viewer, &s, linear, width, height, error) : NULL;
+}
+
+guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
+                         int width, int height, double *ret_error, GError **error) {
+    return reference_render_scene(&r, 1, viewer, settings, width, height, ret_error, error);
 }

@@ -50,3 +50,12 @@ guint8 *reference_render(Reference *reference, Viewer *viewer,
 float *reference_render_linear(Reference *reference, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);
+
+/* The same of a scene: references[k] is of the viewer's material number k, n of them; NULL: what
+ * the viewer draws of it stays, and is not in the error. */
+guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
+                               const struct viewer_settings *settings, int width, int height,
+                               double *ret_error, GError **error);
+float *reference_render_scene_linear(Reference *const *references, int n, Viewer *viewer,
+                                     const struct viewer_settings *settings, int width, int height,
+                                     double *ret_error, GError **error);

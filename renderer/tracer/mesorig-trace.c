@@ -3,6 +3,7 @@
 
 #include "base/nearest.h"
 #include "scene/environment.h"
+#include "shapes/scene_parts.h"
 
 #include <locale.h>
 #include <math.h>
@@ -97,24 +98,13 @@ static gboolean trace_main_fail(GError **error, const char *format, ...) {
     return FALSE;
 }
 
-/* NAME=PATH[,TILES]; what follows the last comma is a number or part of the path. */
 static gboolean trace_main_set_material(TraceScene *scene, const char *text, GError **error) {
-    const char *equals = strchr(text, '=');
-    double tiles = 1.0;
-    if (equals == NULL || equals == text || equals[1] == '\0')
-        return trace_main_fail(error, "--material %s: NAME=PATH or NAME=PATH,TILES is expected",
-                               text);
-    g_autofree char *name = g_strndup(text, (gsize)(equals - text));
-    g_autofree char *path = g_strdup(equals + 1);
-    char *comma = strrchr(path, ','), *end;
-    if (comma != NULL) {
-        const double number = g_ascii_strtod(comma + 1, &end);
-        if (end != comma + 1 && *end == '\0') {
-            tiles = number;
-            *comma = '\0';
-        }
-    }
-    return trace_scene_set_material(scene, name, path, tiles, error);
+    struct scene_binding binding;
+    const gboolean good =
+        scene_binding_parse(text, &binding, error) &&
+        trace_scene_set_material(scene, binding.name, binding.path, binding.tiles, error);
+    scene_binding_clear(&binding);
+    return good;
 }
 
 static gboolean trace_main_is_environment(const char *name) {
@@ -297,5 +287,8 @@ int main(int argc, char **argv) {
         return 130;
     }
     g_printerr("mesorig-trace: %s\n", error->message);
-    return error->domain == TRACE_ERROR && error->code == TRACE_ERROR_SETTING ? 2 : 1;
+    return g_error_matches(error, TRACE_ERROR, TRACE_ERROR_SETTING) ||
+                   error->domain == G_OPTION_ERROR
+               ? 2
+               : 1;
 }

@@ -8,6 +8,7 @@
 #include "scene/measured.h"
 #include "scene/picture.h"
 #include "scene/reference.h"
+#include "scene_files.h"
 #include "series.h"
 #include "snapshot.h"
 #include "viewer_options.h"
@@ -26,8 +27,11 @@ struct studio {
     struct environment *environment; /* or NULL */
     Viewer *viewer, *second;
     Compose *compose;
-    Reference *reference; /* NULL: from what the method opens */
-    guint8 *sheet;        /* of o->sheet columns; NULL: a file per frame */
+    /* Of the viewer's materials, of which the main one may have none; n 0: from what the methods
+     * open. */
+    Reference *references[VIEWER_MAX_MATERIALS];
+    int n_references;
+    guint8 *sheet; /* of o->sheet columns; NULL: a file per frame */
     struct window_result drawn;
     GPtrArray *files;       /* paths that were written */
     double error;           /* of the last frame against its reference */
@@ -74,12 +78,13 @@ static gboolean render_frame(struct studio *studio, int frame, const struct view
     g_autofree char *path = frame_path(o, frame);
     g_autofree float *light =
         linear ? viewer_render_light(studio->viewer, s, o->width, o->height, error) : NULL;
-    g_autofree guint8 *rgb = linear ? NULL
-                             : studio->reference != NULL
-                                 ? reference_render(studio->reference, studio->viewer, s, o->width,
-                                                    o->height, &studio->error, error)
-                                 : compose_render(studio->compose, studio->viewer, studio->second,
-                                                  &o->compose, s, o->width, o->height, error);
+    g_autofree guint8 *rgb =
+        linear ? NULL
+        : studio->n_references > 0
+            ? reference_render_scene(studio->references, studio->n_references, studio->viewer, s,
+                                     o->width, o->height, &studio->error, error)
+            : compose_render(studio->compose, studio->viewer, studio->second, &o->compose, s,
+                             o->width, o->height, error);
     if (light == NULL && rgb == NULL)
         return FALSE;
     studio->drawn.seconds += (g_get_monotonic_time() - from) * 1e-6;
@@ -143,7 +148,7 @@ static gboolean render_frames(struct studio *studio, GError **error) {
 static gboolean render_measured(struct studio *studio, GError **error) {
     const struct viewer_options *o = studio->o;
     struct measured *m = &studio->measured;
-    if (!measured_compare(studio->reference, studio->viewer, &o->settings, o->width, m, error))
+    if (!measured_compare(studio->references[0], studio->viewer, &o->settings, o->width, m, error))
         return FALSE;
     studio->error = m->error;
     studio->drawn.n_frames = 1;
@@ -171,7 +176,9 @@ static Viewer *open_viewer(struct studio *studio, const struct method *method, G
             return NULL;
     }
     if (!(o->live ? open_live(studio, viewer, error) : viewer_open(viewer, method, path, error)) ||
-        (o->settings.silhouettes && !viewer_open_mdf(viewer, o->mdf_path, error)) ||
+        (o->settings.silhouettes && (o->n_bindings == 0 || o->argument != NULL) &&
+         !viewer_open_mdf(viewer, o->mdf_path, error)) ||
+        !scene_files_open(o, method, o->settings.silhouettes, viewer, error) ||
         (o->index_path != NULL && !viewer_open_index(viewer, o->index_path, error)) ||
         (o->settings.backdrop && !viewer_set_environment(viewer, studio->environment, error)) ||
         !viewer_set_mesh(viewer, studio->mesh, error))
@@ -179,11 +186,22 @@ static Viewer *open_viewer(struct studio *studio, const struct method *method, G
     return g_steal_pointer(&viewer);
 }
 
+static gboolean open_references(struct studio *studio, GError **error) {
+    const struct viewer_options *o = studio->o;
+    studio->n_references = o->n_bindings + 1;
+    for (int k = 0; k <= o->n_bindings; k++) {
+        const char *path = k > 0 ? o->bindings[k - 1].path : o->argument;
+        if (path != NULL && (studio->references[k] = scene_files_reference(path, error)) == NULL)
+            return FALSE;
+    }
+    return TRUE;
+}
+
 static gboolean viewer_main_render(struct studio *studio, GError **error) {
     const struct viewer_options *o = studio->o;
     const struct scene_options scene = {o->settings.tiles_u, o->settings.tiles_v, o->upward,
                                         o->floor};
-    g_autoptr(Mesh) mesh = scene_make(o->shape, &scene, error);
+    g_autoptr(Mesh) mesh = scene_files_mesh(o, o->shape, &scene, error);
     g_autoptr(Gpu) gpu = mesh != NULL ? gpu_new_headless(error) : NULL;
     g_autoptr(Compose) compose = gpu != NULL ? compose_new(error) : NULL;
     studio->mesh = mesh;
@@ -197,19 +215,11 @@ static gboolean viewer_main_render(struct studio *studio, GError **error) {
         return FALSE;
     studio->drawn.renderer = g_strdup(gpu_renderer());
     studio->drawn.memory = viewer_memory(viewer);
-    g_autoptr(Reference) reference = NULL;
-    if ((o->reference || o->measured) && o->argument != NULL) {
-        g_autofree char *btf = g_build_filename(o->argument, "products", "btf", NULL);
-        reference = o->reference && g_file_test(o->argument, G_FILE_TEST_IS_REGULAR)
-                        ? reference_open_material(o->argument, error)
-                        : reference_open(btf, error);
-        if (reference == NULL)
-            return FALSE;
-    }
+    if ((o->reference || o->measured) && !open_references(studio, error))
+        return FALSE;
     studio->viewer = viewer;
     studio->second = second;
     studio->compose = compose;
-    studio->reference = reference;
     return o->measured ? render_measured(studio, error) : render_frames(studio, error);
 }
 
@@ -307,6 +317,8 @@ static int viewer_main_run(struct viewer_options *o) {
     else if (o->render != NULL)
         viewer_main_tell(&studio);
     measured_clear(&studio.measured);
+    for (int k = 0; k < studio.n_references; k++)
+        reference_free(studio.references[k]);
     g_free(studio.drawn.renderer);
     return good ? 0 : 1;
 }

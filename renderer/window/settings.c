@@ -193,6 +193,11 @@ char *settings_command(const struct viewer_options *o, const struct settings_pic
     if (s->style.rotation != METHOD_ROTATION_EXACT)
         command_add(command, "rotation", g_strdup(method_rotation_names[s->style.rotation]));
     command_add(command, "shape", command_file(o->shape));
+    for (int k = 0; k < o->n_bindings; k++) {
+        const struct scene_binding *b = &o->bindings[k];
+        g_autofree char *path = command_file(b->path), *tiles = command_number(b->tiles);
+        command_add(command, "material", g_strdup_printf("%s=%s,%s", b->name, path, tiles));
+    }
     if (o->upward == SCENE_Z_UP)
         command_add(command, "up", g_strdup("z"));
     command_add(command, "tiles",

@@ -65,6 +65,17 @@ static char *drawn_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
+/* Of a scene, "floor=weave.session 4 x; …"; NULL: there are none. */
+static char *materials_of(const struct viewer_options *o) {
+    GString *text = g_string_new(NULL);
+    for (int k = 0; k < o->n_bindings; k++) {
+        g_autofree char *name = shown_name(o->bindings[k].path);
+        g_string_append_printf(text, "%s%s=%s, %.10g tiles", k > 0 ? "; " : "", o->bindings[k].name,
+                               name, o->bindings[k].tiles);
+    }
+    return g_string_free(text, o->n_bindings == 0);
+}
+
 /* value: taken; NULL: there is none, and the name is left out. */
 static void add_text(GPtrArray *texts, const char *name, char *value) {
     if (value == NULL)
@@ -90,6 +101,7 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
     add_text(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
     add_text(texts, "Material", shown_name(snapshot->material));
     add_text(texts, "Shape", file_of(snapshot->shape));
+    add_text(texts, "Materials", materials_of(o));
     add_text(texts, "Floor", o->floor ? g_strdup("of the material") : NULL);
     add_text(texts, "Tiles", g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v));
     add_text(texts, "Light", light_of(s));

@@ -110,6 +110,10 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         FLAG("sample", &o->sample, "Show the sample material that comes with the package"),
         OPTION("shape", FILENAME, &o->shape, "SHAPE",
                "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file"),
+        OPTION("material", FILENAME_ARRAY, &o->materials, "NAME=PATH[,TILES]",
+               "With a glTF file as --shape: its material NAME is this session or compressed file, "
+               "so many tiles for one unit of the texture coordinates; may be given again. What "
+               "is not named is of MATERIAL"),
         OPTION("method", STRING, &o->method_name, "METHOD",
                "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
                "hsh, lafortune, ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward "
@@ -182,6 +186,9 @@ void viewer_options_clear(struct viewer_options *o) {
     for (gsize k = 0; k < G_N_ELEMENTS(texts); k++)
         g_free(texts[k]);
     g_strfreev(o->rest);
+    g_strfreev(o->materials);
+    for (int k = 0; k < o->n_bindings; k++)
+        scene_binding_clear(&o->bindings[k]);
 }
 
 char *viewer_options_path(const struct viewer_options *o, const struct method *method) {
@@ -235,6 +242,25 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
 
 const char *viewer_options_sample(void) {
     return g_file_test(MESORIG_SAMPLE, G_FILE_TEST_EXISTS) ? MESORIG_SAMPLE : NULL;
+}
+
+static gboolean parse_materials(struct viewer_options *o, GError **error) {
+    const int most = VIEWER_MAX_MATERIALS - 1;
+    for (char **text = o->materials; text != NULL && *text != NULL; text++) {
+        struct scene_binding *binding = &o->bindings[o->n_bindings];
+        if (o->n_bindings == most)
+            return refuse_options(error, "--material %s: at most %d are possible", *text, most);
+        o->n_bindings++;
+        if (!scene_binding_parse(*text, binding, error))
+            return FALSE;
+        if (!(binding->tiles > 0.0 && binding->tiles <= 1000.0))
+            return refuse_options(error, "--material %s: %g tiles are not above 0, up to 1000",
+                                  *text, binding->tiles);
+    }
+    const char *shape = o->shape != NULL ? o->shape : "";
+    return o->n_bindings == 0 || g_str_has_suffix(shape, ".gltf") ||
+           g_str_has_suffix(shape, ".glb") ||
+           refuse_options(error, "--material goes with --shape FILE.gltf or FILE.glb");
 }
 
 /* Sets the methods of --method, --split and --difference. */
@@ -307,7 +333,10 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at takes 0 … 1"},
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),
          "--difference-gain takes 0.1 … 1000"},
-        {o->reference && (o->render == NULL || s->plain || o->argument == NULL),
+        {o->n_bindings > 0 && (s->plain || o->measured || o->live || o->floor),
+         "--material goes not with --plain, --measured, --live or --floor"},
+        {o->reference &&
+             (o->render == NULL || s->plain || (o->argument == NULL && o->n_bindings == 0)),
          "--reference goes with --render OUT.png and a session or a material, not with --plain"},
         {o->n_series > 0 && (!o->live || o->render == NULL || o->frames != 0),
          "--series goes with --live and --render OUT.png, not with --frames"},
@@ -355,6 +384,6 @@ gboolean viewer_options_check(struct viewer_options *o, GError **error) {
                               o->wait_s);
     if (o->series_text != NULL && (o->n_series = series_parse(o->series_text, o->series)) == 0)
         return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
-    return check_together(o, error) && parse_sizes(o, error) &&
+    return parse_materials(o, error) && check_together(o, error) && parse_sizes(o, error) &&
            viewer_settings_check(&o->settings, error);
 }

@@ -4,6 +4,7 @@
 #include "scene/compose.h"
 #include "series.h"
 #include "shapes/scene.h"
+#include "shapes/scene_parts.h"
 
 struct viewer_options {
     const struct method *method;
@@ -13,6 +14,9 @@ struct viewer_options {
     char *normal_map;         /* for methods that take one; NULL: their own */
     char *render, *shape, *size, *tiles, *up, *screenshot;
     char *environment;
+    char **materials; /* as given */
+    struct scene_binding bindings[VIEWER_MAX_MATERIALS - 1];
+    int n_bindings;
     char *split, *difference; /* names of a second method */
     const struct method *second;
     struct compose compose;

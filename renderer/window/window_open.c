@@ -1,5 +1,6 @@
 /* Opening of whatever the user names: at the start, in a dialog, by dropping it on the window. */
 #include "desktop/recent.h"
+#include "scene_files.h"
 #include "window_private.h"
 
 #include <string.h>
@@ -115,8 +116,24 @@ static void window_open_index(struct window *w) {
         viewer_whole_tiles(w->viewer, &w->now.settings.tiles_u, &w->now.settings.tiles_v);
 }
 
+/* Materials of a scene appear together, once all are read. */
+static void window_open_scene(struct window *w) {
+    const struct viewer_options *o = w->start;
+    g_autoptr(GError) error = NULL;
+    if (!scene_files_open(o, o->method, TRUE, w->viewer, &error)) {
+        window_say(w, error->message);
+        return;
+    }
+    if (o->n_bindings > 0 && o->argument == NULL) { /* else once the main MDF is there */
+        w->now.settings.silhouettes = w->outlines;
+        w->outlines = FALSE;
+    }
+    w->stale = TRUE;
+}
+
 void window_open_first(struct window *w) {
     const struct viewer_options *o = w->start;
+    window_open_scene(w);
     if (!window_has_material(w)) {
         if (o->environment != NULL)
             window_ask_environment(w, o->environment);
@@ -152,7 +169,7 @@ void window_set_shape(struct window *w, const char *shape, const struct viewer_s
         scene.tiles_u = tiles->tiles_u;
         scene.tiles_v = tiles->tiles_v;
     }
-    struct mesh *mesh = scene_make(shape, &scene, &error);
+    struct mesh *mesh = scene_files_mesh(w->start, shape, &scene, &error);
     if (mesh == NULL || !viewer_set_mesh(w->viewer, mesh, &error) ||
         (w->second != NULL && !viewer_set_mesh(w->second, mesh, &error))) {
         window_say(w, error->message);

@@ -1,6 +1,7 @@
 #include "window_private.h"
 
 #include "desktop/recent.h"
+#include "scene_files.h"
 #include "series.h"
 
 #include <epoxy/gl.h>
@@ -150,7 +151,8 @@ static gboolean take_first(struct window *w, struct opened *o, GError **error) {
 static gboolean take_second(struct window *w, struct opened *o, GError **error) {
     if (w->second == NULL) {
         g_autoptr(Viewer) viewer = viewer_new(NULL, error);
-        if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
+        if (viewer == NULL || !scene_files_open(w->start, o->method, TRUE, viewer, error) ||
+            !viewer_set_mesh(viewer, w->mesh, error) ||
             (w->environment != NULL && !viewer_set_environment(viewer, w->environment, error)) ||
             (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)) ||
             !viewer_set_index(viewer, viewer_index(w->viewer), error))
@@ -229,7 +231,7 @@ void window_set_second(struct window *w, const struct method *method, enum compo
 }
 
 void window_toggle_silhouettes(struct window *w) {
-    if (w->mdf != NULL) {
+    if (w->mdf != NULL || (w->start->n_bindings > 0 && w->start->argument == NULL)) {
         w->now.settings.silhouettes = !w->now.settings.silhouettes;
     } else {
         window_ask_mdf(w, w->now.mdf_path);

@@ -1,0 +1,25 @@
+/*
+ * A glTF scene of several materials as one mesh: materials are bound by their names in the file.
+ * What no binding names is of material 0, the first binding's is 1, and so on.
+ *
+ * Lengths stay those of the file; z is up, and the middle of the box around the objects becomes the
+ * origin. A mesh in the lower half that is flat, faces up and reaches as far as everything else on
+ * all sides is the mesh's floor, unless there is nothing else.
+ */
+#pragma once
+
+#include "scene.h"
+
+struct scene_binding {
+    char *name, *path;
+    double tiles; /* for one unit of the texture coordinates */
+};
+
+/* NAME=PATH or NAME=PATH,TILES; what follows the last comma is a number or part of the path.
+ * Without tiles: 1. */
+gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error);
+void scene_binding_clear(struct scene_binding *binding);
+
+/* Fails if a name is not in the scene, or a mesh of it has no texture coordinates. */
+struct mesh *scene_read_parts(const char *path, const struct scene_binding *bindings, guint n,
+                              GError **error);

@@ -1,0 +1,59 @@
+#include "scene_files.h"
+
+#include "file_kind.h"
+
+struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,
+                              const struct scene_options *how, GError **error) {
+    if (o->n_bindings == 0 || g_strcmp0(shape, o->shape) != 0)
+        return scene_make(shape, how, error);
+    struct mesh *mesh = scene_read_parts(shape, o->bindings, (guint)o->n_bindings, error);
+    if (mesh != NULL && how->tiles_u > 0.0 && how->tiles_v > 0.0) {
+        mesh->tiles_u = how->tiles_u;
+        mesh->tiles_v = how->tiles_v;
+    }
+    return mesh;
+}
+
+/* Of a session the given method, of a file that which draws it. */
+static const struct method *scene_files_method(const struct method *method, const char *path,
+                                               GError **error) {
+    struct file_opened file;
+    if (g_file_test(path, G_FILE_TEST_IS_DIR))
+        return method->product != NULL ? method : methods[0];
+    if (!file_kind_find(path, &file, error))
+        return NULL;
+    const struct method *found = file.kind == FILE_KIND_MATERIAL ? file.method : NULL;
+    file_opened_clear(&file);
+    if (found == NULL)
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--material: %s is neither a session nor a compressed material", path);
+    return found;
+}
+
+static gboolean scene_files_add(const struct scene_binding *binding, const struct method *method,
+                                gboolean relief, Viewer *viewer, GError **error) {
+    const struct method *own = scene_files_method(method, binding->path, error);
+    if (own == NULL)
+        return FALSE;
+    g_autofree char *path = method_path(own, binding->path);
+    g_autofree char *folder = g_path_get_dirname(path);
+    g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
+    const int number = viewer_add_material(viewer, own, path, binding->tiles, error);
+    return number >= 0 && (!relief || !g_file_test(mdf, G_FILE_TEST_EXISTS) ||
+                           viewer_open_material_mdf(viewer, number, mdf, error));
+}
+
+gboolean scene_files_open(const struct viewer_options *o, const struct method *method,
+                          gboolean relief, Viewer *viewer, GError **error) {
+    for (int k = 0; k < o->n_bindings; k++)
+        if (!scene_files_add(&o->bindings[k], method, relief, viewer, error))
+            return FALSE;
+    return TRUE;
+}
+
+Reference *scene_files_reference(const char *path, GError **error) {
+    if (g_file_test(path, G_FILE_TEST_IS_REGULAR))
+        return reference_open_material(path, error);
+    g_autofree char *btf = g_build_filename(path, "products", "btf", NULL);
+    return reference_open(btf, error);
+}
