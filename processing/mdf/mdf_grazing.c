@@ -7,13 +7,14 @@
 #include <math.h>
 #include <string.h>
 
-#define DEG         (G_PI / 180.0)
-#define N_PHI       36   /* views in an added ring */
-#define GAP_DEG     2.5  /* between rings */
-#define STEEP_DEG   20.0 /* views within this angle of the steepest one form the relief */
-#define MOST_RAISED 2.0  /* standard deviations */
-#define HALVINGS    8    /* of that, until it is found */
-#define STEP        0.5  /* of a texel */
+#define DEG            (G_PI / 180.0)
+#define N_PHI          36   /* views in an added ring */
+#define GAP_DEG        2.5  /* between rings */
+#define STEEP_DEG      20.0 /* views within this angle of the steepest one form the relief */
+#define MOST_RAISED    2.0  /* standard deviations */
+#define LEAST_NEXT_DEG 20.0 /* steeper views tell nothing of flat rays */
+#define HALVINGS       8    /* of that, until it is found */
+#define STEP           0.5  /* of a texel */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
@@ -114,8 +115,9 @@ static void clear_relief(struct relief *r) {
     g_free(r->square);
 }
 
-/* Mean of traced minus measured depths of the flattest views, over texels that were seen. */
-static double flattest_error_mm(const struct mdf_table *t, double flattest, double raised) {
+/* Mean of traced minus measured depths of the views at theta_deg or up to GAP_DEG steeper, over
+ * texels that were seen. */
+static double ring_error_mm(const struct mdf_table *t, double theta_deg, double raised) {
     gsize n = (gsize)t->width * t->height, count = 0;
     double sum = 0.0;
     struct mdf_table *one = mdf_table_new(t->width, t->height, 1, t->texel_mm, NULL, NULL);
@@ -123,7 +125,7 @@ static double flattest_error_mm(const struct mdf_table *t, double flattest, doub
     one->deepest_mm = t->deepest_mm;
     make_relief(t, raised, &relief);
     for (int view = 0; view < t->n_views; view++) {
-        if (t->theta_deg[view] < flattest - GAP_DEG)
+        if (t->theta_deg[view] > theta_deg || t->theta_deg[view] < theta_deg - GAP_DEG)
             continue;
         one->theta_deg[0] = t->theta_deg[view];
         one->phi_deg[0] = t->phi_deg[view];
@@ -139,15 +141,14 @@ static double flattest_error_mm(const struct mdf_table *t, double flattest, doub
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-double mdf_table_raised(const struct mdf_table *t) {
-    double low = 0.0, high = MOST_RAISED, flattest = 0.0;
-    for (int k = 0; k < t->n_views; k++)
-        flattest = MAX(flattest, (double)t->theta_deg[k]);
-    if (flattest_error_mm(t, flattest, low) <= 0.0)
+/* The height at which that mean is 0, by bisection: traced depths shrink as the relief rises. */
+static double ring_raised(const struct mdf_table *t, double theta_deg) {
+    double low = 0.0, high = MOST_RAISED;
+    if (ring_error_mm(t, theta_deg, low) <= 0.0)
         return low;
     for (int k = 0; k < HALVINGS; k++) {
         double middle = 0.5 * (low + high);
-        if (flattest_error_mm(t, flattest, middle) > 0.0)
+        if (ring_error_mm(t, theta_deg, middle) > 0.0)
             low = middle;
         else
             high = middle;
@@ -155,33 +156,59 @@ double mdf_table_raised(const struct mdf_table *t) {
     return 0.5 * (low + high);
 }
 
-void mdf_table_add_grazing(struct mdf_table *t) {
-    mdf_table_add_grazing_raised(t, mdf_table_raised(t));
+/* The flattest view that is not flatter than theta_deg. */
+static double flattest_deg(const struct mdf_table *t, double theta_deg) {
+    double flattest = 0.0;
+    for (int k = 0; k < t->n_views; k++)
+        if (t->theta_deg[k] <= theta_deg)
+            flattest = MAX(flattest, (double)t->theta_deg[k]);
+    return flattest;
 }
 
-void mdf_table_add_grazing_raised(struct mdf_table *t, double raised) {
-    struct relief relief;
-    double flattest = 0.0;
+double mdf_table_raised(const struct mdf_table *t) {
+    return ring_raised(t, flattest_deg(t, 90.0));
+}
+
+/* raised + per_tan · (tan θ − tan θ of the flattest measured views), 0 … MOST_RAISED. */
+static void add_rings(struct mdf_table *t, double raised, double per_tan) {
+    const double flattest = flattest_deg(t, 90.0);
     gsize n = (gsize)t->width * t->height;
-    int first = t->n_views;
-    for (int k = 0; k < t->n_views; k++)
-        flattest = MAX(flattest, (double)t->theta_deg[k]);
-    make_relief(t, raised, &relief);
-    int most = first + N_PHI * (int)G_N_ELEMENTS(rings_deg);
+    int first = t->n_views, most = first + N_PHI * (int)G_N_ELEMENTS(rings_deg);
+    struct relief relief[G_N_ELEMENTS(rings_deg)];
+    for (gsize ring = 0; ring < G_N_ELEMENTS(rings_deg); ring++) {
+        double farther = tan(rings_deg[ring] * DEG) - tan(flattest * DEG);
+        make_relief(t, CLAMP(raised + per_tan * farther, 0.0, MOST_RAISED), &relief[ring]);
+    }
     t->theta_deg = g_renew(float, t->theta_deg, most);
     t->phi_deg = g_renew(float, t->phi_deg, most);
     t->depth_mm = g_renew(float, t->depth_mm, n *most);
-    for (gsize ring = 0; ring < G_N_ELEMENTS(rings_deg); ring++)
+    for (gsize ring = 0; ring < G_N_ELEMENTS(rings_deg); ring++) {
         for (int k = 0; k < N_PHI && rings_deg[ring] >= flattest + GAP_DEG; k++) {
             t->theta_deg[t->n_views] = rings_deg[ring];
             t->phi_deg[t->n_views] = 360.0 / N_PHI * k;
-            trace_view(t, t->n_views++, &relief);
+            trace_view(t, t->n_views++, &relief[ring]);
         }
+        clear_relief(&relief[ring]);
+    }
     if (t->seen) {
         t->seen = g_renew(guint8, t->seen, n * t->n_views);
         memset(t->seen + n * first, TRUE, n * (t->n_views - first));
     }
-    clear_relief(&relief);
+}
+
+/* A ray's way through the structure is as long as tan θ, and so is the number of points of which it
+ * meets the highest: the line through the two flattest rings, over tan θ, goes on. */
+void mdf_table_add_grazing(struct mdf_table *t) {
+    const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
+    const double raised = ring_raised(t, flattest);
+    double per_tan = 0.0;
+    if (next > LEAST_NEXT_DEG && flattest < 90.0 - GAP_DEG)
+        per_tan = (raised - ring_raised(t, next)) / (tan(flattest * DEG) - tan(next * DEG));
+    add_rings(t, raised, MAX(per_tan, 0.0));
+}
+
+void mdf_table_add_grazing_raised(struct mdf_table *t, double raised) {
+    add_rings(t, raised, 0.0);
 }
 
 void mdf_table_trace(struct mdf_table *t) {

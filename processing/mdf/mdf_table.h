@@ -31,11 +31,11 @@ struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel
 
 /* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
-/* Adds views at grazing angles where none was measured, traced over the relief of the steep
- * views. It is raised, since flat rays meet the highest points of a texel. */
+/* Adds views at grazing angles where none was measured, traced over the relief of the steep views,
+ * raised as mdf_table_raised() of the two flattest rings says, along tan θ: see mdf_grazing.c. */
 void mdf_table_add_grazing(struct mdf_table *table);
-/* By how many standard deviations of the depths within a texel: with so many the relief, traced
- * along the flattest measured views, has their mean depth. 0 … 2. */
+/* By how many standard deviations of the depths within a texel the relief must be raised so that it
+ * has, traced along the flattest measured views, their mean depth. 0 … 2. */
 double mdf_table_raised(const struct mdf_table *table);
 void mdf_table_add_grazing_raised(struct mdf_table *table, double raised); /* to compare */
 

@@ -23,9 +23,9 @@ static const struct material {
     int rings; /* of twelve views */
     gboolean repeats;
 } materials[] = {
-    {"weave", 1.2, 6.25, 8, FALSE},    {"brick", 1.8, 6.25, 5, TRUE},
-    {"peanuts", 3.2, 6.25, 8, FALSE},  {"grass", 3.0, 3.125, 8, TRUE},
-    {"bluepipe", 3.0, 3.125, 5, TRUE}, {"block", 2.4, 3.125, 5, TRUE},
+    {"weave", 1.2, 6.25, 8, FALSE},   {"brick", 1.8, 6.25, 5, TRUE},
+    {"peanuts", 1.8, 6.25, 8, FALSE}, {"grass", 1.8, 2.5, 8, TRUE},
+    {"bluepipe", 1.8, 2.5, 5, TRUE},  {"block", 1.8, 3.125, 5, TRUE},
 };
 
 static gboolean json;

@@ -433,6 +433,31 @@ static void test_grazing(void) {
     mdf_table_free(t);
 }
 
+/* A flat structure needs no raised relief. One whose flattest views end higher than its steep views
+ * say needs a higher one, and grazing views over it end higher, too. */
+static void test_raised(void) {
+    g_autoptr(MdfTable) flat = flat_mdf(32, 2.0);
+    g_autoptr(MdfTable) waves = flat_mdf(32, 2.0);
+    const int n = 32 * 32;
+    for (int k = 0; k < 24 * n; k++)
+        waves->depth_mm[k] = 2.0F + 1.5F * sinf((float)(k % 32) * (float)G_PI / 8.0F);
+    waves->deepest_mm = 3.5;
+    mdf_table_trace(waves);
+    g_autoptr(MdfTable) posts = mdf_table_copy(waves);
+    for (int k = 12 * n; k < 24 * n; k++)
+        posts->depth_mm[k] *= 0.75F;
+    g_test_message("raised by %.3f, with posts %.3f", mdf_table_raised(waves),
+                   mdf_table_raised(posts));
+    g_assert_cmpfloat(mdf_table_raised(flat), ==, 0.0);
+    g_assert_cmpfloat(mdf_table_raised(posts), >, mdf_table_raised(waves) + 0.3);
+    mdf_table_add_grazing(waves);
+    mdf_table_add_grazing(posts);
+    double higher = 0.0;
+    for (int k = 24 * n; k < waves->n_views * n; k++)
+        higher += (waves->depth_mm[k] - posts->depth_mm[k]) / ((waves->n_views - 24) * n);
+    g_assert_cmpfloat(higher, >, 0.05);
+}
+
 static void test_missing(gconstpointer data) {
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
     g_autoptr(Mesh) mesh = scene_sphere();
@@ -455,6 +480,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/silhouettes/table/bad", test_bad_files);
     g_test_add_func("/silhouettes/table/holes", test_holes);
     g_test_add_func("/silhouettes/table/grazing", test_grazing);
+    g_test_add_func("/silhouettes/table/raised", test_raised);
     gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
     gpu_fixture_add("/silhouettes/volume", test_volume, NULL);
     gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
