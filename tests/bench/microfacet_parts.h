@@ -14,3 +14,8 @@ gboolean microfacet_times(int frames, gboolean json, GError **error);
  * an azimuth of 50°, by each rotation and without (figs 2, 3, 5). The cross is the normal. Ends the
  * program if the PNG cannot be written. */
 void microfacet_lobes(const char *path);
+
+/* Woven fabric as in fig. 10, side by side: anisotropy that alternates between warp and weft, the
+ * same with the normals of yarns, and with microfacets that turn with them. Makes its own GL
+ * context. */
+gboolean microfacet_fabric(const char *path, GError **error);
