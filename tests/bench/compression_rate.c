@@ -260,8 +260,7 @@ static double bytes_at(const GArray *points, double error) {
     return INFINITY;
 }
 
-/* Every n-th view alone, which takes that many times less time. */
-static void thin(struct btf_matrix *btf, int n) {
+void bench_thin_views(struct btf_matrix *btf, int n) {
     const int kept = (btf->layout.views.n + n - 1) / n;
     const gsize columns = btf->layout.lights.n * 3, texels = btf_layout_texels(&btf->layout);
     for (gsize x = 0; x < texels; x++)
@@ -379,8 +378,8 @@ int bench_rate(char *const *sessions, int every, gboolean json) {
         if (json && i > 0)
             printf(", ");
         if (quiet) {
-            thin(noisy, every);
-            thin(quiet, every);
+            bench_thin_views(noisy, every);
+            bench_thin_views(quiet, every);
             measure(noisy->name, noisy, quiet, json, &error);
         }
         btf_matrix_free(noisy);
