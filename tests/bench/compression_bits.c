@@ -7,8 +7,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#define ALL 448 /* components of one cluster, of which those stay that a step leaves */
-
 /* Bits of a code of fixed length for steps of −most … most. */
 static int bits_of(double most, double step) {
     const double steps = ceil(most / step - 0.5);
@@ -75,34 +73,34 @@ static double bits_quantise(struct lpca *lpca, double step, double *ret_kept) {
     return bits / 8;
 }
 
-static gboolean bits_print(const char *name, const struct btf_matrix *noisy,
-                           const struct btf_matrix *quiet, int k, gboolean json, GError **error) {
-    const double raw = (double)btf_matrix_bytes(&noisy->layout) / 2;
+/* All components up to a number, rounded to a step, for several of both. */
+static gboolean bits_add(GArray *points, const struct btf_matrix *noisy,
+                         const struct btf_matrix *quiet, int k, GError **error) {
+    static const int kept_of[] = {16, 32, 48, 64, 96, 128, 192};
     const gsize n = (gsize)btf_matrix_bytes(&noisy->layout) / sizeof(float);
-    const struct lpca_options options = {
-        .n_clusters = k, .n_components = k == 1 ? ALL : 64, .to_pack = k == 1};
+    const int most = k == 1 ? 192 : 64;
+    const struct lpca_options options = {.n_clusters = k, .n_components = most, .to_pack = k == 1};
     double squares = 0;
     struct lpca *exact = lpca_compute(noisy, &options, error);
     for (gsize i = 0; i < n; i++)
         squares += (double)noisy->values[i] * noisy->values[i] / (double)n;
-    for (double step = 0.5; exact && step > 0.02; step /= sqrt(2)) {
-        double kept;
-        struct lpca *lpca = lpca_truncated(exact, exact->n_components);
-        const double bytes = bits_quantise(lpca, step * sqrt(squares), &kept);
-        printf(json ? "%s{\"material\": \"%s\", \"clusters\": %d, \"step\": %.4f, \"components\": "
-                      "%.1f, "
-                      "\"ratio\": %.1f, \"error\": %.5f}"
-                    : "%s%s, %d clusters, step %.4f: %.1f components, 1:%.1f, %.5f\n",
-               json && step < 0.5 ? ", " : "", name, k, step, kept, raw / bytes,
-               lpca_error(lpca, quiet, 0));
-        lpca_free(lpca);
-    }
+    for (gsize c = 0; exact && c < G_N_ELEMENTS(kept_of) && kept_of[c] <= most; c++)
+        for (double step = 0.02; step > 0.001; step /= 2) {
+            struct lpca *lpca = lpca_truncated(exact, kept_of[c]);
+            struct bench_point point = {0};
+            double kept;
+            point.bytes = bits_quantise(lpca, step * sqrt(squares), &kept);
+            point.label = g_strdup_printf("%d x %.1f, step %g", k, kept, step);
+            point.error = lpca_error(lpca, quiet, 0);
+            g_array_append_val(points, point);
+            lpca_free(lpca);
+        }
     lpca_free(exact);
     return exact != NULL;
 }
 
 int bench_bits(char *const *sessions, int every, gboolean json) {
-    static const int clusters[] = {1, 4, 16};
+    static const int clusters[] = {1, 4};
     g_autoptr(GError) error = NULL;
     const guint n = g_strv_length((char **)sessions);
     if (n == 0 || n % 2) {
@@ -117,10 +115,20 @@ int bench_bits(char *const *sessions, int every, gboolean json) {
             bench_thin_views(noisy, every);
             bench_thin_views(quiet, every);
         }
-        for (guint k = 0; quiet && !error && k < G_N_ELEMENTS(clusters); k++) {
-            printf("%s", json && i + k > 0 ? ", " : "");
-            bits_print(noisy->name, noisy, quiet, clusters[k], json, &error);
+        GArray *points = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
+        for (guint k = 0; quiet && !error && k < G_N_ELEMENTS(clusters); k++)
+            bits_add(points, noisy, quiet, clusters[k], &error);
+        bench_keep_best(points);
+        for (guint k = 0; k < points->len; k++) {
+            const struct bench_point *point = &g_array_index(points, struct bench_point, k);
+            printf(json ? "%s{\"material\": \"%s\", \"label\": \"%s\", \"ratio\": %.1f, \"error\": "
+                          "%.5f}"
+                        : "%s%s, %s: 1:%.1f, %.5f\n",
+                   json && i + k > 0 ? ", " : "", noisy->name, point->label,
+                   (double)btf_matrix_bytes(&noisy->layout) / 2 / point->bytes, point->error);
+            g_free(point->label);
         }
+        g_array_unref(points);
         btf_matrix_free(noisy);
         btf_matrix_free(quiet);
     }

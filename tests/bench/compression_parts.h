@@ -39,6 +39,16 @@ int bench_ranks(const char *session, int clusters, int components, gboolean json
  * pair. every: every N-th view is taken. */
 int bench_rate(char *const *sessions, int every, gboolean json);
 
+/* One way to store a material. */
+struct bench_point {
+    char *label; /* g_free() */
+    double bytes, error;
+};
+
+/* points: of struct bench_point. Leaves out those that a smaller one is as good as, in order of
+ * size. */
+void bench_keep_best(GArray *points);
+
 /* Keeps every n-th view alone, which takes that many times less time. */
 void bench_thin_views(struct btf_matrix *btf, int n);
 
