@@ -8,7 +8,7 @@
 #include <string.h>
 
 /* Bits of a code of fixed length for steps of −most … most. */
-static int bits_of(double most, double step) {
+static int bits_length(double most, double step) {
     const double steps = ceil(most / step - 0.5);
     return steps < 1 ? 0 : (int)ceil(log2(2 * steps + 1));
 }
@@ -36,13 +36,13 @@ static double bits_component(struct lpca *lpca, int k, int i, double step) {
             members++;
         }
     const double sigma = members > 0 ? sqrt(squares / members) : 0;
-    const int length = sigma > 0 ? bits_of(most, scale) : 0;
+    const int length = sigma > 0 ? bits_length(most, scale) : 0;
     for (gsize light = 0; light < n_lights; light++) {
         double largest = 0;
         for (gsize j = 0; j < 3 * n_views; j++)
             largest =
                 MAX(largest, fabs((double)brdf[(j / 3 * n_lights + light) * 3 + j % 3]) * sigma);
-        const int of_light = length > 0 ? bits_of(largest, step) : 0;
+        const int of_light = length > 0 ? bits_length(largest, step) : 0;
         bits += of_light * 3.0 * (double)n_views;
         for (gsize j = 0; j < 3 * n_views; j++) {
             float *value = &brdf[(j / 3 * n_lights + light) * 3 + j % 3];
