@@ -20,7 +20,7 @@ static char *session, *dump;
 #ifdef COMPRESS_MPI
 static char *ranks;
 #endif
-static gboolean json, fields, resample, rate, disk, mdf;
+static gboolean json, fields, resample, rate, bits, disk, mdf;
 static int fits = 20000, every = 3, eigenmaps;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
@@ -40,6 +40,8 @@ static const GOptionEntry entries[] = {
      "Error against size instead, beside local PCA as published: of sessions named as arguments, "
      "each followed by the same without noise",
      NULL},
+    {"bits", 0, 0, G_OPTION_ARG_NONE, &bits,
+     "As --rate, of local PCAs whose components have codes of their own lengths", NULL},
 #ifdef COMPRESS_MPI
     {"ranks", 0, 0, G_OPTION_ARG_FILENAME, &ranks,
      "By one, two and four processes instead, of this session", "DIR"},
@@ -52,7 +54,7 @@ static const GOptionEntry entries[] = {
      "N"},
     {"mdf", 0, 0, G_OPTION_ARG_NONE, &mdf,
      "Ways to hold the distances (MDF) of the sessions that are named as arguments instead", NULL},
-    {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate takes every N-th view (3)", "N"},
+    {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate and --bits take every N-th view (3)", "N"},
     {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {NULL},
@@ -194,6 +196,8 @@ int main(int argc, char **argv) {
 #endif
     if (rate)
         return bench_rate(argv + 1, every, json);
+    if (bits)
+        return bench_bits(argv + 1, every, json);
     if (mdf)
         return bench_mdf_compression(argv + 1, json);
     if (resample)

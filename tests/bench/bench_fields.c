@@ -50,40 +50,46 @@ static void fields_reflectance(const struct btf_matrix *btf, gsize texel, double
     }
 }
 
-/* Changes from a direction to its neighbour: RMS, relative to the mean of the series. */
+/* Along each ring, relative to the mean of the series: RMS changes from a direction to the next,
+ * and RMS differences from the mean of both neighbours, which a smooth series has hardly any of. */
 struct steps {
-    double all, lowest; /* lowest: those of the lowest ring alone */
-    double theta_deg;   /* of the lowest ring */
-    int around;         /* directions on it */
+    double all, kinks;
+    double lowest, lowest_kinks; /* those of the lowest ring alone */
+    double theta_deg;            /* of the lowest ring */
+    int around;                  /* directions on it */
 };
 
 /* series: of each texel, n_texels × list->n. */
 static struct steps fields_steps(const struct direction_list *list, const double *series,
                                  gsize n_texels) {
-    double sum = 0, squares = 0, low_sum = 0, low_squares = 0, low_theta = 0;
-    gsize n = 0, low_n = 0;
+    struct steps ret = {0};
+    double sum[2] = {0}, steps[2] = {0}, kinks[2] = {0}; /* of all rings, of the lowest */
+    gsize n[2] = {0};
     g_autofree int *next = g_new(int, list->n);
     for (gsize i = 0; i < list->n; i++) {
         next[i] = fields_neighbour(list, i);
-        low_theta = MAX(low_theta, (double)list->theta_deg[i]);
+        ret.theta_deg = MAX(ret.theta_deg, (double)list->theta_deg[i]);
     }
     for (gsize texel = 0; texel < n_texels; texel++)
         for (gsize i = 0; i < list->n; i++) {
             const double *row = series + texel * list->n;
+            const int low = (double)list->theta_deg[i] > ret.theta_deg - 1;
             if (next[i] < 0)
                 continue;
-            const double step = row[next[i]] - row[i];
-            const gboolean low = (double)list->theta_deg[i] > low_theta - 1;
-            sum += row[i];
-            squares += step * step;
-            n++;
-            low_sum += low ? row[i] : 0;
-            low_squares += low ? step * step : 0;
-            low_n += low;
+            const double at = row[next[i]], after = row[next[next[i]]];
+            for (int ring = 0; ring <= low; ring++) {
+                sum[ring] += at;
+                steps[ring] += (at - row[i]) * (at - row[i]);
+                kinks[ring] += pow(at - 0.5 * (row[i] + after), 2);
+                n[ring]++;
+            }
         }
-    return (struct steps){sqrt(squares / (double)n) / (sum / (double)n),
-                          sqrt(low_squares / (double)low_n) / (low_sum / (double)low_n), low_theta,
-                          (int)(low_n / n_texels)};
+    ret.all = sqrt(steps[0] * (double)n[0]) / sum[0];
+    ret.kinks = sqrt(kinks[0] * (double)n[0]) / sum[0];
+    ret.lowest = sqrt(steps[1] * (double)n[1]) / sum[1];
+    ret.lowest_kinks = sqrt(kinks[1] * (double)n[1]) / sum[1];
+    ret.around = (int)(n[1] / n_texels);
+    return ret;
 }
 
 static void fields_print_steps(const struct btf_matrix *btf, gboolean json) {
@@ -102,13 +108,16 @@ static void fields_print_steps(const struct btf_matrix *btf, gboolean json) {
     }
     const struct steps r = fields_steps(&btf->layout.views, e_r, n_texels);
     const struct steps i = fields_steps(&btf->layout.lights, e_i, n_texels);
-    g_print(
-        json ? "\"e_r_steps\": %.5f, \"e_i_steps\": %.5f, \"e_r_lowest\": %.5f, "
-               "\"e_i_lowest\": %.5f, \"lowest_view_deg\": %g, \"views_on_it\": %d, "
-               "\"lowest_light_deg\": %g, \"lights_on_it\": %d"
-             : "  steps of E_r %.4f, of E_i %.4f; on the lowest ring %.4f and %.4f (views at %g°, "
-               "%d; lights at %g°, %d)\n",
-        r.all, i.all, r.lowest, i.lowest, r.theta_deg, r.around, i.theta_deg, i.around);
+    g_print(json ? "\"e_r_steps\": %.5f, \"e_i_steps\": %.5f, \"e_r_lowest_steps\": %.5f, "
+                   "\"e_i_lowest_steps\": %.5f, \"e_r_kinks\": %.5f, \"e_i_kinks\": %.5f, "
+                   "\"e_r_lowest_kinks\": %.5f, \"e_i_lowest_kinks\": %.5f"
+                 : "  steps of E_r %.4f, of E_i %.4f; on the lowest ring %.4f and %.4f\n"
+                   "  kinks of E_r %.4f, of E_i %.4f; on the lowest ring %.4f and %.4f\n",
+            r.all, i.all, r.lowest, i.lowest, r.kinks, i.kinks, r.lowest_kinks, i.lowest_kinks);
+    g_print(json ? ", \"lowest_view_deg\": %g, \"views_on_it\": %d, \"lowest_light_deg\": %g, "
+                   "\"lights_on_it\": %d"
+                 : "  lowest rings: views at %g°, %d; lights at %g°, %d\n",
+            r.theta_deg, r.around, i.theta_deg, i.around);
 }
 
 /* Views and lights exchanged, so that a reflectance field of the result is a light field; divided:
@@ -332,8 +341,8 @@ static void fields_two_views(const struct btf_matrix *btf, int ret[2]) {
     }
 }
 
-static void fields_session(const char *path, const char *plot, int texel, gboolean json,
-                           GError **error) {
+static void fields_session(const char *path, const char *plot, int texel, gboolean energy,
+                           gboolean json, GError **error) {
     static const enum lobes_model models[PLOTTED] = {LOBES_LAFORTUNE, LOBES_PTM, LOBES_FIELDS};
     g_autoptr(BtfMatrix) btf = btf_matrix_read(path, NULL, error);
     struct lobes *lobes[PLOTTED] = {NULL};
@@ -346,6 +355,10 @@ static void fields_session(const char *path, const char *plot, int texel, gboole
         bench_fail(2, "%s has %d texels", path, n_texels);
     g_print(json ? "{\"name\": \"%s\", " : "%s\n", btf->name);
     fields_print_steps(btf, json);
+    if (energy) {
+        g_print("%s", json ? "}" : "");
+        return;
+    }
     fields_print_fits(btf, json);
     for (int k = 0; k < PLOTTED; k++) {
         const struct lobes_options options = {.model = models[k]};
@@ -368,11 +381,12 @@ static void fields_session(const char *path, const char *plot, int texel, gboole
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
+    gboolean json = FALSE, energy = FALSE;
     int texel = -1;
     g_autofree char *plot = NULL;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
+        {"energy", 0, 0, G_OPTION_ARG_NONE, &energy, "The energy alone, without fits", NULL},
         {"plot", 0, 0, G_OPTION_ARG_FILENAME, &plot, "Draw a texel of the last session", "OUT.png"},
         {"texel", 0, 0, G_OPTION_ARG_INT, &texel, "Which one, row by row (the middle)", "N"},
         {NULL}};
@@ -383,7 +397,7 @@ int main(int argc, char **argv) {
     g_print("%s", json ? "{\"materials\": [" : "");
     for (int i = 1; i < argc && !error; i++) {
         g_print("%s", json && i > 1 ? ", " : "");
-        fields_session(argv[i], i == argc - 1 ? plot : NULL, texel, json, &error);
+        fields_session(argv[i], i == argc - 1 ? plot : NULL, texel, energy, json, &error);
     }
     g_print("%s", json ? "]}\n" : "");
     bench_check(error);

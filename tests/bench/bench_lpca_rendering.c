@@ -229,20 +229,33 @@ static gboolean bench_fetches(const char *file, int frames, gboolean json, GErro
     return good;
 }
 
+static gboolean bench_mips(const char *file, int frames, gboolean json, GError **error) {
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    g_print(json ? "{\"renderer\": \"%s\", \"mips\": [" : "%s, 800 × 600, torus\n",
+            gpu ? gpu_renderer() : "");
+    const gboolean good = gpu && lpca_rendering_mips(file, 12, frames, json, error);
+    g_print(json ? "]}\n" : "");
+    return good;
+}
+
 int main(int argc, char **argv) {
-    gboolean json = FALSE, fetches = FALSE;
+    gboolean json = FALSE, fetches = FALSE, mips = FALSE;
     int frames = 5;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 5", "N"},
         {"fetches", 0, 0, G_OPTION_ARG_NONE, &fetches, "Count and time texture fetches instead",
          NULL},
+        {"mips", 0, 0, G_OPTION_ARG_NONE, &mips,
+         "What the mip levels of lpca.exr cost and gain instead", NULL},
         {NULL}};
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, "[lpca.exr]");
-    if (frames < 1 || argc > 2)
+    if (frames < 1 || argc > 2 || (mips && argc < 2))
         bench_fail(2, "bad arguments");
-    (fetches ? bench_fetches : bench)(argc > 1 ? argv[1] : NULL, frames, json, &error);
+    (mips      ? bench_mips
+     : fetches ? bench_fetches
+               : bench)(argc > 1 ? argv[1] : NULL, frames, json, &error);
     bench_check(error);
     return 0;
 }

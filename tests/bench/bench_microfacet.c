@@ -148,10 +148,13 @@ static gboolean bench(int frames, gboolean json, GError **error) {
 int main(int argc, char **argv) {
     gboolean json = FALSE;
     int frames = 15;
-    g_autofree char *svg = NULL;
+    g_autofree char *svg = NULL, *lobes = NULL, *fabric = NULL;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
+        {"fabric", 0, 0, G_OPTION_ARG_FILENAME, &fabric, "Draw fabric, time nothing", "OUT.png"},
+        {"lobes", 0, 0, G_OPTION_ARG_FILENAME, &lobes, "Draw distributions, time nothing",
+         "OUT.png"},
         {"plot", 0, 0, G_OPTION_ARG_FILENAME, &svg, "Draw the error over the tilt", "OUT.svg"},
         {NULL}};
     g_autoptr(GError) error = NULL;
@@ -159,6 +162,13 @@ int main(int argc, char **argv) {
     bench_parse(&argc, &argv, entries, NULL);
     if (frames < 1 || argc > 1)
         bench_fail(2, "bad arguments");
+    if (lobes)
+        microfacet_lobes(lobes);
+    if (fabric)
+        microfacet_fabric(fabric, &error);
+    bench_check(error);
+    if (lobes || fabric)
+        return 0;
     for (int k = 0; k < STEPS; k++)
         tilts[k] = measure_tilt(5.0 * k);
     g_print("%s", json ? "{" : "");

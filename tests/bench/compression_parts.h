@@ -39,6 +39,24 @@ int bench_ranks(const char *session, int clusters, int components, gboolean json
  * pair. every: every N-th view is taken. */
 int bench_rate(char *const *sessions, int every, gboolean json);
 
+/* One way to store a material. */
+struct bench_point {
+    char *label; /* g_free() */
+    double bytes, error;
+};
+
+/* points: of struct bench_point. Leaves out those that a smaller one is as good as, in order of
+ * size. */
+void bench_keep_best(GArray *points);
+
+/* Keeps every n-th view alone, which takes that many times less time. */
+void bench_thin_views(struct btf_matrix *btf, int n);
+
+/* What a local PCA could take that is drawn from codes of fixed length, chosen for each component,
+ * and for each component and light of its eigen-BRDFs: all are rounded to one step. Errors and
+ * arguments as of bench_rate(). */
+int bench_bits(char *const *sessions, int every, gboolean json);
+
 /* Eigen-BRDFs on a grid: what that costs at and between the measured directions, against
  * interpolation of the measured ones by nine pairs. sessions: a material and the same from
  * directions between, pair by pair. */

@@ -16,12 +16,6 @@
 #define PACKED      448  /* components, of which those stay that a step leaves */
 #define EQUAL       1e-3 /* errors that differ by less, relative, are the same */
 
-/* One way to store it. */
-struct point {
-    char *label;
-    double bytes, error;
-};
-
 /*
  * Local PCA as published (Schneider 2004 §3, after Kambhatla & Leen): clusters begin at drawn
  * texels, each texel goes to the cluster that reconstructs it best, mean and principal axes are
@@ -149,7 +143,7 @@ static struct lpca *store(const struct published *p) {
 }
 
 static void add_point(GArray *points, char *label, double bytes, double error) {
-    const struct point point = {label, bytes, error};
+    const struct bench_point point = {label, bytes, error};
     g_array_append_val(points, point);
 }
 
@@ -222,15 +216,14 @@ static gboolean add_packed(GArray *points, const struct btf_matrix *noisy,
 }
 
 static int by_bytes(gconstpointer a, gconstpointer b) {
-    const struct point *p = a, *q = b;
+    const struct bench_point *p = a, *q = b;
     return (p->bytes > q->bytes) - (p->bytes < q->bytes);
 }
 
-/* Leaves out points that a smaller one is as good as. */
-static void keep_best(GArray *points) {
+void bench_keep_best(GArray *points) {
     guint kept = 0;
     g_array_sort(points, by_bytes);
-    struct point *list = &g_array_index(points, struct point, 0);
+    struct bench_point *list = &g_array_index(points, struct bench_point, 0);
     for (guint i = 0; i < points->len; i++)
         if (kept == 0 || list[i].error < list[kept - 1].error)
             list[kept++] = list[i];
@@ -241,14 +234,14 @@ static void keep_best(GArray *points) {
 
 static void clear(GArray *points) {
     for (guint i = 0; i < points->len; i++)
-        g_free(g_array_index(points, struct point, i).label);
+        g_free(g_array_index(points, struct bench_point, i).label);
     g_array_unref(points);
 }
 
 /* Bytes at which a curve reaches an error, straight in logarithms between its points; ∞ where it
  * does not. */
 static double bytes_at(const GArray *points, double error) {
-    const struct point *list = &g_array_index(points, struct point, 0);
+    const struct bench_point *list = &g_array_index(points, struct bench_point, 0);
     for (guint i = 0; i < points->len; i++) {
         if (list[i].error > error * (1 + EQUAL))
             continue;
@@ -260,8 +253,7 @@ static double bytes_at(const GArray *points, double error) {
     return INFINITY;
 }
 
-/* Every n-th view alone, which takes that many times less time. */
-static void thin(struct btf_matrix *btf, int n) {
+void bench_thin_views(struct btf_matrix *btf, int n) {
     const int kept = (btf->layout.views.n + n - 1) / n;
     const gsize columns = btf->layout.lights.n * 3, texels = btf_layout_texels(&btf->layout);
     for (gsize x = 0; x < texels; x++)
@@ -293,7 +285,7 @@ static double noise(const struct btf_matrix *noisy, const struct btf_matrix *qui
 static void print_curve(const char *name, const GArray *points, double raw, gboolean json) {
     printf(json ? "\"%s\": [" : "  %s\n", name);
     for (guint i = 0; i < points->len; i++) {
-        const struct point *point = &g_array_index(points, struct point, i);
+        const struct bench_point *point = &g_array_index(points, struct bench_point, i);
         if (json)
             printf("%s{\"label\": \"%s\", \"ratio\": %.1f, \"error\": %.5f}", i ? ", " : "",
                    point->label, raw / point->bytes, point->error);
@@ -310,7 +302,7 @@ static void print_gain(const char *name, const GArray *published, const GArray *
                        gboolean json) {
     double least = INFINITY, at_100 = NAN, nearest = INFINITY;
     for (guint i = 0; i < published->len; i++) {
-        const struct point *p = &g_array_index(published, struct point, i);
+        const struct bench_point *p = &g_array_index(published, struct bench_point, i);
         const double gain = p->bytes / bytes_at(ours, p->error);
         const double away = fabs(log(raw / p->bytes / 100));
         least = MIN(least, gain);
@@ -334,9 +326,9 @@ static void print_gain(const char *name, const GArray *published, const GArray *
 static gboolean measure(const char *name, const struct btf_matrix *noisy,
                         const struct btf_matrix *quiet, gboolean json, GError **error) {
     static const int clusters[] = {1, 2, 4, 16};
-    GArray *published = g_array_new(FALSE, FALSE, sizeof(struct point));
-    GArray *ours = g_array_new(FALSE, FALSE, sizeof(struct point));
-    GArray *packed = g_array_new(FALSE, FALSE, sizeof(struct point));
+    GArray *published = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
+    GArray *ours = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
+    GArray *packed = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
     double mean;
     const double grain = noise(noisy, quiet, &mean);
     const double raw = (double)btf_matrix_bytes(&noisy->layout) / 2;
@@ -347,9 +339,9 @@ static gboolean measure(const char *name, const struct btf_matrix *noisy,
             ok = add_ours(ours, noisy, quiet, clusters[i], c, error);
         }
     ok = ok && add_packed(packed, noisy, quiet, mean, error);
-    keep_best(published);
-    keep_best(ours);
-    keep_best(packed);
+    bench_keep_best(published);
+    bench_keep_best(ours);
+    bench_keep_best(packed);
     printf(json ? "{\"material\": \"%s\", \"noise\": %.5f, " : "%s: noise of %.3g\n", name, grain);
     print_curve("published", published, raw, json);
     print_curve("drawn", ours, raw, json);
@@ -379,8 +371,8 @@ int bench_rate(char *const *sessions, int every, gboolean json) {
         if (json && i > 0)
             printf(", ");
         if (quiet) {
-            thin(noisy, every);
-            thin(quiet, every);
+            bench_thin_views(noisy, every);
+            bench_thin_views(quiet, every);
             measure(noisy->name, noisy, quiet, json, &error);
         }
         btf_matrix_free(noisy);
