@@ -202,6 +202,9 @@ static gboolean viewer_main_render(struct studio *studio, GError **error) {
                         : reference_open(btf, error);
         if (reference == NULL)
             return FALSE;
+        g_autofree char *mdf = g_build_filename(o->argument, "products", "mdf.exr", NULL);
+        if (o->along_surface && !reference_move_along_surface(reference, mdf, error))
+            return FALSE;
     }
     studio->viewer = viewer;
     studio->second = second;

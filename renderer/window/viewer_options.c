@@ -137,6 +137,9 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
              "With --render: from the session's whole BTF, not its eigen-maps, or from a file on "
              "the "
              "processor; slow"),
+        FLAG("along-surface", &o->along_surface,
+             "With --reference of a session: views move along the surface of its MDF before they "
+             "are mixed"),
         OPTION("split", STRING, &o->split, "METHOD",
                "The right half of the picture by another method"),
         OPTION("difference", STRING, &o->difference, "METHOD",
@@ -286,6 +289,8 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--measured goes with --render OUT.png of one picture, and a session"},
         {o->live && (!session || !first || o->second != NULL),
          "--live goes with a session and --method eigenmaps"},
+        {o->along_surface && (!o->reference || !session || o->index != NULL),
+         "--along-surface goes with --reference and a session, not with --index"},
         {o->reference && (o->environment != NULL || s->n_lamps > 0),
          "--reference knows one lamp, not --lamp or --environment"},
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
