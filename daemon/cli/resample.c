@@ -1,12 +1,16 @@
 /* resample: a BTF in directions that are the same for all texels. */
 #include "command/cli.h"
 #include "command/work.h"
+#include "pipeline/along_surface.h"
 #include "pipeline/near_field_correction.h"
 #include "plan/report.h"
 
 #include <string.h>
 
+#define MEMORY (G_GINT64_CONSTANT(2) << 30) /* of the values read with --along-surface */
+
 static char *output, *directions;
+static gboolean along_surface;
 static int threads;
 
 static const GOptionEntry entries[] = {
@@ -15,6 +19,10 @@ static const GOptionEntry entries[] = {
      "own: the planned directions (default); 81: those of the papers; or a file with a table of "
      "directions",
      "own|81|FILE"},
+    {"along-surface", 0, 0, G_OPTION_ARG_NONE, &along_surface,
+     "Move the views along the surface of the MDF before they are mixed: for views far apart of a "
+     "material with relief",
+     NULL},
     {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
     {NULL},
 };
@@ -23,12 +31,16 @@ struct job {
     const char *session;
     struct btf_directions *to; /* NULL: its own */
     struct near_field_correction_result result;
+    struct along_surface_result along;
 };
 
 static gboolean cli_resample_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     struct work threaded = *work;
     threaded.n_threads = threads;
+    if (along_surface)
+        return along_surface_predict(job->session, output, job->to, MEMORY, &threaded, &job->along,
+                                     error);
     return near_field_correct(job->session, output, job->to, &threaded, &job->result, error);
 }
 
@@ -138,6 +150,29 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
                    result->predicted);
 }
 
+static void cli_resample_tell_along(Record *to, const struct along_surface_result *result,
+                                    double seconds) {
+    g_autofree char *time = report_duration(seconds);
+    const double unseen = (double)result->unseen / (double)MAX(result->texels, 1);
+    record_string(to, "session", output);
+    record_boolean(to, "along_surface", TRUE);
+    record_int(to, "from_views", result->n_views);
+    record_int(to, "from_lights", result->n_lights);
+    record_int(to, "views", result->made.n_views);
+    record_int(to, "lights", result->made.n_lights);
+    record_int(to, "width", result->made.width);
+    record_int(to, "height", result->made.height);
+    record_double(to, "unseen", unseen);
+    record_double(to, "eigenmaps_error", result->made.eigenmaps_error);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: %d × %d texels, %d views × %d lights from %d × %d, along the surface, in %s\n",
+               output, result->made.width, result->made.height, result->made.n_views,
+               result->made.n_lights, result->n_views, result->n_lights, time);
+    record_say(to, "its MDF is predicted, too; of %.3f %% of its texels no view sees the surface\n",
+               100 * unseen);
+}
+
 static int cli_resample_run(const struct call *call, GError **error) {
     struct job job = {.session = call->arguments[0]};
     double seconds = 0;
@@ -155,7 +190,10 @@ static int cli_resample_run(const struct call *call, GError **error) {
     btf_directions_free(job.to);
     if (!ok)
         return CLI_FAILED;
-    cli_resample_tell(call->record, &job.result, seconds);
+    if (along_surface)
+        cli_resample_tell_along(call->record, &job.along, seconds);
+    else
+        cli_resample_tell(call->record, &job.result, seconds);
     near_field_correction_result_clear(&job.result);
     return CLI_DONE;
 }
@@ -164,7 +202,9 @@ const struct command cli_resample = {.name = "resample",
                                      .arguments = "DIR -o DIR",
                                      .examples =
                                          "  mesorig resample weave.session -o same.session\n"
-                                         "  mesorig resample weave.session -o same.session -d 81\n",
+                                         "  mesorig resample weave.session -o same.session -d 81\n"
+                                         "  mesorig resample weave.session -o dense.session -d 81 "
+                                         "--along-surface\n",
                                      .help = "Make a session whose BTF has the same directions for "
                                              "all texels, and report its accuracy.",
                                      .options = entries,

@@ -6,6 +6,7 @@
 #include "exr/exr.h"
 #include "lamp.h"
 #include "material/material.h"
+#include "reprojection/reprojection.h"
 #include "session/session.h"
 
 #include <math.h>
@@ -23,6 +24,20 @@ struct Reference {
     GArray *view_theta, *view_phi; /* of float, degrees */
     GArray *light_theta, *light_phi;
     int width, height;
+    Reprojection *reprojection; /* NULL: texels are mixed */
+};
+
+#define ALONG                                                                                      \
+    6 /* views that are mixed along the surface, at most: those of the largest weights             \
+       */
+
+/* What a sample shows, along the surface. */
+struct along {
+    gboolean seen;
+    float p[3]; /* the surface point, mm */
+    int n;
+    guint16 view[ALONG];
+    float share[ALONG]; /* its weight, less what its sight of the point leaves */
 };
 
 /* One sample of the picture that shows the mesh. */
@@ -38,6 +53,7 @@ struct shading {
     const struct viewer_settings *settings;
     const Directions *views, *lights;
     struct sample *samples;
+    struct along *along; /* of each sample; NULL: texels are mixed */
     guint n_samples;
     const float *texel, *view; /* as viewer_render_geometry() gives them */
     const float *light, *lit;  /* the same, of the lamp that is added */
@@ -57,6 +73,7 @@ void reference_free(Reference *r) {
     if (r == NULL)
         return;
     mesorig_material_close(r->material);
+    reprojection_free(r->reprojection);
     if (r->material != NULL) {
         g_free(r);
         return;
@@ -160,6 +177,23 @@ Reference *reference_open_material(const char *path, GError **error) {
     return r;
 }
 
+gboolean reference_move_along_surface(Reference *r, const char *mdf, GError **error) {
+    const struct reference_info info = reference_info(r);
+    r->reprojection = session_check_product(mdf, error)
+                          ? reprojection_read(mdf, info.view_theta_deg, info.view_phi_deg,
+                                              info.n_views, TRUE, error)
+                          : NULL;
+    if (r->reprojection == NULL)
+        return FALSE;
+    const struct mdf_plane *plane = reprojection_plane(r->reprojection);
+    if (plane->width == r->width && plane->height == r->height)
+        return TRUE;
+    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                "%s: %d × %d texels, but the BTF has %d × %d; process again", mdf, plane->width,
+                plane->height, r->width, r->height);
+    return FALSE;
+}
+
 static Directions *view_directions(const Reference *r, GError **error) {
     const struct reference_info info = reference_info(r);
     return directions_new(info.view_theta_deg, info.view_phi_deg, info.n_views, error);
@@ -168,6 +202,43 @@ static Directions *view_directions(const Reference *r, GError **error) {
 static Directions *light_directions(const Reference *r, GError **error) {
     return directions_new((const float *)(const void *)r->light_theta->data,
                           (const float *)(const void *)r->light_phi->data, r->names->len, error);
+}
+
+/* Finds the surface point of a sample, and the views that see it. */
+static void reference_trace(const struct shading *s, const struct sample *sample, struct vec3 v,
+                            struct along *ret) {
+    const Reprojection *r = s->reference->reprojection;
+    const struct mdf_plane *plane = reprojection_plane(r);
+    const double at_mm[] = {(sample->x - 0.5 * plane->width) * plane->texel_mm,
+                            (0.5 * plane->height - sample->y) * plane->texel_mm};
+    struct reprojection_weights weights;
+    struct reprojection_hit hit;
+    struct reprojection_tap taps[REPROJECTION_VIEW_TAPS];
+    float share[REPROJECTION_MOST_VIEWS], kept = 0.0f;
+    v = vec3_unit(vec3(v.x, v.y, fmax(v.z, 0.05)));
+    reprojection_weigh(r, at_mm, v, &weights);
+    reprojection_trace(r, at_mm, v, &weights, &hit);
+    *ret = (struct along){.seen = hit.seen, .p = {hit.p.x, hit.p.y, hit.p.z}};
+    for (int k = 0; k < weights.n; k++) {
+        const int n = reprojection_look(r, &hit, &weights, k, taps);
+        share[k] = 0.0f;
+        for (int i = 0; i < n; i++)
+            share[k] += taps[i].weight;
+    }
+    for (; ret->n < ALONG; ret->n++) {
+        int best = 0;
+        for (int k = 1; k < weights.n; k++)
+            if (share[k] > share[best])
+                best = k;
+        if (share[best] <= 0.0f)
+            break;
+        kept += share[best];
+        share[best] = 0.0f;
+        ret->view[ret->n] = weights.view[best];
+        ret->share[ret->n] = (hit.seen ? weights.value : weights.flat)[best] / hit.weight;
+    }
+    for (int k = 0; k < ret->n; k++)
+        ret->share[k] /= kept;
 }
 
 /* Finds the directions and weights of a part of the samples. */
@@ -183,6 +254,8 @@ static void reference_prepare(int part, gpointer data) {
         sample->x = x - floorf(x / (float)s->width) * (float)s->width;
         sample->y = y - floorf(y / (float)s->height) * (float)s->height;
         directions_weights(s->views, vec3(v[0], v[1], v[2]), &sample->view);
+        if (s->along != NULL)
+            reference_trace(s, sample, vec3(v[0], v[1], v[2]), &s->along[k]);
         directions_weights(s->lights, vec3(l[0], l[1], l[2]), &sample->light);
         float fade = l[2] >= 0.0f ? directions_fade(s->lights, vec3(l[0], l[1], l[2])) : 0.0;
         fade *= s->lit[at];
@@ -217,6 +290,46 @@ static void add_layer(const struct shading *s, int layer, const struct sample *a
     for (int k = 0; k < 3; k++)
         sum[k] +=
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
+}
+
+/* Adds a layer's value where the loaded view sees the sample's surface point. */
+static void add_taps(const struct shading *s, int layer, const struct reprojection_tap *taps, int n,
+                     float share, float sum[3]) {
+    const float *texels = s->layers + s->layer_size * layer;
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++)
+            sum[k] += share * taps[i].weight * texels[4 * (gsize)taps[i].texel + k];
+}
+
+/* The same as reference_shade() along the surface (reprojection.h). */
+static void reference_shade_along(int part, gpointer data) {
+    const struct shading *s = data;
+    const guint64 n = s->n_samples;
+    const int n_lights = (int)s->reference->names->len;
+    for (guint64 k = n * part / PARTS; k < n * (part + 1) / PARTS; k++) {
+        struct sample *sample = &s->samples[k];
+        const struct along *along = &s->along[k];
+        for (int i = 0; i < along->n; i++) {
+            if (along->view[i] != s->view_index)
+                continue;
+            const float share = along->share[i];
+            const struct reprojection_weights weights = {1, {s->view_index}, {share}, {share}, {0}};
+            const struct reprojection_hit hit = {
+                .seen = along->seen, .p = {along->p[0], along->p[1], along->p[2]}, .weight = 1.0};
+            struct reprojection_tap taps[REPROJECTION_VIEW_TAPS];
+            const int n_taps =
+                reprojection_look(s->reference->reprojection, &hit, &weights, 0, taps);
+            float lamp[3] = {0.0F};
+            for (int l = 0; l < 4; l++)
+                if (sample->light.weight[l] != 0.0f)
+                    add_taps(s, sample->light.index[l], taps, n_taps, sample->light.weight[l],
+                             lamp);
+            for (int c = 0; c < 3; c++)
+                sample->sum[c] += (float)s->rgb[c] * lamp[c];
+            if (s->ambient != 0.0)
+                add_taps(s, n_lights + 1, taps, n_taps, (float)s->ambient, sample->sum);
+        }
+    }
 }
 
 /* Adds the contribution of the loaded view to a part of the samples:
@@ -340,7 +453,7 @@ static gboolean shade_samples(struct shading *s, GError **error) {
         if (!reference_read_file(r, r->files->pdata[v], 4, layers, error))
             return FALSE;
         mix_layers(s);
-        work_for_each(0, PARTS, reference_shade, s);
+        work_for_each(0, PARTS, s->along != NULL ? reference_shade_along : reference_shade, s);
     }
     return TRUE;
 }
@@ -480,11 +593,17 @@ static gboolean shade_material_number(Reference *r, int number, struct shading *
                     index->sample_width, index->sample_height, r->width, r->height);
         return FALSE;
     }
+    if (index != NULL && r->reprojection != NULL) {
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "a picture along the surface repeats the sample and knows no index map");
+        return FALSE;
+    }
     shading->reference = r;
     shading->index = index;
     shading->width = index != NULL ? index->width : r->width;
     shading->height = index != NULL ? index->height : r->height;
     shading->n_samples = samples->len;
+    shading->along = r->reprojection != NULL ? g_new(struct along, samples->len) : NULL;
     shading->samples = (struct sample *)(void *)g_array_free(g_steal_pointer(&samples), FALSE);
     return shading->n_samples == 0 || add_lamps(shading, r, viewer, width, height, error);
 }
@@ -508,6 +627,7 @@ float *reference_render_scene_linear(Reference *const *references, int n, Viewer
         if (good)
             put_samples(&shading, picture, &squares, &differences);
         g_free(shading.samples);
+        g_free(shading.along);
         if (!good)
             return NULL;
     }

@@ -29,6 +29,11 @@ typedef struct Reference Reference;
 Reference *reference_open(const char *btf, GError **error);
 /* path: a file that “mesorig compress” or “mesorig process” wrote. It serves pictures alone. */
 Reference *reference_open_material(const char *path, GError **error);
+/* From now on pictures of the whole BTF mix views along the surface of its MDF
+ * (reprojection/reprojection.h), of a sample that repeats, without index map. mdf:
+ * products/mdf.exr. Texels are always interpolated. Memory: some 150 bytes a sample more, and the
+ * MDF. */
+gboolean reference_move_along_surface(Reference *reference, const char *mdf, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)
 

@@ -191,7 +191,11 @@ static gboolean open_references(struct studio *studio, GError **error) {
     studio->n_references = o->n_bindings + 1;
     for (int k = 0; k <= o->n_bindings; k++) {
         const char *path = k > 0 ? o->bindings[k - 1].path : o->argument;
-        if (path != NULL && (studio->references[k] = scene_files_reference(path, error)) == NULL)
+        if (path == NULL)
+            continue;
+        g_autofree char *mdf = g_build_filename(path, "products", "mdf.exr", NULL);
+        if ((studio->references[k] = scene_files_reference(path, error)) == NULL ||
+            (o->along_surface && !reference_move_along_surface(studio->references[k], mdf, error)))
             return FALSE;
     }
     return TRUE;

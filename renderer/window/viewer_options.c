@@ -149,6 +149,9 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
              "With --render: from the session's whole BTF, not its eigen-maps, or from a file on "
              "the "
              "processor; slow"),
+        FLAG("along-surface", &o->along_surface,
+             "With --reference of a session: views move along the surface of its MDF before they "
+             "are mixed"),
         OPTION("split", STRING, &o->split, "METHOD",
                "The right half of the picture by another method"),
         OPTION("difference", STRING, &o->difference, "METHOD",
@@ -326,6 +329,8 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--measured compares with a light far away, not --light-distance"},
         {s->light_cone_deg > 0.0 && s->light_distance == 0.0,
          "--light-cone-deg goes with --light-distance"},
+        {o->along_surface && (!o->reference || !session || o->index != NULL),
+         "--along-surface goes with --reference and a session, not with --index"},
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
                               (o->second != NULL && o->second->product == NULL)),
          "--index goes with a MATERIAL, not with --plain, --live or --measured"},

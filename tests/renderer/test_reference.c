@@ -297,12 +297,124 @@ static void test_live(void) {
     g_assert_nonnull(error);
 }
 
+/* A flat surface below the reference plane, painted with one wave a tile: three views show it
+ * displaced, each by its own ray. */
+#define DEEP_SIDE 32
+#define DEEP_MM   0.5 /* a texel */
+#define DEEP_TILE (DEEP_SIDE * DEEP_MM)
+#define DEEP      1.6 /* mm below */
+
+static double deep_painted(double x, double y) {
+    return 0.5 + 0.3 * sin(2.0 * G_PI / DEEP_TILE * x) * cos(2.0 * G_PI / DEEP_TILE * y);
+}
+
+/* What is seen through a point of the reference plane along a ray towards v. */
+static double deep_seen(double x, double y, struct vec3 v) {
+    return deep_painted(x - v.x * DEEP / v.z, y - v.y * DEEP / v.z);
+}
+
+/* view_0000.exr … and mdf.exr; the same under each light. */
+static char *write_deep(void) {
+    static const char *const colours[] = {"B", "G", "R", NULL}, *const distance[] = {"D", NULL};
+    char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *mdf_path = g_build_filename(folder, "mdf.exr", NULL);
+    g_autoptr(ExrFile) mdf = exr_file_new();
+    g_autoptr(GError) error = NULL;
+    for (int view = 0; view < 3; view++) {
+        const struct vec3 centre = vec3_scale(view_fixture_unit(45, 120 * view), 600);
+        g_autofree char *name = g_strdup_printf("view_%04d", view);
+        g_autofree char *path = g_strdup_printf("%s/%s.exr", folder, name);
+        g_autoptr(ExrFile) file = exr_file_new();
+        struct exr_part *depth = exr_part_new(name, DEEP_SIDE, DEEP_SIDE, distance, EXR_FLOAT);
+        exr_set_v3d(depth, "view.centre_mm", centre.x, centre.y, centre.z);
+        exr_set_double(depth, "texel_mm", DEEP_MM);
+        exr_set_double(depth, "reference_mm", 0);
+        for (int light = 0; light < 4; light++) {
+            g_autofree char *light_name = g_strdup_printf("light_%04d", light);
+            struct exr_part *part =
+                exr_part_new(light_name, DEEP_SIDE, DEEP_SIDE, colours, EXR_FLOAT);
+            exr_set_double(part, "light.theta_deg", light > 0 ? 40 : 0);
+            exr_set_double(part, "light.phi_deg", 120 * light);
+            exr_set_double(part, "view.theta_deg", 45);
+            exr_set_double(part, "view.phi_deg", 120 * view);
+            for (int k = 0; k < DEEP_SIDE * DEEP_SIDE; k++) {
+                const double x = (k % DEEP_SIDE + 0.5 - 0.5 * DEEP_SIDE) * DEEP_MM;
+                const double y = (0.5 * DEEP_SIDE - k / DEEP_SIDE - 0.5) * DEEP_MM;
+                const struct vec3 v = vec3_unit(vec3(centre.x - x, centre.y - y, centre.z));
+                for (int c = 0; c < 3; c++)
+                    part->planes[c][k] = deep_seen(x, y, v);
+                depth->planes[0][k] = DEEP / v.z;
+            }
+            exr_file_add(file, part);
+        }
+        exr_set_double(depth, "view.theta_deg", 45);
+        exr_set_double(depth, "view.phi_deg", 120 * view);
+        exr_file_add(mdf, depth);
+        g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
+    }
+    g_assert_true(exr_write(mdf_path, mdf, EXR_NONE, FALSE, &error));
+    return folder;
+}
+
+/* RMS difference between a picture and what is truly seen, over the plane. */
+static double deep_error(Reference *reference, Viewer *viewer, const struct viewer_settings *s) {
+    enum { WIDTH = 80, HEIGHT = 60 };
+    g_autoptr(GError) error = NULL;
+    g_autofree float *drawn =
+        reference_render_linear(reference, viewer, s, WIDTH, HEIGHT, NULL, &error);
+    g_assert_no_error(error);
+    g_autofree float *at =
+        viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, WIDTH, HEIGHT, &error);
+    g_autofree float *v =
+        viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, WIDTH, HEIGHT, &error);
+    g_autofree float *lit =
+        viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, WIDTH, HEIGHT, &error);
+    g_assert_no_error(error);
+    double squares = 0;
+    int n = 0;
+    for (int k = 0; k < 4 * WIDTH * HEIGHT; k += 4) {
+        if (at[k + 3] <= 0.5f || at[k + 2] <= 0.5f)
+            continue;
+        const double truth = deep_seen((at[k] - 0.5) * DEEP_TILE, (0.5 - at[k + 1]) * DEEP_TILE,
+                                       vec3(v[k], v[k + 1], v[k + 2]));
+        squares += (drawn[k] - lit[k] * truth) * (drawn[k] - lit[k] * truth);
+        n++;
+    }
+    g_assert_cmpint(n, >, 500);
+    return sqrt(squares / n);
+}
+
+static void test_along_surface(gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = write_deep();
+    g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
+    g_autoptr(Mesh) mesh = scene_plane();
+    g_autoptr(Viewer) viewer = view_fixture_view(COSINE, 3, 8, mesh);
+    g_autoptr(Reference) reference = reference_open(folder, &error);
+    g_assert_no_error(error);
+    struct viewer_settings s = view_fixture_settings();
+    s.camera_elevation_deg = 70;
+    s.light_theta_deg = 10;
+    const double mixed = deep_error(reference, viewer, &s);
+    g_assert_false(reference_move_along_surface(reference, folder, &error)); /* no file */
+    g_assert_nonnull(error);
+    g_clear_error(&error);
+    reference_move_along_surface(reference, mdf, &error);
+    g_assert_no_error(error);
+    const double along = deep_error(reference, viewer, &s);
+    g_test_message("off by %g mixed, by %g along the surface", mixed, along);
+    g_assert_cmpfloat(along, <, 0.005);
+    g_assert_cmpfloat(mixed, >, 10 * along);
+    remove_folder(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     gpu_fixture_add("/reference/formula", test_reference, NULL);
     gpu_fixture_add("/reference/agrees", test_reference_agrees, NULL);
     gpu_fixture_add("/reference/shadows", test_reference_shadows, NULL);
     gpu_fixture_add("/reference/library", test_reference_library, NULL);
+    gpu_fixture_add("/reference/along_surface", test_along_surface, NULL);
     gpu_fixture_add("/reference/file", test_reference_file, NULL);
     g_test_add_func("/reference/bad", test_bad_reference);
     gpu_fixture_add("/reference/measured", test_measured, NULL);

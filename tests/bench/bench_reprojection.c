@@ -1,10 +1,10 @@
 /*
- * Views predicted along the surface (surface/surface.h) against the same views mixed at each texel,
- * as drawing does it (directions.h). Views of a session are left out, by default the rings at 30°
- * and 60° of five that are 15° apart, so that neighbours are 30° apart in the polar angle; the
- * others settle their MDF without them, and predict them. The truth is what the rig has measured in
- * the views left out; with --truth what the simulated world says (world.conf beside the session),
- * and the measured views themselves are held against it, too.
+ * Views predicted along the surface (reprojection/reprojection.h) against the same views mixed at
+ * each texel, as drawing does it (directions.h). Views of a session are left out, by default the
+ * rings at 30° and 60° of five that are 15° apart, so that neighbours are 30° apart in the polar
+ * angle; the others settle their MDF without them, and predict them. The truth is what the rig has
+ * measured in the views left out; with --truth what the simulated world says (world.conf beside the
+ * session), and the measured views themselves are held against it, too.
  *
  * error: ‖predicted − measured‖ / ‖measured‖ of R, G, B over all lights and texels of the views
  * left out. delta_e: mean CIEDE2000, the diffuser being white. ratio: along / mixed. fallback:
@@ -24,8 +24,8 @@
 #include "directions/directions.h"
 #include "exr/exr.h"
 #include "mdf/mdf_views.h"
+#include "reprojection/reprojection.h"
 #include "session/session.h"
-#include "surface/surface.h"
 #include "world/truth.h"
 
 static gboolean json;
@@ -60,29 +60,30 @@ struct scene {
     struct exr_file *mdf;
     struct mdf_plane plane;
     int n_kept, n_out, *kept, *out;
-    struct surface_view *views; /* those kept */
+    struct reprojection_view *views; /* those kept */
     float **settled;
-    Surface *surface;
+    Reprojection *reprojection;
     Directions *directions; /* of those kept */
     float **truth;     /* of each view left out, n_texels × n_lights × 3; NULL: as measured */
     struct sums *sums; /* of each view left out */
     double seconds;    /* CPU, for finding taps */
 };
 
-static struct exr_part *surface_bench_part(const struct scene *scene, int view) {
+static struct exr_part *reprojection_bench_part(const struct scene *scene, int view) {
     return g_ptr_array_index(scene->mdf->parts, (guint)view);
 }
 
-static const float *surface_bench_plane(const struct scene *scene, int view, const char *name) {
-    const float *plane = exr_part_plane(surface_bench_part(scene, view), name);
+static const float *reprojection_bench_plane(const struct scene *scene, int view,
+                                             const char *name) {
+    const float *plane = exr_part_plane(reprojection_bench_part(scene, view), name);
     if (!plane)
         bench_fail(1, "the MDF has no channel %s", name);
     return plane;
 }
 
-static void surface_bench_centre(const struct scene *scene, int view, double ret[3]) {
+static void reprojection_bench_centre(const struct scene *scene, int view, double ret[3]) {
     g_autoptr(GError) error = NULL;
-    exr_get_v3d(surface_bench_part(scene, view), "view.centre_mm", ret, &error);
+    exr_get_v3d(reprojection_bench_part(scene, view), "view.centre_mm", ret, &error);
     bench_check(error);
 }
 
@@ -94,23 +95,23 @@ static gboolean is_left_out(double theta_deg) {
     return FALSE;
 }
 
-static void surface_bench_settle(int k, gpointer data) {
+static void reprojection_bench_settle(int k, gpointer data) {
     struct scene *scene = data;
     const int n = scene->plane.width * scene->plane.height;
     g_autofree struct mdf_eye *eyes = g_new0(struct mdf_eye, scene->n_kept);
     g_autofree guint8 *source = g_new(guint8, n);
     for (int i = 0; i < scene->n_kept; i++) {
         const int view = scene->kept[i];
-        surface_bench_centre(scene, view, eyes[i].centre_mm);
-        eyes[i].distance = surface_bench_plane(scene, view, "M");
-        eyes[i].other = surface_bench_plane(scene, view, "O");
-        eyes[i].lasers = surface_bench_plane(scene, view, "N");
+        reprojection_bench_centre(scene, view, eyes[i].centre_mm);
+        eyes[i].distance = reprojection_bench_plane(scene, view, "M");
+        eyes[i].other = reprojection_bench_plane(scene, view, "O");
+        eyes[i].lasers = reprojection_bench_plane(scene, view, "N");
     }
     scene->settled[k] = g_new(float, n);
     mdf_views_settle(eyes, scene->n_kept, k, &scene->plane, scene->settled[k], source);
 }
 
-static void surface_bench_open(struct scene *scene, const char *session) {
+static void reprojection_bench_open(struct scene *scene, const char *session) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(session, "products", "mdf.exr", NULL);
     scene->btf = btf_matrix_read(session, NULL, &error);
@@ -139,20 +140,21 @@ static void surface_bench_open(struct scene *scene, const char *session) {
     scene->directions = directions_new(theta, phi, scene->n_kept, &error);
     bench_check(error);
     scene->settled = g_new0(float *, scene->n_kept);
-    work_for_each(threads, scene->n_kept, surface_bench_settle, scene);
-    scene->views = g_new0(struct surface_view, scene->n_kept);
+    work_for_each(threads, scene->n_kept, reprojection_bench_settle, scene);
+    scene->views = g_new0(struct reprojection_view, scene->n_kept);
     for (int k = 0; k < scene->n_kept; k++) {
-        surface_bench_centre(scene, scene->kept[k], scene->views[k].centre_mm);
+        reprojection_bench_centre(scene, scene->kept[k], scene->views[k].centre_mm);
         scene->views[k].distance = scene->settled[k];
-        scene->views[k].error_mm = surface_bench_plane(scene, scene->kept[k], "S");
+        scene->views[k].error_mm = reprojection_bench_plane(scene, scene->kept[k], "S");
     }
-    scene->surface = surface_new(&scene->plane, scene->views, scene->n_kept, FALSE, &error);
+    scene->reprojection =
+        reprojection_new(&scene->plane, scene->views, scene->n_kept, FALSE, &error);
     bench_check(error);
     scene->sums = g_new0(struct sums, scene->n_out);
 }
 
 /* What the views left out would show without noise and errors of the rig. */
-static void surface_bench_trace(struct scene *scene, const char *path) {
+static void reprojection_bench_trace(struct scene *scene, const char *path) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_path_get_dirname(path);
     g_autofree char *conf = g_build_filename(folder, "world.conf", NULL);
@@ -188,10 +190,10 @@ static void surface_bench_trace(struct scene *scene, const char *path) {
     world_unref(world);
 }
 
-static void surface_bench_close(struct scene *scene) {
+static void reprojection_bench_close(struct scene *scene) {
     for (int k = 0; k < scene->n_kept; k++)
         g_free(scene->settled[k]);
-    surface_free(scene->surface);
+    reprojection_free(scene->reprojection);
     directions_free(scene->directions);
     btf_matrix_free(scene->btf);
     exr_file_free(scene->mdf);
@@ -206,40 +208,42 @@ static void surface_bench_close(struct scene *scene) {
 }
 
 /* n_lights × 3 */
-static const float *surface_bench_values(const struct scene *scene, int texel, int view) {
+static const float *reprojection_bench_values(const struct scene *scene, int texel, int view) {
     const gsize row = scene->btf->layout.lights.n * 3;
     return scene->btf->values + ((gsize)texel * scene->btf->layout.views.n + (gsize)view) * row;
 }
 
 /* Taps of the views kept, as drawing mixes them: the pole is the mean of its ring. */
-static int surface_bench_mixed(const struct scene *scene, struct vec3 v, int texel,
-                               struct surface_tap *ret) {
+static int reprojection_bench_mixed(const struct scene *scene, struct vec3 v, int texel,
+                                    struct reprojection_tap *ret) {
     struct direction_weights weights;
     int n = 0, n_pole;
     const int *pole = directions_pole(scene->directions, &n_pole);
     directions_weights(scene->directions, v, &weights);
     for (int i = 0; i < 4; i++)
         if (weights.index[i] < scene->n_kept)
-            ret[n++] = (struct surface_tap){weights.index[i], texel, weights.weight[i]};
+            ret[n++] = (struct reprojection_tap){weights.index[i], texel, weights.weight[i]};
         else
             for (int k = 0; k < n_pole && weights.weight[i] > 0; k++)
-                ret[n++] = (struct surface_tap){pole[k], texel, weights.weight[i] / (float)n_pole};
+                ret[n++] =
+                    (struct reprojection_tap){pole[k], texel, weights.weight[i] / (float)n_pole};
     return n;
 }
 
-static void surface_bench_mix(const struct scene *scene, const struct surface_tap *taps, int n,
-                              float *ret) {
+static void reprojection_bench_mix(const struct scene *scene, const struct reprojection_tap *taps,
+                                   int n, float *ret) {
     const int row = (int)scene->btf->layout.lights.n * 3;
     memset(ret, 0, sizeof(float) * (gsize)row);
     for (int k = 0; k < n; k++) {
-        const float *from = surface_bench_values(scene, taps[k].texel, scene->kept[taps[k].view]);
+        const float *from =
+            reprojection_bench_values(scene, taps[k].texel, scene->kept[taps[k].view]);
         for (int i = 0; i < row; i++)
             ret[i] += taps[k].weight * from[i];
     }
 }
 
-static void surface_bench_add(const struct scene *scene, const float *const *made,
-                              const float *truth, struct sums *sums) {
+static void reprojection_bench_add(const struct scene *scene, const float *const *made,
+                                   const float *truth, struct sums *sums) {
     for (gsize light = 0; light < scene->btf->layout.lights.n; light++) {
         double lab[3], lab_made[3];
         compare_lab(truth + 3 * light, lab);
@@ -258,9 +262,9 @@ static void surface_bench_add(const struct scene *scene, const float *const *mad
     }
 }
 
-static void surface_bench_depth(const struct scene *scene, int view, int texel, double mm,
-                                struct sums *sums) {
-    const float measured = surface_bench_plane(scene, view, "M")[texel];
+static void reprojection_bench_depth(const struct scene *scene, int view, int texel, double mm,
+                                     struct sums *sums) {
+    const float measured = reprojection_bench_plane(scene, view, "M")[texel];
     if (!(measured >= 0) || mm < 0)
         return;
     const double off = (mm - (double)measured) / scene->plane.texel_mm;
@@ -271,13 +275,13 @@ static void surface_bench_depth(const struct scene *scene, int view, int texel, 
         sums->depth_squares += off * off;
 }
 
-static guint8 surface_bench_srgb(float value) {
+static guint8 reprojection_bench_srgb(float value) {
     const double v = CLAMP((double)value, 0, 1);
     return (guint8)lround(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055));
 }
 
 /* Measured, mixed and predicted beside each other, as sRGB, the brightest hundredth being white. */
-static void surface_bench_write(const struct scene *scene, int view, float *const *planes) {
+static void reprojection_bench_write(const struct scene *scene, int view, float *const *planes) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_strdup_printf("%s/view_%04d.png", pictures, view);
     const int width = scene->plane.width, height = scene->plane.height, panels = 3;
@@ -290,8 +294,8 @@ static void surface_bench_write(const struct scene *scene, int view, float *cons
     for (int i = 0; i < across * down; i++) {
         const int x = i % across / SCALE, y = i / across / SCALE;
         for (int c = 0; c < 3; c++)
-            rgb[3 * i + c] = surface_bench_srgb(planes[x / width][3 * (y * width + x % width) + c] /
-                                                MAX(white, 1e-6F));
+            rgb[3 * i + c] = reprojection_bench_srgb(
+                planes[x / width][3 * (y * width + x % width) + c] / MAX(white, 1e-6F));
     }
     g_autoptr(GBytes) png = png_bytes(rgb, across, down, &error);
     bench_check(error);
@@ -299,35 +303,36 @@ static void surface_bench_write(const struct scene *scene, int view, float *cons
     bench_check(error);
 }
 
-static void surface_bench_view(int k, gpointer data) {
+static void reprojection_bench_view(int k, gpointer data) {
     struct scene *scene = data;
     const int view = scene->out[k], n = scene->plane.width * scene->plane.height;
     const gsize row = scene->btf->layout.lights.n * 3;
-    struct surface_target target = {.near = TRUE};
+    struct reprojection_target target = {.near = TRUE};
     double centre[3];
     g_autofree float *mixed = g_new(float, row), *along = g_new(float, row);
     float *shown[3] = {NULL};
-    surface_bench_centre(scene, view, centre);
+    reprojection_bench_centre(scene, view, centre);
     target.at = vec3(centre[0], centre[1], centre[2]);
     const struct vec3 nominal =
         vec3_unit(vec3(centre[0], centre[1], centre[2] - scene->plane.reference_mm));
     for (int i = 0; i < 3 && pictures; i++)
         shown[i] = g_new(float, 3 * n);
     for (int texel = 0; texel < n; texel++) {
-        struct surface_tap taps[4 * MOST_POLE];
-        struct surface_hit hit;
+        struct reprojection_tap taps[4 * MOST_POLE];
+        struct reprojection_hit hit;
         double at_mm[2];
-        int n_taps = surface_bench_mixed(scene, nominal, texel, taps);
-        surface_bench_mix(scene, taps, n_taps, mixed);
-        surface_texel_mm(scene->surface, texel, at_mm);
-        n_taps = surface_taps(scene->surface, at_mm,
-                              surface_towards(scene->surface, &target, at_mm), &hit, taps);
-        surface_bench_mix(scene, taps, n_taps, along);
-        const float *measured = surface_bench_values(scene, texel, view);
+        int n_taps = reprojection_bench_mixed(scene, nominal, texel, taps);
+        reprojection_bench_mix(scene, taps, n_taps, mixed);
+        reprojection_texel_mm(scene->reprojection, texel, at_mm);
+        n_taps = reprojection_taps(scene->reprojection, at_mm,
+                                   reprojection_towards(scene->reprojection, &target, at_mm), &hit,
+                                   taps);
+        reprojection_bench_mix(scene, taps, n_taps, along);
+        const float *measured = reprojection_bench_values(scene, texel, view);
         const float *truth = scene->truth ? scene->truth[k] + (gsize)texel * row : measured;
-        surface_bench_add(scene, (const float *const[]){mixed, along, measured}, truth,
-                          &scene->sums[k]);
-        surface_bench_depth(scene, view, texel, hit.mm, &scene->sums[k]);
+        reprojection_bench_add(scene, (const float *const[]){mixed, along, measured}, truth,
+                               &scene->sums[k]);
+        reprojection_bench_depth(scene, view, texel, hit.mm, &scene->sums[k]);
         scene->sums[k].texels++;
         scene->sums[k].fallback += !hit.seen;
         for (int i = 0; i < 3 && pictures; i++)
@@ -335,12 +340,13 @@ static void surface_bench_view(int k, gpointer data) {
                    3 * sizeof(float));
     }
     if (pictures)
-        surface_bench_write(scene, view, shown);
+        reprojection_bench_write(scene, view, shown);
     for (int i = 0; i < 3; i++)
         g_free(shown[i]);
 }
 
-static void surface_bench_tell(const char *session, const struct scene *scene, gboolean first) {
+static void reprojection_bench_tell(const char *session, const struct scene *scene,
+                                    gboolean first) {
     struct sums all = {0};
     for (int k = 0; k < scene->n_out; k++) {
         const struct sums *one = &scene->sums[k];
@@ -389,14 +395,14 @@ int main(int argc, char **argv) {
         bench_fail(2, "give sessions with a BTF and an MDF");
     for (int i = 1; i < argc; i++) {
         struct scene scene = {0};
-        surface_bench_open(&scene, argv[i]);
+        reprojection_bench_open(&scene, argv[i]);
         if (truth_samples > 0)
-            surface_bench_trace(&scene, argv[i]);
+            reprojection_bench_trace(&scene, argv[i]);
         const double begun = bench_cpu_s();
-        work_for_each(threads, scene.n_out, surface_bench_view, &scene);
+        work_for_each(threads, scene.n_out, reprojection_bench_view, &scene);
         scene.seconds = bench_cpu_s() - begun;
-        surface_bench_tell(argv[i], &scene, i == 1);
-        surface_bench_close(&scene);
+        reprojection_bench_tell(argv[i], &scene, i == 1);
+        reprojection_bench_close(&scene);
     }
     if (json)
         g_print("\n}\n");

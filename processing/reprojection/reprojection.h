@@ -42,77 +42,78 @@
 #include "base/vec.h"
 #include "mdf/mdf_views.h"
 
-#define SURFACE_MOST_VIEWS 12 /* that a ray asks */
-#define SURFACE_VIEW_TAPS  16 /* texels of a view that a value is mixed of */
-#define SURFACE_MOST_TAPS  (SURFACE_VIEW_TAPS * SURFACE_MOST_VIEWS)
+#define REPROJECTION_MOST_VIEWS 12 /* that a ray asks */
+#define REPROJECTION_VIEW_TAPS  16 /* texels of a view that a value is mixed of */
+#define REPROJECTION_MOST_TAPS  (REPROJECTION_VIEW_TAPS * REPROJECTION_MOST_VIEWS)
 
-struct surface_view {      /* a measured view */
+struct reprojection_view { /* a measured view */
     double centre_mm[3];   /* its camera, sample frame */
     const float *distance; /* n_texels, mm; −1: not known */
     const float *error_mm; /* the same shape, standard errors, −1: not known; NULL: none is */
 };
 
-typedef struct Surface Surface; /* any number of threads may ask one at once */
+typedef struct Reprojection Reprojection; /* any number of threads may ask one at once */
 
 /* The views' planes are copied. tiled: texels repeat beyond the plane; else nothing is known there.
  * DATA_ERROR_INVALID: no views, a camera that is not above the plane, or no distance is known. */
-Surface *surface_new(const struct mdf_plane *plane, const struct surface_view *views, int n,
-                     gboolean tiled, GError **error);
+Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
+                               int n, gboolean tiled, GError **error);
 
 /* Reads the MDF of a session (products/mdf.exr). Its views are ordered as n directions, those of a
  * BTF; a direction without an MDF has no distances. */
-Surface *surface_read(const char *path, const float *theta_deg, const float *phi_deg, int n,
-                      gboolean tiled, GError **error);
-void surface_free(Surface *surface); /* NULL is ignored */
-G_DEFINE_AUTOPTR_CLEANUP_FUNC(Surface, surface_free)
+Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
+                                int n, gboolean tiled, GError **error);
+void reprojection_free(Reprojection *reprojection); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reprojection, reprojection_free)
 
-const struct mdf_plane *surface_plane(const Surface *surface);
+const struct mdf_plane *reprojection_plane(const Reprojection *reprojection);
 
 /* Weights of the views for a ray. */
-struct surface_weights {
+struct reprojection_weights {
     int n;
-    int view[SURFACE_MOST_VIEWS];
-    float flat[SURFACE_MOST_VIEWS];  /* b */
-    float value[SURFACE_MOST_VIEWS]; /* w */
-    float depth[SURFACE_MOST_VIEWS]; /* u */
+    int view[REPROJECTION_MOST_VIEWS];
+    float flat[REPROJECTION_MOST_VIEWS];  /* b */
+    float value[REPROJECTION_MOST_VIEWS]; /* w */
+    float depth[REPROJECTION_MOST_VIEWS]; /* u */
 };
 /* at_mm: x, y of a point of the reference plane; v: unit vector, upwards. */
-void surface_weigh(const Surface *surface, const double at_mm[2], struct vec3 v,
-                   struct surface_weights *ret);
+void reprojection_weigh(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
+                        struct reprojection_weights *ret);
 
 /* What a ray meets. */
-struct surface_hit {
+struct reprojection_hit {
     gboolean seen; /* FALSE: no view sees anything on it */
     double mm;     /* d(x, v); not seen: −1 */
     struct vec3 p; /* not seen: x */
     double weight; /* Σ_i w_i s(q_i); not seen: Σ_i b_i = 1 */
 };
-void surface_trace(const Surface *surface, const double at_mm[2], struct vec3 v,
-                   const struct surface_weights *weights, struct surface_hit *ret);
+void reprojection_trace(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
+                        const struct reprojection_weights *weights, struct reprojection_hit *ret);
 
 /* A value is Σ weight · B(texel, view, l); the weights of all taps sum to 1. */
-struct surface_tap {
+struct reprojection_tap {
     int view, texel;
     float weight;
 };
 
 /* The taps of one view in a hit, k < weights->n. Returns their number. */
-int surface_look(const Surface *surface, const struct surface_hit *hit,
-                 const struct surface_weights *weights, int k,
-                 struct surface_tap ret[SURFACE_VIEW_TAPS]);
+int reprojection_look(const Reprojection *reprojection, const struct reprojection_hit *hit,
+                      const struct reprojection_weights *weights, int k,
+                      struct reprojection_tap ret[REPROJECTION_VIEW_TAPS]);
 
 /* All of the above for one ray: returns the number of taps. */
-int surface_taps(const Surface *surface, const double at_mm[2], struct vec3 v,
-                 struct surface_hit *ret_hit, struct surface_tap ret[SURFACE_MOST_TAPS]);
+int reprojection_taps(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
+                      struct reprojection_hit *ret_hit,
+                      struct reprojection_tap ret[REPROJECTION_MOST_TAPS]);
 
 /* A new view: a camera, or a direction that is the same for all texels. */
-struct surface_target {
+struct reprojection_target {
     gboolean near;
     struct vec3 at; /* near: the camera's centre, mm, sample frame; else a unit vector */
 };
 /* Towards it from a point of the reference plane. */
-struct vec3 surface_towards(const Surface *surface, const struct surface_target *target,
-                            const double at_mm[2]);
+struct vec3 reprojection_towards(const Reprojection *reprojection,
+                                 const struct reprojection_target *target, const double at_mm[2]);
 
 /* The centre of a texel, row 0 at +y. */
-void surface_texel_mm(const Surface *surface, int texel, double ret_mm[2]);
+void reprojection_texel_mm(const Reprojection *reprojection, int texel, double ret_mm[2]);

@@ -1,4 +1,4 @@
-#include "surface.h"
+#include "reprojection.h"
 
 #include "base/data_error.h"
 #include "directions/directions.h"
@@ -32,7 +32,7 @@ struct eye { /* a view */
     float *distance, *error_mm;
 };
 
-struct Surface {
+struct Reprojection {
     struct mdf_plane plane;
     int n;
     struct eye *eyes;
@@ -42,16 +42,16 @@ struct Surface {
     double deepest_mm; /* below the reference plane */
 };
 
-static struct vec3 surface_centre(const double centre_mm[3]) {
+static struct vec3 reprojection_centre(const double centre_mm[3]) {
     return vec3(centre_mm[0], centre_mm[1], centre_mm[2]);
 }
 
-static gboolean surface_add_eye(Surface *s, int k, const struct surface_view *view,
-                                GError **error) {
+static gboolean reprojection_add_eye(Reprojection *s, int k, const struct reprojection_view *view,
+                                     GError **error) {
     const gsize n = (gsize)s->plane.width * (gsize)s->plane.height;
     struct eye *eye = &s->eyes[k];
     const struct vec3 centre =
-        vec3_sub(surface_centre(view->centre_mm), vec3(0, 0, s->plane.reference_mm));
+        vec3_sub(reprojection_centre(view->centre_mm), vec3(0, 0, s->plane.reference_mm));
     if (!(centre.z > 0)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "view %d: its camera is at z = %g mm, not above the reference plane", k,
@@ -75,13 +75,13 @@ static gboolean surface_add_eye(Surface *s, int k, const struct surface_view *vi
     return TRUE;
 }
 
-Surface *surface_new(const struct mdf_plane *plane, const struct surface_view *views, int n,
-                     gboolean tiled, GError **error) {
+Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
+                               int n, gboolean tiled, GError **error) {
     if (n < 1) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views");
         return NULL;
     }
-    g_autoptr(Surface) s = g_new0(Surface, 1);
+    g_autoptr(Reprojection) s = g_new0(Reprojection, 1);
     g_autofree float *theta_deg = g_new(float, n), *phi_deg = g_new(float, n);
     s->plane = *plane;
     s->n = n;
@@ -89,7 +89,7 @@ Surface *surface_new(const struct mdf_plane *plane, const struct surface_view *v
     s->eyes = g_new0(struct eye, n);
     s->deepest_mm = -1;
     for (int k = 0; k < n; k++) {
-        if (!surface_add_eye(s, k, &views[k], error))
+        if (!reprojection_add_eye(s, k, &views[k], error))
             return NULL;
         const struct vec3 v = s->eyes[k].direction;
         theta_deg[k] = (float)(acos(CLAMP(v.z, 0, 1)) * 180 / G_PI);
@@ -103,7 +103,7 @@ Surface *surface_new(const struct mdf_plane *plane, const struct surface_view *v
     return s->directions ? g_steal_pointer(&s) : NULL;
 }
 
-void surface_free(Surface *s) {
+void reprojection_free(Reprojection *s) {
     if (!s)
         return;
     for (int k = 0; k < s->n; k++) {
@@ -115,29 +115,29 @@ void surface_free(Surface *s) {
     g_free(s);
 }
 
-const struct mdf_plane *surface_plane(const Surface *s) {
+const struct mdf_plane *reprojection_plane(const Reprojection *s) {
     return &s->plane;
 }
 
-void surface_texel_mm(const Surface *s, int texel, double ret_mm[2]) {
+void reprojection_texel_mm(const Reprojection *s, int texel, double ret_mm[2]) {
     const int column = texel % s->plane.width, row = texel / s->plane.width;
     ret_mm[0] = (column + 0.5 - 0.5 * s->plane.width) * s->plane.texel_mm;
     ret_mm[1] = (0.5 * s->plane.height - row - 0.5) * s->plane.texel_mm;
 }
 
-struct vec3 surface_towards(const Surface *s, const struct surface_target *target,
-                            const double at_mm[2]) {
+struct vec3 reprojection_towards(const Reprojection *s, const struct reprojection_target *target,
+                                 const double at_mm[2]) {
     if (!target->near)
         return target->at;
     return vec3_unit(vec3_sub(target->at, vec3(at_mm[0], at_mm[1], s->plane.reference_mm)));
 }
 
 /* Index of the view among the weights, which is added if it is not there; −1: they are full. */
-static int surface_weight_of(struct surface_weights *weights, int view) {
+static int reprojection_weight_of(struct reprojection_weights *weights, int view) {
     for (int k = 0; k < weights->n; k++)
         if (weights->view[k] == view)
             return k;
-    if (weights->n == SURFACE_MOST_VIEWS)
+    if (weights->n == REPROJECTION_MOST_VIEWS)
         return -1;
     weights->view[weights->n] = view;
     weights->flat[weights->n] = weights->value[weights->n] = weights->depth[weights->n] = 0;
@@ -146,8 +146,8 @@ static int surface_weight_of(struct surface_weights *weights, int view) {
 
 /* h: Franke and Little's weights of the NEAREST views; ret_view is by distance. Returns their
  * number. */
-static int surface_nearest(const Surface *s, struct vec3 v, int ret_view[NEAREST],
-                           double ret_weight[NEAREST]) {
+static int reprojection_nearest(const Reprojection *s, struct vec3 v, int ret_view[NEAREST],
+                                double ret_weight[NEAREST]) {
     double r[NEAREST + 1], sum = 0;
     int view[NEAREST + 1], n = 0;
     for (int k = 0; k < s->n; k++) {
@@ -176,8 +176,8 @@ static int surface_nearest(const Surface *s, struct vec3 v, int ret_view[NEAREST
     return n;
 }
 
-void surface_weigh(const Surface *s, const double at_mm[2], struct vec3 v,
-                   struct surface_weights *ret) {
+void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec3 v,
+                        struct reprojection_weights *ret) {
     const struct vec3 nominal =
         vec3_unit(vec3(at_mm[0] + s->radius_mm * v.x, at_mm[1] + s->radius_mm * v.y,
                        s->radius_mm * MAX(v.z, 1e-3)));
@@ -190,7 +190,7 @@ void surface_weigh(const Surface *s, const double at_mm[2], struct vec3 v,
     for (int i = 0; i < 4; i++) {
         if (!(flat.weight[i] > 0))
             continue;
-        const int k = surface_weight_of(ret, flat.index[i]);
+        const int k = reprojection_weight_of(ret, flat.index[i]);
         const double cosine = s->eyes[flat.index[i]].direction.z;
         ret->flat[k] += flat.weight[i];
         ret->depth[k] += flat.weight[i];
@@ -200,16 +200,16 @@ void surface_weigh(const Surface *s, const double at_mm[2], struct vec3 v,
         sum += ret->value[k];
     for (int k = 0; k < ret->n; k++)
         ret->value[k] /= sum;
-    const int n = surface_nearest(s, nominal, view, weight);
+    const int n = reprojection_nearest(s, nominal, view, weight);
     for (int i = 0; i < n; i++) {
-        const int k = surface_weight_of(ret, view[i]);
+        const int k = reprojection_weight_of(ret, view[i]);
         ret->value[k] += (float)(EPSILON * weight[i]);
         ret->depth[k] += (float)weight[i];
     }
 }
 
 /* Moves a texel onto the plane: repeated, or where it is beyond the border that at the border. */
-static int surface_texel(const Surface *s, int x, int y) {
+static int reprojection_texel(const Reprojection *s, int x, int y) {
     const int width = s->plane.width, height = s->plane.height;
     if (s->tiled) {
         x = ((x % width) + width) % width;
@@ -225,7 +225,8 @@ struct place {
 };
 
 /* FALSE: outside of the texels. */
-static gboolean surface_place(const Surface *s, double column, double row, struct place *ret) {
+static gboolean reprojection_place(const Reprojection *s, double column, double row,
+                                   struct place *ret) {
     if (!(fabs(column) < 1e6 && fabs(row) < 1e6))
         return FALSE;
     ret->i = (int)floor(column);
@@ -237,16 +238,16 @@ static gboolean surface_place(const Surface *s, double column, double row, struc
 }
 
 /* The four texels around a place, and their bilinear weights. */
-static void surface_four(const Surface *s, const struct place *at, int ret_texel[4],
-                         float ret_weight[4]) {
+static void reprojection_four(const Reprojection *s, const struct place *at, int ret_texel[4],
+                              float ret_weight[4]) {
     for (int k = 0; k < 4; k++) {
-        ret_texel[k] = surface_texel(s, at->i + (k & 1), at->j + (k >> 1));
+        ret_texel[k] = reprojection_texel(s, at->i + (k & 1), at->j + (k >> 1));
         ret_weight[k] = (k & 1 ? at->u : 1 - at->u) * (k >> 1 ? at->v : 1 - at->v);
     }
 }
 
 /* Weights of four samples at −1, 0, 1, 2 for the value at u (Keys 1981). */
-static void surface_cubic(float u, float ret[4]) {
+static void reprojection_cubic(float u, float ret[4]) {
     const float a = CUBIC;
     for (int k = 0; k < 4; k++) {
         const float x = fabsf(u - (float)(k - 1));
@@ -264,14 +265,14 @@ struct look {
     float weight[4]; /* sum 1; 0: of another surface */
 };
 
-static void surface_examine(const Surface *s, const struct eye *eye, struct vec3 p,
-                            struct look *ret) {
+static void reprojection_examine(const Reprojection *s, const struct eye *eye, struct vec3 p,
+                                 struct look *ret) {
     double column, row, mm;
     ret->q = INFINITY;
     mdf_views_look_up(&eye->mdf, &s->plane, p, &column, &row, &mm);
-    if (!surface_place(s, column, row, &ret->at))
+    if (!reprojection_place(s, column, row, &ret->at))
         return;
-    surface_four(s, &ret->at, ret->texel, ret->weight);
+    reprojection_four(s, &ret->at, ret->texel, ret->weight);
     int nearest = -1;
     for (int k = 0; k < 4; k++)
         if (eye->distance[ret->texel[k]] >= 0 &&
@@ -299,18 +300,19 @@ static void surface_examine(const Surface *s, const struct eye *eye, struct vec3
 }
 
 /* The texels of a value: 4 × 4 where all of them lie on one surface, else the four around. */
-static int surface_spread(const Surface *s, int view, const struct look *look, double weight,
-                          struct surface_tap *ret) {
+static int reprojection_spread(const Reprojection *s, int view, const struct look *look,
+                               double weight, struct reprojection_tap *ret) {
     const struct eye *eye = &s->eyes[view];
     float across[4], down[4];
     int n = 0;
     gboolean one = TRUE;
-    surface_cubic(look->at.u, across);
-    surface_cubic(look->at.v, down);
+    reprojection_cubic(look->at.u, across);
+    reprojection_cubic(look->at.v, down);
     for (int k = 0; k < 16 && one; k++) {
-        const int texel = surface_texel(s, look->at.i - 1 + k % 4, look->at.j - 1 + k / 4);
+        const int texel = reprojection_texel(s, look->at.i - 1 + k % 4, look->at.j - 1 + k / 4);
         const float d = eye->distance[texel];
-        ret[k] = (struct surface_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
+        ret[k] =
+            (struct reprojection_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
         /* Two texels apart, where the step may be twice as large. */
         one = d >= 0 && fabsf(d - look->distance) <= 2 * eye->colour_mm;
     }
@@ -318,7 +320,7 @@ static int surface_spread(const Surface *s, int view, const struct look *look, d
         return 16;
     float share[4], sum = 0;
     int texel[4];
-    surface_four(s, &look->at, texel, share);
+    reprojection_four(s, &look->at, texel, share);
     for (int k = 0; k < 4; k++) {
         const float d = eye->distance[texel[k]];
         if (!(d >= 0) || fabsf(d - look->distance) > eye->colour_mm)
@@ -327,44 +329,46 @@ static int surface_spread(const Surface *s, int view, const struct look *look, d
     }
     for (int k = 0; k < 4; k++)
         if (share[k] > 0)
-            ret[n++] = (struct surface_tap){view, texel[k], (float)weight * share[k] / sum};
+            ret[n++] = (struct reprojection_tap){view, texel[k], (float)weight * share[k] / sum};
     return n;
 }
 
 /* s(q) */
-static double surface_visible(double q) {
+static double reprojection_visible(double q) {
     return CLAMP(2 - fabs(q), 0, 1);
 }
 
 /* F at a point. */
-static double surface_vote(const Surface *s, struct vec3 p, const struct surface_weights *weights) {
+static double reprojection_vote(const Reprojection *s, struct vec3 p,
+                                const struct reprojection_weights *weights) {
     double sum = 0;
     for (int k = 0; k < weights->n; k++) {
         struct look look;
-        surface_examine(s, &s->eyes[weights->view[k]], p, &look);
+        reprojection_examine(s, &s->eyes[weights->view[k]], p, &look);
         const double q = look.q, f = q < -1 ? -1 : q <= 1 ? q : q < 2 ? 2 - q : 0;
         sum += (double)weights->depth[k] * f;
     }
     return sum;
 }
 
-static struct vec3 surface_point(const Surface *s, const double at_mm[2], struct vec3 v,
-                                 double mm) {
+static struct vec3 reprojection_point(const Reprojection *s, const double at_mm[2], struct vec3 v,
+                                      double mm) {
     return vec3_sub(vec3(at_mm[0], at_mm[1], s->plane.reference_mm), vec3_scale(v, mm));
 }
 
 /* Marches along the ray to where F rises through 0, and halves the last step. −1: nowhere. */
-static double surface_march(const Surface *s, const double at_mm[2], struct vec3 v,
-                            const struct surface_weights *weights) {
+static double reprojection_march(const Reprojection *s, const double at_mm[2], struct vec3 v,
+                                 const struct reprojection_weights *weights) {
     const double step = STEP * s->plane.texel_mm, end = (s->deepest_mm + step) / MAX(v.z, 0.05);
-    double before = -2 * step, vote = surface_vote(s, surface_point(s, at_mm, v, before), weights);
+    double before = -2 * step,
+           vote = reprojection_vote(s, reprojection_point(s, at_mm, v, before), weights);
     for (double at = -step; at < end + 2 * step; at += step) {
-        const double next = surface_vote(s, surface_point(s, at_mm, v, at), weights);
+        const double next = reprojection_vote(s, reprojection_point(s, at_mm, v, at), weights);
         if (vote < 0 && next > 0) {
             double low = before, high = at;
             for (int k = 0; k < HALVINGS; k++) {
                 const double middle = 0.5 * (low + high);
-                if (surface_vote(s, surface_point(s, at_mm, v, middle), weights) > 0)
+                if (reprojection_vote(s, reprojection_point(s, at_mm, v, middle), weights) > 0)
                     high = middle;
                 else
                     low = middle;
@@ -377,54 +381,55 @@ static double surface_march(const Surface *s, const double at_mm[2], struct vec3
     return -1;
 }
 
-void surface_trace(const Surface *s, const double at_mm[2], struct vec3 v,
-                   const struct surface_weights *weights, struct surface_hit *ret) {
-    *ret = (struct surface_hit){.mm = surface_march(s, at_mm, v, weights)};
-    ret->p = surface_point(s, at_mm, v, MAX(ret->mm, 0));
+void reprojection_trace(const Reprojection *s, const double at_mm[2], struct vec3 v,
+                        const struct reprojection_weights *weights, struct reprojection_hit *ret) {
+    *ret = (struct reprojection_hit){.mm = reprojection_march(s, at_mm, v, weights)};
+    ret->p = reprojection_point(s, at_mm, v, MAX(ret->mm, 0));
     for (int k = 0; ret->mm >= 0 && k < weights->n; k++) {
         struct look look;
-        surface_examine(s, &s->eyes[weights->view[k]], ret->p, &look);
-        ret->weight += (double)weights->value[k] * surface_visible(look.q);
+        reprojection_examine(s, &s->eyes[weights->view[k]], ret->p, &look);
+        ret->weight += (double)weights->value[k] * reprojection_visible(look.q);
     }
     ret->seen = ret->weight > 1e-6;
     if (ret->seen)
         return;
-    *ret = (struct surface_hit){.mm = -1, .p = surface_point(s, at_mm, v, 0)};
+    *ret = (struct reprojection_hit){.mm = -1, .p = reprojection_point(s, at_mm, v, 0)};
     for (int k = 0; k < weights->n; k++)
         ret->weight += (double)weights->flat[k];
 }
 
-int surface_look(const Surface *s, const struct surface_hit *hit,
-                 const struct surface_weights *weights, int k,
-                 struct surface_tap ret[SURFACE_VIEW_TAPS]) {
+int reprojection_look(const Reprojection *s, const struct reprojection_hit *hit,
+                      const struct reprojection_weights *weights, int k,
+                      struct reprojection_tap ret[REPROJECTION_VIEW_TAPS]) {
     const int view = weights->view[k];
     struct look look = {0};
     if (hit->seen) {
-        surface_examine(s, &s->eyes[view], hit->p, &look);
-        const double weight = (double)weights->value[k] * surface_visible(look.q);
-        return weight > 0 ? surface_spread(s, view, &look, weight / hit->weight, ret) : 0;
+        reprojection_examine(s, &s->eyes[view], hit->p, &look);
+        const double weight = (double)weights->value[k] * reprojection_visible(look.q);
+        return weight > 0 ? reprojection_spread(s, view, &look, weight / hit->weight, ret) : 0;
     }
     const double column = hit->p.x / s->plane.texel_mm + 0.5 * s->plane.width - 0.5;
     const double row = 0.5 * s->plane.height - hit->p.y / s->plane.texel_mm - 0.5;
-    if (!surface_place(s, column, row, &look.at))
+    if (!reprojection_place(s, column, row, &look.at))
         return 0;
-    surface_four(s, &look.at, look.texel, look.weight);
+    reprojection_four(s, &look.at, look.texel, look.weight);
     int n = 0;
     for (int i = 0; i < 4; i++)
         if (look.weight[i] > 0 && weights->flat[k] > 0)
-            ret[n++] = (struct surface_tap){view, look.texel[i],
-                                            (float)((double)weights->flat[k] / hit->weight) *
-                                                look.weight[i]};
+            ret[n++] = (struct reprojection_tap){view, look.texel[i],
+                                                 (float)((double)weights->flat[k] / hit->weight) *
+                                                     look.weight[i]};
     return n;
 }
 
-int surface_taps(const Surface *s, const double at_mm[2], struct vec3 v,
-                 struct surface_hit *ret_hit, struct surface_tap ret[SURFACE_MOST_TAPS]) {
-    struct surface_weights weights;
+int reprojection_taps(const Reprojection *s, const double at_mm[2], struct vec3 v,
+                      struct reprojection_hit *ret_hit,
+                      struct reprojection_tap ret[REPROJECTION_MOST_TAPS]) {
+    struct reprojection_weights weights;
     int n = 0;
-    surface_weigh(s, at_mm, v, &weights);
-    surface_trace(s, at_mm, v, &weights, ret_hit);
+    reprojection_weigh(s, at_mm, v, &weights);
+    reprojection_trace(s, at_mm, v, &weights, ret_hit);
     for (int k = 0; k < weights.n; k++)
-        n += surface_look(s, ret_hit, &weights, k, ret + n);
+        n += reprojection_look(s, ret_hit, &weights, k, ret + n);
     return n;
 }

@@ -1,5 +1,5 @@
 /* The MDF of a session, for predicting along its surface. */
-#include "surface.h"
+#include "reprojection.h"
 
 #include "base/data_error.h"
 #include "base/direction.h"
@@ -11,8 +11,8 @@
     0.99999 /* of the angle between directions of the same view: a quarter of a degree */
 
 /* The part whose view has the direction; NULL: none. */
-static const struct exr_part *surface_part(const struct exr_file *file, float theta_deg,
-                                           float phi_deg) {
+static const struct exr_part *reprojection_part(const struct exr_file *file, float theta_deg,
+                                                float phi_deg) {
     float to[3], of[3];
     direction_from_deg((double)theta_deg, (double)phi_deg, to);
     for (guint k = 0; k < file->parts->len; k++) {
@@ -28,9 +28,9 @@ static const struct exr_part *surface_part(const struct exr_file *file, float th
     return NULL;
 }
 
-static gboolean surface_take_view(const char *path, const struct exr_part *part,
-                                  const struct mdf_plane *plane, struct surface_view *ret,
-                                  GError **error) {
+static gboolean reprojection_take_view(const char *path, const struct exr_part *part,
+                                       const struct mdf_plane *plane, struct reprojection_view *ret,
+                                       GError **error) {
     const gsize n = (gsize)plane->width * (gsize)plane->height;
     ret->distance = exr_part_plane(part, "D");
     ret->error_mm = exr_part_plane(part, "S");
@@ -45,8 +45,8 @@ static gboolean surface_take_view(const char *path, const struct exr_part *part,
                            part->name);
 }
 
-Surface *surface_read(const char *path, const float *theta_deg, const float *phi_deg, int n,
-                      gboolean tiled, GError **error) {
+Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
+                                int n, gboolean tiled, GError **error) {
     g_autoptr(ExrFile) file = exr_read(path, error);
     if (!file)
         return NULL;
@@ -61,14 +61,14 @@ Surface *surface_read(const char *path, const float *theta_deg, const float *phi
         return NULL;
     }
     const gsize texels = (gsize)plane.width * (gsize)plane.height;
-    g_autofree struct surface_view *views = g_new0(struct surface_view, MAX(n, 1));
+    g_autofree struct reprojection_view *views = g_new0(struct reprojection_view, MAX(n, 1));
     g_autofree float *unknown = g_new(float, texels);
     for (gsize i = 0; i < texels; i++)
         unknown[i] = -1;
     for (int k = 0; k < n; k++) {
-        const struct exr_part *part = surface_part(file, theta_deg[k], phi_deg[k]);
+        const struct exr_part *part = reprojection_part(file, theta_deg[k], phi_deg[k]);
         if (part) {
-            if (!surface_take_view(path, part, &plane, &views[k], error))
+            if (!reprojection_take_view(path, part, &plane, &views[k], error))
                 return NULL;
             continue;
         }
@@ -78,7 +78,7 @@ Surface *surface_read(const char *path, const float *theta_deg, const float *phi
         for (int c = 0; c < 3; c++)
             views[k].centre_mm[c] = 1000.0 * (double)v[c] + (c == 2 ? plane.reference_mm : 0);
     }
-    Surface *ret = surface_new(&plane, views, n, tiled, error);
+    Reprojection *ret = reprojection_new(&plane, views, n, tiled, error);
     if (!ret)
         g_prefix_error(error, "%s: ", path);
     return ret;
