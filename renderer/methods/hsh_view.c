@@ -69,6 +69,10 @@ static gpointer hsh_view_open(const char *path, GError **error) {
     return view;
 }
 
+static gboolean hsh_view_texels(gconstpointer material, int ret[2]) {
+    return slices_texels(&((const struct HshView *)material)->slices, ret);
+}
+
 static gint64 hsh_view_bytes(gconstpointer material) {
     const HshView *view = material;
     return slices_bytes(&view->slices);
@@ -99,5 +103,6 @@ const struct method method_hsh = {
     .free = (GDestroyNotify)hsh_view_free,
     .constants = hsh_view_constants,
     .bytes = hsh_view_bytes,
+    .texels = hsh_view_texels,
     .bind = hsh_view_bind,
 };

@@ -179,6 +179,10 @@ static char *lpca_revised_constants(gconstpointer material, const struct method_
     return lpca_texels_constants(&revised->texels, style);
 }
 
+static gboolean lpca_revised_texels(gconstpointer material, int ret[2]) {
+    return lpca_texels_size(&((const struct LpcaRevised *)material)->texels, ret);
+}
+
 static gint64 lpca_revised_bytes(gconstpointer material) {
     const LpcaRevised *revised = material;
     return lpca_texels_bytes(&revised->texels) + gpu_texture_bytes(GL_TEXTURE_3D, revised->means) +
@@ -208,5 +212,6 @@ const struct method method_lpca_revised = {
     .free = (GDestroyNotify)lpca_revised_free,
     .constants = lpca_revised_constants,
     .bytes = lpca_revised_bytes,
+    .texels = lpca_revised_texels,
     .bind = lpca_revised_bind_all,
 };

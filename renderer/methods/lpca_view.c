@@ -152,6 +152,10 @@ static char *lpca_view_constants(gconstpointer material, const struct method_sty
     return g_strdup_printf("%s#define LOG_OFFSET %f\n", shared, (double)LPCA_LOG_OFFSET);
 }
 
+static gboolean lpca_view_texels(gconstpointer material, int ret[2]) {
+    return lpca_texels_size(&((const struct LpcaView *)material)->texels, ret);
+}
+
 static gint64 lpca_view_bytes(gconstpointer material) {
     const LpcaView *view = material;
     return lpca_texels_bytes(&view->texels) + direction_textures_bytes(&view->views) +
@@ -180,5 +184,6 @@ const struct method method_lpca = {
     .free = (GDestroyNotify)lpca_view_free,
     .constants = lpca_view_constants,
     .bytes = lpca_view_bytes,
+    .texels = lpca_view_texels,
     .bind = lpca_view_bind_all,
 };

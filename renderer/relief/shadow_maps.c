@@ -13,7 +13,7 @@
 /* Everything that a map depends on. */
 struct key {
     const MdfTexture *mdf; /* NULL: there is no map yet */
-    const IndexTexture *index;
+    struct places_source places;
     guint serial;
     float light[3], tiles[2];
     struct visibility_options options;
@@ -145,7 +145,8 @@ static gboolean same_floats(const float *a, const float *b, int n) {
 }
 
 static gboolean same_key(const struct key *a, const struct key *b) {
-    return a->mdf == b->mdf && a->index == b->index && a->serial == b->serial &&
+    return a->mdf == b->mdf && a->places.index == b->places.index &&
+           a->places.endless == b->places.endless && a->serial == b->serial &&
            same_floats(a->light, b->light, 3) && same_floats(a->tiles, b->tiles, 2) &&
            a->options.way == b->options.way && a->options.layers == b->options.layers &&
            a->options.straight == b->options.straight;
@@ -156,7 +157,7 @@ gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           GError **error) {
     struct visibility_scene seen_from = scene->casting;
     struct key key = {.mdf = seen_from.mdf,
-                      .index = seen_from.index,
+                      .places = seen_from.places,
                       .serial = scene->serial,
                       .tiles = {seen_from.tiles[0], seen_from.tiles[1]},
                       .options = seen_from.options};

@@ -7,13 +7,13 @@
 #define FACE_BYTES   16
 #define HEADER_BYTES 16 /* of the lists' buffer: their number */
 
-#define VARIANTS 4 /* of the programs */
+#define VARIANTS (2 * PLACES_KINDS) /* of the programs */
 
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views, of maps (bit 0), through an index map (bit 1): all but the first compiled
-     * on demand. ADD and FIND only with OpenGL 4.3. */
+    /* For MDFs of views, of maps (bit 0), of each kind of places: all but the first compiled on
+     * demand. ADD and FIND only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     const guint *programs; /* those in use now */
     guint query;
@@ -25,9 +25,9 @@ struct Visibility {
 };
 
 static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps,
-                                         const IndexTexture *index, GError **error) {
-    g_autofree char *of_index = index_texture_constants(index, FALSE);
-    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s", maps, of_index);
+                                         const struct places_source *places, GError **error) {
+    g_autofree char *of_places = places_constants(places, FALSE);
+    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s", maps, of_places);
     static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
     const char *names[8] = {"mesh.vert",       "frame.glsl",  "places.glsl",
                             "directions.glsl", "relief.glsl", "peel_back.frag"};
@@ -44,7 +44,8 @@ static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean ma
 
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
-    if (!visibility_make_programs(v->all_programs[0], FALSE, NULL, error))
+    const struct places_source repeated = {NULL, NULL};
+    if (!visibility_make_programs(v->all_programs[0], FALSE, &repeated, error))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -78,7 +79,7 @@ static void use(guint program, const struct visibility_scene *s) {
     glUseProgram(program);
     visibility_set_sight(program, s);
     mdf_texture_bind(s->mdf, program);
-    index_texture_bind(s->index, program);
+    places_bind(&s->places, s->tiles, program);
 }
 
 static void visibility_draw_mesh(const struct visibility_scene *s, GLenum culled) {
@@ -232,8 +233,8 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
         return FALSE;
     }
     const gboolean maps = mdf_texture_is_maps(s->mdf);
-    guint *programs = v->all_programs[(maps ? 1 : 0) + (s->index != NULL ? 2 : 0)];
-    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, s->index, error)) {
+    guint *programs = v->all_programs[(maps ? 1 : 0) + 2 * (int)places_kind_of(&s->places)];
+    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, &s->places, error)) {
         glDeleteProgram(programs[BACK]);
         programs[BACK] = 0;
         return FALSE;

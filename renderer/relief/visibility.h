@@ -8,7 +8,7 @@
  */
 #pragma once
 
-#include "gl/index_texture.h"
+#include "gl/places.h"
 #include "mdf_texture.h"
 
 enum visibility_way {
@@ -28,7 +28,7 @@ struct visibility_options {
 
 struct visibility_scene {
     const MdfTexture *mdf;
-    const IndexTexture *index; /* NULL: the MDF's tile is repeated */
+    struct places_source places; /* of the MDF's depths, as of values */
     guint array, n_indices;
     float projection[16];
     float sight[4]; /* [3] = 1: the eye; 0: unit, towards an eye infinitely far away */

@@ -4,7 +4,7 @@
 #include "base/direction.h"
 #include "camera.h"
 #include "gl/gpu.h"
-#include "gl/index_texture.h"
+#include "gl/places.h"
 #include "hatching.h"
 #include "methods/eigenmaps_view.h"
 #include "programs.h"
@@ -18,6 +18,8 @@
 
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
+
+#define ENDLESS_LOOKS 4 /* pictures of the sample by which hexagons are chosen */
 
 const struct viewer_settings viewer_settings_default = {
     .camera_azimuth_deg = -90.0,
@@ -40,6 +42,7 @@ struct Viewer {
     Programs *programs;          /* of the method */
     IndexTexture *index;         /* NULL: none */
     struct index_map *index_map; /* the same on the CPU */
+    Endless *endless;            /* of the material; NULL until a picture needs it */
     Relief *relief;
     Backdrop *backdrop;
     Hatching *hatching;
@@ -147,6 +150,7 @@ void viewer_free(Viewer *viewer) {
     programs_free(viewer->programs);
     index_texture_free(viewer->index);
     index_map_free(viewer->index_map);
+    endless_free(viewer->endless);
     relief_free(viewer->relief);
     backdrop_free(viewer->backdrop);
     hatching_free(viewer->hatching);
@@ -168,7 +172,8 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
                            GError **error) {
     if (viewer->method != method) {
         g_autoptr(Programs) programs = programs_new(method);
-        if (!programs_get(programs, PROGRAM_SURFACE, material, NULL, &viewer_settings_default,
+        const struct places_source repeated = {NULL, NULL};
+        if (!programs_get(programs, PROGRAM_SURFACE, material, &repeated, &viewer_settings_default,
                           error))
             return FALSE;
         programs_free(viewer->programs);
@@ -178,6 +183,9 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
         viewer->method->free(viewer->material);
     viewer->method = method;
     viewer->material = material;
+    if (viewer->endless != NULL)
+        relief_forget(viewer->relief);
+    g_clear_pointer(&viewer->endless, endless_free);
     return TRUE;
 }
 
@@ -234,9 +242,12 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* The index texture, of methods that look texels up. */
-static const IndexTexture *viewer_index_used(const Viewer *viewer) {
-    return viewer->method != NULL && viewer->method->product != NULL ? viewer->index : NULL;
+/* Of methods that look texels up. */
+static struct places_source viewer_places(const Viewer *viewer, const struct viewer_settings *s) {
+    if (viewer->method == NULL || viewer->method->product == NULL)
+        return (struct places_source){NULL, NULL};
+    return (struct places_source){
+        viewer->index, viewer->index == NULL && s->endless && !s->plain ? viewer->endless : NULL};
 }
 
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v) {
@@ -297,12 +308,61 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
         camera_fit(settings, viewer->points, viewer->n_points, viewer->radius, aspect);
 }
 
+/* Tiles of the mesh, if the settings leave them to it. */
+static void viewer_find_tiles(const Viewer *viewer, const struct viewer_settings *s, float ret[2]) {
+    double tiles[2] = {s->tiles_u, s->tiles_v};
+    if (!(tiles[0] > 0.0 && tiles[1] > 0.0)) {
+        tiles[0] = viewer->tiles_u;
+        tiles[1] = viewer->tiles_v;
+        if (viewer_places(viewer, s).index != NULL)
+            viewer_whole_tiles(viewer, &tiles[0], &tiles[1]);
+    }
+    ret[0] = (float)tiles[0];
+    ret[1] = (float)tiles[1];
+}
+
+/* Before a picture with hexagons: chooses their centres by how the sample looks under some views
+ * and lights. */
+static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings *s,
+                                    GError **error) {
+    static const float views_deg[ENDLESS_LOOKS][2] = {{10, 0}, {30, 100}, {45, 220}, {60, 340}};
+    static const float lights_deg[ENDLESS_LOOKS][2] = {{40, 60}, {15, 250}, {55, 150}, {35, 20}};
+    int size[2];
+    if (!s->endless || s->plain || viewer->endless != NULL || viewer->method->texels == NULL ||
+        !viewer->method->texels(viewer->material, size))
+        return TRUE;
+    const gsize texels = (gsize)size[0] * (gsize)size[1];
+    g_autofree float *pictures = g_new(float, texels *ENDLESS_LOOKS * 3);
+    for (gsize k = 0; k < ENDLESS_LOOKS; k++) {
+        float v[3], l[3];
+        direction_from_deg(views_deg[k][0], views_deg[k][1], v);
+        direction_from_deg(lights_deg[k][0], lights_deg[k][1], l);
+        g_autofree float *flat = viewer_render_flat(viewer, s, v, l, size[0], size[1], error);
+        if (flat == NULL)
+            return FALSE;
+        for (gsize i = 0; i < 3 * texels; i++)
+            pictures[i / 3 * ENDLESS_LOOKS * 3 + 3 * k + i % 3] = flat[i / 3 * 4 + i % 3];
+    }
+    viewer->endless = endless_new(size[0], size[1], ENDLESS_LOOKS * 3, pictures);
+    return TRUE;
+}
+
+const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *s,
+                                     struct endless_lattice *ret) {
+    const struct endless *endless = viewer_places(viewer, s).endless;
+    float tiles[2];
+    viewer_find_tiles(viewer, s, tiles);
+    if (endless != NULL)
+        endless_lattice_init(ret, endless, tiles[0], tiles[1]);
+    return endless;
+}
+
 static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
                              const struct relief_scene *scene) {
     glUseProgram(program);
     viewer->method->bind(viewer->material, program, &s->style);
     relief_bind(viewer->relief, program);
-    index_texture_bind(viewer_index_used(viewer), program);
+    places_bind(&scene->seen.places, scene->seen.tiles, program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE,
                        scene->seen.projection);
     glUniform2fv(glGetUniformLocation(program, "tiles"), 1, scene->seen.tiles);
@@ -324,19 +384,12 @@ static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_
 static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
                             int height, struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
-    double aspect = (double)width / height, tiles[2] = {s->tiles_u, s->tiles_v};
-    if (!(tiles[0] > 0.0 && tiles[1] > 0.0)) {
-        tiles[0] = viewer->tiles_u;
-        tiles[1] = viewer->tiles_v;
-        if (viewer_index_used(viewer) != NULL)
-            viewer_whole_tiles(viewer, &tiles[0], &tiles[1]);
-    }
+    const double aspect = (double)width / height;
     *ret = (struct relief_scene){
-        .seen = {.index = viewer_index_used(viewer),
+        .seen = {.places = viewer_places(viewer, s),
                  .array = viewer->array,
                  .n_indices = viewer->n_indices,
                  .sight = {0.0f, 0.0f, 0.0f, 1.0f},
-                 .tiles = {(float)tiles[0], (float)tiles[1]},
                  .width = width,
                  .height = height,
                  .options = s->visibility},
@@ -349,6 +402,7 @@ static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *
         .n_further = s->n_lamps,
         .shadow_size = s->shadow_size,
     };
+    viewer_find_tiles(viewer, s, ret->seen.tiles);
     viewer_fit(viewer, &fitted, aspect);
     camera_matrix(&fitted, viewer->radius, viewer->reach, aspect, ret->seen.projection,
                   ret->seen.sight);
@@ -369,9 +423,12 @@ static void viewer_begin(const struct gpu_target *target) {
 static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *s, int width,
                                   int height, GError **error) {
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
-    const guint program = s->plain ? viewer->plain_program
-                                   : programs_get(viewer->programs, kind, viewer->material,
-                                                  viewer_index_used(viewer), s, error);
+    if (!viewer_make_endless(viewer, s, error))
+        return FALSE;
+    const struct places_source places = viewer_places(viewer, s);
+    const guint program =
+        s->plain ? viewer->plain_program
+                 : programs_get(viewer->programs, kind, viewer->material, &places, s, error);
     struct relief_scene scene;
     if (program == 0 ||
         !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
@@ -399,7 +456,8 @@ static void resolve(Viewer *viewer, const struct viewer_settings *s, int samples
 static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *s,
                               enum viewer_geometry which, int width, int height, GError **error) {
     struct relief_scene scene;
-    if (!gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
+    if (!viewer_make_endless(viewer, s, error) ||
+        !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
         !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->geometry);
@@ -494,8 +552,9 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const
                           const float to_light[3], int width, int height, GError **error) {
     struct viewer_settings alone = *s;
     alone.ambient = 0;
+    const struct places_source repeated = {NULL, NULL};
     const guint program =
-        programs_get(viewer->programs, PROGRAM_FLAT, viewer->material, NULL, &alone, error);
+        programs_get(viewer->programs, PROGRAM_FLAT, viewer->material, &repeated, &alone, error);
     if (program == 0 ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;
