@@ -11,7 +11,7 @@
     1.3 /* of the range in which they are drawn and then clamped, so that some lie at its ends */
 #define SEED 0x656e646cu
 
-/* What a hexagon shows, or several: sums over texels. */
+/* What a hexagon shows, or several: sums over pixels. */
 struct shown {
     double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES]; /* of pictures as below */
     double cells[GRID * GRID];
@@ -19,9 +19,8 @@ struct shown {
 
 struct endless_choice {
     struct endless *endless;
-    const float *pictures; /* height × width × n: means 0, deviations 1 */
-    int n;
-    struct shown all; /* of the centres that are placed */
+    struct endless_pictures pictures; /* means 0, deviations 1 */
+    struct shown all;                 /* of the centres that are placed */
 };
 
 /* In tiles: the farthest that a hexagon reaches from its centre, each way. Flat sides face left and
@@ -32,28 +31,28 @@ static void endless_reach(const struct endless *e, float ret[2]) {
     ret[1] = (float)(sqrt(1.0 / 3) * column / e->height);
 }
 
-static void endless_add_texel(const struct endless_choice *c, int i, int j, struct shown *ret) {
-    const struct endless *e = c->endless;
-    const float *values = c->pictures + (gsize)c->n * ((gsize)j * (gsize)e->width + (gsize)i);
-    for (int k = 0; k < c->n; k++) {
+static void endless_add_pixel(const struct endless_pictures *p, int i, int j, struct shown *ret) {
+    const float *values = p->values + (gsize)p->n * ((gsize)j * (gsize)p->width + (gsize)i);
+    for (int k = 0; k < p->n; k++) {
         ret->values[k] += values[k];
         ret->squares[k] += (double)values[k] * values[k];
     }
     ret->n++;
-    ret->cells[j * GRID / e->height * GRID + i * GRID / e->width]++;
+    ret->cells[j * GRID / p->height * GRID + i * GRID / p->width]++;
 }
 
 /* What the hexagon around a centre shows. */
 static void endless_show(const struct endless_choice *c, const float centre[2], struct shown *ret) {
-    const struct endless *e = c->endless;
-    const double column = ENDLESS_COLUMN * MIN(e->width, e->height);
+    const struct endless_pictures *p = &c->pictures;
+    float reach[2];
+    endless_reach(c->endless, reach);
     *ret = (struct shown){0};
-    for (int j = 0; j < e->height; j++) {
-        const double y = fabs(j + 0.5 - centre[1] * (double)e->height) / column;
-        const double half = column * fmin(0.5, 1 - sqrt(3) * y), x = centre[0] * (double)e->width;
+    for (int j = 0; j < p->height; j++) {
+        const double y = fabs((j + 0.5) / p->height - centre[1]) / reach[1];
+        const double half = reach[0] * fmin(1, 2 - 2 * y) * p->width, x = centre[0] * p->width;
         for (int i = MAX(0, (int)ceil(x - half - 0.5));
-             half > 0 && i < e->width && i + 0.5 <= x + half; i++)
-            endless_add_texel(c, i, j, ret);
+             half > 0 && i < p->width && i + 0.5 <= x + half; i++)
+            endless_add_pixel(p, i, j, ret);
     }
 }
 
@@ -72,14 +71,14 @@ static void endless_add(struct shown *to, const struct shown *one, double sign) 
 static double endless_cost(const struct endless_choice *c, const struct shown *one) {
     const double n = c->all.n + one->n;
     double cost = 0, uneven = 0;
-    for (int k = 0; k < c->n; k++) {
+    for (int k = 0; k < c->pictures.n; k++) {
         const double mean = (c->all.values[k] + one->values[k]) / n;
         const double square = (c->all.squares[k] + one->squares[k]) / n;
         cost += mean * mean + (square - 1) * (square - 1);
     }
     for (int k = 0; k < GRID * GRID; k++)
         uneven += pow((c->all.cells[k] + one->cells[k]) * GRID * GRID / n - 1, 2);
-    return cost / c->n + EVENLY * uneven / (GRID * GRID);
+    return cost / c->pictures.n + EVENLY * uneven / (GRID * GRID);
 }
 
 static void endless_draw(const struct endless *e, GRand *random, float ret[2]) {
@@ -116,25 +115,27 @@ static void endless_place_centre(struct endless_choice *c, int k, gboolean again
 }
 
 /* Copies with means of 0 and deviations of 1; a picture without any contrast becomes 0. */
-static float *endless_normalise(int texels, int n, const float *pictures) {
-    float *ret = g_new(float, (gsize)texels *(gsize)n);
+static float *endless_normalise(int pixels, int n, const float *pictures) {
+    float *ret = g_new(float, (gsize)pixels *(gsize)n);
     for (int k = 0; k < n; k++) {
         double sum = 0, squares = 0;
-        for (int i = 0; i < texels; i++)
+        for (int i = 0; i < pixels; i++)
             sum += pictures[(gsize)i * (gsize)n + (gsize)k];
-        for (int i = 0; i < texels; i++)
-            squares += pow(pictures[(gsize)i * (gsize)n + (gsize)k] - sum / texels, 2);
-        const double scale = squares > 0 ? sqrt(texels / squares) : 0;
-        for (gsize i = (gsize)k; i < (gsize)texels * (gsize)n; i += (gsize)n)
-            ret[i] = (float)(scale * (pictures[i] - sum / texels));
+        for (int i = 0; i < pixels; i++)
+            squares += pow(pictures[(gsize)i * (gsize)n + (gsize)k] - sum / pixels, 2);
+        const double scale = squares > 0 ? sqrt(pixels / squares) : 0;
+        for (gsize i = (gsize)k; i < (gsize)pixels * (gsize)n; i += (gsize)n)
+            ret[i] = (float)(scale * (pictures[i] - sum / pixels));
     }
     return ret;
 }
 
-struct endless *endless_new(int width, int height, int n_pictures, const float *pictures) {
+struct endless *endless_new(int width, int height, const struct endless_pictures *pictures) {
     struct endless *e = g_new0(struct endless, 1);
-    g_autofree float *normal = endless_normalise(width * height, n_pictures, pictures);
-    struct endless_choice choice = {.endless = e, .pictures = normal, .n = n_pictures};
+    g_autofree float *normal =
+        endless_normalise(pictures->width * pictures->height, pictures->n, pictures->values);
+    struct endless_choice choice = {.endless = e, .pictures = *pictures};
+    choice.pictures.values = normal;
     GRand *random = g_rand_new_with_seed(SEED);
     e->width = width;
     e->height = height;

@@ -25,6 +25,7 @@
 
 #define ENDLESS_CENTRES  64 /* a power of two */
 #define ENDLESS_PICTURES 32
+#define ENDLESS_SIDE     64
 #define ENDLESS_PLACES   3    /* of a point, at most */
 #define ENDLESS_BLEND    0.12 /* of the distance of centres: the width of the blend along an edge */
 #define ENDLESS_COLUMN   0.42 /* of the sample's shorter side: the distance of centres, at most */
@@ -36,9 +37,16 @@ struct endless {
 };
 typedef struct endless Endless;
 
-/* Of a sample of width × height texels, which looks as pictures of it do, for example under some
- * views and lights: height × width × n_pictures, 1 … ENDLESS_PICTURES. */
-struct endless *endless_new(int width, int height, int n_pictures, const float *pictures);
+/* Pictures of a sample, for example under some views and lights: height × width × n values, n = 1 …
+ * ENDLESS_PICTURES. They may have fewer pixels than the sample has texels: of an ENDLESS_SIDE each
+ * way are enough, and choosing takes in proportion to their number. */
+struct endless_pictures {
+    int width, height, n;
+    const float *values;
+};
+
+/* Of a sample of width × height texels that looks like these pictures. */
+struct endless *endless_new(int width, int height, const struct endless_pictures *pictures);
 void endless_free(struct endless *endless); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Endless, endless_free)
 

@@ -19,7 +19,7 @@
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
 
-#define ENDLESS_LOOKS 4 /* pictures of the sample by which hexagons are chosen */
+#define ENDLESS_LOOKS 10 /* pictures of the sample by which hexagons are chosen */
 
 const struct viewer_settings viewer_settings_default = {
     .camera_azimuth_deg = -90.0,
@@ -325,25 +325,27 @@ static void viewer_find_tiles(const Viewer *viewer, const struct viewer_settings
  * and lights. */
 static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings *s,
                                     GError **error) {
-    static const float views_deg[ENDLESS_LOOKS][2] = {{10, 0}, {30, 100}, {45, 220}, {60, 340}};
-    static const float lights_deg[ENDLESS_LOOKS][2] = {{40, 60}, {15, 250}, {55, 150}, {35, 20}};
     int size[2];
     if (!s->endless || s->plain || viewer->endless != NULL || viewer->method->texels == NULL ||
         !viewer->method->texels(viewer->material, size))
         return TRUE;
-    const gsize texels = (gsize)size[0] * (gsize)size[1];
-    g_autofree float *pictures = g_new(float, texels *ENDLESS_LOOKS * 3);
+    struct viewer_settings nearest = *s;
+    nearest.style.nearest = TRUE;
+    const int width = MIN(size[0], ENDLESS_SIDE), height = MIN(size[1], ENDLESS_SIDE);
+    const gsize values = 3 * (gsize)width * (gsize)height;
+    g_autofree float *all = g_new(float, values *ENDLESS_LOOKS);
     for (gsize k = 0; k < ENDLESS_LOOKS; k++) {
         float v[3], l[3];
-        direction_from_deg(views_deg[k][0], views_deg[k][1], v);
-        direction_from_deg(lights_deg[k][0], lights_deg[k][1], l);
-        g_autofree float *flat = viewer_render_flat(viewer, s, v, l, size[0], size[1], error);
+        direction_from_deg(10.0 + 50.0 * (double)(k % 5) / 4, 100.0 * (double)k, v);
+        direction_from_deg(15.0 + 45.0 * (double)(k * 3 % 7) / 6, 160.0 * (double)k + 60, l);
+        g_autofree float *flat = viewer_render_flat(viewer, &nearest, v, l, width, height, error);
         if (flat == NULL)
             return FALSE;
-        for (gsize i = 0; i < 3 * texels; i++)
-            pictures[i / 3 * ENDLESS_LOOKS * 3 + 3 * k + i % 3] = flat[i / 3 * 4 + i % 3];
+        for (gsize i = 0; i < values; i++)
+            all[i / 3 * ENDLESS_LOOKS * 3 + 3 * k + i % 3] = flat[i / 3 * 4 + i % 3];
     }
-    viewer->endless = endless_new(size[0], size[1], ENDLESS_LOOKS * 3, pictures);
+    const struct endless_pictures pictures = {width, height, ENDLESS_LOOKS * 3, all};
+    viewer->endless = endless_new(size[0], size[1], &pictures);
     return TRUE;
 }
 

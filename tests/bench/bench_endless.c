@@ -25,7 +25,7 @@
 #define ALL    (TILES * TILES * POINTS)
 #define MAP    256
 #define LAGS   3
-#define LOOKS  4 /* pictures by which hexagons are chosen */
+#define LOOKS  10 /* pictures by which hexagons are chosen */
 
 static gboolean as_json;
 static int frames = 5, views_at_most = 12;
@@ -325,7 +325,7 @@ static struct endless *choose_centres(const struct btf_matrix *btf) {
         g_autoptr(GError) error = NULL;
         gsize stride = 0;
         const gsize view = (2 * k + 1) * views / (2 * LOOKS),
-                    light = (3 * k + 1) * lights / (3 * LOOKS);
+                    light = (3 * k + 1) % LOOKS * lights / LOOKS;
         const float *rows =
             btf_matrix_rows(btf, (int)view, 0, (int)texels, buffer, &stride, &error);
         bench_check(error);
@@ -333,7 +333,9 @@ static struct endless *choose_centres(const struct btf_matrix *btf) {
             for (gsize c = 0; c < 3; c++)
                 all[i * n + 3 * k + c] = rows[stride * i + 3 * light + c];
     }
-    return endless_new((int)btf->layout.width, (int)btf->layout.height, (int)n, all);
+    const struct endless_pictures pictures = {(int)btf->layout.width, (int)btf->layout.height,
+                                              (int)n, all};
+    return endless_new(pictures.width, pictures.height, &pictures);
 }
 
 static void print(const char *name, const struct figures *f) {

@@ -37,7 +37,8 @@ static void moments(const double *values, int n, double *ret_mean, double *ret_v
 static void test_places(void) {
     const int width = 48, height = 40;
     g_autofree float *noise = new_noise(width, height, 3);
-    g_autoptr(Endless) e = endless_new(width, height, 1, noise);
+    g_autoptr(Endless) e =
+        endless_new(width, height, &(struct endless_pictures){width, height, 1, noise});
     g_autofree double *sample = g_new(double, width *height), *seen = g_new(double, MANY);
     struct endless_lattice lattice;
     GRand *random = g_rand_new_with_seed(5);
@@ -81,7 +82,8 @@ static void test_places(void) {
  * where the shape's coordinates close. */
 static void test_continuous(void) {
     g_autofree float *noise = new_noise(SIDE, SIDE, 1);
-    g_autoptr(Endless) e = endless_new(SIDE, SIDE, 1, noise);
+    g_autoptr(Endless) e =
+        endless_new(SIDE, SIDE, &(struct endless_pictures){SIDE, SIDE, 1, noise});
     struct endless_lattice lattice;
     const double tiles[2] = {7.3, 2.9};
     endless_lattice_init(&lattice, e, tiles[0], tiles[1]);
