@@ -27,7 +27,7 @@
 #define ENDLESS_PICTURES 32
 #define ENDLESS_SIDE     64
 #define ENDLESS_PLACES   3    /* of a point, at most */
-#define ENDLESS_BLEND    0.12 /* of the distance of centres: the width of the blend along an edge */
+#define ENDLESS_BLEND    0.1  /* of the distance of centres: the width of the blend along an edge */
 #define ENDLESS_COLUMN   0.42 /* of the sample's shorter side: the distance of centres, at most */
 
 struct endless {

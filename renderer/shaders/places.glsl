@@ -15,10 +15,12 @@ vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
 #if PLACES_LEVEL
-// The same without anisotropy, which software renderers draw faster.
+// For llvmpipe, which takes more time for derivatives of a texture's own. Half of all levels are whole ones, so
+// that one of them is read instead of two, as llvmpipe does by itself where it takes the derivatives.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
-    return 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12));
+    float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
+    return whole + clamp(2.0 * (level - whole) - 0.5, 0.0, 1.0);
 }
 #define PLACE_TEXTURE(s, x) textureLod(s, x, place_level(vec2(textureSize(s, 0).xy)))
 #else
