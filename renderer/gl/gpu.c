@@ -291,6 +291,12 @@ static GLint of_level(guint target, int level, GLenum what) {
     return value;
 }
 
+void gpu_texture_size(guint target, guint texture, int level, int ret[2]) {
+    glBindTexture(target, texture);
+    glGetTexLevelParameteriv(target, level, GL_TEXTURE_WIDTH, &ret[0]);
+    glGetTexLevelParameteriv(target, level, GL_TEXTURE_HEIGHT, &ret[1]);
+}
+
 gint64 gpu_texture_bytes(guint target, guint texture) {
     static const GLenum sizes[] = {GL_TEXTURE_RED_SIZE,   GL_TEXTURE_GREEN_SIZE,
                                    GL_TEXTURE_BLUE_SIZE,  GL_TEXTURE_ALPHA_SIZE,

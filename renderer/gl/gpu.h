@@ -61,6 +61,9 @@ void gpu_bind_texture(guint program, const char *name, int unit, guint target, g
  * target: a GL_TEXTURE_…. */
 gint64 gpu_texture_bytes(guint target, guint texture);
 
+/* Columns and rows of a level of a texture. */
+void gpu_texture_size(guint target, guint texture, int level, int ret[2]);
+
 /* A colour texture with or without a depth buffer to draw into. */
 struct gpu_target {
     guint framebuffer, colour, depth;

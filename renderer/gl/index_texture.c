@@ -61,13 +61,7 @@ gint64 index_texture_bytes(const IndexTexture *t) {
     return t != NULL ? gpu_texture_bytes(GL_TEXTURE_2D, t->texture) : 0;
 }
 
-char *index_texture_constants(const IndexTexture *t, gboolean nearest) {
-    return g_strdup_printf("#define PLACES %d\n#define PLACES_NEAREST %d\n", t != NULL, nearest);
-}
-
 void index_texture_bind(const IndexTexture *t, guint program) {
-    if (t == NULL)
-        return;
     gpu_bind_texture(program, "index_map", INDEX_TEXTURE_UNIT, GL_TEXTURE_2D, t->texture);
     glUniform2iv(glGetUniformLocation(program, "index_corners"), t->n_levels, t->corners);
     glUniform2iv(glGetUniformLocation(program, "index_size"), 1, t->size);

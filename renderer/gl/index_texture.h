@@ -23,11 +23,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexTexture, index_texture_free)
 
 gint64 index_texture_bytes(const IndexTexture *texture); /* 0 of NULL */
 
-/* The constants of places.glsl: “#define …” lines; texture NULL: the sample is repeated. g_free()
- */
-char *index_texture_constants(const IndexTexture *texture, gboolean nearest);
-
-/* Sets the texture and uniforms of a program in use; NULL: nothing. */
+/* Sets the texture and uniforms of a program in use. */
 void index_texture_bind(const IndexTexture *texture, guint program);
 
 /* Tiles of the sample each way after which the map repeats. */

@@ -14,10 +14,10 @@
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
-    int width, height;     /* of the material, texels */
     int n_terms, n_layers; /* layers a term */
     gboolean refined;      /* level 0 is twice as fine as the material */
     guint maps, view_weights;
+    float *means; /* R, G, B of each layer */
     struct direction_textures lights;
 };
 
@@ -71,8 +71,13 @@ static void eigenmaps_view_refine(const float *from, int n, gsize step, float *t
 static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
                                      int layer, float *texels) {
     const gsize w = maps->layout.width, h = maps->layout.height;
-    for (gsize k = 0; k < 3 * w * h; k++)
+    double sums[3] = {0};
+    for (gsize k = 0; k < 3 * w * h; k++) {
         texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
+        sums[k % 3] += texels[k];
+    }
+    for (int c = 0; c < 3; c++)
+        view->means[3 * layer + c] = (float)(sums[c] / (double)(w * h));
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, (int)w, (int)h, 1,
                     GL_RGB, GL_FLOAT, texels);
     if (!view->refined)
@@ -126,6 +131,14 @@ static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct
     return TRUE;
 }
 
+/* The level of one texel, which drivers make of fewer texels than all where a side is no power of
+ * two. */
+static void eigenmaps_view_put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
+    const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,
+                    view->n_terms * view->n_layers, GL_RGB, GL_FLOAT, view->means);
+}
+
 static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eigenmaps *maps,
                                            const float *pole, const float *ambient,
                                            GError **error) {
@@ -156,6 +169,7 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    eigenmaps_view_put_means(view, maps);
     /* Software renderers take many times as long with it; supersampling does as well there. */
     gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
     if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
@@ -217,10 +231,9 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
     g_autofree float *pole = g_new0(float, maps->layout.lights.n);
     g_autofree float *ambient = g_new0(float, maps->layout.lights.n);
-    view->width = (int)maps->layout.width;
-    view->height = (int)maps->layout.height;
     view->n_terms = maps->n_terms;
     view->n_layers = maps->layout.lights.n + 2;
+    view->means = g_new0(float, 3 * (gsize)view->n_terms * (gsize)view->n_layers);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     direction_table_pole_shares(lights, pole, maps->layout.lights.n);
     directions_sky(lights, ambient);
@@ -237,6 +250,7 @@ void eigenmaps_view_free(EigenmapsView *view) {
     const GLuint textures[] = {view->maps, view->view_weights};
     direction_textures_clear(&view->lights);
     glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    g_free(view->means);
     g_free(view);
 }
 
@@ -263,10 +277,10 @@ static gint64 eigenmaps_view_bytes(gconstpointer material) {
            direction_textures_bytes(&view->lights);
 }
 
-static void eigenmaps_view_size(gconstpointer material, int *ret_width, int *ret_height) {
+static gboolean eigenmaps_view_texels(gconstpointer material, int ret[2]) {
     const EigenmapsView *view = material;
-    *ret_width = view->width;
-    *ret_height = view->height;
+    gpu_texture_size(GL_TEXTURE_2D_ARRAY, view->maps, view->refined ? 1 : 0, ret);
+    return TRUE;
 }
 
 static gpointer eigenmaps_view_open_file(const char *path, GError **error) {
@@ -287,6 +301,6 @@ const struct method method_eigenmaps = {
     .open = eigenmaps_view_open_file,
     .free = (GDestroyNotify)eigenmaps_view_free,
     .bytes = eigenmaps_view_bytes,
-    .size = eigenmaps_view_size,
+    .texels = eigenmaps_view_texels,
     .bind = eigenmaps_view_bind_all,
 };

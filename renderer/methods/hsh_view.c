@@ -69,10 +69,8 @@ static gpointer hsh_view_open(const char *path, GError **error) {
     return view;
 }
 
-static void hsh_view_size(gconstpointer material, int *ret_width, int *ret_height) {
-    const HshView *view = material;
-    *ret_width = view->slices.width;
-    *ret_height = view->slices.height;
+static gboolean hsh_view_texels(gconstpointer material, int ret[2]) {
+    return slices_texels(&((const struct HshView *)material)->slices, ret);
 }
 
 static gint64 hsh_view_bytes(gconstpointer material) {
@@ -105,6 +103,6 @@ const struct method method_hsh = {
     .free = (GDestroyNotify)hsh_view_free,
     .constants = hsh_view_constants,
     .bytes = hsh_view_bytes,
-    .size = hsh_view_size,
+    .texels = hsh_view_texels,
     .bind = hsh_view_bind,
 };

@@ -107,10 +107,8 @@ void lobes_view_free(LobesView *view) {
     g_free(view);
 }
 
-static void lobes_view_size(gconstpointer material, int *ret_width, int *ret_height) {
-    const LobesView *view = material;
-    *ret_width = view->slices.width;
-    *ret_height = view->slices.height;
+static gboolean lobes_view_texels(gconstpointer material, int ret[2]) {
+    return slices_texels(&((const struct LobesView *)material)->slices, ret);
 }
 
 static gint64 lobes_view_bytes(gconstpointer material) {
@@ -170,7 +168,7 @@ OPEN(ashikhmin, LOBES_ASHIKHMIN)
         .name = #model, .title = (text), .product = #model ".exr",                                 \
         .made_by = "mesorig compress --method " #model, .shaders = (model), .open = open_##model,  \
         .free = (GDestroyNotify)lobes_view_free, .constants = lobes_view_constants,                \
-        .bytes = lobes_view_bytes, .size = lobes_view_size, .bind = lobes_view_bind,               \
+        .bytes = lobes_view_bytes, .texels = lobes_view_texels, .bind = lobes_view_bind,           \
     }
 
 const struct method methods_lobes[LOBES_MODELS] = {

@@ -249,15 +249,13 @@ static void lpca_grid_bind_all(gpointer material, guint program, const struct me
     glUniform1i(glGetUniformLocation(program, "n_grid"), grid->n);
 }
 
+static gboolean lpca_grid_texels(gconstpointer material, int ret[2]) {
+    return lpca_texels_size(&((const struct LpcaGrid *)material)->texels, ret);
+}
+
 static gint64 lpca_grid_bytes(gconstpointer material) {
     const LpcaGrid *grid = material;
     return lpca_texels_bytes(&grid->texels) + gpu_texture_bytes(GL_TEXTURE_BUFFER, grid->brdfs);
-}
-
-static void lpca_grid_size(gconstpointer material, int *ret_width, int *ret_height) {
-    const LpcaGrid *view = material;
-    *ret_width = view->texels.width;
-    *ret_height = view->texels.height;
 }
 
 static gpointer lpca_grid_open_levels(struct lpca *const *levels, int n, GError **error) {
@@ -281,6 +279,6 @@ const struct method method_lpca_grid = {
     .free = (GDestroyNotify)lpca_grid_free,
     .constants = lpca_grid_constants,
     .bytes = lpca_grid_bytes,
-    .size = lpca_grid_size,
+    .texels = lpca_grid_texels,
     .bind = lpca_grid_bind_all,
 };

@@ -179,18 +179,16 @@ static char *lpca_revised_constants(gconstpointer material, const struct method_
     return lpca_texels_constants(&revised->texels, style);
 }
 
+static gboolean lpca_revised_texels(gconstpointer material, int ret[2]) {
+    return lpca_texels_size(&((const struct LpcaRevised *)material)->texels, ret);
+}
+
 static gint64 lpca_revised_bytes(gconstpointer material) {
     const LpcaRevised *revised = material;
     return lpca_texels_bytes(&revised->texels) + gpu_texture_bytes(GL_TEXTURE_3D, revised->means) +
            gpu_texture_bytes(GL_TEXTURE_3D, revised->brdfs) +
            gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->view_map) +
            gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->light_map);
-}
-
-static void lpca_revised_size(gconstpointer material, int *ret_width, int *ret_height) {
-    const LpcaRevised *view = material;
-    *ret_width = view->texels.width;
-    *ret_height = view->texels.height;
 }
 
 static gpointer lpca_revised_open_levels(struct lpca *const *levels, int n, GError **error) {
@@ -214,6 +212,6 @@ const struct method method_lpca_revised = {
     .free = (GDestroyNotify)lpca_revised_free,
     .constants = lpca_revised_constants,
     .bytes = lpca_revised_bytes,
-    .size = lpca_revised_size,
+    .texels = lpca_revised_texels,
     .bind = lpca_revised_bind_all,
 };

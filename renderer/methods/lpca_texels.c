@@ -230,6 +230,11 @@ char *lpca_texels_constants(const struct lpca_texels *texels, const struct metho
                            texels->log);
 }
 
+gboolean lpca_texels_size(const struct lpca_texels *texels, int ret[2]) {
+    gpu_texture_size(GL_TEXTURE_2D, texels->clusters, 0, ret);
+    return TRUE;
+}
+
 gint64 lpca_texels_bytes(const struct lpca_texels *texels) {
     return gpu_texture_bytes(GL_TEXTURE_2D, texels->clusters) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texels->weights);

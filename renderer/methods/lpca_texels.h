@@ -48,6 +48,7 @@ void lpca_texels_clear(struct lpca_texels *texels);
 /* The constants of lpca_texel.glsl; see struct method. g_free() */
 char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
 
+gboolean lpca_texels_size(const struct lpca_texels *texels, int ret[2]);
 gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 
 /* Binds them to texture units 1 and 2 of a program in use. */

@@ -152,18 +152,16 @@ static char *lpca_view_constants(gconstpointer material, const struct method_sty
     return g_strdup_printf("%s#define LOG_OFFSET %f\n", shared, (double)LPCA_LOG_OFFSET);
 }
 
+static gboolean lpca_view_texels(gconstpointer material, int ret[2]) {
+    return lpca_texels_size(&((const struct LpcaView *)material)->texels, ret);
+}
+
 static gint64 lpca_view_bytes(gconstpointer material) {
     const LpcaView *view = material;
     return lpca_texels_bytes(&view->texels) + direction_textures_bytes(&view->views) +
            direction_textures_bytes(&view->lights) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->skies) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
-}
-
-static void lpca_view_size(gconstpointer material, int *ret_width, int *ret_height) {
-    const LpcaView *view = material;
-    *ret_width = view->texels.width;
-    *ret_height = view->texels.height;
 }
 
 static gpointer lpca_view_open_levels(struct lpca *const *levels, int n, GError **error) {
@@ -186,6 +184,6 @@ const struct method method_lpca = {
     .free = (GDestroyNotify)lpca_view_free,
     .constants = lpca_view_constants,
     .bytes = lpca_view_bytes,
-    .size = lpca_view_size,
+    .texels = lpca_view_texels,
     .bind = lpca_view_bind_all,
 };

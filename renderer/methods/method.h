@@ -37,7 +37,9 @@ struct method {
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * at texel coordinates x (in tiles, y along the texture's rows downwards), for unit vectors
      * in its frame (+y upwards): lit × the reflectance under the light l, plus uniform float
-     * ambient × that under an even sky. lit is 0 in a shadow, else 1. */
+     * ambient × that under an even sky. lit is 0 in a shadow, else 1. A method whose work for the
+     * directions is the same for all texels defines BTF_PREPARED, void btf_prepare(vec3 v, vec3 l,
+     * float lit) and vec3 btf_texel(vec2 x), too, which do the two halves. */
     const char *const *shaders;
     /* The following belong to the thread of the GL context. open reads a file and puts it on the
      * card; for a method without a material file, path is that of a normal map, or NULL. */
@@ -46,8 +48,8 @@ struct method {
     /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* GPU memory */
-    /* Texels of the sample; NULL for a method without a material file. */
-    void (*size)(gconstpointer material, int *ret_width, int *ret_height);
+    /* Texels of the sample: columns and rows. NULL of a method without a material file. */
+    gboolean (*texels)(gconstpointer material, int ret[2]);
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };

@@ -121,6 +121,11 @@ void slices_clear(struct slices *slices) {
     direction_textures_clear(&slices->views);
 }
 
+gboolean slices_texels(const struct slices *slices, int ret[2]) {
+    gpu_texture_size(GL_TEXTURE_2D_ARRAY, slices->values, 0, ret);
+    return TRUE;
+}
+
 gint64 slices_bytes(const struct slices *slices) {
     return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, slices->values) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, slices->ambients) +

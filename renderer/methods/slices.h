@@ -49,4 +49,5 @@ void slices_clear(struct slices *slices);
 /* For struct method's bytes and bind; bind takes the texture units 0 … 3 and those after them that
  * direction_textures_bind() needs. */
 gint64 slices_bytes(const struct slices *slices);
+gboolean slices_texels(const struct slices *slices, int ret[2]);
 void slices_bind(const struct slices *slices, guint program);

@@ -251,10 +251,14 @@ static guint64 parts_hash(const struct visibility_scene *s) {
     guint64 hash = 14695981039346656037U;
     for (int k = 0; k < s->n_parts; k++) {
         const struct visibility_part *part = &s->parts[k];
-        guint64 values[5] = {GPOINTER_TO_SIZE(part->mdf), GPOINTER_TO_SIZE(part->index),
-                             part->first_index, part->n_indices};
+        guint64 values[] = {GPOINTER_TO_SIZE(part->mdf),
+                            GPOINTER_TO_SIZE(part->places.index),
+                            GPOINTER_TO_SIZE(part->places.endless),
+                            part->first_index,
+                            part->n_indices,
+                            0};
         G_STATIC_ASSERT(sizeof part->tiles == sizeof *values);
-        memcpy(&values[4], part->tiles, sizeof *values);
+        memcpy(&values[5], part->tiles, sizeof *values);
         for (gsize i = 0; i < G_N_ELEMENTS(values); i++)
             for (int shift = 0; shift < 64; shift += 8)
                 hash = (hash ^ (values[i] >> shift & 0xff)) * 1099511628211U;

@@ -7,13 +7,13 @@
 #define FACE_BYTES   16
 #define HEADER_BYTES 16 /* of the lists' buffer: their number */
 
-#define VARIANTS 8 /* of the programs */
+#define VARIANTS (4 * PLACES_KINDS) /* of the programs */
 
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views, of maps (bit 0), through an index map (bit 1), in a volume (bit 2): all
-     * but the first compiled on demand. ADD and FIND only with OpenGL 4.3. */
+    /* For MDFs of views, of maps (bit 0), in a volume (bit 1), of each kind of places: all but the
+     * first compiled on demand. ADD and FIND only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint query;
     struct gpu_target back[2], seen;
@@ -24,10 +24,10 @@ struct Visibility {
 };
 
 static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
-                                         const IndexTexture *index, GError **error) {
-    g_autofree char *of_index = index_texture_constants(index, FALSE);
+                                         const struct places_source *places, GError **error) {
+    g_autofree char *of_places = places_constants(places, FALSE);
     g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s%s", maps,
-                                                 volume ? "#define MDF_VOLUME 1\n" : "", of_index);
+                                                 volume ? "#define MDF_VOLUME 1\n" : "", of_places);
     static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
     const char *names[8] = {"mesh.vert",       "frame.glsl",  "places.glsl",
                             "directions.glsl", "relief.glsl", "peel_back.frag"};
@@ -44,7 +44,8 @@ static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean ma
 
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
-    if (!visibility_make_programs(v->all_programs[0], FALSE, FALSE, NULL, error))
+    const struct places_source repeated = {NULL, NULL};
+    if (!visibility_make_programs(v->all_programs[0], FALSE, FALSE, &repeated, error))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -74,8 +75,8 @@ void visibility_set_sight(guint program, const struct visibility_scene *s) {
 }
 
 static int part_variant(const struct visibility_part *part) {
-    return (mdf_texture_is_maps(part->mdf) ? 1 : 0) + (part->index != NULL ? 2 : 0) +
-           (part->volume ? 4 : 0);
+    return (mdf_texture_is_maps(part->mdf) ? 1 : 0) + (part->volume ? 2 : 0) +
+           4 * (int)places_kind_of(&part->places);
 }
 
 /* textures: those of VISIBILITY_UNIT and of the next unit, and their names; may be NULL. */
@@ -93,9 +94,9 @@ static void draw_parts(const Visibility *v, const struct visibility_scene *s,
         const guint program = v->all_programs[part_variant(part)][pass->program];
         glUseProgram(program);
         visibility_set_sight(program, s);
-        glUniform2fv(glGetUniformLocation(program, "tiles"), 1, part->tiles);
         mdf_texture_bind(part->mdf, program);
-        index_texture_bind(part->index, program);
+        glUniform2fv(glGetUniformLocation(program, "tiles"), 1, part->tiles);
+        places_bind(&part->places, part->tiles, program);
         for (int t = 0; t < 2; t++)
             if (pass->names[t] != NULL)
                 gpu_bind_texture(program, pass->names[t], VISIBILITY_UNIT + t, GL_TEXTURE_2D,
@@ -242,7 +243,7 @@ static gboolean visibility_list(Visibility *v, const struct visibility_scene *s,
 static gboolean visibility_need(Visibility *v, const struct visibility_part *part, GError **error) {
     guint *programs = v->all_programs[part_variant(part)];
     if (programs[BACK] != 0 || visibility_make_programs(programs, mdf_texture_is_maps(part->mdf),
-                                                        part->volume, part->index, error))
+                                                        part->volume, &part->places, error))
         return TRUE;
     glDeleteProgram(programs[BACK]);
     programs[BACK] = 0;

@@ -9,7 +9,7 @@
  */
 #pragma once
 
-#include "gl/index_texture.h"
+#include "gl/places.h"
 #include "mdf_texture.h"
 
 enum visibility_way {
@@ -33,7 +33,7 @@ struct visibility_options {
 /* Indices of one material. */
 struct visibility_part {
     const MdfTexture *mdf;
-    const IndexTexture *index; /* NULL: the MDF's tile is repeated */
+    struct places_source places; /* of the MDF's depths, as of values */
     float tiles[2];
     guint first_index, n_indices;
     gboolean volume; /* after mdf_texture_make_volume() */

@@ -33,7 +33,8 @@ void programs_free(Programs *programs) {
 }
 
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const IndexTexture *index, const struct viewer_settings *s, GError **error) {
+                   const struct places_source *places, const struct viewer_settings *s,
+                   GError **error) {
     static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl", NULL};
     static const char *const before_flat[] = {"screen.vert", "flat.glsl", "places.glsl", NULL};
     static const char *const after[][6] = {
@@ -44,12 +45,12 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     static const char no_first[] = "#define NO_FIRST_LAMP\n";
     const struct method *method = programs->method;
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
-    g_autofree char *of_index = index_texture_constants(index, s->style.nearest);
+    g_autofree char *of_places = places_constants(places, s->style.nearest);
     g_autofree char *constants =
         g_strdup_printf("#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s%s%s%s",
                         s->n_lamps > 0, kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0,
                         s->ambient > 0, s->lamp > 0 || s->ambient > 0 ? "" : no_first,
-                        lamp_any_near(s) ? "#define NEAR_LAMPS\n" : "", of_index, own ? own : "");
+                        lamp_any_near(s) ? "#define NEAR_LAMPS\n" : "", of_places, own ? own : "");
     g_autofree char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));
     if (program != 0)

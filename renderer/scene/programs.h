@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "gl/index_texture.h"
+#include "gl/places.h"
 #include "viewer.h"
 
 enum program_kind {
@@ -20,9 +20,9 @@ Programs *programs_new(const struct method *method);
 void programs_free(Programs *programs); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
-/* index: NULL: the sample is repeated. Returns 0 on error. Owned by programs. */
+/* Returns 0 on error. Owned by programs. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const IndexTexture *index, const struct viewer_settings *settings,
+                   const struct places_source *places, const struct viewer_settings *settings,
                    GError **error);
 
 /* Sets the brightness of the first lamp and all further lamps in a program in use that has

@@ -42,8 +42,8 @@ struct along {
 
 /* One sample of the picture that shows the mesh. */
 struct sample {
-    guint32 at; /* in the picture */
-    float x, y; /* in texels */
+    guint32 at;                   /* in the picture */
+    struct endless_places places; /* x in texels */
     struct direction_weights view, light;
     float sum[3];
 };
@@ -63,8 +63,11 @@ struct shading {
     float *layers;
     gsize layer_size;              /* floats */
     const float *pole, *sky;       /* each light's share */
-    const struct index_map *index; /* NULL: the sample is repeated */
-    int width, height;             /* texels after which what is drawn repeats */
+    float *means;                  /* of each layer, R G B */
+    const struct index_map *index; /* NULL: none */
+    const struct endless *endless; /* NULL: none */
+    struct endless_lattice lattice;
+    int width, height; /* texels after which what is drawn repeats */
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
 };
@@ -209,8 +212,8 @@ static void reference_trace(const struct shading *s, const struct sample *sample
                             struct along *ret) {
     const Reprojection *r = s->reference->reprojection;
     const struct mdf_plane *plane = reprojection_plane(r);
-    const double at_mm[] = {(sample->x - 0.5 * plane->width) * plane->texel_mm,
-                            (0.5 * plane->height - sample->y) * plane->texel_mm};
+    const double at_mm[] = {(sample->places.x[0][0] - 0.5 * plane->width) * plane->texel_mm,
+                            (0.5 * plane->height - sample->places.x[0][1]) * plane->texel_mm};
     struct reprojection_weights weights;
     struct reprojection_hit hit;
     struct reprojection_tap taps[REPROJECTION_VIEW_TAPS];
@@ -241,6 +244,20 @@ static void reference_trace(const struct shading *s, const struct sample *sample
         ret->share[k] /= kept;
 }
 
+/* The places of a point in the sample, in tiles: one, unless it is laid out in hexagons. */
+static void reference_find_places(const struct shading *s, const float texel[2],
+                                  struct endless_places *ret) {
+    *ret = (struct endless_places){.n = 1, .x = {{texel[0], texel[1]}}, .weight = {1}};
+    if (s->endless == NULL)
+        return;
+    endless_find(s->endless, &s->lattice, texel, ret);
+    if (!s->settings->style.nearest)
+        return;
+    ret->n = 1;
+    ret->weight[0] = 1;
+    ret->mean = 0;
+}
+
 /* Finds the directions and weights of a part of the samples. */
 static void reference_prepare(int part, gpointer data) {
     const struct shading *s = data;
@@ -249,10 +266,14 @@ static void reference_prepare(int part, gpointer data) {
         struct sample *sample = &s->samples[k];
         const gsize at = 4 * (gsize)sample->at;
         const float *texel = s->texel + at, *v = s->view + at, *l = s->light + at;
-        const float x = texel[0] * (float)s->reference->width;
-        const float y = texel[1] * (float)s->reference->height;
-        sample->x = x - floorf(x / (float)s->width) * (float)s->width;
-        sample->y = y - floorf(y / (float)s->height) * (float)s->height;
+        const float size[] = {(float)s->reference->width, (float)s->reference->height};
+        const float period[] = {(float)s->width, (float)s->height};
+        reference_find_places(s, texel, &sample->places);
+        for (int i = 0; i < sample->places.n; i++)
+            for (int c = 0; c < 2; c++) {
+                const float x = sample->places.x[i][c] * size[c];
+                sample->places.x[i][c] = x - floorf(x / period[c]) * period[c];
+            }
         directions_weights(s->views, vec3(v[0], v[1], v[2]), &sample->view);
         if (s->along != NULL)
             reference_trace(s, sample, vec3(v[0], v[1], v[2]), &s->along[k]);
@@ -274,13 +295,14 @@ static const float *shading_texel(const struct shading *s, const float *texels, 
     return texels + 4 * ((gsize)j * s->reference->width + i);
 }
 
-/* Adds a layer's value at the sample to sum, bilinearly between texels. */
-static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
+/* Adds a layer's value at a place of the sample, in texels, to sum, bilinearly between texels. */
+static void add_place(const struct shading *s, int layer, const float place[2], float share,
                       float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
     const gboolean nearest = s->settings->style.nearest;
     const int width = s->width, height = s->height;
-    float x = nearest ? floorf(at->x) : at->x - 0.5f, y = nearest ? floorf(at->y) : at->y - 0.5f;
+    float x = nearest ? floorf(place[0]) : place[0] - 0.5f;
+    float y = nearest ? floorf(place[1]) : place[1] - 0.5f;
     float fx = x - floorf(x), fy = y - floorf(y);
     int i = ((int)floorf(x) + width) % width, j = ((int)floorf(y) + height) % height;
     int right = (i + 1) % width, down = (j + 1) % height;
@@ -290,6 +312,16 @@ static void add_layer(const struct shading *s, int layer, const struct sample *a
     for (int k = 0; k < 3; k++)
         sum[k] +=
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
+}
+
+/* Adds a layer's value at the sample to sum. */
+static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
+                      float sum[3]) {
+    const struct endless_places *p = &at->places;
+    for (int k = 0; k < p->n; k++)
+        add_place(s, layer, p->x[k], share * p->weight[k], sum);
+    for (int k = 0; p->mean != 0.0f && k < 3; k++)
+        sum[k] += share * p->mean * s->means[3 * layer + k];
 }
 
 /* Adds a layer's value where the loaded view sees the sample's surface point. */
@@ -402,6 +434,20 @@ struct reference_info reference_info(const Reference *r) {
     };
 }
 
+/* Finds the mean of each layer of the view in memory. */
+static void reference_find_means(const struct shading *s) {
+    const gsize n = s->layer_size / 4;
+    for (guint layer = 0; layer < s->reference->names->len + 2; layer++) {
+        const float *texels = s->layers + s->layer_size * layer;
+        double sums[3] = {0.0};
+        for (gsize k = 0; k < 4 * n; k++)
+            if (k % 4 < 3)
+                sums[k % 4] += texels[k];
+        for (int k = 0; k < 3; k++)
+            s->means[3 * layer + k] = (float)(sums[k] / (double)n);
+    }
+}
+
 /* Mixes the pole and the sky of the view in memory. */
 static void mix_layers(struct shading *s) {
     const gsize n = s->layer_size;
@@ -429,12 +475,14 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     s->layer_size = 4 * (gsize)r->width * r->height;
     g_autofree float *layers = g_try_new0(float, s->layer_size *(r->names->len + 2));
     g_autofree float *pole_share = g_new0(float, r->names->len), *sky = g_new(float, r->names->len);
+    g_autofree float *means = g_new0(float, 3 * (r->names->len + 2));
     int n_pole;
     const int *pole = directions_pole(lights, &n_pole);
     for (int k = 0; k < n_pole; k++)
         pole_share[pole[k]] += 1.0f / n_pole;
     directions_sky(lights, sky);
     s->layers = layers;
+    s->means = means;
     s->pole = pole_share;
     s->sky = sky;
     if (layers == NULL) {
@@ -453,6 +501,8 @@ static gboolean shade_samples(struct shading *s, GError **error) {
         if (!reference_read_file(r, r->files->pdata[v], 4, layers, error))
             return FALSE;
         mix_layers(s);
+        if (s->endless != NULL)
+            reference_find_means(s);
         work_for_each(0, PARTS, s->along != NULL ? reference_shade_along : reference_shade, s);
     }
     return TRUE;
@@ -468,28 +518,43 @@ struct material_shading {
     const float *sky;
 };
 
-/* Adds rgb × lit × the value, and ambient × Σ_l sky_l × the value under light l. */
-static void reference_shade_point(const struct material_shading *m, struct sample *sample) {
+/* Adds weight × (rgb × lit × the value, and ambient × Σ_l sky_l × the value under light l).
+ * footprint: 0, or 1 for the mean of the sample. */
+static void reference_add_point(const struct material_shading *m, struct sample *sample,
+                                const float uv[2], float footprint, float weight) {
     const struct shading *s = m->shading;
     const gsize at = 4 * (gsize)sample->at;
     const float *v = s->view + at;
-    float uv[] = {s->texel[at], s->texel[at + 1]}, rgb[3];
+    float rgb[3];
     /* Where normals are interpolated, a view may be below the horizon; it is clamped to it. */
     const float view[] = {v[0], v[1], fmaxf(v[2], 1e-4f)};
-    if (s->settings->style.nearest) {
-        uv[0] = (floorf(uv[0] * m->info.width) + 0.5f) / m->info.width;
-        uv[1] = (floorf(uv[1] * m->info.height) + 0.5f) / m->info.height;
-    }
-    mesorig_material_evaluate(m->material, 1, uv, view, s->light + at, NULL, rgb);
+    mesorig_material_evaluate(m->material, 1, uv, view, s->light + at, &footprint, rgb);
     for (int c = 0; c < 3; c++)
-        sample->sum[c] += (float)s->rgb[c] * s->lit[at] * rgb[c];
+        sample->sum[c] += weight * (float)s->rgb[c] * s->lit[at] * rgb[c];
     for (int l = 0; s->ambient != 0.0 && l < m->info.n_lights; l++) {
         if (m->sky[l] == 0.0f)
             continue;
-        mesorig_material_evaluate(m->material, 1, uv, view, m->lights + 3 * l, NULL, rgb);
+        mesorig_material_evaluate(m->material, 1, uv, view, m->lights + 3 * l, &footprint, rgb);
         for (int c = 0; c < 3; c++)
-            sample->sum[c] += s->ambient * m->sky[l] * rgb[c];
+            sample->sum[c] += weight * s->ambient * m->sky[l] * rgb[c];
     }
+}
+
+static void reference_shade_point(const struct material_shading *m, struct sample *sample) {
+    const struct shading *s = m->shading;
+    const gsize at = 4 * (gsize)sample->at;
+    struct endless_places places;
+    reference_find_places(s, s->texel + at, &places);
+    for (int k = 0; k < places.n; k++) {
+        float uv[] = {places.x[k][0], places.x[k][1]};
+        if (s->settings->style.nearest) {
+            uv[0] = (floorf(uv[0] * m->info.width) + 0.5f) / m->info.width;
+            uv[1] = (floorf(uv[1] * m->info.height) + 0.5f) / m->info.height;
+        }
+        reference_add_point(m, sample, uv, 0, places.weight[k]);
+    }
+    if (places.mean != 0)
+        reference_add_point(m, sample, (const float[]){0.5f, 0.5f}, 1, places.mean);
 }
 
 static void reference_shade_part(int part, gpointer data) {
@@ -593,9 +658,12 @@ static gboolean shade_material_number(Reference *r, int number, struct shading *
                     index->sample_width, index->sample_height, r->width, r->height);
         return FALSE;
     }
-    if (index != NULL && r->reprojection != NULL) {
-        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "a picture along the surface repeats the sample and knows no index map");
+    shading->endless =
+        number == 0 ? viewer_endless(viewer, shading->settings, &shading->lattice) : NULL;
+    if ((index != NULL || shading->endless != NULL) && r->reprojection != NULL) {
+        g_set_error(
+            error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+            "a picture along the surface repeats the sample: leave --index and --endless out");
         return FALSE;
     }
     shading->reference = r;

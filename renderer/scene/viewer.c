@@ -4,7 +4,7 @@
 #include "base/direction.h"
 #include "camera.h"
 #include "gl/gpu.h"
-#include "gl/index_texture.h"
+#include "gl/places.h"
 #include "hatching.h"
 #include "lamp.h"
 #include "methods/eigenmaps_view.h"
@@ -19,6 +19,8 @@
 
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
+
+#define ENDLESS_LOOKS 10 /* pictures of the sample by which hexagons are chosen */
 
 /* Of the first lamp, of a further one, and of that with its shadow. */
 enum { GEOMETRY_FIRST, GEOMETRY_FURTHER, GEOMETRY_FURTHER_SHADOWS, GEOMETRIES };
@@ -51,6 +53,7 @@ struct Viewer {
     int n_materials;             /* at least 1, the main material, which may be empty */
     IndexTexture *index;         /* of the main material; NULL: none */
     struct index_map *index_map; /* the same on the CPU */
+    Endless *endless;            /* of the material; NULL until a picture needs it */
     struct mesh_part *parts;     /* of the mesh */
     int n_parts;
     Relief *relief;
@@ -195,6 +198,7 @@ void viewer_free(Viewer *viewer) {
         material_clear(&viewer->materials[k]);
     index_texture_free(viewer->index);
     index_map_free(viewer->index_map);
+    endless_free(viewer->endless);
     relief_free(viewer->relief);
     backdrop_free(viewer->backdrop);
     hatching_free(viewer->hatching);
@@ -219,7 +223,8 @@ static gboolean material_set(struct viewer_material *m, const struct method *met
                              gpointer material, GError **error) {
     if (m->method != method) {
         g_autoptr(Programs) programs = programs_new(method);
-        if (!programs_get(programs, PROGRAM_SURFACE, material, NULL, &viewer_settings_default,
+        const struct places_source repeated = {NULL, NULL};
+        if (!programs_get(programs, PROGRAM_SURFACE, material, &repeated, &viewer_settings_default,
                           error))
             return FALSE;
         programs_free(m->programs);
@@ -234,7 +239,12 @@ static gboolean material_set(struct viewer_material *m, const struct method *met
 
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error) {
-    return material_set(&viewer->materials[0], method, material, error);
+    if (!material_set(&viewer->materials[0], method, material, error))
+        return FALSE;
+    if (viewer->endless != NULL)
+        relief_forget(viewer->relief);
+    g_clear_pointer(&viewer->endless, endless_free);
+    return TRUE;
 }
 
 /* material: taken; NULL with an error. */
@@ -308,16 +318,16 @@ gboolean viewer_set_index(Viewer *viewer, const struct index_map *map, GError **
 
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error) {
     g_autoptr(IndexMap) map = index_map_read(path, error);
-    int width = 0, height = 0;
+    const struct viewer_material *m = &viewer->materials[0];
+    int size[2];
     if (map == NULL)
         return FALSE;
-    if (viewer->method != NULL && viewer->method->size != NULL)
-        viewer->method->size(viewer->material, &width, &height);
-    if (width > 0 && (map->sample_width != width || map->sample_height != height)) {
+    if (m->method != NULL && m->method->texels != NULL && m->method->texels(m->material, size) &&
+        (map->sample_width != size[0] || map->sample_height != size[1])) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "%s is an index map of a sample of %d × %d texels, and the material has %d × "
                     "%d; synthesize it from this material",
-                    path, map->sample_width, map->sample_height, width, height);
+                    path, map->sample_width, map->sample_height, size[0], size[1]);
         return FALSE;
     }
     return viewer_set_index(viewer, map, error);
@@ -327,10 +337,14 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* The index texture, of the main material with a method that looks texels up. */
-static const IndexTexture *viewer_index_used(const Viewer *viewer, int material) {
+/* Of the main material, with a method that looks texels up. */
+static struct places_source viewer_places(const Viewer *viewer, int material,
+                                          const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;
-    return material == 0 && method != NULL && method->product != NULL ? viewer->index : NULL;
+    if (material > 0 || method == NULL || method->product == NULL)
+        return (struct places_source){NULL, NULL};
+    return (struct places_source){
+        viewer->index, viewer->index == NULL && s->endless && !s->plain ? viewer->endless : NULL};
 }
 
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v) {
@@ -405,6 +419,58 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
         camera_fit(settings, viewer->points, viewer->n_points, viewer->radius, aspect);
 }
 
+/* The tiles of the main material. */
+static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings *s,
+                              double ret[2]) {
+    ret[0] = s->tiles_u;
+    ret[1] = s->tiles_v;
+    if (s->tiles_u > 0.0 && s->tiles_v > 0.0)
+        return;
+    ret[0] = viewer->tiles_u;
+    ret[1] = viewer->tiles_v;
+    if (viewer_places(viewer, 0, s).index != NULL)
+        viewer_whole_tiles(viewer, &ret[0], &ret[1]);
+}
+
+/* Before a picture with hexagons: chooses their centres by how the sample looks under some views
+ * and lights. */
+static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings *s,
+                                    GError **error) {
+    const struct viewer_material *m = &viewer->materials[0];
+    int size[2];
+    if (!s->endless || s->plain || viewer->endless != NULL || m->method->texels == NULL ||
+        !m->method->texels(m->material, size))
+        return TRUE;
+    struct viewer_settings nearest = *s;
+    nearest.style.nearest = TRUE;
+    const int width = MIN(size[0], ENDLESS_SIDE), height = MIN(size[1], ENDLESS_SIDE);
+    const gsize values = 3 * (gsize)width * (gsize)height;
+    g_autofree float *all = g_new(float, values *ENDLESS_LOOKS);
+    for (gsize k = 0; k < ENDLESS_LOOKS; k++) {
+        float v[3], l[3];
+        direction_from_deg(10.0 + 50.0 * (double)(k % 5) / 4, 100.0 * (double)k, v);
+        direction_from_deg(15.0 + 45.0 * (double)(k * 3 % 7) / 6, 160.0 * (double)k + 60, l);
+        g_autofree float *flat = viewer_render_flat(viewer, &nearest, v, l, width, height, error);
+        if (flat == NULL)
+            return FALSE;
+        for (gsize i = 0; i < values; i++)
+            all[i / 3 * ENDLESS_LOOKS * 3 + 3 * k + i % 3] = flat[i / 3 * 4 + i % 3];
+    }
+    const struct endless_pictures pictures = {width, height, ENDLESS_LOOKS * 3, all};
+    viewer->endless = endless_new(size[0], size[1], &pictures);
+    return TRUE;
+}
+
+const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *s,
+                                     struct endless_lattice *ret) {
+    const struct endless *endless = viewer_places(viewer, 0, s).endless;
+    double tiles[2];
+    viewer_main_tiles(viewer, s, tiles);
+    if (endless != NULL)
+        endless_lattice_init(ret, endless, (float)tiles[0], (float)tiles[1]);
+    return endless;
+}
+
 /* The number of a part's material; the main one, where that is not there yet. */
 static int viewer_part_material(const Viewer *viewer, int part) {
     const int material = viewer->parts[part].material;
@@ -418,7 +484,7 @@ static void viewer_draw_part(Viewer *viewer, guint program, const struct viewer_
     glUseProgram(program);
     m->method->bind(m->material, program, &s->style);
     relief_bind(viewer->relief, program);
-    index_texture_bind(drawn->index, program);
+    places_bind(&drawn->places, drawn->tiles, program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE,
                        scene->seen.projection);
     glUniform2fv(glGetUniformLocation(program, "tiles"), 1, drawn->tiles);
@@ -445,27 +511,14 @@ static gboolean viewer_draw_mesh(Viewer *viewer, guint program, const struct vie
     for (int k = 0; k < viewer->n_parts; k++) {
         const struct visibility_part *part = &scene->seen.parts[k];
         const struct viewer_material *m = &viewer->materials[part->material];
-        const guint own = program != 0
-                              ? program
-                              : programs_get(m->programs, kind, m->material, part->index, s, error);
+        const guint own =
+            program != 0 ? program
+                         : programs_get(m->programs, kind, m->material, &part->places, s, error);
         if (own == 0)
             return FALSE;
         viewer_draw_part(viewer, own, s, scene, k);
     }
     return TRUE;
-}
-
-/* The tiles of the main material. */
-static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings *s,
-                              double ret[2]) {
-    ret[0] = s->tiles_u;
-    ret[1] = s->tiles_v;
-    if (s->tiles_u > 0.0 && s->tiles_v > 0.0)
-        return;
-    ret[0] = viewer->tiles_u;
-    ret[1] = viewer->tiles_v;
-    if (viewer_index_used(viewer, 0) != NULL)
-        viewer_whole_tiles(viewer, &ret[0], &ret[1]);
 }
 
 static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
@@ -478,7 +531,7 @@ static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
         const int material = viewer_part_material(viewer, k);
         const double own = viewer->materials[material].tiles;
         ret->parts[k] = (struct visibility_part){
-            .index = viewer_index_used(viewer, material),
+            .places = viewer_places(viewer, material, s),
             .tiles = {(float)(material > 0 ? own : tiles[0]),
                       (float)(material > 0 ? own : tiles[1])},
             .first_index = viewer->parts[k].first_index,
@@ -529,7 +582,8 @@ static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *
                                   int height, GError **error) {
     const struct viewer_settings lit = lamp_settings(settings), *s = &lit;
     struct relief_scene scene;
-    if (!gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
+    if (!viewer_make_endless(viewer, s, error) ||
+        !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
         !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
     viewer_begin(&viewer->scene);
@@ -559,7 +613,7 @@ static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *sett
                                                       : GEOMETRY_FURTHER;
     const guint program = viewer_geometry_program(viewer, kind, error);
     struct relief_scene scene;
-    if (program == 0 ||
+    if (program == 0 || !viewer_make_endless(viewer, s, error) ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
         !viewer_look(viewer, s, width, height, &scene, error))
         return FALSE;
@@ -655,7 +709,9 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const
     const struct viewer_material *m = &viewer->materials[0];
     struct viewer_settings alone = *s;
     alone.ambient = 0;
-    const guint program = programs_get(m->programs, PROGRAM_FLAT, m->material, NULL, &alone, error);
+    const struct places_source repeated = {NULL, NULL};
+    const guint program =
+        programs_get(m->programs, PROGRAM_FLAT, m->material, &repeated, &alone, error);
     if (program == 0 ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;

@@ -60,6 +60,10 @@ struct viewer_settings {
                           more than 16 a quarter */
     gboolean backdrop; /* the environment is seen behind the mesh; takes viewer_set_environment() */
     gboolean plain;    /* instead of the BTF one texture × n·l, to compare with */
+    /* The sample in hexagons without end (synthesis/endless.h). Methods without a material file,
+     * viewer_render_flat() and plain pictures take no notice of it, nor any while there is an index
+     * map. */
+    gboolean endless;
 };
 
 extern const struct viewer_settings viewer_settings_default;
@@ -111,6 +115,11 @@ gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
 /* The map, owned by the viewer; NULL: none. */
 const struct index_map *viewer_index(const Viewer *viewer);
+
+/* The hexagons of the picture that was drawn last, with these settings, and their lattice. Owned by
+ * the viewer, until another material is set; NULL: none. */
+const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *settings,
+                                     struct endless_lattice *ret);
 
 /* The environment map behind the mesh; copies it. Its light comes from lamps in the settings, see
  * environment_light(). */

@@ -4,9 +4,22 @@ uniform float lamp; // brightness of the first lamp
 vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 #if PLACES
     vec3 sum = vec3(0.0);
-    for (int k = 0; k < at.n; k++)
+    vec2 dx = place_dx, dy = place_dy;
+#ifdef BTF_PREPARED
+    btf_prepare(v, l, lit);
+#endif
+    for (int k = 0; k < at.n; k++) {
+        if (k == at.mean)
+            prepare_mean();
+#ifdef BTF_PREPARED
+        sum += at.share[k] * btf_texel(at.x[k]);
+#else
         sum += at.share[k] * btf(at.x[k], v, l, lit);
-    return sum;
+#endif
+    }
+    place_dx = dx;
+    place_dy = dy;
+    return max(sum, vec3(0.0));
 #else
     return btf(at.x[0], v, l, lit);
 #endif

@@ -77,9 +77,13 @@ vec3 at_level(vec2 x, int level) {
     return max(sum, vec3(0.0));
 }
 
-// See method.h. Clusters cannot be filtered: between two levels both are evaluated.
-vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
+#define BTF_PREPARED
+void btf_prepare(vec3 v, vec3 l, float lit) {
     prepare(v, l, lit);
+}
+
+// See method.h. Clusters cannot be filtered: between two levels both are evaluated.
+vec3 btf_texel(vec2 x) {
 #if NEAREST
     return one_texel(x, 0);
 #elif N_LEVELS == 1
@@ -94,4 +98,9 @@ vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     }
     return sum;
 #endif
+}
+
+vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
+    btf_prepare(v, l, lit);
+    return btf_texel(x);
 }

@@ -1,10 +1,12 @@
 // Which places of the sample stand at a point of the surface: the one hook through which a codec, the
 // MDF and everything else that belongs to a texel is looked up. PLACES 0: the sample is repeated. 1: an
-// index map says which texel of the sample stands where; see gl/index_texture.h.
+// index map says which texel of the sample stands where; see gl/index_texture.h. 2: hexagons show parts of
+// the sample, without end; see synthesis/endless.h.
 struct places {
     int n;
-    vec2 x[4];      // in tiles of the sample
+    vec2 x[4];      // in tiles of the sample; the first is that of the nearest hexagon
     float share[4]; // of each, 1 together
+    int mean;       // which of them stands for the sample's mean; −1: none
 };
 
 #if PLACES
@@ -12,7 +14,18 @@ struct places {
 vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
+#if PLACES_LEVEL
+// For llvmpipe, which takes more time for derivatives of a texture's own. Half of all levels are whole ones, so
+// that one of them is read instead of two, as llvmpipe does by itself where it takes the derivatives.
+float place_level(vec2 size) {
+    vec2 dx = place_dx * size, dy = place_dy * size;
+    float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
+    return whole + clamp(2.0 * (level - whole) - 0.5, 0.0, 1.0);
+}
+#define PLACE_TEXTURE(s, x) textureLod(s, x, place_level(vec2(textureSize(s, 0).xy)))
+#else
 #define PLACE_TEXTURE(s, x) textureGrad(s, x, place_dx, place_dy)
+#endif
 #else
 #define PLACE_DX(x)         dFdx(x)
 #define PLACE_DY(x)         dFdy(x)
@@ -24,6 +37,7 @@ places one_place(vec2 x) {
     at.n = 1;
     at.x[0] = x;
     at.share[0] = 1.0;
+    at.mean = -1;
     return at;
 }
 
@@ -87,6 +101,7 @@ places find_places(vec2 x, float level) {
     bool left = index_same(s00, s01), right = index_same(s10, s11);
     places at;
     at.n = 0;
+    at.mean = -1;
     if (top && bottom && left) {
         add_place(at, p + s00, 1.0);
     } else if (int(left) + int(right) > int(top) + int(bottom)) {
@@ -96,6 +111,95 @@ places find_places(vec2 x, float level) {
         add_pair(at, a, vec2(d.x, a.y), part.x, s00, s10, top, 1.0 - part.y);
         add_pair(at, vec2(a.x, d.y), d, part.x, s01, s11, bottom, part.y);
     }
+    return at;
+}
+#elif PLACES == 2
+#ifdef N_LEVELS // of a method whose mip levels its file has
+#define ENDLESS_MEAN (N_LEVELS > 1)
+#else
+#define ENDLESS_MEAN 1
+#endif
+uniform vec2 endless_cells;   // columns and rows of hexagons a tile
+uniform ivec2 endless_period; // columns and rows after which they repeat; rows are even
+uniform vec2 endless_edge;    // half a texel, in tiles
+uniform vec2 endless_centres[ENDLESS_CENTRES]; // of hexagons in the sample, in tiles
+
+// As endless_hash().
+uint endless_hash(uvec2 v) {
+    v = v * 1664525u + 1013904223u;
+    v.x += v.y * 1664525u;
+    v.y += v.x * 1664525u;
+    v ^= v >> 16u;
+    v.x += v.y * 1664525u;
+    return v.x ^ (v.x >> 16u);
+}
+
+int endless_turns(int a, int b) {
+    return int(floor((float(a) + 0.5) / float(b)));
+}
+
+// Where a point lies in the part of the sample that the hexagon around a vertex shows.
+vec2 endless_look_up(vec2 x, ivec2 vertex) {
+    int turn = endless_turns(vertex.y, endless_period.y);
+    ivec2 inside = vertex + turn * ivec2(endless_period.y / 2, -endless_period.y);
+    inside.x -= endless_period.x * endless_turns(inside.x, endless_period.x);
+    uint hash = endless_hash(uvec2(inside));
+    vec2 centre = vec2(float(vertex.x) + 0.5 * float(vertex.y), float(vertex.y)) / endless_cells;
+    vec2 at = x - centre + endless_centres[hash & uint(ENDLESS_CENTRES - 1)];
+    return clamp(at, endless_edge, 1.0 - endless_edge);
+}
+
+// The triangle's vertices that a point is between, the nearest first, and how near it is to each.
+void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
+    vec2 q = x * endless_cells, p = vec2(q.x - 0.5 * q.y, q.y), base = floor(p), f = p - base;
+    int far = f.x + f.y > 1.0 ? 1 : 0;
+    near = far == 1 ? vec3(f.x + f.y - 1.0, 1.0 - f.yx) : vec3(1.0 - f.x - f.y, f);
+    vertices[0] = ivec2(base) + far;
+    vertices[1] = ivec2(base) + ivec2(1, 0);
+    vertices[2] = ivec2(base) + ivec2(0, 1);
+    int first = near.y > max(near.x, near.z) ? 1 : near.z > near.x ? 2 : 0;
+    ivec2 other = vertices[first];
+    vertices[first] = vertices[0];
+    vertices[0] = other;
+    near = first == 1 ? near.yxz : first == 2 ? near.zyx : near;
+}
+
+// Of the nearest hexagon alone.
+places nearest_place(vec2 x) {
+    ivec2 vertices[3];
+    vec3 near;
+    endless_triangle(x, vertices, near);
+    return one_place(endless_look_up(x, vertices[0]));
+}
+
+// Where hexagons blend, the sample's mean is the last place.
+places find_places(vec2 x, float level) {
+#if PLACES_NEAREST
+    return nearest_place(x);
+#endif
+    ivec2 vertices[3];
+    vec3 near;
+    endless_triangle(x, vertices, near);
+    vec3 share = max(near - near.x + ENDLESS_BLEND, 0.0);
+#if ENDLESS_MEAN
+    share /= length(share);
+#else
+    share /= dot(share, vec3(1.0));
+#endif
+    places at = one_place(endless_look_up(x, vertices[0]));
+    at.share[0] = share.x;
+    for (int k = 1; k < 3; k++)
+        if (share[k] > 0.0) {
+            at.x[at.n] = endless_look_up(x, vertices[k]);
+            at.share[at.n++] = share[k];
+        }
+#if ENDLESS_MEAN
+    if (at.n > 1) {
+        at.mean = at.n;
+        at.x[at.n] = at.x[0];
+        at.share[at.n++] = 1.0 - dot(share, vec3(1.0));
+    }
+#endif
     return at;
 }
 #else
@@ -109,7 +213,17 @@ places find_places(vec2 x, float level) {
 float prepare_places(vec2 x) {
     place_dx = dFdx(x);
     place_dy = dFdy(x);
+#if PLACES == 2
+    return 0.0;
+#else
     vec2 dx = place_dx * index_sample, dy = place_dy * index_sample;
     return max(0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), 0.0);
+#endif
+}
+
+// From here on, looks up the sample's mean: its coarsest mip level.
+void prepare_mean() {
+    place_dx = vec2(1e4, 0.0);
+    place_dy = vec2(0.0, 1e4);
 }
 #endif

@@ -97,7 +97,7 @@ float depth_mm(vec2 x, vec3 d, float level) {
 }
 
 float depth_at(places at, vec3 d, float level) {
-#if PLACES
+#if PLACES == 1
     float depth = 0.0;
     for (int k = 0; k < at.n; k++)
         depth += at.share[k] * depth_mm(at.x[k], d, level);
@@ -129,7 +129,11 @@ below below_mesh(vec3 v, float level) {
     float root = slope * slope - 2.0 * bend * deepest;
     float middle = root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : slope / bend;
     float base = root > 0.0 ? middle : 2.0 * middle;
+#if PLACES == 2
+    places at = nearest_place(texel);
+#else
     places at = find_places(texel, level);
+#endif
     float hit = 1e30;
     for (int k = bend == 0.0 ? CHORDS : 1; k <= CHORDS; k++) {
         float end = middle * float(k) / float(CHORDS), chord = slope - 0.5 * bend * end;

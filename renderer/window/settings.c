@@ -28,6 +28,9 @@ const struct setting settings_table[SETTINGS] = {
                              "Do not filter between texels"),
     [SETTING_SHAPE] = OTHER("shape", "shape"),
     [SETTING_TILES] = OTHER("tiles", "tiles"),
+    [SETTING_ENDLESS] =
+        FLAG("endless", "endless", settings.endless,
+             "The sample in hexagons, without end and without repetition; for irregular materials"),
     [SETTING_SILHOUETTES] = OTHER("silhouettes", "silhouettes"),
     [SETTING_SHADOWS] =
         FLAG("shadows", "shadows", settings.shadows, "With the shadows that the shape casts"),

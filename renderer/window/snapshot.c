@@ -52,6 +52,8 @@ static char *drawn_of(const struct viewer_settings *s) {
     g_string_printf(text, "%d x %d samples per pixel", s->samples, s->samples);
     if (s->plain)
         g_string_append(text, ", one texture times the cosine");
+    if (s->endless)
+        g_string_append(text, ", endless");
     if (s->style.nearest)
         g_string_append(text, ", texels not filtered");
     if (s->silhouettes && s->visibility.straight)

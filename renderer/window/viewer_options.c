@@ -334,6 +334,9 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
                               (o->second != NULL && o->second->product == NULL)),
          "--index goes with a MATERIAL, not with --plain, --live or --measured"},
+        {s->endless && (s->plain || o->measured || o->index != NULL || o->method->product == NULL ||
+                        (o->second != NULL && o->second->product == NULL)),
+         "--endless goes with a MATERIAL, not with --plain, --index or --measured"},
         {s->backdrop && o->environment == NULL, "--backdrop goes with --environment"},
         {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at takes 0 … 1"},
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),

@@ -90,6 +90,8 @@ static void draw_shape(struct window *w) {
     double tiles = w->now.settings.tiles_u;
     if (ui_slider_log(label_of(SETTING_TILES), &tiles, 0.125, 256.0, "%.2f"))
         window_scale_tiles(w, tiles / w->now.settings.tiles_u);
+    if (w->now.method != NULL && w->now.method->product != NULL && w->now.index_path == NULL)
+        window_draw_setting(w, SETTING_ENDLESS);
     gboolean silhouettes = w->now.settings.silhouettes;
     if (ui_check(label_of(SETTING_SILHOUETTES), &silhouettes))
         window_toggle_silhouettes(w);
