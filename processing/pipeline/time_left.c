@@ -131,7 +131,7 @@ double time_left_views_s(const struct time_left_task *tasks, int n, int n_thread
 
 void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cpu_s, int n_busy,
                          double elapsed_s) {
-    const double kept = exp(-wall_s / MAX(elapsed_s / 4, SHORTEST_S));
+    const double kept = exp(-wall_s / MAX(elapsed_s, SHORTEST_S));
     speed->cpu_s = speed->cpu_s * kept + cpu_s;
     speed->thread_s = speed->thread_s * kept + wall_s * n_busy;
     speed->wall_s = speed->wall_s * kept + wall_s;

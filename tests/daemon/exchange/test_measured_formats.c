@@ -90,6 +90,12 @@ static void check_round(void) {
     says(0, "import ptm satin.ptm -o ptm.session -d few.csv", "1 view × 19 lights");
     says(0, "import relight web/info.json -o web.session", "1 view × 19 lights");
     says(0, "import relight web -o folder.session", "1 view × 19 lights"); /* the folder itself */
+    says(0, "import bsdf satin.bsdf -o wide.session -d few.csv --texels 16", "16 × 16 texels");
+    says(0, "synthesize wide.session --size 32x24 -m quilting -o index.exr",
+         "32 × 24 texels of 16 × 16");
+    says(0, "info index.exr",
+         "index map of 32 × 24 texels (32 × 24 mm), by quilting, of a sample of 16 × 16; 3 mip");
+    says(1, "compare wide.session satin.session", "they have different numbers of texels");
 }
 
 static void check_wrong(void) {

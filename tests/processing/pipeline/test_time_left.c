@@ -162,10 +162,13 @@ static void test_speed(void) {
         time_left_speed_add(&shared, 0.5, 0.1, i < 100 ? 2 : 1, i * 0.5);
         g_assert_cmpfloat_with_epsilon(time_left_speed_of(&shared, 1), 0.2, 1e-9);
     }
-    /* What was long ago is forgotten. */
+    /* What was before counts less: a time x counts x times as much as now. */
     for (int i = 0; i < 100; i++)
         time_left_speed_add(&speed, 0.5, 0.2, 2, 50 + i * 0.5);
-    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2), 0.2, 0.02);
+    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2), 0.275, 0.005);
+    for (int i = 0; i < 800; i++)
+        time_left_speed_add(&speed, 0.5, 0.2, 2, 100 + i * 0.5);
+    g_assert_cmpfloat_with_epsilon(time_left_speed_of(&speed, 2), 0.203, 0.002);
 }
 
 /* What one run measured is there for the next; a damaged file is none. */
