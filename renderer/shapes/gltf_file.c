@@ -168,7 +168,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     if (g_str_has_prefix(uri, "data:")) {
         gsize size = 0;
         if (comma == NULL || comma - uri < 7 || strncmp(comma - 7, ";base64", 7) != 0) {
-            gltf_bad(gltf, error, "a buffer's data URI is not base64");
+            gltf_bad(gltf, error, "a data URI is not base64");
             return NULL;
         }
         guint8 *bytes = g_base64_decode(comma + 1, &size);
@@ -178,7 +178,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     g_autofree char *folder = g_path_get_dirname(gltf->path);
     if (name == NULL || g_path_is_absolute(name) || strstr(name, "..") != NULL ||
         strstr(name, ":") != NULL) {
-        gltf_bad(gltf, error, "its buffer %s is not a file beside it, and no other is opened", uri);
+        gltf_bad(gltf, error, "its %s is not a file beside it, and no other is opened", uri);
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);
@@ -201,6 +201,24 @@ static GBytes *buffer_at(struct gltf *gltf, gint64 k, GError **error) {
         gltf_bad(gltf, error, "buffer %d has no bytes", (int)k);
     gltf->buffers->pdata[k] = bytes;
     return bytes;
+}
+
+GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error) {
+    JsonObject *image = gltf_item(gltf, "images", k, error);
+    const char *uri = image != NULL ? gltf_string(image, "uri") : NULL;
+    if (image == NULL || uri != NULL)
+        return image != NULL ? read_uri(gltf, uri, error) : NULL;
+    JsonObject *view = gltf_item(gltf, "bufferViews", gltf_int(image, "bufferView", -1), error);
+    GBytes *buffer = view != NULL ? buffer_at(gltf, gltf_int(view, "buffer", -1), error) : NULL;
+    if (buffer == NULL)
+        return NULL;
+    const gint64 from = gltf_int(view, "byteOffset", 0), n = gltf_int(view, "byteLength", -1);
+    const gint64 size = (gint64)g_bytes_get_size(buffer);
+    if (from < 0 || n < 0 || from > size || n > size - from) {
+        gltf_bad(gltf, error, "truncated: image %d lies outside its buffer", (int)k);
+        return NULL;
+    }
+    return g_bytes_new_from_bytes(buffer, (gsize)from, (gsize)n);
 }
 
 /* Where an accessor's numbers lie. */

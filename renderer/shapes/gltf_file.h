@@ -32,6 +32,10 @@ const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 
+/* The bytes of entry k of its images, from a buffer view, within the URI, or of a file below the
+ * folder of the glTF file. NULL with an error. */
+GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
+
 /* Numbers of an accessor, n_components each: unsigned integers as they are, or mapped to 0 … 1 or
  * −1 … 1 where it says normalized. Of float. */
 GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError **error);

@@ -53,6 +53,33 @@ static struct gltf_material gltf_read_material(JsonObject *from) {
     return ret;
 }
 
+/* FALSE: the file names a texture that it does not have. */
+static gboolean read_picture(struct gltf *gltf, JsonObject *material, struct gltf_material *ret,
+                             GError **error) {
+    static const char *const axes[2] = {"wrapS", "wrapT"};
+    JsonObject *pbr = gltf_object(material, "pbrMetallicRoughness");
+    JsonObject *info = pbr != NULL ? gltf_object(pbr, "baseColorTexture") : NULL;
+    if (info == NULL || gltf_int(info, "texCoord", 0) != 0)
+        return TRUE;
+    JsonObject *texture = gltf_item(gltf, "textures", gltf_int(info, "index", -1), error);
+    if (texture == NULL)
+        return FALSE;
+    if (!json_object_has_member(texture, "source")) /* in an extension's format */
+        return TRUE;
+    JsonObject *sampler = NULL;
+    if (json_object_has_member(texture, "sampler") &&
+        (sampler = gltf_item(gltf, "samplers", gltf_int(texture, "sampler", -1), error)) == NULL)
+        return FALSE;
+    for (int axis = 0; axis < 2; axis++) {
+        const gint64 wrap = sampler != NULL ? gltf_int(sampler, axes[axis], 10497) : 10497;
+        ret->wrap[axis] = wrap == 33071   ? GLTF_WRAP_CLAMP
+                          : wrap == 33648 ? GLTF_WRAP_MIRROR
+                                          : GLTF_WRAP_REPEAT;
+    }
+    ret->picture = gltf_image(gltf, gltf_int(texture, "source", -1), error);
+    return ret->picture != NULL;
+}
+
 static gboolean read_materials(struct gltf *gltf, struct gltf_scene *scene, GError **error) {
     JsonArray *materials = gltf_array(gltf->root, "materials");
     const guint n = materials != NULL ? json_array_get_length(materials) : 0;
@@ -60,7 +87,10 @@ static gboolean read_materials(struct gltf *gltf, struct gltf_scene *scene, GErr
         JsonObject *object = gltf_item(gltf, "materials", k, error);
         if (object == NULL)
             return FALSE;
-        const struct gltf_material material = gltf_read_material(object);
+        struct gltf_material material = gltf_read_material(object);
+        g_autoptr(GError) why = NULL;
+        if (!read_picture(gltf, object, &material, &why))
+            material.unread = g_strdup(why->message);
         g_array_append_val(scene->materials, material);
     }
     return TRUE;
@@ -211,7 +241,10 @@ static void gltf_part_free(gpointer data) {
 }
 
 static void gltf_material_clear(gpointer data) {
-    g_free(((struct gltf_material *)data)->name);
+    struct gltf_material *material = data;
+    g_free(material->name);
+    g_free(material->unread);
+    g_clear_pointer(&material->picture, g_bytes_unref);
 }
 
 struct gltf_scene *gltf_scene_read(const char *path, GError **error) {

@@ -3,8 +3,9 @@
  * materials, lamps and first camera. Unlike scene.h's meshes nothing is centred or scaled: lengths
  * are the file's. The file's y is up; here z is: (x, y, z) becomes (x, −z, y).
  *
- * A mesh that several nodes name is there once for each. Of a material its factors are read, no
- * textures. Skins and morphs are as they rest.
+ * A mesh that several nodes name is there once for each. Of a material its factors are read, and of
+ * textures that of the base colour, with the first texture coordinates. Skins and morphs are as
+ * they rest.
  */
 #pragma once
 
@@ -12,12 +13,18 @@
 
 #define GLTF_SCENE_MAX_LENGTH 1e6 /* of a coordinate */
 
+/* What is beyond the edges of a texture. */
+enum gltf_wrap { GLTF_WRAP_REPEAT, GLTF_WRAP_CLAMP, GLTF_WRAP_MIRROR };
+
 /* pbrMetallicRoughness, with KHR_materials_specular and KHR_materials_emissive_strength. */
 struct gltf_material {
     char *name; /* "" where the file has none */
     float base[3], metallic, roughness;
     float specular;    /* specularFactor: 0: no reflection at the surface of what is not metal */
     float emission[3]; /* radiance of its front */
+    GBytes *picture; /* the file of its base colour's texture, which multiplies base; NULL: none */
+    char *unread;    /* why that file could not be read; NULL: it could, or there is none */
+    enum gltf_wrap wrap[2]; /* of the picture, along u and v */
 };
 
 struct gltf_part {

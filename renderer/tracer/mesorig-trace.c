@@ -227,6 +227,16 @@ static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
                 sqrt(variance / options->samples));
 }
 
+/* What the file has and the picture has not. */
+static void trace_main_warn(const char *path, const TraceScene *scene) {
+    for (guint k = 0; k < scene->surfaces->len; k++) {
+        const struct trace_surface *surface =
+            &g_array_index(scene->surfaces, struct trace_surface, k);
+        if (surface->warning != NULL && surface->material == NULL)
+            g_printerr("mesorig-trace: warning: %s: %s\n", path, surface->warning);
+    }
+}
+
 static gboolean trace_main_run(const char *path, GError **error) {
     struct trace_options options;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
@@ -241,6 +251,7 @@ static gboolean trace_main_run(const char *path, GError **error) {
     for (char **material = materials; material != NULL && *material != NULL; material++)
         if (!trace_main_set_material(scene, *material, error))
             return FALSE;
+    trace_main_warn(path, scene);
     if (!trace_main_set_sky(scene, error) || !trace_main_set_lamps(scene, error) ||
         !trace_main_set_camera(scene, error))
         return FALSE;

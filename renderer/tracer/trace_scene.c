@@ -12,6 +12,8 @@ G_DEFINE_QUARK(trace_error, trace_error)
 static void surface_clear(gpointer data) {
     struct trace_surface *surface = data;
     mesorig_material_close(surface->material);
+    trace_texture_free(surface->texture);
+    g_free(surface->warning);
     g_free(surface->name);
 }
 
@@ -26,7 +28,11 @@ static struct trace_surface *part_surface(const TraceScene *scene, const struct 
 }
 
 static void scene_take_materials(TraceScene *scene) {
-    const struct gltf_material none = {"", {1.0F, 1.0F, 1.0F}, 1.0F, 1.0F, 1.0F, {0.0F}};
+    const struct gltf_material none = {.name = "",
+                                       .base = {1.0F, 1.0F, 1.0F},
+                                       .metallic = 1.0F,
+                                       .roughness = 1.0F,
+                                       .specular = 1.0F};
     const GArray *from = scene->gltf->materials;
     for (guint k = 0; k <= from->len; k++) {
         const struct gltf_material *m =
@@ -39,6 +45,12 @@ static void scene_take_materials(TraceScene *scene) {
             to.plain.base[c] = (double)m->base[c];
             to.emission[c] = (double)m->emission[c];
         }
+        g_autoptr(GError) why = NULL;
+        if (m->picture != NULL)
+            to.texture = trace_texture_new(m->picture, m->wrap, &why);
+        if (m->unread != NULL || why != NULL)
+            to.warning = g_strdup_printf("material “%s” has its colour without its texture: %s",
+                                         m->name, why != NULL ? why->message : m->unread);
         g_array_append_val(scene->surfaces, to);
     }
 }

@@ -29,13 +29,26 @@ static void surface_measured(const struct trace_surface *s, const struct query *
         ret_rgb[c] = rgb[c] > 0.0F ? (double)rgb[c] / G_PI : 0.0;
 }
 
+/* What a surface without a captured material is at a point. */
+static struct trace_plain surface_plain(const struct trace_surface *s, struct trace_texel at) {
+    struct trace_plain ret = s->plain;
+    double rgb[3];
+    if (s->texture == NULL)
+        return ret;
+    trace_texture_colour(s->texture, at.u, at.v, rgb);
+    for (int c = 0; c < 3; c++)
+        ret.base[c] *= rgb[c];
+    return ret;
+}
+
 void trace_surface_evaluate(const struct trace_surface *s, struct trace_texel at, struct vec3 view,
                             struct vec3 light, double ret_rgb[3]) {
     ret_rgb[0] = ret_rgb[1] = ret_rgb[2] = 0.0;
     if (view.z <= 0.0 || light.z <= 0.0)
         return;
     if (s->material == NULL) {
-        trace_plain_evaluate(&s->plain, view, light, ret_rgb);
+        const struct trace_plain plain = surface_plain(s, at);
+        trace_plain_evaluate(&plain, view, light, ret_rgb);
         return;
     }
     const struct query q = query_of(s, at, view, light);
@@ -56,7 +69,8 @@ double trace_surface_draw(const struct trace_surface *s, struct trace_texel at, 
         *ret_light = vec3(flat * cos(turn), flat * sin(turn), a);
         density = 1.0 / (2.0 * G_PI);
     } else if (s->material == NULL) {
-        density = trace_plain_draw(&s->plain, view, (const double[3]){a, b, c}, ret_light);
+        const struct trace_plain plain = surface_plain(s, at);
+        density = trace_plain_draw(&plain, view, (const double[3]){a, b, c}, ret_light);
     } else {
         const struct query q = query_of(s, at, view, vec3(0, 0, 1));
         const float numbers[2] = {(float)a, (float)b};
@@ -78,8 +92,10 @@ double trace_surface_density(const struct trace_surface *s, struct trace_texel a
         return 0.0;
     if (drawing == TRACE_DRAW_EVENLY)
         return 1.0 / (2.0 * G_PI);
-    if (s->material == NULL)
-        return trace_plain_density(&s->plain, view, light);
+    if (s->material == NULL) {
+        const struct trace_plain plain = surface_plain(s, at);
+        return trace_plain_density(&plain, view, light);
+    }
     const struct query q = query_of(s, at, view, light);
     mesorig_material_pdf(s->material, 1, q.uv, q.view, q.light, NULL, &density);
     return (double)density;

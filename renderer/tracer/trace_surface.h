@@ -7,13 +7,16 @@
 
 #include "trace_plain.h"
 #include "trace_random.h"
+#include "trace_texture.h"
 
 #include "material/material.h"
 
 struct trace_surface {
     char *name; /* of glTF; owned */
     struct trace_plain plain;
-    double emission[3];         /* radiance of its front */
+    TraceTexture *texture; /* multiplies plain's base; owned; NULL: none */
+    char *warning;         /* why there is no texture although the file has one; owned, or NULL */
+    double emission[3];    /* radiance of its front */
     mesorig_material *material; /* owned; NULL: plain */
     double tiles;               /* of material for one unit of the texture coordinates */
 };

@@ -11,9 +11,15 @@ for thing in list(bpy.data.objects):
                                              thing.name.split('_')[-1] != given['shape']):
         bpy.data.objects.remove(thing)
 shape = next(o for o in bpy.data.objects if o.type == 'MESH')
-sphere = given['shape'] == 'sphere'
-shape.location = (0, 0, 0 if sphere else -given['depth'])
-shape.scale = [s * (1 - given['depth'] * sphere) / given['radius'] for s in shape.scale]
+shape.location = (0, 0, 0)
+for vertex in shape.data.vertices:  # to where the maps' surface is, as sunk() of compare_renderers has it
+    p, depth = vertex.co, given['depth'] * given['radius']
+    if given['shape'] == 'sphere':
+        squeezed = max(1 - (p.z / given['radius']) ** 2, 0) ** 0.25  # the root of cos(elevation)
+        vertex.co = p * (1 - given['depth'] * squeezed)
+    else:
+        p.z -= depth
+shape.scale = [s / given['radius'] for s in shape.scale]
 
 
 def z_up(v):

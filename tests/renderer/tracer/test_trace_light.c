@@ -8,6 +8,7 @@
 #include "tracer/trace_path.h"
 
 #include <math.h>
+#include <png.h>
 #include <string.h>
 
 /* A diffuser and nothing else; its colour. */
@@ -70,6 +71,114 @@ static struct trace_options small(int side, int samples) {
     options.width = options.height = side;
     options.samples = samples;
     return options;
+}
+
+/* A picture of two by two pixels as a data URI: red and green above, blue and grey below. */
+static char *four_pixels(void) {
+    static const guint8 rgb[12] = {255, 0, 0, 0, 255, 0, 0, 0, 255, 188, 188, 188};
+    png_image image = {
+        .version = PNG_IMAGE_VERSION, .width = 2, .height = 2, .format = PNG_FORMAT_RGB};
+    guint8 bytes[1024];
+    png_alloc_size_t size = sizeof bytes;
+    g_assert_true(png_image_write_to_memory(&image, bytes, &size, FALSE, rgb, 0, NULL) != 0);
+    g_autofree char *text = g_base64_encode(bytes, size);
+    return g_strconcat("data:image/png;base64,", text, NULL);
+}
+
+/* A diffuser with that picture under a lamp above it shows c/π · π = c, the product of factor and
+ * pixel, where the pixels' middles are: the plane is 2 wide, its first row lies at +y. */
+static void test_texture(void) {
+    static const struct {
+        double x, y;
+        float rgb[3];
+    } places[] = {{-0.5, 0.5, {1, 0, 0}},
+                  {0.5, 0.5, {0, 1, 0}},
+                  {-0.5, -0.5, {0, 0, 1}},
+                  {0.5, -0.5, {0.5F, 0.5F, 0.5F}}, /* 188: 0.5029 */
+                  {0, 0.5, {0.5F, 0.5F, 0}}};      /* between two */
+    static const float factor[3] = {1, 0.5F, 0.25F};
+    g_autoptr(Mesh) plane = scene_plane();
+    const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
+    g_autofree char *uri = four_pixels();
+    g_autofree char *more =
+        g_strdup_printf(", \"textures\": [{\"source\": 0}], \"images\": [{\"uri\": \"%s\"}]", uri);
+    g_autofree char *text = trace_fixture_text(
+        &object, 1,
+        "{\"name\": \"painted\", \"pbrMetallicRoughness\": {\"baseColorFactor\": [1, 0.5, 0.25, "
+        "1], "
+        "\"baseColorTexture\": {\"index\": 0}, \"metallicFactor\": 0}, \"extensions\": "
+        "{\"KHR_materials_specular\": {\"specularFactor\": 0}}}",
+        more, "", 0);
+    g_autoptr(TraceScene) scene = read_text(text);
+    const struct trace_options options = small(1, 1);
+    const struct work work = {0};
+    const double size = (double)plane->vertices[0].position[0];
+    trace_scene_add_lamp(scene, 0.0, 0.0, 1.0);
+    for (gsize k = 0; k < G_N_ELEMENTS(places); k++) {
+        g_autoptr(GError) error = NULL;
+        look_down(scene, places[k].x * fabs(size), places[k].y * fabs(size), 1000.0);
+        scene->camera.fov_y_rad = 1e-9;
+        g_autoptr(TracePicture) picture = trace_render(scene, &options, &work, &error);
+        g_assert_no_error(error);
+        for (int c = 0; c < 3; c++)
+            g_assert_cmpfloat_with_epsilon(picture->rgb[c], places[k].rgb[c] * factor[c], 0.004);
+    }
+}
+
+/* A picture that is no PNG, and one that is not there: the colour alone, and a warning. */
+static void test_texture_unread(void) {
+    static const char *const uris[] = {"data:image/jpeg;base64,/9j/4A==", "nowhere.png"};
+    static const char *const words[] = {"save it as PNG", "nowhere.png"};
+    g_autoptr(Mesh) plane = scene_plane();
+    const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
+    for (int k = 0; k < 2; k++) {
+        g_autofree char *more = g_strdup_printf(
+            ", \"textures\": [{\"source\": 0}], \"images\": [{\"uri\": \"%s\"}]", uris[k]);
+        g_autofree char *text =
+            trace_fixture_text(&object, 1,
+                               "{\"name\": \"painted\", \"pbrMetallicRoughness\": "
+                               "{\"baseColorFactor\": [0.25, 0.5, 1, "
+                               "1], \"baseColorTexture\": {\"index\": 0}}}",
+                               more, "", 0);
+        g_autoptr(TraceScene) scene = read_text(text);
+        const struct trace_surface *surface =
+            &g_array_index(scene->surfaces, struct trace_surface, 0);
+        g_assert_null(surface->texture);
+        g_assert_nonnull(strstr(surface->warning, "“painted”"));
+        g_assert_nonnull(strstr(surface->warning, words[k]));
+        g_assert_cmpfloat(surface->plain.base[0], ==, 0.25);
+    }
+}
+
+/* Beyond its edges a picture is repeated, mirrored or held. */
+static void test_wrap(void) {
+    static const struct {
+        enum gltf_wrap wrap;
+        double u, red; /* at the height of the upper row, whose pixels are red and green */
+    } cases[] = {{GLTF_WRAP_REPEAT, 1.25, 1}, {GLTF_WRAP_REPEAT, -0.25, 0},
+                 {GLTF_WRAP_CLAMP, 1.25, 0},  {GLTF_WRAP_CLAMP, -3, 1},
+                 {GLTF_WRAP_MIRROR, 1.25, 0}, {GLTF_WRAP_MIRROR, 1.75, 1},
+                 {GLTF_WRAP_MIRROR, -0.25, 1}};
+    g_autofree char *uri = four_pixels();
+    gsize size;
+    guchar *png = g_base64_decode(strchr(uri, ',') + 1, &size);
+    g_autoptr(GBytes) bytes = g_bytes_new_take(png, size);
+    for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
+        g_autoptr(GError) error = NULL;
+        double rgb[3];
+        TraceTexture *texture = trace_texture_new(
+            bytes, (const enum gltf_wrap[2]){cases[k].wrap, GLTF_WRAP_REPEAT}, &error);
+        g_assert_no_error(error);
+        trace_texture_colour(texture, cases[k].u, 0.75, rgb);
+        g_assert_cmpfloat_with_epsilon(rgb[0], cases[k].red, 1e-6);
+        g_assert_cmpfloat_with_epsilon(rgb[1], 1 - cases[k].red, 1e-6);
+        trace_texture_free(texture);
+    }
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GBytes) jpeg = g_bytes_new_static("\xff\xd8\xff\xe0", 4);
+    const enum gltf_wrap wrap[2] = {GLTF_WRAP_REPEAT, GLTF_WRAP_REPEAT};
+    g_assert_null(trace_texture_new(jpeg, wrap, &error));
+    g_assert_nonnull(strstr(error->message, "save it as PNG"));
 }
 
 /* Beneath an even sky of radiance 1 a white body is invisible: every pixel is 1. Convex. */
@@ -343,6 +452,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/trace-light/plane", test_plane);
     g_test_add_func("/trace-light/area", test_area);
     g_test_add_func("/trace-light/punctual", test_punctual);
+    g_test_add_func("/trace-light/texture", test_texture);
+    g_test_add_func("/trace-light/texture_unread", test_texture_unread);
+    g_test_add_func("/trace-light/wrap", test_wrap);
     g_test_add_func("/trace-light/captured", test_captured);
     g_test_add_func("/trace-light/same", test_same);
     g_test_add_func("/trace-light/cancelled", test_cancelled);
