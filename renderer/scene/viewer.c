@@ -286,8 +286,13 @@ gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, G
     return viewer_take(viewer, &method_eigenmaps, eigenmaps_view_new(material, error), error);
 }
 
+gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
+                                 GError **error) {
+    return relief_set_mdf(viewer->relief, material, mdf, error);
+}
+
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error) {
-    return relief_set_mdf(viewer->relief, 0, mdf, error);
+    return viewer_set_material_mdf(viewer, 0, mdf, error);
 }
 
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error) {

@@ -96,7 +96,9 @@ gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error
 #define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
                         GError **error);
-/* The MDF of a material of that number. */
+/* As viewer_set_mdf() and viewer_open_mdf(), of the material of a number. */
+gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
+                                 GError **error);
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
 
 /* The MDF of the material in any of its forms; NULL: none. Copies what it needs. */

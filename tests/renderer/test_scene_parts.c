@@ -1,5 +1,7 @@
 /* Scenes of several objects and materials: how glTF becomes one mesh, and what is drawn of it. */
+#include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
+#include "lib/silhouettes_fixture.h"
 #include "lib/trace_fixture.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
@@ -189,11 +191,70 @@ static void test_drawn(gconstpointer data) {
     remove_tree(folder);
 }
 
+/* A torus on a floor whose material is the torus's, once as one material and once as two that are
+ * the same: the pictures are the same, however silhouettes are found. With another relief, or none,
+ * of the floor the shadow that falls on it is another. */
+static void test_relief(gconstpointer data) {
+    const struct scene_options scene = {3, 3, SCENE_Z_UP, TRUE};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *file = g_build_filename(folder, "grey.exr", NULL);
+    g_autoptr(MdfTable) weave = relief_scene_mdf(RELIEF_WEAVE);
+    const gsize n_depths = (gsize)weave->n_views * weave->width * weave->height;
+    g_autofree float *halves = g_new(float, n_depths);
+    struct mdf_table half = *weave;
+    half.depth_mm = halves;
+    for (gsize k = 0; k < n_depths; k++)
+        halves[k] = 0.5F * weave->depth_mm[k];
+    const struct mdf_source of_weave = {.table = weave}, of_half = {.table = &half};
+    struct eigenmaps *grey = view_fixture_material(GREY, 3, 8);
+    g_assert_true(eigenmaps_write(file, grey, &error));
+    eigenmaps_free(grey);
+    g_autoptr(Viewer) one = view_fixture_view(GREY, 3, 8, mesh);
+    const guint n_torus = mesh->n_indices - mesh->n_floor_indices;
+    const struct mesh_part parts[] = {{0, n_torus, 0}, {n_torus, mesh->n_floor_indices, 1}};
+    mesh->parts = g_memdup2(parts, sizeof parts);
+    mesh->n_parts = G_N_ELEMENTS(parts);
+    g_autoptr(Viewer) two = view_fixture_view(GREY, 3, 8, mesh);
+    g_assert_cmpint(viewer_add_material(two, methods[0], file, 3.0, &error), ==, 1);
+    g_assert_true(viewer_set_mdf(one, &of_weave, &error));
+    g_assert_true(viewer_set_mdf(two, &of_weave, &error));
+    struct viewer_settings s = viewer_settings_default;
+    s.silhouettes = s.shadows = TRUE;
+    s.shadow_size = 512;
+    s.light_theta_deg = 60.0;
+    s.n_lamps = 1;
+    s.lamps[0] = (struct viewer_lamp){
+        .theta_deg = 50.0, .phi_deg = 80.0, .rgb = {0.4F, 0.4F, 0.1F}, .distance = 1.6};
+    for (int way = 0; way < 2; way++) {
+        s.visibility.way = way == 0 ? VISIBILITY_AUTO : VISIBILITY_PEEL;
+        g_assert_true(viewer_set_material_mdf(two, 1, &of_weave, &error));
+        g_autofree float *whole = view_fixture_linear(one, &s, WIDTH, HEIGHT);
+        g_autofree float *same = view_fixture_linear(two, &s, WIDTH, HEIGHT);
+        g_assert_true(viewer_set_material_mdf(two, 1, &of_half, &error));
+        g_autofree float *other = view_fixture_linear(two, &s, WIDTH, HEIGHT);
+        g_assert_true(viewer_set_material_mdf(two, 1, NULL, &error));
+        g_autofree float *smooth = view_fixture_linear(two, &s, WIDTH, HEIGHT);
+        const int n = 4 * WIDTH * HEIGHT;
+        const int none = silhouettes_differ(whole, same, n, 1e-3F);
+        const int shallow = silhouettes_differ(whole, other, n, 0.05F);
+        const int flat = silhouettes_differ(whole, smooth, n, 0.05F);
+        g_test_message("differ: %d of the same relief, %d of another, %d of none", none, shallow,
+                       flat);
+        g_assert_cmpint(none, ==, 0);
+        g_assert_cmpint(shallow, >, 50);
+        g_assert_cmpint(flat, >, 50);
+    }
+    remove_tree(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/scene-parts/bindings", test_bindings);
     g_test_add_func("/scene-parts/parts", test_parts);
     g_test_add_func("/scene-parts/refused", test_refused);
     gpu_fixture_add("/scene-parts/drawn", test_drawn, NULL);
+    gpu_fixture_add("/scene-parts/relief", test_relief, NULL);
     return g_test_run();
 }
