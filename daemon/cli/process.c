@@ -92,7 +92,7 @@ static struct calibration *tell_calibration(Record *to, const char *directory, G
 struct process {
     const char *directory;
     const char *calibration, *path; /* its text, and where it is from; NULL: the session's own */
-    gboolean follow;
+    gboolean follow, lines_in_pictures;
     struct pipeline_result result;
     GPtrArray *causes; /* char *: why little was measured */
 };
@@ -113,6 +113,7 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
         .n_eigenmaps = 4,
         .calibration = process->calibration,
         .calibration_path = process->path,
+        .lines_in_pictures = process->lines_in_pictures,
         .work = *work,
     };
     return pipeline_run(process->directory, &options, &process->result, error) &&
@@ -155,17 +156,26 @@ static char *read_calibration(const char *directory, const char *path, GError **
 }
 
 static gboolean follow_option;
-static char *calibration_option;
+static char *calibration_option, *lines_option;
 static const GOptionEntry entries[] = {
     {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
      NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
      "Process with this calibration, not the session's own; “nominal”: with none", "FILE"},
+    {"laser-lines", 0, 0, G_OPTION_ARG_STRING, &lines_option,
+     "How the laser's line beside the sample is found: by the pixels' peak times (the default), or "
+     "in each "
+     "picture, to compare; that takes a session with keep_laser_frames",
+     "peaks|pictures"},
     {NULL},
 };
 
 static int cli_process_run(const struct call *call, GError **error) {
     const char *directory = call->arguments[0];
+    const gboolean pictures = g_strcmp0(lines_option, "pictures") == 0;
+    if (lines_option && !pictures && !g_str_equal(lines_option, "peaks"))
+        return cli_usage(call->command, "--laser-lines %s: peaks or pictures is expected",
+                         lines_option);
     g_autofree char *calibration =
         calibration_option ? read_calibration(directory, calibration_option, error) : NULL;
     if (calibration_option && !calibration)
@@ -173,7 +183,7 @@ static int cli_process_run(const struct call *call, GError **error) {
     g_autofree char *path = !calibration_option || g_str_equal(calibration_option, "nominal")
                                 ? g_strdup("nominal")
                                 : g_canonicalize_filename(calibration_option, NULL);
-    struct process process = {directory, calibration, path, follow_option};
+    struct process process = {directory, calibration, path, follow_option, pictures};
     return run_process(&process, call->record, error);
 }
 

@@ -339,6 +339,9 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
     g_autoptr(GChecksum) sum = view_checksum(catalogue, "mdf", view);
     g_autofree char *reference = laser_reference_to_text(&catalogue->reference);
     input_hash(sum, "%s", reference);
+    job->lines_in_pictures = catalogue->lines_in_pictures;
+    if (job->lines_in_pictures)
+        input_hash(sum, "lines in pictures");
     gboolean waiting = FALSE;
     for (guint i = 0; i < catalogue->lasers->len && job->sweeps->len < MDF_MAX_SWEEPS; i++) {
         const struct session_direction *direction = g_ptr_array_index(catalogue->lasers, i);

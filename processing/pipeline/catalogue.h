@@ -21,6 +21,7 @@ struct catalogue {
     GPtrArray *frame_rows;
     GHashTable *by_source; /* kind, source and turntable angle → GPtrArray of shots */
     const char *directory;
+    gboolean lines_in_pictures; /* FALSE after catalogue_load(); see struct pipeline_options */
 };
 
 /* calibration: as in struct pipeline_options. */
@@ -57,7 +58,8 @@ struct mdf_job {
     const struct rig *rig;
     const struct laser_reference *reference;
     GArray *sweeps; /* of struct mdf_input, in order of laser position */
-    char *inputs;   /* hash of all of the above */
+    gboolean lines_in_pictures;
+    char *inputs; /* hash of all of the above */
 };
 void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "frames/laser_pictures.h"
 #include "mdf/mdf_views.h"
 
 static const char *const channels[] = {"D", "M", "N", "O", "P", "S", NULL};
@@ -56,11 +57,44 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
                            input->steps);
 }
 
+/* Above the median of the reference region; as laser_threshold_dn is by default. */
+#define LINE_DN 12
+
+/* The published way: reads the frames that the session has kept beside the sweep's file. */
+static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_input *input,
+                                 const struct laser_sweep *sweep, const struct exr_part *size,
+                                 struct laser_lines *ret, GError **error) {
+    g_autoptr(LaserPictures) pictures =
+        laser_pictures_new(region, sweep, size->width, size->height, input->steps, LINE_DN);
+    const gsize n = (gsize)size->width * size->height;
+    g_autofree guint16 *pixels = g_new(guint16, n);
+    const int stem = (int)strlen(input->input.path) - (int)strlen(".exr");
+    for (int k = 0; k < input->steps; k++) {
+        g_autofree char *path = g_strdup_printf("%.*s/%04d.exr", stem, input->input.path, k);
+        g_autoptr(ExrPart) frame = exr_read_part(path, "frame", error);
+        const float *values = frame ? exr_part_plane(frame, "Y") : NULL;
+        if (!frame) {
+            g_prefix_error(error,
+                           "laser lines are found in pictures only of a session that was captured "
+                           "with keep_laser_frames = yes: ");
+            return FALSE;
+        }
+        if (!values || (gsize)frame->width * frame->height != n)
+            return data_error_fail(path, 0, error, "is no picture of %d × %d pixels", size->width,
+                                   size->height);
+        for (gsize i = 0; i < n; i++)
+            pixels[i] = (guint16)CLAMP(values[i], 0.0F, 65535.0F);
+        laser_pictures_add(pictures, pixels);
+    }
+    laser_pictures_finish(pictures, ret);
+    return TRUE;
+}
+
 /* Finds the laser's lines in the reference region first, then intersects rays with the corrected
  * sheets. */
 static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
-                                      const struct mdf_input *input, struct mdf_lines *count,
-                                      GError **error) {
+                                      const struct mdf_input *input, gboolean in_pictures,
+                                      struct mdf_lines *count, GError **error) {
     static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
     g_autoptr(ExrPart) part = input_read(&input->input, sweep_channels, error);
     if (!part || !check_sweep(input, part, error))
@@ -76,7 +110,10 @@ static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
                                 .second_peak = exr_part_plane(part, "second_peak"),
                                 .second_intensity = exr_part_plane(part, "second_intensity")};
     struct laser_lines lines;
-    laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
+    if (!in_pictures)
+        laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
+    else if (!find_in_pictures(region, input, &sweep, part, &lines, error))
+        return FALSE;
     const double deg = lines.offset_rad * 180 / G_PI;
     const gboolean found = lines.turn_rad != NULL;
     const struct mdf_lines one = {1,         found, lines.disagrees,
@@ -98,7 +135,7 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     for (guint i = 0; i < job->sweeps->len; i++)
         if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
             !mdf_product_add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i),
-                                   &lines, error))
+                                   job->lines_in_pictures, &lines, error))
             return NULL;
     struct mdf_result *result =
         mdf_product_new_result(job->view, job->inputs, grid->width * grid->height);

@@ -520,6 +520,7 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     run->catalogue = catalogue_load(run->session, run->options->calibration, error);
     if (!run->catalogue)
         return FALSE;
+    run->catalogue->lines_in_pictures = run->options->lines_in_pictures;
     run->n_views = (int)run->catalogue->views->len;
     for (int stage = 0; stage < N_STAGES; stage++)
         run->made[stage] = g_new0(gboolean, run->n_views);

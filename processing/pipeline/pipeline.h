@@ -43,6 +43,9 @@ struct pipeline_options {
      * marks measured during the capture is not used. calibration_path: where it is from, or
      * "nominal"; recorded with the products (session/made_with.h). */
     const char *calibration, *calibration_path;
+    /* Laser lines are found in each picture, as published (frames/laser_pictures.h): to compare.
+     * The session must have kept its laser frames. */
+    gboolean lines_in_pictures;
     struct work work;
 };
 
