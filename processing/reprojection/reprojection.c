@@ -21,8 +21,8 @@
 /* The same of texels whose values are mixed: a value is that of a texel's whole area, and at a step
  * two values are nearer to what is there than one. */
 #define ONE_COLOUR 1.6
-#define CUBIC      -0.6F /* of Keys' kernel */
-#define HALVINGS   6     /* of STEP, once the surface lies within it */
+#define CUBIC      (-0.6F) /* of Keys' kernel */
+#define HALVINGS   6       /* of STEP, once the surface lies within it */
 
 struct eye { /* a view */
     struct mdf_eye mdf;
@@ -148,7 +148,7 @@ static int reprojection_weight_of(struct reprojection_weights *weights, int view
  * number. */
 static int reprojection_nearest(const Reprojection *s, struct vec3 v, int ret_view[NEAREST],
                                 double ret_weight[NEAREST]) {
-    double r[NEAREST + 1], sum = 0;
+    double r[NEAREST + 1] = {0}, sum = 0;
     int view[NEAREST + 1], n = 0;
     for (int k = 0; k < s->n; k++) {
         const double distance = vec3_length(vec3_sub(s->eyes[k].direction, v));
@@ -163,7 +163,7 @@ static int reprojection_nearest(const Reprojection *s, struct vec3 v, int ret_vi
         view[at] = k;
         n = MIN(n + 1, NEAREST + 1);
     }
-    const double end = n > NEAREST ? r[NEAREST] : 1.5 * r[n - 1] + 1e-6;
+    const double end = n > NEAREST ? r[NEAREST] : 1.5 * r[MAX(n, 1) - 1] + 1e-6;
     n = MIN(n, NEAREST);
     for (int k = 0; k < n; k++) {
         const double at = MAX(r[k], 1e-6), h = MAX(end - at, 0) / (end * at);

@@ -338,8 +338,9 @@ static char *write_deep(void) {
             exr_set_double(part, "view.theta_deg", 45);
             exr_set_double(part, "view.phi_deg", 120 * view);
             for (int k = 0; k < DEEP_SIDE * DEEP_SIDE; k++) {
-                const double x = (k % DEEP_SIDE + 0.5 - 0.5 * DEEP_SIDE) * DEEP_MM;
-                const double y = (0.5 * DEEP_SIDE - k / DEEP_SIDE - 0.5) * DEEP_MM;
+                const int column = k % DEEP_SIDE, row = k / DEEP_SIDE;
+                const double x = (column + 0.5 - 0.5 * DEEP_SIDE) * DEEP_MM;
+                const double y = (0.5 * DEEP_SIDE - row - 0.5) * DEEP_MM;
                 const struct vec3 v = vec3_unit(vec3(centre.x - x, centre.y - y, centre.z));
                 for (int c = 0; c < 3; c++)
                     part->planes[c][k] = deep_seen(x, y, v);

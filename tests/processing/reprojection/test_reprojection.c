@@ -97,8 +97,9 @@ static struct scene *reprojection_test_scene(Relief relief, const double (*deg)[
         *view = (struct reprojection_view){
             {600 * v.x, 600 * v.y, plane.reference_mm + 600 * v.z}, scene->distance[k], NULL};
         for (int i = 0; i < N_TEXELS; i++) {
-            const double at_mm[2] = {(i % SIDE + 0.5 - SIDE / 2.0) * plane.texel_mm,
-                                     (SIDE / 2.0 - i / SIDE - 0.5) * plane.texel_mm};
+            const int column = i % SIDE, row = i / SIDE;
+            const double at_mm[2] = {(column + 0.5 - SIDE / 2.0) * plane.texel_mm,
+                                     (SIDE / 2.0 - row - 0.5) * plane.texel_mm};
             const struct vec3 to =
                 vec3_unit(vec3(view->centre_mm[0] - at_mm[0], view->centre_mm[1] - at_mm[1],
                                view->centre_mm[2] - plane.reference_mm));
@@ -168,7 +169,8 @@ static struct errors reprojection_test_errors(const struct scene *scene, Relief 
 
 static const struct work quiet = {.n_threads = 2};
 
-static const double three[][2] = {{40, 0}, {40, 120}, {40, 240}};
+#define N_THREE 3
+static const double three[N_THREE][2] = {{40, 0}, {40, 120}, {40, 240}};
 static const double ten[][2] = {{0, 0},   {30, 0},   {30, 120}, {30, 240}, {60, 0},
                                 {60, 60}, {60, 120}, {60, 180}, {60, 240}, {60, 300}};
 
@@ -278,7 +280,7 @@ static void reprojection_test_write_mdf(const struct scene *scene, const char *p
     static const char *const channels[] = {"D", "S", NULL};
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = exr_file_new();
-    for (int k = scene->n - 1; k >= 0; k--) {
+    for (int k = N_THREE - 1; k >= 0; k--) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
         struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
         const double *c = scene->views[k].centre_mm;
@@ -331,21 +333,21 @@ static char *reprojection_test_session(const struct scene *scene, const char *fo
     static const struct session_direction lights[] = {
         {.index = 0, .theta_deg = 30}, {.index = 1, .theta_deg = 30, .phi_deg = 180}};
     const struct session_texts texts = {"", "", "", NULL};
-    struct session_direction views[MOST] = {0};
-    for (int k = 0; k < scene->n; k++)
+    struct session_direction views[N_THREE] = {0};
+    for (int k = 0; k < N_THREE; k++)
         views[k] = (struct session_direction){
             .index = k, .theta_deg = three[k][0], .phi_deg = three[k][1]};
     const double side_mm = SIDE * plane.texel_mm, level_mm = plane.reference_mm;
     const struct session_plan plan = {.grid = {SIDE, SIDE, side_mm, side_mm, level_mm, level_mm},
                                       .views = views,
-                                      .n_views = scene->n,
+                                      .n_views = N_THREE,
                                       .lights = lights,
                                       .n_lights = 2};
     char *path = g_build_filename(folder, "a.session", NULL);
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_create(path, "a", &texts, &plan, &error);
     g_assert_no_error(error);
-    for (int k = 0; k < scene->n; k++) {
+    for (int k = 0; k < N_THREE; k++) {
         g_autoptr(ExrFile) file = exr_file_new();
         g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", k);
         g_autofree char *to = session_file(session, relative);
