@@ -279,9 +279,9 @@ static void test_command(void) {
     g_autofree char *all = process_mesorig(0, "export normals %s -o %s --json", model, file);
     assert_has(all, "\"model\": \"ptm\"");
     assert_has(all, "\"holes\": 0");
-    g_autofree char *clipped = process_mesorig(0, "export normals %s -o %s --maximum", model, file);
+    g_autofree char *clipped = process_mesorig(0, "export normals %s -o %s --maximum --force", model, file);
     assert_has(clipped, "clipped");
-    g_free(process_mesorig(0, "export height %s -o %s", model, file));
+    g_free(process_mesorig(0, "export height %s -o %s --force", model, file));
     g_autofree char *points = g_build_filename(session_fixture_folder, "out.ply", NULL);
     g_autofree char *none = process_mesorig(1, "export points %s -o %s", model, points);
     assert_has(none, model);
