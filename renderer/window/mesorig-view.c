@@ -290,7 +290,9 @@ static void viewer_main_tell(const struct studio *studio) {
 
 static int viewer_main_run(struct viewer_options *o) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *material = viewer_options_path(o, o->method);
+    g_autofree char *material = o->n_bindings > 0 && o->argument == NULL
+                                    ? g_strdup("the scene's materials")
+                                    : viewer_options_path(o, o->method);
     g_autofree char *folder = g_path_get_dirname(material);
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
     struct studio studio = {.o = o, .material = material, .files = files};
