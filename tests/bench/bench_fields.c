@@ -73,11 +73,11 @@ static struct steps fields_steps(const struct direction_list *list, const double
     for (gsize texel = 0; texel < n_texels; texel++)
         for (gsize i = 0; i < list->n; i++) {
             const double *row = series + texel * list->n;
-            const int low = (double)list->theta_deg[i] > ret.theta_deg - 1;
+            const int rings = (double)list->theta_deg[i] > ret.theta_deg - 1 ? 2 : 1;
             if (next[i] < 0)
                 continue;
             const double at = row[next[i]], after = row[next[next[i]]];
-            for (int ring = 0; ring <= low; ring++) {
+            for (int ring = 0; ring < rings; ring++) {
                 sum[ring] += at;
                 steps[ring] += (at - row[i]) * (at - row[i]);
                 kinks[ring] += pow(at - 0.5 * (row[i] + after), 2);
@@ -95,7 +95,7 @@ static struct steps fields_steps(const struct direction_list *list, const double
 static void fields_print_steps(const struct btf_matrix *btf, gboolean json) {
     const gsize n_texels = btf_layout_texels(&btf->layout);
     const gsize n_views = btf->layout.views.n, n_lights = btf->layout.lights.n;
-    g_autofree double *f = g_new(double, n_views *n_lights);
+    g_autofree double *f = g_new0(double, n_views *n_lights);
     g_autofree double *e_r = g_new0(double, n_texels *n_views);
     g_autofree double *e_i = g_new0(double, n_texels *n_lights);
     for (gsize texel = 0; texel < n_texels; texel++) {
@@ -346,7 +346,7 @@ static void fields_session(const char *path, const char *plot, int texel, gboole
     static const enum lobes_model models[PLOTTED] = {LOBES_LAFORTUNE, LOBES_PTM, LOBES_FIELDS};
     g_autoptr(BtfMatrix) btf = btf_matrix_read(path, NULL, error);
     struct lobes *lobes[PLOTTED] = {NULL};
-    if (btf == NULL)
+    if (btf == NULL || btf->layout.views.n == 0 || btf->layout.lights.n == 0)
         return;
     const int n_texels = (int)btf_layout_texels(&btf->layout);
     if (texel < 0)

@@ -111,7 +111,7 @@ int bench_bits(char *const *sessions, int every, gboolean json) {
     for (guint i = 0; !error && i < n; i += 2) {
         struct btf_matrix *noisy = btf_matrix_read(sessions[i], NULL, &error);
         struct btf_matrix *quiet = noisy ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
-        if (quiet) {
+        if (quiet != NULL) {
             bench_thin_views(noisy, every);
             bench_thin_views(quiet, every);
         }
@@ -119,7 +119,7 @@ int bench_bits(char *const *sessions, int every, gboolean json) {
         for (guint k = 0; quiet && !error && k < G_N_ELEMENTS(clusters); k++)
             bits_add(points, noisy, quiet, clusters[k], &error);
         bench_keep_best(points);
-        for (guint k = 0; k < points->len; k++) {
+        for (guint k = 0; quiet && k < points->len; k++) {
             const struct bench_point *point = &g_array_index(points, struct bench_point, k);
             printf(json ? "%s{\"material\": \"%s\", \"label\": \"%s\", \"ratio\": %.1f, \"error\": "
                           "%.5f}"

@@ -178,7 +178,7 @@ gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, gbool
     struct viewer_settings settings[WAYS * KINDS];
     Viewer *viewers[WAYS * KINDS] = {NULL};
     int n = 0, way_of[WAYS * KINDS], kind_of[WAYS * KINDS];
-    double ms[WAYS][KINDS] = {{0}}, times[WAYS * KINDS];
+    double ms[WAYS][KINDS] = {{0}}, times[WAYS * KINDS] = {0};
     struct fetches counts[WAYS] = {{0}};
     gboolean good = grid != NULL;
     glGenSamplers(1, &unfiltered);

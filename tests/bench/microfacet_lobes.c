@@ -75,7 +75,7 @@ void microfacet_lobes(const char *path) {
     cairo_set_font_size(cr, 14);
     for (int row = 0; row < rows; row++) {
         cairo_set_source_rgb(cr, 0.1, 0.1, 0.1);
-        cairo_move_to(cr, 8, 24 + row * step + DISC / 2);
+        cairo_move_to(cr, 8, 24 + row * step + DISC / 2.0);
         cairo_show_text(cr, lobes_rows[row].name);
         cairo_surface_flush(surface);
         for (int k = 0; k < TILTS; k++) {
@@ -93,7 +93,7 @@ void microfacet_lobes(const char *path) {
     for (int k = 0; k < TILTS; k++) {
         g_autofree char *text = g_strdup_printf("%d°", 15 * k);
         cairo_set_source_rgb(cr, 0.1, 0.1, 0.1);
-        cairo_move_to(cr, label + k * step + DISC / 2 - 8, 16);
+        cairo_move_to(cr, label + k * step + DISC / 2.0 - 8, 16);
         cairo_show_text(cr, text);
     }
     const cairo_status_t status = cairo_surface_write_to_png(surface, path);

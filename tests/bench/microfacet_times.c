@@ -220,7 +220,7 @@ struct microfacet_times_set {
 static void microfacet_times_set(const struct microfacet_times_set *set, int frames, double *ret_ms,
                                  double *ret_times) {
     const gsize n = (gsize)frames;
-    g_autofree double *ms = g_new(double, (gsize)set->n *n), *times = g_new(double, n);
+    g_autofree double *ms = g_new0(double, (gsize)set->n *n), *times = g_new(double, n);
     for (int k = -1; k < frames; k++)
         for (int i = 0; i < set->n; i++) {
             const int p = (i + k + 1) % set->n;
