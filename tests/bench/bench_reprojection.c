@@ -165,6 +165,8 @@ static void reprojection_bench_trace(struct scene *scene, const char *path) {
     g_autoptr(GPtrArray) shots = session_shots(session, &error);
     g_autoptr(GPtrArray) views = shots ? session_views(session, &error) : NULL;
     bench_check(error);
+    if (!views)
+        bench_fail(1, "%s: its views cannot be read", path);
     const struct mdf_plane *plane = &scene->plane;
     const struct truth_grid grid = {plane->width, plane->height, plane->width * plane->texel_mm,
                                     plane->height * plane->texel_mm, plane->reference_mm};
@@ -316,7 +318,7 @@ static void reprojection_bench_view(int k, gpointer data) {
     const struct vec3 nominal =
         vec3_unit(vec3(centre[0], centre[1], centre[2] - scene->plane.reference_mm));
     for (int i = 0; i < 3 && pictures; i++)
-        shown[i] = g_new(float, 3 * n);
+        shown[i] = g_new0(float, 3 * n);
     for (int texel = 0; texel < n; texel++) {
         struct reprojection_tap taps[4 * MOST_POLE];
         struct reprojection_hit hit;
@@ -335,11 +337,11 @@ static void reprojection_bench_view(int k, gpointer data) {
         reprojection_bench_depth(scene, view, texel, hit.mm, &scene->sums[k]);
         scene->sums[k].texels++;
         scene->sums[k].fallback += !hit.seen;
-        for (int i = 0; i < 3 && pictures; i++)
+        for (int i = 0; i < 3 && shown[i]; i++)
             memcpy(shown[i] + 3 * texel, (const float *const[]){truth, mixed, along}[i],
                    3 * sizeof(float));
     }
-    if (pictures)
+    if (shown[0])
         reprojection_bench_write(scene, view, shown);
     for (int i = 0; i < 3; i++)
         g_free(shown[i]);
