@@ -68,6 +68,89 @@ static void test_first_values(void) {
     session_close(session);
 }
 
+/* A plan that somebody has edited in the database is refused where it is read, in words. */
+static void test_edited(void) {
+    static const char *const edits[] = {
+        "UPDATE grid SET width = 0",
+        "UPDATE grid SET width = 16385",
+        "UPDATE grid SET height = -1",
+        "UPDATE grid SET height = 99999999999",
+        "UPDATE grid SET width_mm = 0",
+        "UPDATE grid SET width_mm = 9e999",
+        "UPDATE grid SET height_mm = -1",
+        "UPDATE grid SET height_mm = 9e999",
+        "UPDATE grid SET reference_mm = 9e999",
+        "UPDATE grid SET depth_mm = -1",
+        "UPDATE grid SET depth_mm = 9e999",
+        "DELETE FROM grid",
+        "DELETE FROM session",
+        "UPDATE direction SET idx = 999 WHERE kind = 'view' AND idx = 0",
+        "UPDATE direction SET device = -1 WHERE kind = 'light'",
+        "UPDATE direction SET device = 1000001 WHERE kind = 'laser'",
+        "UPDATE direction SET theta_deg = 9e999 WHERE kind = 'view'",
+        "UPDATE direction SET phi_deg = 9e999 WHERE kind = 'view'",
+        "UPDATE direction SET turntable_deg = -9e999 WHERE kind = 'view'",
+        "UPDATE direction SET note = CAST (x'ff' AS TEXT) WHERE kind = 'view'",
+        "UPDATE shot SET id = 99 WHERE id = 5",
+        "UPDATE shot SET kind = 'other' WHERE id = 2",
+        "UPDATE shot SET state = 'other' WHERE id = 2",
+        "UPDATE shot SET kind = 'lamp', source = 99 WHERE id = 2",
+        "UPDATE shot SET kind = 'sweep', source = -1 WHERE id = 2",
+        "UPDATE shot SET kind = 'dark', source = 0 WHERE id = 2",
+        "UPDATE shot SET device = -2 WHERE id = 2",
+        "UPDATE shot SET device = 1000001 WHERE id = 2",
+        "UPDATE shot SET pose = -1 WHERE id = 2",
+        "UPDATE shot SET pose = 99999999999 WHERE id = 2",
+        "UPDATE shot SET sweep_steps = -1 WHERE id = 2",
+        "UPDATE shot SET sweep_steps = 1000001 WHERE id = 2",
+        "UPDATE shot SET turntable_deg = 9e999 WHERE id = 2",
+        "UPDATE shot SET arc_deg = 9e999 WHERE id = 2",
+        "UPDATE shot SET sweep_from_deg = 9e999 WHERE id = 2",
+        "UPDATE shot SET sweep_to_deg = 9e999 WHERE id = 2",
+        "UPDATE shot SET note = CAST (x'ff' AS TEXT) WHERE id = 2",
+        "UPDATE shot SET cameras = -1 WHERE id = 2",
+        "UPDATE shot SET cameras = 99999999999 WHERE id = 2",
+        "INSERT INTO frame VALUES (1, 0, '../a.exr', '', 1, 0, 0)",
+        "INSERT INTO frame VALUES (1, 0, '/a.exr', '', 1, 0, 0)",
+        "INSERT INTO frame VALUES (1, -1, 'a.exr', '', 1, 0, 0)",
+        "INSERT INTO frame VALUES (1, 32, 'a.exr', '', 1, 0, 0)",
+        "INSERT INTO frame VALUES (1, 0, 'a.exr', '', -1, 0, 0)",
+    };
+    g_autofree char *path = session_fixture_path("edited");
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    session_close(session_fixture_create(path, 7, 12));
+    g_autofree char *whole = NULL;
+    gsize n = 0;
+    g_assert_true(g_file_get_contents(file, &whole, &n, NULL));
+    for (gsize i = 0; i < G_N_ELEMENTS(edits); i++) {
+        sqlite3 *db = NULL;
+        g_autoptr(GError) error = NULL;
+        struct session_grid grid;
+        g_assert_cmpint(sqlite3_open(file, &db), ==, SQLITE_OK);
+        sqlite3_exec(db, "PRAGMA ignore_check_constraints = ON", NULL, NULL, NULL);
+        if (sqlite3_exec(db, edits[i], NULL, NULL, NULL) != SQLITE_OK)
+            g_error("%s: %s", edits[i], sqlite3_errmsg(db));
+        g_assert_cmpint(sqlite3_changes(db), >, 0);
+        sqlite3_close(db);
+        g_autofree char *program = NULL, *created = NULL;
+        g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+        typedef GPtrArray *(*Read)(Session *, GError **);
+        static const Read reads[] = {session_views, session_lights, session_lasers, session_shots,
+                                     session_frames};
+        gboolean ok = session && session_grid(session, &grid, &error) &&
+                      session_origin(session, &program, &created, &error);
+        for (gsize k = 0; ok && k < G_N_ELEMENTS(reads); k++) {
+            g_autoptr(GPtrArray) rows = reads[k](session, &error);
+            ok = rows != NULL;
+        }
+        if (ok)
+            g_error("accepted: %s", edits[i]);
+        g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+        g_clear_pointer(&session, session_close);
+        g_assert_true(g_file_set_contents(file, whole, (gssize)n, NULL));
+    }
+}
+
 /* Who may write is for the umask to say, and whose group it is for the folder it is made in. */
 static void test_permissions(void) {
     static const struct {
@@ -359,6 +442,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/session/plan", test_plan);
     g_test_add_func("/session/first-values", test_first_values);
+    g_test_add_func("/session/edited", test_edited);
     g_test_add_func("/session/permissions", test_permissions);
     g_test_add_func("/session/bad-plan", test_bad_plan);
     g_test_add_func("/session/exists", test_exists);
