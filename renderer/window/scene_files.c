@@ -1,6 +1,6 @@
 #include "scene_files.h"
 
-#include "file_kind.h"
+#include "scene/file_kind.h"
 
 struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,
                               const struct scene_options *how, GError **error) {

@@ -1,4 +1,4 @@
-#include "file_kind.h"
+#include "scene/file_kind.h"
 #include "settings.h"
 
 #include <math.h>

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "desktop/chooser.h"
-#include "file_kind.h"
 #include "live.h"
 #include "opener.h"
+#include "scene/file_kind.h"
 #include "scene/measured.h"
 #include "settings.h"
 #include "ui.h"

@@ -160,7 +160,9 @@ static char *check_shot(Capture *capture, gboolean turned) {
     const struct session_shot shot = {.id = 1, .kind = SHOT_LAMP};
     struct flight flight = {.shot = &shot};
     shot_of_marks(&flight, turned);
-    char *told = capture_marks_check(capture, &flight);
+    g_autoptr(GError) error = NULL;
+    char *told = capture_marks_check(capture, &flight, &error);
+    g_assert_no_error(error);
     g_array_unref(flight.marks);
     return told;
 }
