@@ -58,16 +58,21 @@ static void add_moved(Record *to, const struct near_field_correction_band *band)
         record_double(to, "nominal", band->nominal);
 }
 
+static void add_sizes(Record *to, int from_views, int from_lights,
+                      const struct import_result *made) {
+    record_int(to, "from_views", from_views);
+    record_int(to, "from_lights", from_lights);
+    record_int(to, "views", made->n_views);
+    record_int(to, "lights", made->n_lights);
+    record_int(to, "width", made->width);
+    record_int(to, "height", made->height);
+}
+
 static void add_values(Record *to, const struct near_field_correction_result *result) {
     record_string(to, "session", output);
     record_boolean(to, "exact", result->exact);
     record_boolean(to, "mdf", result->mdf);
-    record_int(to, "from_views", result->n_views);
-    record_int(to, "from_lights", result->n_lights);
-    record_int(to, "views", result->made.n_views);
-    record_int(to, "lights", result->made.n_lights);
-    record_int(to, "width", result->made.width);
-    record_int(to, "height", result->made.height);
+    add_sizes(to, result->n_views, result->n_lights, &result->made);
     record_int(to, "holes", result->holes);
     record_int(to, "bounds", result->bounds);
     record_int(to, "predicted", result->predicted);
@@ -156,12 +161,7 @@ static void cli_resample_tell_along(Record *to, const struct along_surface_resul
     const double unseen = (double)result->unseen / (double)MAX(result->texels, 1);
     record_string(to, "session", output);
     record_boolean(to, "along_surface", TRUE);
-    record_int(to, "from_views", result->n_views);
-    record_int(to, "from_lights", result->n_lights);
-    record_int(to, "views", result->made.n_views);
-    record_int(to, "lights", result->made.n_lights);
-    record_int(to, "width", result->made.width);
-    record_int(to, "height", result->made.height);
+    add_sizes(to, result->n_views, result->n_lights, &result->made);
     record_double(to, "unseen", unseen);
     record_double(to, "eigenmaps_error", result->made.eigenmaps_error);
     record_double(to, "real_s", seconds);
