@@ -12,7 +12,7 @@ struct seed_result {
     char violation[512]; /* "invariant: what is broken" */
     int life;            /* after which it was found, from 1 */
     int lives, kills, cuts, failed_calls, rotten, misplaced;
-    guint64 digest; /* of everything that happened, in order */
+    guint64 digest; /* of everything that happened, in order; 0: the order is not fixed */
 };
 
 /* The folder in which runs are made, and undisturbed ones of every session to compare with. */
