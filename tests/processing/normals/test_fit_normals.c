@@ -279,7 +279,8 @@ static void test_command(void) {
     g_autofree char *all = process_mesorig(0, "export normals %s -o %s --json", model, file);
     assert_has(all, "\"model\": \"ptm\"");
     assert_has(all, "\"holes\": 0");
-    g_autofree char *clipped = process_mesorig(0, "export normals %s -o %s --maximum --force", model, file);
+    g_autofree char *clipped =
+        process_mesorig(0, "export normals %s -o %s --maximum --force", model, file);
     assert_has(clipped, "clipped");
     g_free(process_mesorig(0, "export height %s -o %s --force", model, file));
     g_autofree char *points = g_build_filename(session_fixture_folder, "out.ply", NULL);
