@@ -5,7 +5,7 @@
 #include "capture_check.h"
 #include "capture_private.h"
 
-/* Part by which the disk space of a session is thought otherwise before that is told. */
+/* Relative change of a session's expected disk space from which on an event tells it. */
 #define BYTES_PART 0.05
 
 /* The footprints of cameras whose frames vary in size. They are computed once: neither camera nor
@@ -47,8 +47,8 @@ static void capture_bytes_count(Capture *capture, const struct session_shot *sho
     capture->stored_bytes += is;
 }
 
-/* How many times as much as planned frames of a kind and camera take: as much as those that were
- * stored; without any, as those of the other cameras. */
+/* Ratio of stored to planned bytes for the frames of a kind and camera; while none is stored, the
+ * ratio for the other cameras. */
 static double capture_bytes_ratio(const Capture *capture, int kind, int camera) {
     double sum = 0, planned = 0;
     if (!capture_bytes_vary(capture, camera))
@@ -138,8 +138,8 @@ void capture_bytes_add(Capture *capture, const struct session_shot *shot,
     g_autofree char *room = g_format_size(free_bytes);
     const gboolean full = left > (double)free_bytes;
     g_autofree char *text =
-        g_strdup_printf("by the frames there are, the session will take about %s (it was thought "
-                        "%s), %s more%s%s%s",
+        g_strdup_printf("judging by the frames stored so far, the session will take about %s "
+                        "(expected before: %s), %s more%s%s%s",
                         size, before, more, full ? "; the disk has only " : "", full ? room : "",
                         full ? " free: make room, or the session will pause when it is full" : "");
     capture->said_bytes = all;

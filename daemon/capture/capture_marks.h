@@ -10,8 +10,8 @@
 
 /* Checks the fiducials of a shot once all of its cameras have delivered, and records the lamp's
  * output. Returns NULL, or a text (g_free()) that says what has moved in this shot and the one
- * before: then the shot must not be committed. The same with an error, of the session: the output
- * is not stored, and NULL is returned. */
+ * before: then the shot must not be committed. Nor must it be if the session cannot store the
+ * output: then NULL is returned, and error is set. */
 char *capture_marks_check(Capture *capture, const struct flight *flight, GError **error);
 
 /* Forgets the marks of earlier shots. */

@@ -9,8 +9,8 @@
 #include "trial.h"
 
 #define LONG_PICTURES 500
-/* Part of a camera's pixels that may be saturated at the shortest exposure; a few highlights may.
- */
+/* Part of a camera's pixels that may be saturated at the shortest exposure, such as a few
+ * highlights. */
 #define SATURATED_PART 0.05
 /* Part of the range that the 99th percentile reaches at the longest exposure under the brightest
  * lamp, at least; and that a suggested exposure is to reach. */

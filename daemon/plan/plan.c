@@ -524,9 +524,9 @@ static void plan_note_bytes(const struct plan_build *b, const struct plan *plan)
     if (vary)
         g_ptr_array_add(
             plan->notes,
-            g_strdup_printf("frames of more than 256² pixels are compressed, and what they show "
-                            "decides how far; %smesorig status tells what the session will take "
-                            "by the frames stored so far",
+            g_strdup_printf("frames of more than 256² pixels are compressed, and their size "
+                            "depends on what they show; %smesorig status tells what the session "
+                            "will take by the frames stored so far",
                             sweeps ? "of a laser sweep, pixels that do not see its line take "
                                      "next to nothing; "
                                    : ""));

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-/* Sizes that differ by less are told as one. */
+/* Two sizes are told as one if the smaller is more than this part of the larger. */
 #define LEAST_RANGE 0.95
 
 char *report_duration(double seconds) {

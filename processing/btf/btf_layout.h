@@ -37,7 +37,7 @@ gsize btf_layout_values(const struct btf_layout *layout); /* of a texel: views Ã
 /*
  * How files of models hold a layout: double attributes texel_mm and reference_mm of one part, and
  *   parts "views", "lights"    channels "phi_deg", "theta_deg", width n, height 1, float
- * The size in texels is that of other parts.
+ * The size in texels is that of the file's other parts.
  */
 void btf_layout_write_sizes(const struct btf_layout *layout, struct exr_part *part);
 void btf_layout_write_directions(const struct btf_layout *layout, struct exr_file *file);

@@ -117,8 +117,9 @@ struct import_picture *import_coding_picture(const struct import_set *set,
     return import_coding_decode(set, row, row->path, error);
 }
 
-/* From a flat field to factors m / f, for each colour, and behind a colour filter for each place in
- * its cell of 2 × 2, by itself: colours keep their balance. */
+/* Turns a flat field into factors m / f, f being the value of a pixel and m the mean of the
+ * picture's middle: for each colour by itself, and behind a colour filter for each place in its
+ * cell of 2 × 2, so that colours keep their balance. */
 static void import_coding_invert(struct import_picture *flat, gboolean mosaic) {
     double sum[4][3] = {{0}};
     int n[4] = {0};

@@ -67,8 +67,8 @@ static char *maps_plain_name(const char *name) {
     return ret;
 }
 
-/* Where anisotropy is left out, the roughness of both directions is their geometric mean. The same
- * again changes nothing. */
+/* Where anisotropy is left out, the roughness of both directions is their geometric mean. A
+ * second call changes nothing. */
 static void maps_summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;

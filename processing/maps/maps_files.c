@@ -41,7 +41,7 @@ void maps_files_take_text(MapsFiles *files, char *name, GString *text) {
 
 static gboolean maps_files_exists(const char *path, GError **error) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                "%s exists already: give another name with -o, or remove it", path);
+                "%s exists already: give another name with -o, or --force", path);
     return FALSE;
 }
 

@@ -9,7 +9,7 @@
 #include "session/inputs.h"
 #include "session/session.h"
 
-/* Counts the versions of fit and errors; the file of another one is not read. */
+/* Version of the fit and of its errors; a file of another version is not read. */
 #define VERSION 3
 #define MADE_BY "export maps -o FOLDER"
 

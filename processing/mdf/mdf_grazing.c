@@ -196,8 +196,9 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     }
 }
 
-/* A ray's way through the structure is as long as tan θ, and so is the number of points of which it
- * meets the highest: the line through the two flattest rings, over tan θ, goes on. */
+/* The length of a ray's way through the structure is proportional to tan θ, and so is the number of
+ * points of which it meets the highest. The height is therefore extrapolated along the line through
+ * the two flattest rings, over tan θ. */
 void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);

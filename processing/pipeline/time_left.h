@@ -58,7 +58,7 @@ void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cp
                          double elapsed_s);
 /* CPU seconds a second that each of n threads will get, at most 1, if the process gets as much as
  * it did lately, however many threads had work then: schedulers share processors out to sessions
- * and services, whatever their threads are. 1: nothing was measured. */
+ * and services, however many threads they have. 1: nothing was measured. */
 double time_left_speed_of(const struct time_left_speed *speed, int n);
 
 /* The k-th of n views in an order in which the views of a ring, which take similarly long, lie

@@ -16,7 +16,7 @@ static gboolean session_commit_refuse(const struct session_frame *frame, const c
                         frame->camera, frame->path ? frame->path : "", what);
 }
 
-/* −1: there is no such file, or no regular one. −2, with errno: the disk does not tell. */
+/* −1: there is no such file, or no regular one. −2, with errno: it cannot be examined. */
 static gint64 session_commit_size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;

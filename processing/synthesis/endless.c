@@ -66,8 +66,8 @@ static void endless_add(struct shown *to, const struct shown *one, double sign) 
         to->cells[k] += sign * one->cells[k];
 }
 
-/* How far from the sample's all that is shown would be with one more: mean and variance of the
- * pictures, and how evenly it is covered. */
+/* How far all that is shown would differ from the sample with one more hexagon: in the mean and
+ * variance of the pictures, and in how evenly the sample is covered. */
 static double endless_cost(const struct endless_choice *c, const struct shown *one) {
     const double n = c->all.n + one->n;
     double cost = 0, uneven = 0;

@@ -38,8 +38,8 @@ struct endless {
 typedef struct endless Endless;
 
 /* Pictures of a sample, for example under some views and lights: height × width × n values, n = 1 …
- * ENDLESS_PICTURES. They may have fewer pixels than the sample has texels: of an ENDLESS_SIDE each
- * way are enough, and choosing takes in proportion to their number. */
+ * ENDLESS_PICTURES. They may have fewer pixels than the sample has texels: ENDLESS_SIDE pixels
+ * each way are enough, and the time to choose centres is proportional to the number of pixels. */
 struct endless_pictures {
     int width, height, n;
     const float *values;

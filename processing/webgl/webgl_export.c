@@ -74,7 +74,7 @@ static gboolean webgl_export_check_output(const char *output, gboolean replace, 
     if (!replace &&
         (g_file_test(output, G_FILE_TEST_EXISTS) || g_file_test(output, G_FILE_TEST_IS_SYMLINK))) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                    "%s exists already; give another name, or remove it first", output);
+                    "%s exists already; give another name, or --force", output);
         return FALSE;
     }
     return g_access(folder, W_OK) == 0 ||

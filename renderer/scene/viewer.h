@@ -14,8 +14,8 @@
 #include "synthesis/index_map.h"
 
 /* Infinitely far away, or near: then light falls with the square of the distance, and its direction
- * is another at each point. Brightness 1, as of the first lamp, gives a white diffuser lit from its
- * normal the radiance 1; of a near lamp at the origin. */
+ * differs from point to point. Brightness 1, as of the first lamp, gives a white diffuser lit from
+ * its normal the radiance 1; with a near lamp, a diffuser at the origin. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
     double theta_deg, phi_deg; /* direction from the origin */

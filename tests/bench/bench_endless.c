@@ -269,8 +269,8 @@ static void measure_values(const struct btf_matrix *btf, const struct endless *e
     f->below = (double)sums.below / ((double)ALL * used * (double)lights);
 }
 
-/* The texels of the nearest hexagons as an index map, of which the order is compared as of others.
- */
+/* Makes an index map of the texels of the nearest hexagons, and compares its order as that of any
+ * other map. */
 static double measure_order(const struct btf_matrix *btf, const struct endless *e) {
     g_autoptr(GError) error = NULL;
     const int width = (int)btf->layout.width, height = (int)btf->layout.height;

@@ -186,8 +186,8 @@ static void test_files(void) {
     check_file(path, 8, 4, 3, NULL);
     check_file(path, 8, 5, 3, "not twice its height");
     check_file(path, 8, 4, 0, "black");
-    check_file(path, 8, 4, NAN, "negative or not finite");
-    check_file(path, 8, 4, -1, "negative or not finite");
+    check_file(path, 8, 4, NAN, "negative, above 1e30 or not a number");
+    check_file(path, 8, 4, -1, "negative, above 1e30 or not a number");
     g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
     g_autoptr(GError) error = NULL;
     g_assert_null(environment_read(path, &error));

@@ -192,7 +192,7 @@ static void test_refused(void) {
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(GError) error = NULL;
-    assert_refused(5, 3, 0, "different texels");
+    assert_refused(5, 3, 0, "numbers of texels");
     assert_refused(4, 2, 0, "different views");
     assert_refused(4, 3, 0.1F, "different lights");
     g_assert_null(material_open(path, NULL, &error));
