@@ -99,7 +99,7 @@ static void filter_lines(const LaserPictures *p, const float *from, int n_lines,
 
 static float *filter_picture(const LaserPictures *p, const guint16 *pixels) {
     const int n = p->width * p->height;
-    float *ret = g_new(float, n);
+    float *ret = g_new0(float, n);
     g_autofree float *half = g_new(float, n);
     for (int k = 0; k < n; k++)
         ret[k] = pixels[k];

@@ -6,10 +6,10 @@
 
 #include "base/direction.h"
 
-#define WINDOW   96    /* texels each way, in the middle, that are looked at */
-#define MARGIN   4     /* of them, which moved pictures may lack */
-#define STEEPEST 0.45F /* least z of a view that is looked at */
-#define LEAST    -1.0  /* texels of depth that are tried */
+#define WINDOW   96     /* texels each way, in the middle, that are looked at */
+#define MARGIN   4      /* of them, which moved pictures may lack */
+#define STEEPEST 0.45F  /* least z of a view that is looked at */
+#define LEAST    (-1.0) /* texels of depth that are tried */
 #define MOST     4.0
 #define STEP     0.125
 #define BETTER   0.9
@@ -205,8 +205,8 @@ const float *maps_register_rows(const struct maps_register *registered, int view
         float *to = buffer + (gsize)t * row;
         gsize at[4], stride;
         float share[4];
-        const gboolean inside = maps_register_corners(
-            (first + t) % width + sx, (first + t) / width + sy, width, height, at, share);
+        const int i0 = (first + t) % width, j0 = (first + t) / width;
+        const gboolean inside = maps_register_corners(i0 + sx, j0 + sy, width, height, at, share);
         for (gsize i = 0; i < row; i++)
             to[i] = inside ? 0 : NAN;
         for (int k = 0; inside && k < 4; k++) {

@@ -72,7 +72,8 @@ static void add_layer(struct mesh *mesh, const struct sample_options *o, gboolea
         pipe.radius_mm = MIN(o->relief_mm / 4, RADIUS * pitch_mm);
         pipe.axis_mm = o->base_mm + (upper ? o->relief_mm - pipe.radius_mm : pipe.radius_mm);
         pipe.at_mm = (i + 0.5) * pitch_mm - across_mm / 2;
-        pipe.sleeves = crossing / 2 * o->repeats;
+        const int pairs = crossing / 2;
+        pipe.sleeves = pairs * o->repeats;
         pipe.phase = sample_uniform(&random);
         double tone = 0.75 + 0.4 * sample_uniform(&random), green = sample_uniform(&random);
         sample_set_rgb(pipe.albedo, &o->albedo, 0.05f, (float)(0.16 + 0.12 * green), 0.52f);

@@ -111,8 +111,9 @@ static gboolean sphere_meets(struct vec3 from, struct vec3 d, double x) {
  * much light each pixel has follows from the spheres' formula; the reference agrees. */
 static void test_drawn(gconstpointer data) {
     g_autofree char *path = write_scene(), *folder = g_path_get_dirname(path);
-    g_autofree char *btf[] = {view_fixture_write_btf(COSINE, 3, 8),
-                              view_fixture_write_btf(GREY, 3, 8)};
+    g_autofree char *first = view_fixture_write_btf(COSINE, 3, 8);
+    g_autofree char *second = view_fixture_write_btf(GREY, 3, 8);
+    const char *btf[] = {first, second};
     g_autofree char *file = g_build_filename(folder, "grey.exr", NULL);
     const struct scene_binding bindings[] = {{"ground", file, 2.0}};
     g_autoptr(GError) error = NULL;
