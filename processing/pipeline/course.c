@@ -6,7 +6,6 @@
 
 /* Of work that takes longer than it was thought to, this part is taken to be left. */
 #define LEAST_LEFT 0.05
-#define ENOUGH_S   2.0 /* CPU time of work that says what such work takes */
 
 struct course_task {
     struct time_left_task known;
@@ -21,9 +20,7 @@ struct Course {
     struct time_left_rates rates;
     struct course_task *tasks;
     int n_tasks;
-    struct {
-        double cpu_s, units;
-    } made[TIME_LEFT_WORKS]; /* by this run */
+    struct time_left_made made[TIME_LEFT_WORKS]; /* by this run */
     double expected[TIME_LEFT_WORKS];
     int working;     /* enum time_left_work that is under way after the views; −1: none */
     double worked_s; /* CPU time of the process when that began */
@@ -70,21 +67,11 @@ static void course_drop_tasks(Course *course) {
     course->n_tasks = 0;
 }
 
-/* Little work says little of what much of it takes: it counts less. */
-static void course_update_rates(Course *course) {
-    for (int work = 0; work < TIME_LEFT_WORKS; work++)
-        if (course->made[work].units > 0 && course->made[work].cpu_s > 0) {
-            const double measured = course->made[work].cpu_s / course->made[work].units;
-            const double weight = MIN(course->made[work].cpu_s / ENOUGH_S, 1);
-            course->rates.unit_s[work] += weight * (measured - course->rates.unit_s[work]);
-        }
-}
-
 void course_free(Course *course) {
     if (!course)
         return;
     course_drop_tasks(course);
-    course_update_rates(course);
+    time_left_rates_learn(&course->rates, course->made);
     gboolean any = FALSE;
     for (int work = 0; work < TIME_LEFT_WORKS; work++)
         any |= course->made[work].units > 0;

@@ -6,7 +6,8 @@
 #define NEAR_DEG    10.0 /* elevations that differ by less take similarly long */
 #define FAR_WEIGHT  0.02 /* of a view of quite another elevation */
 #define OVERDUE     1.25
-#define RATE_WEIGHT 0.2 /* of what earlier runs took, beside a view of this run */
+#define ENOUGH_S    10.0 /* CPU time of a run that says what its kinds of work take */
+#define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
 /* Of a task that has run for longer than it was thought to, this part is taken to be left. */
 #define LEAST_LEFT  0.05
 #define LEAST_SPEED 0.01
@@ -54,6 +55,18 @@ void time_left_rates_save(const struct time_left_rates *rates) {
             g_key_file_set_double(file, GROUP, keys[i], rates->unit_s[i]);
     if (g_mkdir_with_parents(folder, 0700) == 0)
         g_key_file_save_to_file(file, path, NULL);
+}
+
+void time_left_rates_learn(struct time_left_rates *rates,
+                           const struct time_left_made made[TIME_LEFT_WORKS]) {
+    double cpu_s = 0;
+    for (int work = 0; work < TIME_LEFT_WORKS; work++)
+        cpu_s += made[work].cpu_s;
+    const double weight = MIN(cpu_s / ENOUGH_S, 1);
+    for (int work = 0; work < TIME_LEFT_WORKS; work++)
+        if (made[work].units > 0 && made[work].cpu_s > 0)
+            rates->unit_s[work] +=
+                weight * (made[work].cpu_s / made[work].units - rates->unit_s[work]);
 }
 
 /* CPU time of a unit of a stage by the elevation in whole degrees. */

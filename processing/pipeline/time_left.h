@@ -30,6 +30,15 @@ gboolean time_left_rates_load(struct time_left_rates *ret);
 /* Only those above 0. Failures are ignored: the file is of use, and not needed. */
 void time_left_rates_save(const struct time_left_rates *rates);
 
+struct time_left_made { /* of one kind of work, in a run */
+    double cpu_s, units;
+};
+/* Takes over what a run has measured. A small session says little of what a large one takes: a run
+ * of less than 10 s of CPU time counts less. All kinds of work of a run count alike, so that one of
+ * them that was measured wrongly is right again after the next run. */
+void time_left_rates_learn(struct time_left_rates *rates,
+                           const struct time_left_made made[TIME_LEFT_WORKS]);
+
 /* A view of a stage, in the order in which threads take them. */
 struct time_left_task {
     enum time_left_work stage;
