@@ -151,7 +151,7 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
         !bmp_size(bytes, length, &size) && !pnm_size(bytes, length, &size) &&
         !(tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size))) {
         g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                    "%s: is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "
+                    "%s is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "
                     "can be read",
                     path);
         return FALSE;

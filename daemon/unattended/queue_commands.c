@@ -107,7 +107,7 @@ static int run_add(const struct call *call, GError **error) {
         if (!options || !bus_rig1_call_queue_add_sync(link_rig(link), session, directory, options,
                                                       &number, &plan, NULL, error)) {
             if (i > 0)
-                g_prefix_error(error, "the first %d sessions were added, but then: ", i);
+                g_prefix_error(error, "sessions added before this one: %d. ", i);
             return CLI_FAILED;
         }
         record_begin(call->record, NULL);

@@ -59,9 +59,10 @@ struct time_left_speed {
     /* Decaying sums: of CPU time, of time of threads that had work, and of time. */
     double cpu_s, thread_s, wall_s;
 };
-/* n_busy threads had work for wall_s, and used cpu_s together. elapsed_s: since the beginning; what
- * was at a part x of that time counts x times as much as what is now (3 s count alike): programs
- * come and go, and the next minutes are like the mean of the last ones rather than like the last.
+/* n_busy threads had work for wall_s, and used cpu_s together. elapsed_s: since the beginning. What
+ * happened at the time t counts t / elapsed_s times as much as what happens now (within the first
+ * 3 s the weight falls by a factor e in 3 s): programs come and go, and the next minutes are like
+ * the mean of those before rather than like the last one.
  */
 void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cpu_s, int n_busy,
                          double elapsed_s);

@@ -29,8 +29,8 @@ gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of all MDFs */
 
 struct relief_scene {
     struct visibility_scene seen; /* by the eye; without its MDFs, which are those of the relief */
-    guint n_casting; /* of the indices, from the first: these cast shadows, all receive them. No
-                        part is on both sides, unless there is but one. */
+    guint n_casting; /* the first indices, which cast shadows; all indices receive them. With
+                        several parts each casts wholly or not at all. */
     double radius;   /* of what casts */
     float light[3];
     guint serial; /* another one for each mesh */

@@ -27,9 +27,8 @@ struct Reference {
     Reprojection *reprojection; /* NULL: texels are mixed */
 };
 
-#define ALONG                                                                                      \
-    6 /* views that are mixed along the surface, at most: those of the largest weights             \
-       */
+/* Views that are mixed along the surface, at most: those of the largest weights. */
+#define ALONG 6
 
 /* What a sample shows, along the surface. */
 struct along {
@@ -37,7 +36,7 @@ struct along {
     float p[3]; /* the surface point, mm */
     int n;
     guint16 view[ALONG];
-    float share[ALONG]; /* its weight, less what its sight of the point leaves */
+    float share[ALONG]; /* its part of the value, where it sees the point wholly */
 };
 
 /* One sample of the picture that shows the mesh. */
