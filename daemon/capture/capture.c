@@ -143,7 +143,8 @@ static Session *create_session(const struct devices *devices, const struct sessi
     gboolean calibrated = FALSE;
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibrated |= calibration->parts[i].done;
-    /* What processing reads is there from the beginning: a daemon may be killed right after it. */
+    /* Processing reads these values. They are stored when the session is made, since the daemon may
+     * be killed right after that. */
     const char *const values[][2] = {
         {LASER_REFERENCE_KEY, conf->reference.radius_mm > 0 ? reference : NULL},
         {"chosen", conf->chosen},

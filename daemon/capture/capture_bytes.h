@@ -1,5 +1,5 @@
-/* What a session takes on disk while it is captured: as planned at first, and then by the frames
- * there are. Main loop's thread. */
+/* Estimate of the disk space of a session that is being captured: the plan's at first, then
+ * corrected by the frames stored so far. Main loop's thread. */
 #pragma once
 
 #include "capture.h"

@@ -312,8 +312,8 @@ static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
     record_end(to);
 }
 
-/* What an index map of `mesorig synthesize` says of itself (synthesis/index_map.h): its size, the
- * sample's, and how it was made. NULL: its attributes are not there. g_free() */
+/* Describes an index map of `mesorig synthesize` (synthesis/index_map.h): its size, the size of its
+ * sample, and the method. NULL: the file lacks these attributes. g_free() */
 static char *info_index_map(const struct exr_file *file) {
     const struct exr_part *part = file->parts->pdata[0];
     const char *method = NULL;

@@ -181,9 +181,9 @@ guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
                         const struct plan_footprint *footprint);
 gboolean plan_bytes_vary(const struct rig_camera *camera);
 
-/* What a stored frame whose file has that many bytes takes, its row included; and the database of a
- * session without its frames' rows and directions. */
+/* Bytes that a stored frame takes, its file and its row in the database. */
 guint64 plan_stored_bytes(guint64 file_bytes);
+/* Bytes of a session's database without the rows of its frames and directions. */
 guint64 plan_database_bytes(int n_shots);
 
 /* How long the axes take to home, all at once. */

@@ -47,7 +47,7 @@ static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
 #define DARK_DIGITS 0.13
 #define DARK_FRAMES 4 /* of those captures */
 #define MOST_DIGITS 8
-/* Of a sweep whose line no pixel shows: what packs zeros. */
+/* A sweep whose line no pixel shows holds zeros only. */
 static const struct packing packed_nothing = {0, 0, 100, 0};
 /* The mean of one or two dark frames has no digits that a float keeps in its lower half. */
 static const struct packing packed_short_dark = {0.49, 0.49, 1500, 0.11};

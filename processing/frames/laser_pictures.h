@@ -12,8 +12,9 @@
 
 typedef struct LaserPictures LaserPictures;
 
-/* Of sweep's members arc, laser, arc_rad, from_rad and step_rad count. threshold_dn: above the
- * median of the region's pixels. region and sweep are borrowed. */
+/* Reads the members arc, laser, arc_rad, from_rad and step_rad of sweep. A pixel can show the line
+ * if it is threshold_dn brighter than the median of the region's pixels. region and sweep are
+ * borrowed. */
 LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_sweep *sweep,
                                   int width, int height, int n_frames, double threshold_dn);
 void laser_pictures_free(LaserPictures *pictures); /* NULL is ignored */

@@ -119,7 +119,7 @@ static struct maps *maps_of(const struct btf_matrix *btf, const struct work *wor
     return ok ? g_steal_pointer(&maps) : NULL;
 }
 
-/* What follows from the fit and the session's MDF. */
+/* Computes the maps that are not fitted: heights from the session's MDF, and occlusion. */
 static gboolean maps_shape(struct maps *maps, const char *session, const struct work *work,
                            GError **error) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;

@@ -37,15 +37,6 @@ static const GOptionEntry options[] = {
     {NULL},
 };
 
-static struct direction_list rings(float turn_deg) {
-    struct direction_list list = direction_list_new(12);
-    for (gsize k = 0; k < list.n; k++) {
-        list.theta_deg[k] = k < 6 ? 25 : 55;
-        list.phi_deg[k] = (float)(60 * (k % 6)) + turn_deg + (k < 6 ? 0 : 30);
-    }
-    return list;
-}
-
 enum made { NOISE, DOTS, ORDERED, MADE };
 static const char *const made_names[MADE] = {"noise", "dots", "ordered"};
 
@@ -78,7 +69,8 @@ static void draw_sample(enum made kind, float *height, float *albedo) {
 
 /* Lambert's law and a little gloss over a relief. */
 static struct btf_matrix *make_sample(enum made kind) {
-    struct btf_matrix *btf = btf_fixture_of(made_names[kind], SIDE, SIDE, rings(0), rings(15));
+    struct btf_matrix *btf = btf_fixture_of(made_names[kind], SIDE, SIDE, btf_fixture_two_rings(0),
+                                            btf_fixture_two_rings(15));
     const gsize values = btf_layout_values(&btf->layout), lights = btf->layout.lights.n;
     g_autofree float *l = direction_list_vectors(&btf->layout.lights);
     g_autofree float *v = direction_list_vectors(&btf->layout.views);

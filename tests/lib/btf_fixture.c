@@ -33,3 +33,12 @@ struct direction_list btf_fixture_rings(int rings, float most_deg, float turn_de
         }
     return ret;
 }
+
+struct direction_list btf_fixture_two_rings(float turn_deg) {
+    struct direction_list list = direction_list_new(12);
+    for (gsize k = 0; k < list.n; k++) {
+        list.theta_deg[k] = k < 6 ? 25 : 55;
+        list.phi_deg[k] = (float)(60 * (k % 6)) + turn_deg + (k < 6 ? 0 : 30);
+    }
+    return list;
+}

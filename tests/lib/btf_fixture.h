@@ -16,3 +16,5 @@ struct btf_matrix *btf_fixture_of(const char *name, int width, int height,
 struct direction_list btf_fixture_line(int n, float theta_deg, float phi_deg);
 /* The pole, and 6, 12, 18 … directions on rings of equal distance down to most_deg, each turned. */
 struct direction_list btf_fixture_rings(int rings, float most_deg, float turn_deg);
+/* Six directions at 25° from the normal, and six at 55° between them. */
+struct direction_list btf_fixture_two_rings(float turn_deg);
