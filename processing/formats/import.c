@@ -344,7 +344,9 @@ static gboolean import_fill(struct import *import, struct import_result *ret, GE
 
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error) {
-    struct import import = {.material = material, .work = work, .begun_us = g_get_monotonic_time()};
+    const struct work none = {0};
+    struct import import = {
+        .material = material, .work = work ? work : &none, .begun_us = g_get_monotonic_time()};
     struct import_place place;
     *ret = (struct import_result){0};
     if (!import_check(&import, error) || !import_place_begin(&place, path, error))

@@ -123,7 +123,23 @@ double viewer_exposure(const struct viewer_settings *s) {
     return WHITE * exp2(s->exposure_ev);
 }
 
+void viewer_vertex_attributes(void) {
+    static const struct {
+        int n;
+        gsize offset;
+    } attributes[VIEWER_VERTEX_ATTRIBUTES] = {{3, offsetof(struct vertex, position)},
+                                              {3, offsetof(struct vertex, normal)},
+                                              {4, offsetof(struct vertex, tangent)},
+                                              {2, offsetof(struct vertex, uv)}};
+    for (guint k = 0; k < VIEWER_VERTEX_ATTRIBUTES; k++) {
+        glVertexAttribPointer(k, attributes[k].n, GL_FLOAT, GL_FALSE, sizeof(struct vertex),
+                              (const void *)attributes[k].offset);
+        glEnableVertexAttribArray(k);
+    }
+}
+
 static void make_array(Viewer *viewer) {
+    const guint n = VIEWER_VERTEX_ATTRIBUTES;
     glGenVertexArrays(1, &viewer->array);
     glGenBuffers(1, &viewer->vertices);
     glGenBuffers(1, &viewer->shapes);
@@ -131,23 +147,13 @@ static void make_array(Viewer *viewer) {
     glBindVertexArray(viewer->array);
     glBindBuffer(GL_ARRAY_BUFFER, viewer->vertices);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, viewer->indices);
-    const struct {
-        int n;
-        gsize offset;
-    } attributes[] = {{3, offsetof(struct vertex, position)},
-                      {3, offsetof(struct vertex, normal)},
-                      {4, offsetof(struct vertex, tangent)},
-                      {2, offsetof(struct vertex, uv)}};
-    const guint n = G_N_ELEMENTS(attributes);
-    for (guint k = 0; k < n; k++)
-        glVertexAttribPointer(k, attributes[k].n, GL_FLOAT, GL_FALSE, sizeof(struct vertex),
-                              (const void *)attributes[k].offset);
+    viewer_vertex_attributes();
     glBindBuffer(GL_ARRAY_BUFFER, viewer->shapes);
     glVertexAttribPointer(n, 2, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape), NULL);
     glVertexAttribPointer(n + 1, 3, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape),
                           (const void *)offsetof(struct vertex_shape, bend));
-    for (guint k = 0; k < n + 2; k++)
-        glEnableVertexAttribArray(k);
+    glEnableVertexAttribArray(n);
+    glEnableVertexAttribArray(n + 1);
     glBindVertexArray(0);
 }
 

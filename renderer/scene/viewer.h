@@ -76,6 +76,11 @@ double viewer_exposure(const struct viewer_settings *settings);
 
 typedef struct Viewer Viewer;
 
+/* Describes struct vertex to the inputs of mesh.vert, locations 0 … VIEWER_VERTEX_ATTRIBUTES − 1,
+ * for the buffer and the vertex array that are bound. */
+#define VIEWER_VERTEX_ATTRIBUTES 4
+void viewer_vertex_attributes(void);
+
 /* Makes a viewer of eigen-maps. NULL: call viewer_open() or viewer_set_method() before drawing. */
 Viewer *viewer_new(const struct eigenmaps *material, GError **error);
 void viewer_free(Viewer *viewer); /* NULL is ignored */

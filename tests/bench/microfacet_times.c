@@ -6,6 +6,7 @@
 #include "frame_time.h"
 #include "methods/microfacet.h"
 #include "scene/camera.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <math.h>
@@ -153,13 +154,6 @@ static guint microfacet_times_normals(void) {
 }
 
 static guint microfacet_times_mesh(const struct mesh *mesh) {
-    const struct {
-        int n;
-        gsize offset;
-    } attributes[] = {{3, offsetof(struct vertex, position)},
-                      {3, offsetof(struct vertex, normal)},
-                      {4, offsetof(struct vertex, tangent)},
-                      {2, offsetof(struct vertex, uv)}};
     GLuint array, buffers[2];
     glGenVertexArrays(1, &array);
     glGenBuffers(2, buffers);
@@ -170,11 +164,7 @@ static guint microfacet_times_mesh(const struct mesh *mesh) {
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, buffers[1]);
     glBufferData(GL_ELEMENT_ARRAY_BUFFER, (gssize)(mesh->n_indices * sizeof *mesh->indices),
                  mesh->indices, GL_STATIC_DRAW);
-    for (guint k = 0; k < G_N_ELEMENTS(attributes); k++) {
-        glVertexAttribPointer(k, attributes[k].n, GL_FLOAT, GL_FALSE, sizeof(struct vertex),
-                              (const void *)attributes[k].offset);
-        glEnableVertexAttribArray(k);
-    }
+    viewer_vertex_attributes();
     return array;
 }
 

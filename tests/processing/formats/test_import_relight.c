@@ -15,7 +15,6 @@
 #define TEXELS (WIDTH * HEIGHT)
 #define LIGHTS 4
 
-static const struct work quietly = {0};
 static const double lights[LIGHTS][3] = {
     {0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.64, 0.6}, {0, -0.995, 0.1}};
 
@@ -97,7 +96,7 @@ static void check_set(gboolean hsh, gboolean lrgb, int n_planes) {
     struct import_result result;
     int dark = 0;
     write_planes(n_planes);
-    import_relight(path, info, &wish, &quietly, &result, &error);
+    import_relight(path, info, &wish, NULL, &result, &error);
     g_assert_no_error(error);
     struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
     g_assert_no_error(error);
@@ -139,7 +138,7 @@ static void assert_refused(const char *info, const char *what) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("refused");
     struct import_result result;
-    g_assert_false(import_relight(path, info, &(struct import_wish){0}, &quietly, &result, &error));
+    g_assert_false(import_relight(path, info, &(struct import_wish){0}, NULL, &result, &error));
     g_assert_nonnull(error);
     assert_has(error->message, info);
     assert_has(error->message, what);
