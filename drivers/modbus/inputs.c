@@ -15,12 +15,12 @@ struct modbus_inputs {
 static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
     {"input", OPTION_INT, NULL, 0, 65535, "0", NULL, FIELD(input),
-     "Discrete input it is wired to, counted from 0"},
+     "Discrete input that the contact is wired to, counted from 0"},
     {"closed_when_off", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(closed_when_off),
-     "Closed when the input reads 0; a broken wire then passes for closed"},
-    {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms), "How often it is read"},
+     "The contact is closed when the input reads 0; a broken wire then passes for closed"},
+    {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms), "Time between readings"},
     {"lost_ms", OPTION_DOUBLE, "ms", 50, 10000, "1500", NULL, FIELD(lost_ms),
-     "Open after this time without an answer; a late answer takes timeout_ms + 2 late_ms"},
+     "Counts as open after this time without an answer; a late one takes timeout_ms + 2 late_ms"},
     {NULL},
 };
 
