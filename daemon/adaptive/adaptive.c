@@ -93,8 +93,14 @@ static void adaptive_read(gpointer data, gpointer adaptive_data) {
     if (--adaptive->n_reading == 0)
         g_cond_broadcast(&adaptive->idle);
     g_mutex_unlock(&adaptive->mutex);
-    if (clock_is_lockstep(adaptive->clock))
-        clock_release(adaptive->clock);
+}
+
+/* Any thread's but a reader's. */
+static void adaptive_wait_for_readers(Adaptive *adaptive) {
+    g_mutex_lock(&adaptive->mutex);
+    while (adaptive->n_reading > 0)
+        g_cond_wait(&adaptive->idle, &adaptive->mutex);
+    g_mutex_unlock(&adaptive->mutex);
 }
 
 gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot *shot) {
@@ -136,9 +142,11 @@ void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
         g_mutex_lock(&adaptive->mutex);
         adaptive->n_reading++;
         g_mutex_unlock(&adaptive->mutex);
-        if (clock_is_lockstep(adaptive->clock))
-            clock_hold(adaptive->clock);
         g_thread_pool_push(adaptive->readers, job, NULL);
+        /* In lockstep nothing overlaps, neither readers with each other nor with what the main loop
+         * writes: their calls to the disk come in the same order in each run. */
+        if (clock_is_lockstep(adaptive->clock))
+            adaptive_wait_for_readers(adaptive);
     }
 }
 
@@ -208,9 +216,8 @@ static gpointer adaptive_work_out(gpointer data) {
     gint64 texels = 0, known = 0;
     double worst = 1;
     choice->shots = g_array_new(FALSE, FALSE, sizeof(int));
+    adaptive_wait_for_readers(adaptive);
     g_mutex_lock(&adaptive->mutex);
-    while (adaptive->n_reading > 0)
-        g_cond_wait(&adaptive->idle, &adaptive->mutex);
     choice->error = g_steal_pointer(&adaptive->error);
     g_mutex_unlock(&adaptive->mutex);
     for (guint g = 0; g < adaptive->groups->len && !choice->error; g++) {

@@ -15,7 +15,7 @@
  * out are skipped, and their notes say why.
  *
  * Main loop's thread; files are read and choices made in threads of their own, for which the clock
- * is held.
+ * is held. In lockstep (drivers/clock.h) the main loop waits for what reads a file.
  */
 #pragma once
 

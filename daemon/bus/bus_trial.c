@@ -1,9 +1,13 @@
 #include "bus_trial.h"
 
+#include "bus_errors.h"
 #include "capture/follower.h"
 #include "queue/queue.h"
 
+#include <stdio.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 /* Every wait within it has a deadline of its own; this one is for a child that hangs. */
 #define TRIAL_S 1800
@@ -60,6 +64,36 @@ static gboolean on_trial_deadline(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
+/* As daemon/unattended/queue_try.c reads it; g_free(). */
+static char *trial_request(const struct queue_item *item) {
+    g_autoptr(GKeyFile) request = g_key_file_new();
+    g_key_file_set_string(request, "try", "session", item->session_path);
+    g_key_file_set_string(request, "try", "session_text", item->session_text);
+    g_key_file_set_string(request, "try", "calibration", item->calibration);
+    g_key_file_set_string(request, "try", "calibration_text", item->calibration_text);
+    g_key_file_set_string(request, "try", "chosen", item->chosen);
+    g_key_file_set_boolean(request, "try", "yes", item->yes);
+    return g_key_file_to_data(request, NULL, NULL);
+}
+
+/* A file without a name that has the text, at its beginning; −1: there is no memory. With a pipe
+ * the answer of a program that ends before it has read all of that would be lost. */
+static int trial_input(const char *text) {
+    const int fd = memfd_create("mesorig-trial", MFD_CLOEXEC);
+    const int copy = fd >= 0 ? dup(fd) : -1;
+    FILE *file = copy >= 0 ? fdopen(copy, "w") : NULL;
+    const gboolean written = file && fputs(text, file) >= 0 && fflush(file) == 0;
+    if (file)
+        fclose(file);
+    else if (copy >= 0)
+        close(copy);
+    if (written && lseek(fd, 0, SEEK_SET) == 0)
+        return fd;
+    if (fd >= 0)
+        close(fd);
+    return -1;
+}
+
 struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTrialFunc func,
                                   GError **error) {
     const gboolean on_bus =
@@ -67,10 +101,19 @@ struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTr
     g_autofree char *program = follower_find_program("mesorig", error);
     if (!program)
         return NULL;
-    GSubprocess *process = g_subprocess_new(
-        G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
-            G_SUBPROCESS_FLAGS_STDERR_PIPE,
-        error, program, "queue", "try", on_bus ? "--bus" : "--address", bus->address, NULL);
+    g_autofree char *text = trial_request(item);
+    const int input = trial_input(text);
+    if (input < 0) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
+                    "there is no memory for what %s queue try is to read", program);
+        return NULL;
+    }
+    g_autoptr(GSubprocessLauncher) launcher =
+        g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
+    g_subprocess_launcher_take_stdin_fd(launcher, input);
+    GSubprocess *process =
+        g_subprocess_launcher_spawn(launcher, error, program, "queue", "try",
+                                    on_bus ? "--bus" : "--address", bus->address, NULL);
     if (!process)
         return NULL;
     struct bus_trial *trial = g_new0(struct bus_trial, 1);
@@ -79,16 +122,7 @@ struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTr
     trial->process = process;
     trial->cancellable = g_cancellable_new();
     trial->deadline_id = g_timeout_add_seconds(TRIAL_S, on_trial_deadline, trial);
-    /* As daemon/unattended/queue_try.c reads it. */
-    g_autoptr(GKeyFile) request = g_key_file_new();
-    g_key_file_set_string(request, "try", "session", item->session_path);
-    g_key_file_set_string(request, "try", "session_text", item->session_text);
-    g_key_file_set_string(request, "try", "calibration", item->calibration);
-    g_key_file_set_string(request, "try", "calibration_text", item->calibration_text);
-    g_key_file_set_string(request, "try", "chosen", item->chosen);
-    g_key_file_set_boolean(request, "try", "yes", item->yes);
-    g_autofree char *text = g_key_file_to_data(request, NULL, NULL);
-    g_subprocess_communicate_utf8_async(process, text, trial->cancellable, on_trial_end, trial);
+    g_subprocess_communicate_utf8_async(process, NULL, trial->cancellable, on_trial_end, trial);
     return trial;
 }
 

@@ -1,0 +1,217 @@
+/* Captures with white fiducials beside the sample, in a calibrated rig: what they show of the
+ * lamps' output is stored, and a rig that has moved since it was calibrated pauses the session,
+ * once. The truth is the world's: where its fiducials and cameras are, and how bright its lamps. */
+#include <math.h>
+#include <string.h>
+
+#include "calibration/calibration.h"
+#include "lib/capture_run.h"
+#include "rig/devices.h"
+#include "session/outputs.h"
+
+#define N_MARKS    4
+#define MARK_AT_MM 33 /* from the axis; the sample ends at 25 */
+
+struct scene {
+    double turned_deg;       /* all fiducials of the world, counter-clockwise */
+    const char *albedo;      /* theirs; NULL: 0.9, as in the rig file */
+    const char *camera_line; /* of the world's cam60; NULL: as in the rig file */
+    const char *lamp_line;   /* of the world's lamp60; NULL: the same */
+    gboolean placed, lit;    /* cameras are calibrated; so are responses and lamps */
+};
+
+static void append_to(const struct run *run, const char *name, const char *what) {
+    g_autofree char *path = g_build_filename(run->directory, name, NULL), *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_autofree char *both = g_strconcat(text, "\n", what, NULL);
+    g_assert_true(g_file_set_contents(path, both, -1, NULL));
+}
+
+static void write_marks(const struct run *run, const struct scene *scene) {
+    for (int i = 0; i < N_MARKS; i++) {
+        const double nominal_rad = i * G_PI / 2;
+        const double rad = nominal_rad + scene->turned_deg * G_PI / 180;
+        g_autofree char *in_rig =
+            g_strdup_printf("[mark m%d]\nx_mm = %.9f\ny_mm = %.9f\nz_mm = 1\n"
+                            "radius_mm = 3\nreflectance = 0.9\n",
+                            i, MARK_AT_MM * cos(nominal_rad), MARK_AT_MM * sin(nominal_rad));
+        g_autofree char *in_world = g_strdup_printf(
+            "[mark m%d]\nx_mm = %.9f\ny_mm = %.9f\nz_mm = 1\nradius_mm = 3\nalbedo = %s\n", i,
+            MARK_AT_MM * cos(rad), MARK_AT_MM * sin(rad), scene->albedo ? scene->albedo : "0.9");
+        append_to(run, "rig.conf", in_rig);
+        append_to(run, "world.conf", in_world);
+    }
+}
+
+/* Of the rig as its file describes it. */
+static void write_calibration(const struct run *run, const struct scene *scene) {
+    struct rig rig;
+    g_autoptr(GError) error = NULL;
+    g_autofree char *conf = g_build_filename(run->directory, "rig.conf", NULL);
+    g_autofree char *path = g_build_filename(run->directory, "rig.calibration", NULL);
+    devices_read_geometry(conf, &rig, &error);
+    g_assert_no_error(error);
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    if (scene->placed)
+        calibration_set_part(calibration, CALIBRATION_CAMERAS, "a test", 1, "", NULL);
+    for (int i = 0; i < rig.n_cameras && scene->lit; i++) {
+        calibration->camera_radiometry[i].known = TRUE;
+        for (int k = 0; k < 3; k++)
+            calibration->camera_radiometry[i].colour[k] = 1;
+    }
+    for (int i = 0; i < rig.n_lamps && scene->lit; i++) {
+        calibration->lamp_radiometry[i].known = TRUE;
+        for (int k = 0; k < 3; k++)
+            calibration->lamp_radiometry[i].colour[k] = 1;
+    }
+    if (scene->lit)
+        calibration_set_part(calibration, CALIBRATION_RADIOMETRY, "a test", 1, "", NULL);
+    calibration_write(calibration, path, &error);
+    g_assert_no_error(error);
+}
+
+/* Pictures in which a fiducial of 3 mm has a radius of 5 pixels. */
+static struct run *new_run(const struct scene *scene) {
+    static const char *const cameras[] = {"[camera cam30]", "[camera cam60]"};
+    struct change changes[12] = {{"[rig]", "calibration = rig.calibration"}, {"[lasers]", NULL}};
+    int n = 2;
+    for (int c = 0; c < 2; c++) {
+        changes[n++] = (struct change){cameras[c], "width = 160"};
+        changes[n++] = (struct change){cameras[c], "height = 160"};
+        changes[n++] = (struct change){cameras[c], "focal_px = 1200"};
+    }
+    struct run *run = run_new(changes);
+    devices_close(run->devices);
+    if (scene->camera_line)
+        changes[n++] = (struct change){cameras[1], scene->camera_line};
+    if (scene->lamp_line)
+        changes[n++] = (struct change){"[lamp lamp60]", scene->lamp_line};
+    small_rig_write(run->directory, "world.conf", changes);
+    write_marks(run, scene);
+    write_calibration(run, scene);
+    run_open_devices(run);
+    return run;
+}
+
+static gboolean was_told(const struct run *run, const char *what) {
+    return strstr(run->told->str, what) != NULL;
+}
+
+static char *value_of(const struct run *run, const char *key) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_assert_no_error(error);
+    return session_value(session, key);
+}
+
+/* Nothing has moved: the quick check says so, and each shot's output is that of its lamp. */
+static void test_in_place(void) {
+    static const struct scene scene = {.lamp_line = "intensity = 44", .placed = TRUE, .lit = TRUE};
+    struct run *run = new_run(&scene);
+    run_start(run);
+    run_to_end(run);
+    g_test_message("%s", run->told->str);
+    g_assert_true(was_told(run, "info fiducials: quick check: fiducials seen"));
+    g_assert_false(was_told(run, "moved"));
+    run_check_whole(run->session);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_assert_no_error(error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_assert_no_error(error);
+    struct outputs *outputs = outputs_load(session, shots, &error);
+    g_assert_no_error(error);
+    int n = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind != SHOT_LAMP)
+            continue;
+        const double is = outputs_of(outputs, shot->id), true_output = shot->device ? 1.1 : 1;
+        g_test_message("shot %d: %.4f of %.4f", (int)shot->id, is, true_output);
+        g_assert_cmpfloat(fabs(is / true_output - 1), <, 0.02);
+        n++;
+    }
+    g_assert_cmpint(n, >, 0);
+    g_assert_cmpint(outputs_measured(outputs), ==, n);
+    outputs_free(outputs);
+    g_autofree char *accepted = value_of(run, "accepted_moves");
+    g_assert_null(accepted);
+    run_free(run);
+}
+
+/* The first shot warns, the second pauses. Who goes on takes it as it is: also after the session
+ * was closed, and resumed. */
+static void moved(const struct scene *scene, const char *what, guint accepted_bits) {
+    struct run *run = new_run(scene);
+    run_start(run);
+    run_to_pause(run, "Something has moved since the rig was calibrated: ");
+    g_test_message("%s", run->told->str);
+    g_assert_nonnull(strstr(run_status(run).reason, what));
+    g_assert_nonnull(strstr(run_status(run).reason, "in the last 2 shots"));
+    g_assert_true(was_told(run, "warning fiducials: something may have moved"));
+    g_assert_cmpint(run_status(run).fault, ==, CAPTURE_FAULT_RIG);
+    g_assert_cmpint(run_status(run).shots_done, >=, 1);
+    run_check_safe(run);
+    run_continue(run);
+    run_until(run, run_status(run).frames + 4);
+    g_assert_cmpint(run_status(run).state, <, CAPTURE_PAUSED);
+    g_autofree char *accepted = value_of(run, "accepted_moves");
+    g_autofree char *expected = g_strdup_printf("%u", accepted_bits);
+    g_assert_cmpstr(accepted, ==, expected);
+    capture_abort(run->capture);
+    run_resume(run);
+    run_to_end(run);
+    run_check_whole(run->session);
+    run_free(run);
+}
+
+static void test_camera(void) {
+    static const struct scene scene = {.camera_line = "phi_deg = 0.5", .placed = TRUE};
+    moved(&scene, "camera cam60 is turned by", 1u << 1);
+}
+
+static void test_turntable(void) {
+    static const struct scene scene = {.turned_deg = 0.5, .placed = TRUE};
+    moved(&scene, "the turntable has slipped by ", 1u << 31);
+}
+
+/* One that the rig file alone describes is not held against it. Without radiometry nothing is said
+ * of lamps. */
+static void test_uncalibrated(void) {
+    static const struct scene scenes[] = {
+        {.camera_line = "phi_deg = 0.5", .lit = TRUE},
+        {.camera_line = "phi_deg = 0.5"},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(scenes); i++) {
+        struct run *run = new_run(&scenes[i]);
+        run_start(run);
+        run_to_end(run);
+        g_assert_false(was_told(run, "fiducials: "));
+        g_autofree char *output = value_of(run, "lamp_output/2/cam30");
+        g_assert_cmpint(output != NULL, ==, scenes[i].lit);
+        run_free(run);
+    }
+}
+
+/* As dark as what is around them: told, once, and no reason to stop. */
+static void test_unseen(void) {
+    static const struct scene scene = {.albedo = "0.04", .placed = TRUE, .lit = TRUE};
+    struct run *run = new_run(&scene);
+    run_start(run);
+    run_to_end(run);
+    const char *told = strstr(run->told->str, "warning fiducials: no camera sees a mark");
+    g_assert_nonnull(told);
+    g_assert_null(strstr(strchr(told, '\n'), "no camera sees a mark"));
+    run_check_whole(run->session);
+    run_free(run);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/capture-marks/in-place", test_in_place);
+    g_test_add_func("/capture-marks/camera", test_camera);
+    g_test_add_func("/capture-marks/turntable", test_turntable);
+    g_test_add_func("/capture-marks/uncalibrated", test_uncalibrated);
+    g_test_add_func("/capture-marks/unseen", test_unseen);
+    return run_tests();
+}

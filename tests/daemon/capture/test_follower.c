@@ -1,0 +1,149 @@
+/* The program that processes beside a capture: found beside the daemon or in PATH, nice, told when
+ * it fails, and ended with the capture, whatever it does. In its place are scripts. */
+#include "capture/follower.h"
+
+#include <glib/gstdio.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/beside.h"
+#include "lib/process.h"
+
+#define WAIT_US (20 * G_USEC_PER_SEC)
+
+static char *note_path(void) {
+    return g_build_filename(beside_write("none", NULL), "note", NULL);
+}
+
+/* Waits until a script has written this line, and returns all that it has written; g_free(). */
+static char *wait_for_note(const char *line) {
+    g_autofree char *path = note_path();
+    const gint64 until = g_get_monotonic_time() + WAIT_US;
+    for (;;) {
+        char *text = NULL;
+        if (g_file_get_contents(path, &text, NULL, NULL) && strstr(text, line)) {
+            g_unlink(path);
+            return text;
+        }
+        g_free(text);
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(2000);
+    }
+}
+
+static void pass_time(int ms) {
+    for (int i = 0; i < ms; i += 5) {
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(5000);
+    }
+}
+
+static Follower *start(const char *script) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *note = note_path();
+    g_autofree char *text = g_strdup_printf("note='%s'\n%s", note, script);
+    beside_write("mesorig", text);
+    Follower *follower = follower_start("/a/small.session", &error);
+    g_assert_no_error(error);
+    return follower;
+}
+
+static void test_find_inside(void) {
+    g_autoptr(GError) error = NULL;
+    g_assert_null(follower_find_program("mesorig-none", &error));
+    g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
+    assert_has(error->message, "mesorig-none is neither beside this program nor in PATH");
+    g_clear_error(&error);
+    beside_write("mesorig", NULL);
+    g_autofree char *all = g_strdup(g_getenv("PATH"));
+    g_setenv("PATH", "/no/such/folder", TRUE);
+    g_assert_null(follower_start("/a/small.session", &error));
+    assert_has(error->message, "mesorig is neither beside");
+    g_setenv("PATH", all, TRUE);
+    g_clear_error(&error);
+
+    beside_write_in_path("mesorig", "exit 0");
+    g_autofree char *in_path = follower_find_program("mesorig", &error);
+    g_assert_no_error(error);
+    g_assert_true(g_str_has_suffix(in_path, "/in-path/mesorig"));
+    const char *folder = beside_write("mesorig", "exit 0");
+    g_autofree char *beside = follower_find_program("mesorig", &error);
+    g_assert_no_error(error);
+    g_autofree char *expected = g_build_filename(folder, "mesorig", NULL);
+    g_assert_cmpstr(beside, ==, expected);
+
+    beside_write_raw("mesorig", "#!/no/such/interpreter");
+    g_assert_null(follower_start("/a/small.session", &error));
+    g_assert_nonnull(error);
+    assert_has(error->message, expected);
+}
+
+static void test_end_inside(void) {
+    follower_free(NULL);
+    Follower *follower = start("echo \"$* at $(nice) done\" >\"$note\"");
+    g_autofree char *note = wait_for_note("done");
+    assert_has(note, "process /a/small.session --follow at ");
+    g_assert_cmpint(atoi(strstr(note, " at ") + strlen(" at ")), >=, 10);
+    pass_time(500);
+    follower_free(follower);
+    g_printerr("one has succeeded\n");
+
+    follower = start("echo done >\"$note\"; exit 3");
+    g_free(wait_for_note("done"));
+    pass_time(500);
+    follower_free(follower);
+    g_printerr("one has failed\n");
+}
+
+/* Freed while it runs; how long that took, in ms. It is gone then. */
+static double free_running(const char *script) {
+    Follower *follower = start(script);
+    g_autofree char *note = wait_for_note("\n");
+    const pid_t pid = atoi(note);
+    g_assert_cmpint(pid, >, 0);
+    g_assert_cmpint(kill(pid, 0), ==, 0);
+    const gint64 begun_us = g_get_monotonic_time();
+    follower_free(follower);
+    const double ms = (double)(g_get_monotonic_time() - begun_us) * 1e-3;
+    g_assert_cmpint(kill(pid, 0), !=, 0);
+    pass_time(20); /* its end is not told to anybody */
+    return ms;
+}
+
+static void test_free_inside(void) {
+    const double obeys_ms = free_running("echo $$ >\"$note\"; exec sleep 600");
+    const double ignores_ms =
+        free_running("trap '' TERM; echo $$ >\"$note\"; while :; do sleep 0.2; done");
+    g_test_message("ended after %.0f ms; one that ignores SIGTERM after %.0f ms", obeys_ms,
+                   ignores_ms);
+    g_assert_cmpfloat(obeys_ms, <, 2900);
+    g_assert_cmpfloat(ignores_ms, >=, 2900);
+}
+
+static void test_copy(gconstpointer path) {
+    g_free(beside_run(path));
+}
+
+/* Of two that end only the one that fails is told of. */
+static void test_end(void) {
+    static const char told[] = "processing beside the capture has failed: run `mesorig process`";
+    g_autofree char *said = beside_run("/follower/end/subprocess");
+    const char *at = strstr(said, told);
+    g_assert_nonnull(at);
+    g_assert_null(strstr(at + 1, told));
+    g_assert_nonnull(strstr(at, "one has failed"));
+    g_assert_null(strstr(at, "one has succeeded"));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_data_func("/follower/find", "/follower/find/subprocess", test_copy);
+    g_test_add_func("/follower/find/subprocess", test_find_inside);
+    g_test_add_func("/follower/end", test_end);
+    g_test_add_func("/follower/end/subprocess", test_end_inside);
+    g_test_add_data_func("/follower/free", "/follower/free/subprocess", test_copy);
+    g_test_add_func("/follower/free/subprocess", test_free_inside);
+    return g_test_run();
+}
