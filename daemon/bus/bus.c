@@ -46,7 +46,7 @@ static void show_status(Bus *bus, const struct capture_status *status) {
         left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
     }
     const guint64 end = left_s >= 0 && left_s < 1e9
-                            ? (guint64)(g_get_real_time() / G_USEC_PER_SEC) + (guint64)left_s
+                            ? (guint64)((double)g_get_real_time() / G_USEC_PER_SEC + left_s + 0.5)
                             : 0;
     if (status->state == CAPTURE_HOMING) {
         bus->started_us = g_get_monotonic_time();

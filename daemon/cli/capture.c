@@ -100,12 +100,18 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     if (!link)
         return CLI_FAILED;
     g_autofree char *chosen = NULL;
-    const struct before_capture before = {
-        .rig_path = rig, .session = session, .calibration = calibration, .yes = yes};
+    gboolean uncalibrated = FALSE;
+    const struct before_capture before = {.rig_path = rig,
+                                          .session = session,
+                                          .calibration = calibration,
+                                          .yes = yes,
+                                          .ret_uncalibrated = &uncalibrated};
     if (!rig_link_open(link, rig, error) ||
         (session && !before_capture(link, &before, &chosen, error)))
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
+    if (uncalibrated)
+        monitor_leave_out(monitor, "calibration"); /* which would say it again */
     GVariant *options = start_options(link, session, chosen, error);
     const gboolean ok =
         options &&
@@ -122,8 +128,9 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     g_clear_pointer(&link, link_free);
     /* The child of a private daemon has ended with it; products that are up to date are not made
      * again. */
-    return code == CLI_DONE && process && private ? process_session(directory, call->record, error)
-                                                  : code;
+    return code == CLI_DONE && process && private
+               ? process_session(directory, session != NULL, call->record, error)
+               : code;
 }
 
 static int run_capture(const struct call *call, GError **error) {

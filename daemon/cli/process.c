@@ -78,13 +78,16 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* The calibration that the products were made with, after it is told. NULL: an error. */
-static struct calibration *tell_calibration(Record *to, const char *directory, GError **error) {
+/* The calibration that the products were made with, after it is told. told: the session's own one
+ * has been told. NULL: an error. */
+static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
+                                            GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     struct archive_calibration with = {0};
     struct calibration *calibration = session ? archive_calibration(session, &with, error) : NULL;
     record_string(to, "calibration", with.said);
-    record_say(to, "calibration: %s\n", with.said);
+    if (!told || !with.own || with.mixed)
+        record_say(to, "calibration: %s\n", with.said);
     archive_calibration_clear(&with);
     return calibration;
 }
@@ -92,7 +95,7 @@ static struct calibration *tell_calibration(Record *to, const char *directory, G
 struct process {
     const char *directory;
     const char *calibration, *path; /* its text, and where it is from; NULL: the session's own */
-    gboolean follow, lines_in_pictures;
+    gboolean follow, lines_in_pictures, told;
     struct pipeline_result result;
     GPtrArray *causes; /* char *: why little was measured */
 };
@@ -126,7 +129,8 @@ static int run_process(struct process *process, Record *to, GError **error) {
     double seconds = 0;
     if (!cli_work_run(run_pipeline, process, &seconds, error))
         return CLI_FAILED;
-    g_autoptr(Calibration) calibration = tell_calibration(to, process->directory, error);
+    g_autoptr(Calibration) calibration =
+        tell_calibration(to, process->directory, process->told, error);
     if (!calibration)
         return CLI_FAILED;
     tell_result(to, &process->result, calibration, seconds);
@@ -136,8 +140,8 @@ static int run_process(struct process *process, Record *to, GError **error) {
     return CLI_DONE;
 }
 
-int process_session(const char *directory, Record *to, GError **error) {
-    struct process process = {.directory = directory};
+int process_session(const char *directory, gboolean told, Record *to, GError **error) {
+    struct process process = {.directory = directory, .told = told};
     return run_process(&process, to, error);
 }
 

@@ -24,6 +24,7 @@ struct Monitor {
     int interrupts;
     gboolean faulty; /* an error was printed since it last ran */
     char *shown_state, *reason;
+    char *left_out; /* monitor_leave_out() */
     enum monitor_answer answer;
     char *prompt;   /* as it was printed last; empty: there is none */
     guint enter_id; /* waits for the Enter key */
@@ -234,6 +235,8 @@ static void cli_monitor_on_event(BusRig1 *rig, const char *level, const char *so
         record_string(record, "level", level);
         record_string(record, "source", source);
         record_print(record, TRUE);
+    } else if (strcmp(level, "info") == 0 && g_strcmp0(source, monitor->left_out) == 0) {
+        return;
     } else if (strcmp(level, "info") == 0) {
         progress_line(monitor->progress, "%s: %s", source, message);
     } else {
@@ -313,6 +316,7 @@ void monitor_free(Monitor *monitor) {
     progress_free(monitor->progress);
     g_main_loop_unref(monitor->loop);
     g_free(monitor->shown_state);
+    g_free(monitor->left_out);
     g_free(monitor->reason);
     g_free(monitor->prompt);
     g_free(monitor);
@@ -320,6 +324,11 @@ void monitor_free(Monitor *monitor) {
 
 void monitor_watch(Monitor *monitor, gboolean pictures) {
     monitor->watching = watching_new(link_rig(monitor->link), monitor->progress, pictures);
+}
+
+void monitor_leave_out(Monitor *monitor, const char *source) {
+    g_free(monitor->left_out);
+    monitor->left_out = g_strdup(source);
 }
 
 void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {

@@ -24,6 +24,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 /* Shows the pose, too, and on request the cameras' last pictures (watching.h). */
 void monitor_watch(Monitor *monitor, gboolean pictures);
 
+/* Information from this source is not shown to people, who know it already. */
+void monitor_leave_out(Monitor *monitor, const char *source);
+
 enum monitor_answer {
     ANSWER_ELSEWHERE, /* mesorig continue, in another terminal */
     ANSWER_ENTER,     /* that, or the Enter key of this terminal, if there is one */

@@ -7,6 +7,13 @@
 #include "guard.h"
 #include "rig/devices.h"
 
+static gboolean nothing_is_done(const struct calibration *known) {
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        if (known->parts[i].done)
+            return FALSE;
+    return TRUE;
+}
+
 static gboolean take_test_shots(Link *link, const struct before_capture *what,
                                 const struct session_conf *conf, const struct rig *rig,
                                 GError **error) {
@@ -21,6 +28,8 @@ static gboolean take_test_shots(Link *link, const struct before_capture *what,
     }
     for (guint i = 0; i < warnings->len; i++)
         g_printerr("mesorig: warning: %s\n", (char *)warnings->pdata[i]);
+    if (warnings->len > 0 && what->ret_uncalibrated && nothing_is_done(known))
+        *what->ret_uncalibrated = TRUE;
     if (warnings->len > 0 && !what->yes)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
                     "%d test shots say that the capture would be spoilt (%u warning%s); --yes goes "

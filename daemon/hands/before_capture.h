@@ -10,6 +10,8 @@ struct before_capture {
     const char *calibration;            /* path; NULL: that which the rig file names */
     const char *calibration_text;       /* NULL: that file is read */
     gboolean yes;                       /* go on whatever test shots say */
+    gboolean *ret_uncalibrated; /* NULL, or set to TRUE if a warning says that nothing is calibrated
+                                 */
 };
 
 /* Does nothing while the rig is busy. ret_chosen: for Start's option chosen, g_free(), or NULL.

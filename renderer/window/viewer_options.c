@@ -115,7 +115,8 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
                "so many tiles for one unit of the texture coordinates; may be given again. What "
                "is not named is of MATERIAL"),
         OPTION("method", STRING, &o->method_name, "METHOD",
-               "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
+               "How it is drawn: eigenmaps (default, or what the session has), lpca-grid, "
+               "lpca-revised, lpca, fields, ptm, "
                "hsh, lafortune, ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward "
                "or metal-ashikhmin"),
         OPTION("normal-map", FILENAME, &o->normal_map, "FILE",
@@ -266,6 +267,17 @@ static gboolean parse_materials(struct viewer_options *o, GError **error) {
            refuse_options(error, "--material goes with --shape FILE.gltf or FILE.glb");
 }
 
+/* The first one that the session has a product for; without any, the default. */
+static const struct method *method_of_session(const char *session) {
+    for (gsize k = 0; methods[k] != NULL; k++) {
+        g_autofree char *path =
+            methods[k]->product != NULL ? method_path(methods[k], session) : NULL;
+        if (path != NULL && g_file_test(path, G_FILE_TEST_EXISTS))
+            return methods[k];
+    }
+    return methods[0];
+}
+
 /* Sets the methods of --method, --split and --difference. */
 static gboolean parse_methods(struct viewer_options *o, GError **error) {
     const char *second = o->split != NULL ? o->split : o->difference;
@@ -286,8 +298,10 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
     }
     if (o->method_name == NULL && o->argument != NULL) { /* what the file says of itself */
         struct file_opened file;
-        if (!g_file_test(o->argument, G_FILE_TEST_IS_DIR) &&
-            file_kind_find(o->argument, &file, NULL)) {
+        if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
+            if (!o->live && !o->settings.plain) /* which are of the default alone */
+                o->method = method_of_session(o->argument);
+        } else if (file_kind_find(o->argument, &file, NULL)) {
             o->method = file.kind == FILE_KIND_MATERIAL ? file.method : o->method;
             file_opened_clear(&file);
         }

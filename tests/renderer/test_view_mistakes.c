@@ -276,6 +276,28 @@ static void test_products(gconstpointer data) {
     remove_tree(session);
 }
 
+/* Without eigen-maps a session is drawn by another method that it has a file for, unless one is
+ * named; without any file the default's is what lacks. */
+static void test_default_method(gconstpointer data) {
+    if (!have_programs())
+        return;
+    g_autofree char *session = write_products();
+    g_autofree char *picture = g_build_filename(session, "x.png", NULL);
+    const char *argv[] = {VIEWER, session, "--render", picture, "--size", "16x12", NULL};
+    for (int k = 0; methods[k] != NULL; k++) {
+        if (methods[k]->product == NULL)
+            continue;
+        g_autofree char *path = method_path(methods[k], session);
+        if (!g_file_test(path, G_FILE_TEST_EXISTS))
+            continue; /* drawn by a method before, and removed */
+        g_autofree char *said = process_text(0, argv);
+        g_assert_nonnull(strstr(said, path));
+        g_assert_cmpint(unlink(path), ==, 0);
+    }
+    refuses(NULL, argv, "eigenmaps.exr; “mesorig process” makes it");
+    remove_tree(session);
+}
+
 static char *write_mdf(const char *session, int width, int height) {
     static const char *const channels[] = {"D", NULL};
     struct exr_file *file = exr_file_new();
@@ -542,6 +564,7 @@ static void test_least_gl(gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     gpu_fixture_add("/view-mistakes/products", test_products, NULL);
+    gpu_fixture_add("/view-mistakes/default-method", test_default_method, NULL);
     gpu_fixture_add("/view-mistakes/distances", test_distances, NULL);
     gpu_fixture_add("/view-mistakes/too-wide", test_too_wide, NULL);
     gpu_fixture_add("/view-mistakes/no-gl", test_no_gl, NULL);

@@ -240,6 +240,22 @@ static void calibrated(struct operation *run, const char *info, const char *verd
     g_assert_cmpstr(captured, ==, "nominal");
 }
 
+static int count_of(const char *text, const char *what) {
+    int n = 0;
+    for (const char *at = text; (at = strstr(at, what)); at++)
+        n++;
+    return n;
+}
+
+/* Capture and processing in one command say once that nothing is calibrated. */
+static void told_once(void) {
+    struct operation *run = operator_new(NULL);
+    operator_does(run, 0, "capture", run->rig, run->conf, "-o", run->session, "--process", NULL);
+    g_assert_cmpint(count_of(run->out, "calibration: none"), ==, 1);
+    assert_has(run->out, "MDF of");
+    operator_free(run);
+}
+
 /* The statement about the products is about what they were made with, not the capture. */
 static void made_with(void) {
     struct operation *run = operator_new(NULL);
@@ -286,6 +302,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/report/page", page);
     g_test_add_func("/report/crate", crate);
     g_test_add_func("/report/verdicts", verdicts);
+    g_test_add_func("/report/told_once", told_once);
     g_test_add_func("/report/made_with", made_with);
     g_test_add_func("/report/without_lasers", without_lasers);
     g_test_add_func("/report/mistakes", mistakes);
