@@ -9,6 +9,7 @@
 
 static char *output, *format, *shape;
 static int memory_mb = MEMORY_MB;
+static gboolean core;
 
 static const GOptionEntry map_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The folder to make", "FOLDER"},
@@ -23,6 +24,10 @@ static const GOptionEntry gltf_entries[] = {
      "The file to write: .glb, or .gltf with textures beside it", "FILE.glb"},
     {"shape", 0, 0, G_OPTION_ARG_STRING, &shape, "What has the material (both)",
      "plane|sphere|both"},
+    {"core", 0, 0, G_OPTION_ARG_NONE, &core,
+     "Fit and write base colour, metallic, roughness and normal alone, for renderers that know no "
+     "extensions of glTF",
+     NULL},
     {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
      "Memory for the BTF; more of it is kept in a file (4096)", "MB"},
     {NULL},
@@ -41,6 +46,7 @@ struct job {
     const char *session;
     enum export_kind kind;
     gboolean exr, text;
+    enum maps_model model;
     int shapes;
     struct maps *maps;
 };
@@ -65,7 +71,7 @@ static gboolean work_maps(const struct work *work, gpointer data, GError **error
     g_autoptr(MapsFiles) files = maps_files_new();
     if (!maps_files_check(output, cli_force, error))
         return FALSE;
-    job->maps = maps_new(job->session, (gint64)memory_mb << 20, work, error);
+    job->maps = maps_new(job->session, job->model, (gint64)memory_mb << 20, work, error);
     if (!job->maps || !export_maps_add(job, files, error))
         return FALSE;
     return job->kind == EXPORT_GLTF ? maps_files_write_beside(files, output, cli_force, error)
@@ -97,6 +103,7 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
     record_int(to, "worst_view", worst / errors->n_lights);
     record_int(to, "worst_light", worst % errors->n_lights);
     record_double(to, "worst_delta_e", (double)errors->pairs[worst]);
+    record_boolean(to, "core", maps->model == MAPS_MODEL_CORE);
     record_boolean(to, "anisotropy", maps->anisotropic);
     record_double(to, "sheen_roughness", (double)maps->fit->layers.sheen_roughness);
     record_double(to, "coat_roughness", (double)maps->fit->layers.coat_roughness);
@@ -160,7 +167,9 @@ static int export_maps_run(const struct call *call, GError **error) {
 }
 
 static int export_gltf_run(const struct call *call, GError **error) {
-    struct job job = {.kind = EXPORT_GLTF, .shapes = MAPS_PLANE | MAPS_SPHERE};
+    struct job job = {.kind = EXPORT_GLTF,
+                      .shapes = MAPS_PLANE | MAPS_SPHERE,
+                      .model = core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL};
     if (shape && g_str_equal(shape, "plane"))
         job.shapes = MAPS_PLANE;
     else if (shape && g_str_equal(shape, "sphere"))
@@ -198,7 +207,8 @@ const struct command exchange_maps = {
 const struct command exchange_gltf = {
     .name = "export gltf",
     .arguments = "DIR -o FILE.glb",
-    .examples = "  mesorig export gltf weave.session -o weave.glb\n",
+    .examples = "  mesorig export gltf weave.session -o weave.glb\n"
+                "  mesorig export gltf weave.session --core -o weave_core.glb\n",
     .help = "Write the same maps as the material of a glTF 2.0 scene.",
     .options = gltf_entries,
     .min = 1,

@@ -92,7 +92,8 @@ static void maps_summarise(struct maps *maps) {
 }
 
 /* The fit and its errors. */
-static struct maps *maps_of(const struct btf_matrix *btf, const struct work *work, GError **error) {
+static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
+                            const struct work *work, GError **error) {
     const gsize n = btf_layout_texels(&btf->layout);
     g_autoptr(Maps) maps = g_new0(struct maps, 1);
     if (n > MAPS_MOST_TEXELS) {
@@ -109,9 +110,10 @@ static struct maps *maps_of(const struct btf_matrix *btf, const struct work *wor
     maps->n_views = (int)btf->layout.views.n;
     maps->n_lights = (int)btf->layout.lights.n;
     maps->holes = btf->holes;
+    maps->model = model;
     struct maps_register *of = maps_register_new(btf, work, error);
     maps->depth_mm = of ? of->depth_mm : 0;
-    maps->fit = of ? maps_fit_new(of, NULL, work, error) : NULL;
+    maps->fit = of ? maps_fit_new(of, NULL, model, work, error) : NULL;
     if (maps->fit)
         maps_summarise(maps);
     const gboolean ok = maps->fit && maps_find_errors(maps, of, work, error);
@@ -132,25 +134,26 @@ static gboolean maps_shape(struct maps *maps, const char *session, const struct 
     return maps_find_occlusion(heights, maps->width, maps->height, work, maps->occlusion, error);
 }
 
-struct maps *maps_new_of(const struct btf_matrix *btf, const struct work *work, GError **error) {
-    g_autoptr(Maps) maps = maps_of(btf, work, error);
+struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
+                         const struct work *work, GError **error) {
+    g_autoptr(Maps) maps = maps_of(btf, model, work, error);
     return maps && maps_shape(maps, NULL, work, error) ? g_steal_pointer(&maps) : NULL;
 }
 
 /* The fit that an earlier export has kept, or a new one, which is kept where the session can be
  * written to. */
-static struct maps *maps_fitted(const char *path, const char *session, gint64 memory,
-                                const struct work *work, GError **error) {
+static struct maps *maps_fitted(const char *path, const char *session, enum maps_model model,
+                                gint64 memory, const struct work *work, GError **error) {
     g_autoptr(GError) unknown = NULL;
-    g_autofree char *inputs = maps_store_inputs(session, &unknown);
-    g_autoptr(Maps) maps = inputs ? maps_store_read(session, inputs) : NULL;
+    g_autofree char *inputs = maps_store_inputs(session, model, &unknown);
+    g_autoptr(Maps) maps = inputs ? maps_store_read(session, model, inputs) : NULL;
     if (maps) {
         maps_summarise(maps);
         maps->kept = MAPS_FIT_TAKEN;
         return g_steal_pointer(&maps);
     }
     struct btf_matrix *btf = btf_matrix_read_within(memory, path, work, error);
-    maps = btf ? maps_of(btf, work, error) : NULL;
+    maps = btf ? maps_of(btf, model, work, error) : NULL;
     btf_matrix_free(btf);
     if (maps && inputs && maps_store_write(session, inputs, maps, &unknown))
         maps->kept = MAPS_FIT_KEPT;
@@ -159,8 +162,9 @@ static struct maps *maps_fitted(const char *path, const char *session, gint64 me
     return g_steal_pointer(&maps);
 }
 
-struct maps *maps_new(const char *path, gint64 memory, const struct work *work, GError **error) {
+struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
+                      const struct work *work, GError **error) {
     g_autofree char *session = btf_matrix_session(path);
-    g_autoptr(Maps) maps = maps_fitted(path, session, memory, work, error);
+    g_autoptr(Maps) maps = maps_fitted(path, session, model, memory, work, error);
     return maps && maps_shape(maps, session, work, error) ? g_steal_pointer(&maps) : NULL;
 }

@@ -36,25 +36,28 @@ struct maps {
     double depth_mm; /* of the mean surface, which the maps describe, below the reference plane */
     struct maps_fit *fit;
     enum maps_heights heights_from;
-    float *heights_mm;    /* height × width, from 0 upwards */
-    double relief_mm;     /* the largest height */
-    int height_holes;     /* texels without a height, which got that of texels around */
-    float *occlusion;     /* height × width: 1: none */
-    float most_specular;  /* the largest specular_colour, at least 1 */
+    float *heights_mm;   /* height × width, from 0 upwards */
+    double relief_mm;    /* the largest height */
+    int height_holes;    /* texels without a height, which got that of texels around */
+    float *occlusion;    /* height × width: 1: none */
+    float most_specular; /* the largest specular_colour, at least 1 */
+    enum maps_model model;
     gboolean anisotropic; /* the anisotropy of some texels matters */
     struct maps_errors errors;
     enum maps_kept kept;
     char *lost; /* why the fit of a session could not be kept; NULL: it is, or it is no session's */
 };
 
-/* path: a session or its products/btf. memory: bytes for the BTF, of which the rest is kept in a
- * file; 0: any. The fit is kept in the session (maps_store.h) and, while the BTF is the same, taken
- * from there. Stages "read", "depth", "layers", "fit", "errors", which are left out then, and
- * "occlusion".
+/* path: a session or its products/btf. model: what the fit may use; a fit of each is kept. memory:
+ * bytes for the BTF, of which the rest is kept in a file; 0: any. The fit is kept in the session
+ * (maps_store.h) and, while the BTF is the same, taken from there. Stages "read", "depth",
+ * "layers", "fit", "errors", which are left out then, and "occlusion".
  */
-struct maps *maps_new(const char *path, gint64 memory, const struct work *work, GError **error);
+struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
+                      const struct work *work, GError **error);
 /* Without a session: of a BTF, with heights from normals. */
-struct maps *maps_new_of(const struct btf_matrix *btf, const struct work *work, GError **error);
+struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
+                         const struct work *work, GError **error);
 void maps_free(struct maps *maps); /* NULL is ignored */
 typedef struct maps Maps;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
@@ -77,7 +80,8 @@ gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **err
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };
 /* A binary glTF, or, if text, a .gltf with the files that it names. shapes: a sum. Metres, y up;
- * extensions are used where a map needs them. file: the name of the first file. */
+ * extensions are used where a map needs them; a material of the core model has none, and no
+ * occlusion, which some renderers multiply direct light with. file: the name of the first file. */
 gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,
                        MapsFiles *files, GError **error);
 /* NAME_openpbr.mtlx and NAME_standard_surface.mtlx, and the maps. */

@@ -219,11 +219,11 @@ static gboolean maps_fit_choose(struct maps_fit_run *run, struct maps_pairs *pai
 }
 
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
-                              const struct work *work, GError **error) {
+                              enum maps_model model, const struct work *work, GError **error) {
     const struct btf_matrix *btf = of->btf;
     const gsize n = btf_layout_texels(&btf->layout);
     struct maps_fit *fit = g_new0(struct maps_fit, 1);
-    struct maps_pairs *pairs = maps_pairs_new(&btf->layout);
+    struct maps_pairs *pairs = maps_pairs_new(&btf->layout, model);
     struct maps_fit_run run = {.of = of, .btf = btf, .pairs = pairs, .fit = fit};
     g_mutex_init(&run.mutex);
     gboolean ok = pairs->n > 0;
@@ -240,7 +240,7 @@ struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_
     ok = ok && maps_fit_mean(&run, error);
     if (ok && layers)
         fit->layers = *layers;
-    else if (ok)
+    else if (ok && model == MAPS_MODEL_FULL)
         ok = maps_fit_choose(&run, pairs, work, error);
     if (ok) {
         maps_pairs_set_layers(pairs, &fit->layers);

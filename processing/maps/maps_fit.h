@@ -12,6 +12,8 @@
  * model does not hold count less. From d and S follow metallic and specular; then base, specular
  * colour and sheen are solved for each colour.
  *
+ * Of the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give metallic m.
+ *
  * Values that are NaN are left out; a texel without light is black. Any thread.
  */
 #pragma once
@@ -20,6 +22,11 @@
 #include "btf/btf_matrix.h"
 #include "maps_model.h"
 #include "maps_register.h"
+
+/* The parameters that a fit may use. MAPS_MODEL_CORE: those of glTF without extensions: base
+ * colour, metallic, roughness and normal. Anisotropy is 0, w is 1, S is at least that of a
+ * dielectric, and there are no layers. */
+enum maps_model { MAPS_MODEL_FULL, MAPS_MODEL_CORE };
 
 #define MAPS_MOST_PAIRS 4096 /* of a view and a light; of more, every second, third, … is taken */
 
@@ -33,5 +40,5 @@ struct maps_fit {
  * than a twentieth are chosen. DATA_ERROR: the BTF has no light in it at all, or there is not
  * enough memory. Stages "layers", "fit". */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
-                              const struct work *work, GError **error);
+                              enum maps_model model, const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */

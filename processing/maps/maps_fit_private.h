@@ -28,10 +28,11 @@ struct maps_pairs {
     int *index; /* view · n_lights + light */
     float *planes[MAPS_PLANES];
     gboolean extra; /* E is not 0 everywhere */
+    enum maps_model model;
 };
 
 /* Every pair of directions above the plane, at most MAPS_MOST_PAIRS. */
-struct maps_pairs *maps_pairs_new(const struct btf_layout *layout);
+struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model);
 /* Sets E as the layers have it, for the normal z. */
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);
 void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */

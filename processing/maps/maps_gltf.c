@@ -207,7 +207,7 @@ static void maps_gltf_base(const struct maps *maps, gsize i, float *ret) {
     memcpy(ret, maps->fit->texels[i].base, sizeof(float) * 3);
 }
 static void maps_gltf_orm(const struct maps *maps, gsize i, float *ret) {
-    ret[0] = maps->occlusion[i];
+    ret[0] = maps->model == MAPS_MODEL_CORE ? 1 : maps->occlusion[i];
     ret[1] = maps->fit->texels[i].roughness;
     ret[2] = maps->fit->texels[i].metallic;
 }
@@ -232,30 +232,21 @@ static void maps_gltf_coat(const struct maps *maps, gsize i, float *ret) {
     ret[0] = ret[1] = ret[2] = maps->fit->texels[i].coat;
 }
 
-/* The material, and the extensions that it uses. */
-static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GString *extensions,
-                                   GError **error) {
+/* The extensions of a material, which end it. */
+static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GString *extensions,
+                                     GError **error) {
     const struct maps *maps = to->maps;
     const struct maps_layers *layers = &maps->fit->layers;
-    const int base = maps_gltf_texture(to, "BaseColor", 3, TRUE, maps_gltf_base, error);
-    const int orm = base < 0 ? -1
-                             : maps_gltf_texture(to, "OcclusionRoughnessMetallic", 3, FALSE,
-                                                 maps_gltf_orm, error);
-    const int normal =
-        orm < 0 ? -1 : maps_gltf_texture(to, "Normal", 3, FALSE, maps_gltf_normal, error);
-    const int specular =
-        normal < 0 ? -1 : maps_gltf_texture(to, "Specular", 4, TRUE, maps_gltf_specular, error);
+    const int specular = maps_gltf_texture(to, "Specular", 4, TRUE, maps_gltf_specular, error);
     if (specular < 0)
         return FALSE;
     g_string_append(extensions, "\"KHR_materials_specular\"");
     g_string_append_printf(
         material,
-        "{\"name\": \"%s\",\n   \"pbrMetallicRoughness\": {\"baseColorTexture\": {\"index\": %d}, "
-        "\"metallicRoughnessTexture\": {\"index\": %d}},\n   \"normalTexture\": {\"index\": %d}, "
-        "\"occlusionTexture\": {\"index\": %d},\n   \"extensions\": {\"KHR_materials_specular\": "
+        ",\n   \"extensions\": {\"KHR_materials_specular\": "
         "{\"specularTexture\": {\"index\": %d}, \"specularColorTexture\": {\"index\": %d}, "
         "\"specularColorFactor\": [",
-        maps->name, base, orm, normal, orm, specular, specular);
+        specular, specular);
     for (int c = 0; c < 3; c++) {
         g_string_append(material, c ? ", " : "");
         maps_gltf_number(material, (double)maps->most_specular);
@@ -296,20 +287,46 @@ static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GStr
         maps_gltf_number(material, (double)layers->coat_roughness);
         g_string_append_c(material, '}');
     }
-    g_string_append(material, "},\n   \"extras\": {\"depth_mm\": ");
-    maps_gltf_number(material, maps->depth_mm);
     g_string_append(material, "}}");
     return TRUE;
+}
+
+/* The material, and the extensions that it uses. */
+static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GString *extensions,
+                                   GError **error) {
+    const struct maps *maps = to->maps;
+    const int base = maps_gltf_texture(to, "BaseColor", 3, TRUE, maps_gltf_base, error);
+    const int orm = base < 0 ? -1
+                             : maps_gltf_texture(to, "OcclusionRoughnessMetallic", 3, FALSE,
+                                                 maps_gltf_orm, error);
+    const int normal =
+        orm < 0 ? -1 : maps_gltf_texture(to, "Normal", 3, FALSE, maps_gltf_normal, error);
+    if (normal < 0)
+        return FALSE;
+    g_string_append_printf(
+        material,
+        "{\"name\": \"%s\",\n   \"pbrMetallicRoughness\": {\"baseColorTexture\": {\"index\": %d}, "
+        "\"metallicRoughnessTexture\": {\"index\": %d}},\n   \"normalTexture\": {\"index\": %d},"
+        "\n   \"extras\": {\"depth_mm\": ",
+        maps->name, base, orm, normal);
+    maps_gltf_number(material, maps->depth_mm);
+    g_string_append_c(material, '}');
+    if (maps->model == MAPS_MODEL_CORE) {
+        g_string_append_c(material, '}');
+        return TRUE;
+    }
+    g_string_append_printf(material, ",\n   \"occlusionTexture\": {\"index\": %d}", orm);
+    return maps_gltf_extensions(to, material, extensions, error);
 }
 
 static GString *maps_gltf_json(const struct maps_gltf *to, const char *binary, const char *material,
                                const char *extensions) {
     GString *json = g_string_new("{\"asset\": {\"version\": \"2.0\", \"generator\": "
                                  "\"mesorig " MESORIG_VERSION "\"},\n");
-    g_string_append_printf(json,
-                           " \"extensionsUsed\": [%s],\n \"scene\": 0,\n \"scenes\": "
-                           "[{\"nodes\": [0%s]}],\n",
-                           extensions, to->n_meshes > 1 ? ", 1" : "");
+    if (*extensions)
+        g_string_append_printf(json, " \"extensionsUsed\": [%s],\n", extensions);
+    g_string_append_printf(json, " \"scene\": 0,\n \"scenes\": [{\"nodes\": [0%s]}],\n",
+                           to->n_meshes > 1 ? ", 1" : "");
     g_string_append_printf(json, " \"nodes\": [%s],\n \"meshes\": [\n  %s],\n", to->nodes->str,
                            to->meshes->str);
     g_string_append_printf(json,

@@ -4,12 +4,13 @@
 
 #define LEAST_Z 0.02F /* of a direction: what is lower sees next to nothing */
 
-struct maps_pairs *maps_pairs_new(const struct btf_layout *layout) {
+struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model) {
     g_autofree float *views = direction_list_vectors(&layout->views);
     g_autofree float *lights = direction_list_vectors(&layout->lights);
     const gsize all = layout->views.n * layout->lights.n;
     const gsize stride = MAX((all + MAPS_MOST_PAIRS - 1) / MAPS_MOST_PAIRS, 1);
     struct maps_pairs *ret = g_new0(struct maps_pairs, 1);
+    ret->model = model;
     ret->index = g_new(int, all / stride + 1);
     for (int k = 0; k < MAPS_PLANES; k++)
         ret->planes[k] = g_new0(float, all / stride + 1);

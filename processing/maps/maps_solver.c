@@ -130,14 +130,14 @@ static inline float maps_solver_below(float weight, float f5) {
 
 /* min xᵀ A x − 2 bᵀ x within bounds, by coordinates. */
 static void maps_solver_box(const double (*a)[MAPS_COLUMNS], const double *b, int n,
-                            const double *most, double *x) {
+                            const double *least, const double *most, double *x) {
     for (int round = 0; round < 60; round++) {
         double moved = 0;
         for (int j = 0; j < n; j++) {
             double rest = b[j];
             for (int k = 0; k < n; k++)
                 rest -= k == j ? 0 : a[j][k] * x[k];
-            const double next = a[j][j] > 0 ? CLAMP(rest / a[j][j], 0, most[j]) : 0;
+            const double next = a[j][j] > 0 ? CLAMP(rest / a[j][j], least[j], most[j]) : least[j];
             moved = MAX(moved, fabs(next - x[j]));
             x[j] = next;
         }
@@ -150,6 +150,8 @@ static void maps_solver_box(const double (*a)[MAPS_COLUMNS], const double *b, in
 static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS_SHAPE],
                               float *residuals, float factors[MAPS_COLUMNS]) {
     static const double most[MAPS_COLUMNS] = {4, 1, 1};
+    const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
+    const double least[MAPS_COLUMNS] = {0, core ? (double)MAPS_DIELECTRIC : 0, 0};
     const struct maps_frame frame = maps_solver_frame(shape);
     const float *f5 = solver->pairs->planes[MAPS_F5], *extra = solver->pairs->planes[MAPS_EXTRA];
     const float *y = solver->y, *weights = solver->weights;
@@ -180,7 +182,7 @@ static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS
         right[j] += solver->weak * priors[j];
     }
     maps_solver_box((const double(*)[MAPS_COLUMNS])matrix, right,
-                    solver->pairs->extra ? MAPS_COLUMNS : MAPS_COLUMNS - 1, most, x);
+                    solver->pairs->extra ? MAPS_COLUMNS : MAPS_COLUMNS - 1, least, most, x);
     for (int j = 0; j < MAPS_COLUMNS; j++)
         factors[j] = (float)x[j];
     for (int i = 0; i < solver->n; i++) {
@@ -240,6 +242,11 @@ static gboolean maps_solver_cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[
     return TRUE;
 }
 
+/* How many of a shape's values are fitted: the core model's lobe is isotropic, and its w is 1. */
+static int maps_solver_free_values(const struct maps_solver *solver) {
+    return solver->pairs->model == MAPS_MODEL_CORE ? 3 : MAPS_SHAPE;
+}
+
 /* Jᵀ J and −Jᵀ r by differences, priors included. */
 static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAPS_SHAPE],
                                double normal[MAPS_SHAPE][MAPS_SHAPE], double right[MAPS_SHAPE]) {
@@ -249,6 +256,10 @@ static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAP
     maps_solver_prior(shape, prior);
     for (int k = 0; k < MAPS_SHAPE; k++) {
         float moved[MAPS_SHAPE];
+        if (k >= maps_solver_free_values(solver)) {
+            memset(solver->slopes[k], 0, sizeof(float) * (gsize)solver->n);
+            continue;
+        }
         memcpy(moved, shape, sizeof moved);
         moved[k] += STEP;
         maps_solver_try(solver, moved, solver->slopes[k], factors);
@@ -273,15 +284,16 @@ static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAP
     }
 }
 
-static void maps_solver_limit(float shape[MAPS_SHAPE]) {
+static void maps_solver_limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
+    const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     const float length = hypotf(shape[0], shape[1]);
     if (length > MOST_NORMAL)
         for (int k = 0; k < 2; k++)
             shape[k] *= MOST_NORMAL / length;
     shape[2] = CLAMP(shape[2], least_log, 0);
     for (int k = 3; k < 5; k++)
-        shape[k] = CLAMP(shape[k], -2, 2);
-    shape[5] = CLAMP(shape[5], LEAST_WEIGHT, 1);
+        shape[k] = core ? 0 : CLAMP(shape[k], -2, 2);
+    shape[5] = core ? 1 : CLAMP(shape[5], LEAST_WEIGHT, 1);
 }
 
 /* From shape with residuals and the cost; both are updated. */
@@ -302,7 +314,7 @@ static double maps_solver_descend(struct maps_solver *solver, double cost,
                 return cost;
             for (int k = 0; k < MAPS_SHAPE; k++)
                 moved.shape[k] += (float)x[k];
-            maps_solver_limit(moved.shape);
+            maps_solver_limit(solver, moved.shape);
             next = maps_solver_cost(solver, moved.shape, solver->trial, moved.factors);
             if (next < cost) {
                 *at = moved;
@@ -379,12 +391,14 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
     if (!maps_solver_take(solver, rgb))
         return FALSE;
     for (int k = 0; k < n_starts; k++) {
-        float factors[MAPS_COLUMNS];
-        const double next = maps_solver_cost(solver, starts[k], solver->trial, factors);
+        float factors[MAPS_COLUMNS], start[MAPS_SHAPE];
+        memcpy(start, starts[k], sizeof start);
+        maps_solver_limit(solver, start);
+        const double next = maps_solver_cost(solver, start, solver->trial, factors);
         if (k > 0 && next >= cost)
             continue;
         cost = next;
-        memcpy(ret->shape, starts[k], sizeof ret->shape);
+        memcpy(ret->shape, start, sizeof ret->shape);
     }
     for (int round = 0; round < ROUNDS; round++) {
         cost = maps_solver_cost(solver, ret->shape, solver->residuals, ret->factors);
@@ -403,11 +417,11 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
     return TRUE;
 }
 
-/* metallic m for which m base + (1 − m) 0.04 is the reflectance S, with base = d / (1 − m); of less
- * than twice a dielectric's reflectance it is 0. */
-static double maps_solver_metallic(double d, double s) {
+/* metallic m for which m base + (1 − m) 0.04 is the reflectance S, with base = d / (1 − m); 0 where
+ * S is at most least. */
+static double maps_solver_metallic(double d, double s, double least) {
     double low = 0, high = 1;
-    if (s <= 2 * (double)MAPS_DIELECTRIC)
+    if (s <= least)
         return 0;
     for (int i = 0; i < 40; i++) {
         const double m = (low + high) / 2, base = MIN(d / MAX(1 - m, 1e-9), 1);
@@ -424,15 +438,21 @@ void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
                          struct maps_texel *ret) {
     const struct maps_frame frame = maps_solver_frame(solution->shape);
     const double d = (double)solution->factors[0], s = (double)solution->factors[1];
-    const double m = maps_solver_metallic(d, s), w = MAX((double)solution->shape[5], MIN(2 * s, 1));
+    const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
+    /* Where a specular colour can hold it, up to twice a dielectric's reflectance is no metal's. */
+    const double m = maps_solver_metallic(d, s, (core ? 1.001 : 2) * (double)MAPS_DIELECTRIC);
+    const double w = core ? 1 : MAX((double)solution->shape[5], MIN(2 * s, 1));
     const double base = MIN(d / MAX(1 - m, 1e-9), 1);
-    const double grey = m < 0.999 ? CLAMP((s - m * base) / ((double)MAPS_DIELECTRIC * w * (1 - m)),
-                                          0, (double)MAPS_MOST_SPECULAR)
-                                  : 1;
+    const double grey = m < 0.999 && !core
+                            ? CLAMP((s - m * base) / ((double)MAPS_DIELECTRIC * w * (1 - m)), 0,
+                                    (double)MAPS_MOST_SPECULAR)
+                            : 1;
     const double f0 = (double)MAPS_DIELECTRIC * grey;
     const float *const *p = (const float *const *)solver->pairs->planes;
     const float e = solution->factors[2];
-    const double most[] = {1, (double)MAPS_MOST_SPECULAR, 1};
+    /* The core model's reflectance of a dielectric is given. */
+    const double least[] = {0, core ? 1 : 0, 0},
+                 most[] = {1, core ? 1 : (double)MAPS_MOST_SPECULAR, 1};
     const gboolean sheen = layers->sheen_roughness > 0, coat = layers->coat_roughness > 0;
     double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
     memset(ret, 0, sizeof *ret);
@@ -469,7 +489,7 @@ void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
         b[c][1] += prior * grey;
         a[c][0][0] += 1e-9;
         a[c][2][2] += 1e-9;
-        maps_solver_box((const double(*)[MAPS_COLUMNS])a[c], b[c], sheen ? 3 : 2, most, x);
+        maps_solver_box((const double(*)[MAPS_COLUMNS])a[c], b[c], sheen ? 3 : 2, least, most, x);
         ret->base[c] = (float)x[0];
         ret->specular_colour[c] = (float)x[1];
         ret->sheen[c] = sheen ? (float)x[2] : 0;

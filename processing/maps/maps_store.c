@@ -43,7 +43,11 @@ static const struct {
 #define MEMBERS G_N_ELEMENTS(members)
 G_STATIC_ASSERT(MEMBERS * sizeof(float) == sizeof(struct maps_texel));
 
-char *maps_store_inputs(const char *session, GError **error) {
+const char *maps_store_product(enum maps_model model) {
+    return model == MAPS_MODEL_CORE ? "products/maps_fit_core.exr" : "products/maps_fit.exr";
+}
+
+char *maps_store_inputs(const char *session, enum maps_model model, GError **error) {
     g_autoptr(Session) opened = session_open(session, SESSION_READ, error);
     g_autoptr(GPtrArray) files = opened ? session_btf_files(opened, error) : NULL;
     g_autoptr(GPtrArray) products = files ? session_list_products(opened, error) : NULL;
@@ -51,7 +55,7 @@ char *maps_store_inputs(const char *session, GError **error) {
         return NULL;
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
     guint n = 0;
-    input_hash(sum, "maps %d", VERSION);
+    input_hash(sum, "maps %d%s", VERSION, model == MAPS_MODEL_CORE ? " core" : "");
     for (guint i = 0; i < products->len; i++) {
         const struct session_product *product = products->pdata[i];
         if (!g_str_has_prefix(product->path, "products/btf/"))
@@ -84,8 +88,8 @@ static gboolean maps_store_numbers(const struct exr_part *part, struct maps *map
     return ok;
 }
 
-struct maps *maps_store_read(const char *session, const char *inputs) {
-    g_autofree char *path = g_build_filename(session, MAPS_STORE_PRODUCT, NULL);
+struct maps *maps_store_read(const char *session, enum maps_model model, const char *inputs) {
+    g_autofree char *path = g_build_filename(session, maps_store_product(model), NULL);
     const char *name = NULL, *of = NULL;
     double layers[2] = {0};
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR) || !session_check_product(path, NULL))
@@ -100,6 +104,7 @@ struct maps *maps_store_read(const char *session, const char *inputs) {
     g_autoptr(Maps) maps = g_new0(struct maps, 1);
     maps->fit = g_new0(struct maps_fit, 1);
     maps->name = g_strdup(name);
+    maps->model = model;
     maps->width = texels->width;
     maps->height = texels->height;
     if (n > MAPS_MOST_TEXELS || !maps_store_numbers(texels, maps, layers) ||
@@ -164,6 +169,7 @@ gboolean maps_store_write(const char *session, const char *inputs, const struct 
            sizeof(float) * (gsize)maps->n_lights * (gsize)maps->n_views);
     exr_file_add(file, maps_store_texels(inputs, maps));
     exr_file_add(file, pairs);
-    return exr_write_below(session, MAPS_STORE_PRODUCT, file, EXR_ZIP, TRUE, error) &&
-           session_add_product(opened, MAPS_STORE_PRODUCT, MADE_BY, error);
+    const char *product = maps_store_product(maps->model);
+    return exr_write_below(session, product, file, EXR_ZIP, TRUE, error) &&
+           session_add_product(opened, product, MADE_BY, error);
 }

@@ -42,13 +42,15 @@ class Material:
 
     def evaluate(self, at, v, l):
         """π f n·l, of directions in the frame of tangent, bitangent and normal."""
-        pbr, more = self.m['pbrMetallicRoughness'], self.m['extensions']
-        specular = more['KHR_materials_specular']
+        pbr, more = self.m['pbrMetallicRoughness'], self.m.get('extensions', {})
         base = self.texture(pbr['baseColorTexture'], at, 3)
         orm = self.texture(pbr['metallicRoughnessTexture'], at)
         n = unit(2 * self.texture(self.m['normalTexture'], at)[..., :3] - 1)
-        tint = self.texture(specular['specularTexture'], at, 3)
-        weight, tint = tint[..., 3:], tint[..., :3] * specular['specularColorFactor']
+        weight, tint = np.ones(at.shape[:-1] + (1,)), np.ones(3)
+        if 'KHR_materials_specular' in more:
+            specular = more['KHR_materials_specular']
+            tint = self.texture(specular['specularTexture'], at, 3)
+            weight, tint = tint[..., 3:], tint[..., :3] * specular['specularColorFactor']
         across = orm[..., 1] ** 2
         along, t = across, np.stack([1 + 0 * across, 0 * across, 0 * across], -1)
         if 'KHR_materials_anisotropy' in more:

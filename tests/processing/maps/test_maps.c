@@ -208,11 +208,15 @@ static struct found compare(const struct maps *maps, gboolean anisotropic) {
     return ret;
 }
 
-static struct maps *maps_of_btf(const struct btf_matrix *btf) {
+static struct maps *maps_of_model(const struct btf_matrix *btf, enum maps_model model) {
     g_autoptr(GError) error = NULL;
-    struct maps *ret = maps_new_of(btf, &quietly, &error);
+    struct maps *ret = maps_new_of(btf, model, &quietly, &error);
     g_assert_no_error(error);
     return ret;
+}
+
+static struct maps *maps_of_btf(const struct btf_matrix *btf) {
+    return maps_of_model(btf, MAPS_MODEL_FULL);
 }
 
 static void test_planted(void) {
@@ -245,6 +249,33 @@ static void test_trouble(void) {
     }
 }
 
+/* The core model finds what was planted, which is of it; of stretched lobes it is an isotropic one,
+ * and all that would need an extension has the value that a file without it means. */
+static void test_core(void) {
+    for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
+        g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
+        g_autoptr(Maps) maps = maps_of_model(btf, MAPS_MODEL_CORE);
+        const struct found off = compare(maps, anisotropic);
+        for (int t = 0; t < TEXELS; t++) {
+            const struct maps_texel *texel = &maps->fit->texels[t];
+            g_assert_cmpfloat(texel->anisotropy, ==, 0);
+            g_assert_cmpfloat(texel->specular, ==, 1);
+            for (int c = 0; c < 3; c++) {
+                g_assert_cmpfloat(texel->specular_colour[c], ==, 1);
+                g_assert_cmpfloat(texel->sheen[c], ==, 0);
+            }
+            g_assert_cmpfloat(texel->coat, ==, 0);
+        }
+        g_assert_cmpfloat(off.normal_deg, <, anisotropic ? 8 : 1);
+        if (anisotropic)
+            continue;
+        g_assert_cmpfloat(off.base, <, 0.03);
+        g_assert_cmpfloat(off.metallic, <, 0.03);
+        g_assert_cmpfloat(off.roughness, <, 0.02);
+        g_assert_cmpfloat(maps->errors.delta_e, <, 0.5);
+    }
+}
+
 /* Writes the files of a set that a .glb is the first of. */
 static char *write_gltf(const struct maps *maps, const char *name, gboolean text) {
     g_autoptr(GError) error = NULL;
@@ -258,15 +289,32 @@ static char *write_gltf(const struct maps *maps, const char *name, gboolean text
     return path;
 }
 
+/* The first chunk of a .glb. */
+static char *gltf_json(const char *path) {
+    g_autofree char *bytes = NULL;
+    gsize length;
+    guint32 size;
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    memcpy(&size, bytes + 12, sizeof size);
+    size = GUINT32_FROM_LE(size);
+    g_assert_cmpuint(20 + size, <=, length);
+    return g_strndup(bytes + 20, size);
+}
+
 #define QUERIES 600
 
 /* The file read and evaluated by others, against our evaluation and against what was planted. */
 static void test_gltf(void) {
-    for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
+    static const char *const files[] = {"i.glb", "a.glb", "c.glb"};
+    for (int k = 0; k < 3; k++) {
+        const gboolean anisotropic = k == 1, core = k == 2;
         g_autoptr(GError) error = NULL;
         g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
-        g_autoptr(Maps) maps = maps_of_btf(btf);
-        g_autofree char *path = write_gltf(maps, anisotropic ? "a.glb" : "i.glb", FALSE);
+        g_autoptr(Maps) maps = maps_of_model(btf, core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
+        g_autofree char *path = write_gltf(maps, files[k], FALSE);
+        g_autofree char *json = gltf_json(path);
+        g_assert_cmpint(strstr(json, "extensions") == NULL, ==, core);
+        g_assert_cmpint(strstr(json, "occlusionTexture") == NULL, ==, core);
         g_autofree float *views = direction_list_vectors(&btf->layout.views);
         g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
         GString *queries = g_string_new(NULL);
@@ -347,13 +395,8 @@ static void test_layers(void) {
         g_assert_cmpfloat(e, <, 1);
     }
     g_autofree char *path = write_gltf(maps, "cloth.glb", FALSE);
-    g_autofree char *bytes = NULL;
-    gsize length;
-    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
-    bytes[length - 1] = '\0';
-    for (gsize i = 20; i < length - 1 && i < 4000; i++)
-        bytes[i] = bytes[i] ? bytes[i] : ' ';
-    g_assert_nonnull(strstr(bytes + 20, "KHR_materials_sheen"));
+    g_autofree char *json = gltf_json(path);
+    g_assert_nonnull(strstr(json, "KHR_materials_sheen"));
 }
 
 /* A groove of two walls that rise by the slope s: of a white sky (1 + s²)^−½ arrives at its bottom
@@ -400,16 +443,16 @@ static GBytes *kept_export(const char *session, int number, gboolean expect_take
 static void test_kept(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *session = import_session("kept");
-    g_autofree char *store = g_build_filename(session, MAPS_STORE_PRODUCT, NULL);
+    g_autofree char *store = g_build_filename(session, maps_store_product(MAPS_MODEL_FULL), NULL);
     g_autofree char *view = g_build_filename(session, "products/btf/view_0001.exr", NULL);
     GBytes *exports[5];
     exports[0] = kept_export(session, 0, FALSE);
     exports[1] = kept_export(session, 1, TRUE);
-    g_autofree char *inputs = maps_store_inputs(session, &error);
+    g_autofree char *inputs = maps_store_inputs(session, MAPS_MODEL_FULL, &error);
     g_assert_no_error(error);
-    g_autoptr(Maps) kept = maps_store_read(session, inputs);
+    g_autoptr(Maps) kept = maps_store_read(session, MAPS_MODEL_FULL, inputs);
     g_assert_nonnull(kept);
-    g_assert_null(maps_store_read(session, "of another BTF"));
+    g_assert_null(maps_store_read(session, MAPS_MODEL_FULL, "of another BTF"));
     g_autofree char *said = process_mesorig(0, "export maps %s -o %s/kept_maps --json", session,
                                             session_fixture_folder);
     const char *delta_e = strstr(said, "\"delta_e\": ");
@@ -437,6 +480,14 @@ static void test_kept(void) {
     g_assert_true(g_bytes_equal(exports[0], exports[2]));
     g_assert_false(g_bytes_equal(exports[0], exports[3]));
     g_assert_true(g_bytes_equal(exports[3], exports[4]));
+    /* A fit of the core model is kept beside the other. */
+    for (int i = 0; i < 2; i++) {
+        g_autofree char *core = process_mesorig(0, "export gltf %s --core -o %s/core_%d.glb --json",
+                                                session, session_fixture_folder, i);
+        assert_has(core, "\"core\": true");
+        assert_has(core, i > 0 ? "\"fit_taken\": true" : "\"fit_taken\": false");
+    }
+    g_bytes_unref(kept_export(session, 5, TRUE));
     g_free(process_mesorig(0, "verify %s", session));
     for (int i = 0; i < 5; i++)
         g_bytes_unref(exports[i]);
@@ -524,12 +575,12 @@ static void test_bad(void) {
     /* All black; and more texels than maps may have, whose values are never looked at. */
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) black = btf_fixture_new("black", 4, 3, 2, 5);
-    g_assert_null(maps_new_of(black, &quietly, &error));
+    g_assert_null(maps_new_of(black, MAPS_MODEL_FULL, &quietly, &error));
     assert_has(error->message, "black: all of its values are 0 or missing");
     g_clear_error(&error);
     black->layout.width = 4097;
     black->layout.height = 4096;
-    g_assert_null(maps_new_of(black, &quietly, &error));
+    g_assert_null(maps_new_of(black, MAPS_MODEL_FULL, &quietly, &error));
     assert_has(error->message, "4097 × 4096 texels are more than the maps of an export may have");
     black->layout.width = 4;
     black->layout.height = 3;
@@ -570,6 +621,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/maps/depth", test_depth);
     g_test_add_func("/maps/planted", test_planted);
+    g_test_add_func("/maps/core", test_core);
     g_test_add_func("/maps/trouble", test_trouble);
     g_test_add_func("/maps/gltf", test_gltf);
     g_test_add_func("/maps/layers", test_layers);
