@@ -229,7 +229,7 @@ static int points_aside(double longest_px, double spacing_px) {
 
 static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
                       const struct radiometry_camera *radiometry, double turntable_rad,
-                      const struct session_grid *grid) {
+                      const struct session_grid *grid, const int *texels) {
     const gsize n = rectify->n_pixels, width = (gsize)camera->width;
     double shortest, longest;
     const gboolean seen = rectify_sides_px(camera, turntable_rad, grid, &shortest, &longest);
@@ -249,7 +249,8 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
             (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, (int)(i % width),
                                                                (int)(i / width))));
     for (int i = 0; i < rectify->n_texels; i++) {
-        int column = i % grid->width, row = i / grid->width;
+        const int texel = texels ? texels[i] : i;
+        const int column = texel % grid->width, row = texel / grid->width;
         gboolean inside = project_texel(camera, turntable_rad, grid, column, row, side, &footprint);
         rectify->n_outside += !inside;
         if (inside)
@@ -266,9 +267,16 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error) {
+    return rectify_new_at(camera, radiometry, cfa, turntable_rad, grid, NULL,
+                          grid->width * grid->height, error);
+}
+
+Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
+                        const char *cfa, double turntable_rad, const struct session_grid *grid,
+                        const int *texels, int n_texels, GError **error) {
     g_autoptr(Rectify) rectify = g_new0(Rectify, 1);
-    rectify->n_texels = grid->width * grid->height;
-    rectify->columns = grid->width;
+    rectify->n_texels = n_texels;
+    rectify->columns = texels ? n_texels : grid->width;
     rectify->width = camera->width;
     rectify->height = camera->height;
     rectify->n_pixels = (gsize)camera->width * (gsize)camera->height;
@@ -287,7 +295,7 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
                           radiometry
                               ->colour[rectify->mono && rectify->planes == 1 ? DEMOSAIC_GREEN : c])
                 : 1;
-    fill_rows(rectify, camera, radiometry, turntable_rad, grid);
+    fill_rows(rectify, camera, radiometry, turntable_rad, grid, texels);
     if (rectify->n_outside * 100.0 <= rectify->n_texels)
         return g_steal_pointer(&rectify);
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,

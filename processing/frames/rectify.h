@@ -24,6 +24,12 @@ typedef struct Rectify Rectify;
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error);
+/* The same for some of the grid's texels (row · width + column), in the order of the list; NULL:
+ * all of them, n_texels. Not for rectify_errors(), which looks at a texel's neighbours in the grid.
+ */
+Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
+                        const char *cfa, double turntable_rad, const struct session_grid *grid,
+                        const int *texels, int n_texels, GError **error);
 void rectify_free(Rectify *rectify); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rectify, rectify_free)
 

@@ -376,9 +376,30 @@ static void test_variance_rgb(void) {
     }
 }
 
+/* A list of texels has the values that these texels have in the whole grid, to the bit. */
+static void test_some_texels(void) {
+    static const int texels[] = {479, 0, 37, 240, 37};
+    const struct pinhole pinhole = camera_at(30, 400);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Rectify) whole = rectify_new(&camera, NULL, "rggb", 0.3, &grid, &error);
+    g_assert_no_error(error);
+    g_autoptr(Rectify) some =
+        rectify_new_at(&camera, NULL, "rggb", 0.3, &grid, texels, G_N_ELEMENTS(texels), &error);
+    g_assert_no_error(error);
+    g_autofree float *mosaic = linear_mosaic("rggb", &camera);
+    float all[24 * 20 * 3], few[3 * G_N_ELEMENTS(texels)];
+    g_assert_cmpint(rectify_apply(whole, mosaic, all, NULL), ==, 0);
+    g_assert_cmpint(rectify_apply(some, mosaic, few, NULL), ==, 0);
+    for (gsize i = 0; i < G_N_ELEMENTS(texels); i++)
+        for (int c = 0; c < 3; c++)
+            g_assert_true(few[3 * i + (gsize)c] == all[3 * texels[i] + c]);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/rectify/linear", test_linear);
+    g_test_add_func("/rectify/some-texels", test_some_texels);
     g_test_add_func("/rectify/rgb", test_rgb);
     g_test_add_func("/rectify/vignetting", test_vignetting);
     g_test_add_func("/rectify/energy", test_energy);
