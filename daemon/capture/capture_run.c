@@ -430,7 +430,7 @@ static void on_retake(int camera, const char *why, gint64 shortened_us, gpointer
     Capture *capture = data;
     capture->retakes++;
     exposure_advice_count(&capture->exposures, shortened_us);
-    g_autofree char *message = g_strdup_printf("picture taken again: %s", why);
+    g_autofree char *message = g_strdup_printf("frame taken again: %s", why);
     report_rate_limited(capture, &capture->retake_limits[camera],
                         capture->devices->geometry.cameras[camera].name, message);
 }

@@ -72,7 +72,7 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
     if (code != limits->format->code || width != limits->width || height != limits->height) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture is %d × %d of format 0x%08x, not %d × %d %s as it was set "
+                         "its frame is %d × %d of format 0x%08x, not %d × %d %s as it was set "
                          "up; another program has changed it",
                          width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
@@ -82,7 +82,7 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     const guint8 *bytes = arv_buffer_get_data(buffer, &size);
     if (size < needed) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture has %zu bytes, but %d × %d %s are %zu", size, width, height,
+                         "its frame has %zu bytes, but %d × %d %s are %zu", size, width, height,
                          limits->format->name, needed);
         return NULL;
     }
@@ -92,7 +92,7 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
         all |= frame->pixels[i];
     if (all >> limits->bits) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture has values of more than %d bits" ERROR_ADVICE
+                         "its frame has values of more than %d bits" ERROR_ADVICE
                          "check bits and pixel_format in its section: a camera that puts its bits "
                          "first in 16 has bits = 16",
                          limits->bits);

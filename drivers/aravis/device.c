@@ -281,7 +281,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "it says that a picture has %u bytes, but %d × %d %s are %zu",
+                                "it says that a frame has %u bytes, but %d × %d %s are %zu",
                                 payload, limits->width, limits->height, limits->format->name,
                                 bytes);
     if (ARV_IS_GV_STREAM(device->stream)) {

@@ -324,7 +324,7 @@ static const struct option laser_options[] = {
     BOARD_OPTIONS,
     {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, FIELD(first), "The laser's relay"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until its power is stable"},
+     "From switching on until the laser's power is stable"},
     {NULL},
 };
 

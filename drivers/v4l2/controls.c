@@ -47,7 +47,7 @@ static const struct {
     {V4L2_CID_CONTRAST, DELIVERED, 0, curved},
     {V4L2_CID_SATURATION, DELIVERED, 0, coloured},
     {V4L2_CID_HUE, DELIVERED, 0, coloured},
-    {V4L2_CID_TEST_PATTERN, VALUE, 0, "pictures do not show what the sensor sees"},
+    {V4L2_CID_TEST_PATTERN, VALUE, 0, "frames do not show what the sensor sees"},
 };
 
 static gboolean v4l2_controls_query(const struct video_node *node, guint32 id,
@@ -187,7 +187,7 @@ char **video_controls_left(const struct video_node *node, char **settings) {
             name, is.value, control.minimum, control.maximum,
             known ? "the camera keeps its value" : "it is not known which value does nothing",
             altering[i].effect ? altering[i].effect
-                               : "the same light gives other values from picture to picture");
+                               : "the same light gives other values from frame to frame");
         g_strv_builder_add(left, text);
     }
     return g_strv_builder_end(left);

@@ -54,7 +54,7 @@ static gboolean v4l2_load_check_link(const char *link, const struct video_load *
         error, DEVICE_ERROR_UNSUPPORTED, new->who,
         "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "
         "of %.0f Mbit/s carries" ERROR_ADVICE
-        "lower frame_rate, choose a format of fewer bytes or smaller pictures, or "
+        "lower frame_rate, choose a format of fewer bytes or smaller frames, or "
         "plug some into another controller",
         who->str, new->who, sum, most, name, speed);
 }

@@ -98,8 +98,9 @@ static void replace(struct world_part *part, World *world) {
 
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error) {
     if (rig->n_tics + rig->n_relays + rig->n_videos > 0) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-                    "Tics, relay boards and V4L2 cameras keep their world: leave out --usb");
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+            "the world of Tics, relay boards and V4L2 cameras cannot be replaced; leave --usb out");
         return FALSE;
     }
     World *world = world_get(path, error);

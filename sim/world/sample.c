@@ -240,7 +240,7 @@ static gboolean sample_check_options(const struct config_section *section,
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(
             mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-            "has %d number(s): write x;y;height of each post, x;y;radius of each ball",
+            "%d numbers are given, not three for each: x;y;height of a post, x;y;radius of a ball",
             options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)
@@ -249,7 +249,7 @@ static gboolean sample_check_options(const struct config_section *section,
                                   i + 1, options->places_mm.values[i]);
     if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
-                              "%d number(s) given: x;y", options->offset_mm.n);
+                              "%d of two numbers given: write x;y", options->offset_mm.n);
     if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
                               "must be given for a plate: the PNG it is printed with");

@@ -227,7 +227,7 @@ static gboolean check_count(const struct config_section *section, const char *ke
     if (list->n == n)
         return TRUE;
     config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                   "%d number(s) given, %d are needed, separated by ';'", list->n, n);
+                   "%d of %d numbers given; separate them by ';'", list->n, n);
     return FALSE;
 }
 

@@ -162,7 +162,7 @@ void world_unpack(const struct point *from, struct surface *ret);
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
-/* Of the filter in front of a pixel, counted row by row. */
+/* The colour of the filter in front of a pixel; pixels are counted row by row. */
 static inline enum cfa_colour world_pixel_colour(const struct optics_camera *camera,
                                                  guint32 pixel) {
     guint32 width = (guint32)camera->width;

@@ -168,7 +168,7 @@ static void unsteady(void) {
     g_assert_nonnull(strstr(error->message,
                             "camera eye: automatic gain cannot be switched off (GainAuto = "
                             "Continuous: it has no choice \"Off\"); the same light gives other "
-                            "values from picture to picture; "));
+                            "values from frame to frame; "));
     g_clear_error(&error);
     styled_end(&styled);
 }
