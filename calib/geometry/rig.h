@@ -116,12 +116,12 @@ struct rig {
     struct rig_swing arm, probe;
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
-    double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc; and */
-    double arc_width_mm;  /* its width, also taken for lamps: both hide parts of pictures */
+    double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc */
+    double arc_width_mm;  /* of the arc and its lamps, which hide parts of a camera's frame */
 };
 
-/* The camera whose first stop this is, and of the lamp: those with the same number are one device.
- */
+/* The number of a camera's first stop, and of a lamp's. Cameras (lamps) for which it is the same
+ * are stops of one device. */
 static inline int rig_camera_unit(const struct rig *rig, int camera) {
     return camera - rig->cameras[camera].stop;
 }

@@ -41,8 +41,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 
 gboolean directions_are_rings(const Directions *directions);
 
-/* The directions whose mean the pole (index n) is; *ret_n is 0 if no weights name the pole. Owned
- * by the object. */
+/* The directions of which the pole (index n) is the mean; *ret_n is 0 if no weights name the pole.
+ * Owned by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);
 
 /* direction: a unit vector; below the horizon it is clamped to it. */

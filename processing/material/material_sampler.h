@@ -9,8 +9,8 @@
  * = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π      per solid angle, C and U the shares
  * of a cosine lobe and of the even hemisphere: p > 0 wherever z > 0, and value / p stays bounded.
  *
- * Where the model has a formula, a cell's value is that of its middle, in some texels of the
- * cluster, as formulas need not fall towards the horizon like interpolated values do.
+ * If the model is a formula, a cell's value is evaluated at the cell's middle, in some texels of
+ * the cluster, because formulas need not fall towards the horizon as interpolated values do.
  *
  * Texels are put into clusters by the shape of their reflectance (k-means over fixed pairs of
  * measured view and light). A footprint that is wider than a cluster's texel takes the table of

@@ -1,11 +1,11 @@
 // Eigen-BRDFs over a grid of the hemisphere's square, for views and for lights; see lpca_grid.h.
-uniform usamplerBuffer brdfs; // N_PAGES texels a sample
+uniform usamplerBuffer brdfs; // N_PAGES texels per sample
 uniform int n_grid;           // samples each way; the light cell n_grid² is an even sky
 
 // The corners of the simplex around (v, l), as indices within a cluster, and their weights.
 int corners[5];
 float shares[5];
-// Of the triangle around v alone, under an even sky.
+// The same for the triangle around v alone, under an even sky.
 int sky_corners[3];
 float sky_shares[3];
 

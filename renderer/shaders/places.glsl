@@ -10,7 +10,8 @@ struct places {
 };
 
 #if PLACES
-// Of the point, in tiles: places jump from pixel to pixel, so that their own derivatives mean nothing.
+// Derivatives of the surface point, in tiles. Places jump from pixel to pixel, so that derivatives of places
+// would mean nothing.
 vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
@@ -84,7 +85,7 @@ void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, 
 
 // Level 0 is interpolated between four texels of the map. Those that are neighbours in the sample are
 // left to the sample's own filter, so that most points have one place, and those at a seam two to four.
-// Of coarser levels, which fit to the pixel, the nearest texel is taken.
+// Coarser levels fit to the pixel; from them the nearest texel is taken.
 places find_places(vec2 x, float level) {
     vec2 p = x * index_sample;
     int whole = clamp(int(level), 0, index_levels - 1);
@@ -119,7 +120,7 @@ places find_places(vec2 x, float level) {
 #else
 #define ENDLESS_MEAN 1
 #endif
-uniform vec2 endless_cells;   // columns and rows of hexagons a tile
+uniform vec2 endless_cells;   // columns and rows of hexagons per tile
 uniform ivec2 endless_period; // columns and rows after which they repeat; rows are even
 uniform vec2 endless_edge;    // half a texel, in tiles
 uniform vec2 endless_centres[ENDLESS_CENTRES]; // of hexagons in the sample, in tiles
@@ -164,7 +165,7 @@ void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     near = first == 1 ? near.yxz : first == 2 ? near.zyx : near;
 }
 
-// Of the nearest hexagon alone.
+// The place in the nearest hexagon alone.
 places nearest_place(vec2 x) {
     ivec2 vertices[3];
     vec3 near;
