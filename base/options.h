@@ -78,7 +78,7 @@ void options_defaults(const struct option *table, gpointer target);
 /* Frees the strings and lists in a target, not the target itself. */
 void options_clear(const struct option *table, gpointer target);
 
-/* Help text, a paragraph an option: name, type, unit, range, default, help. */
+/* Help text, one paragraph per option: name, type, unit, range, default, help. */
 void options_describe(const struct option *table, GString *to);
 
 /* The same as a JSON array of objects. */

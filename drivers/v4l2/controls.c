@@ -16,8 +16,8 @@ static const char curved[] = "values are not proportional to the light";
 static const char neighbours[] = "a value depends on the light at neighbouring pixels";
 static const char coloured[] = "values depend on the light of other colours";
 
-/* What alters pictures, in this order: controls that enable others come first. effect: NULL if it
- * changes values from picture to picture, so that a camera that refuses cannot be used. Gamma has
+/* What alters frames, in this order: controls that enable others come first. effect: NULL if it
+ * changes values from frame to frame, so that a camera that refuses cannot be used. Gamma has
  * no unit but UVC's, hundredths, which a range that begins above 0 and holds 100 suggests. Of
  * contrast and colour only the value that the camera is delivered with is known. */
 static const struct {

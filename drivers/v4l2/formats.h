@@ -9,7 +9,7 @@
 #include "drivers/frame.h"
 
 enum video_packing {
-    VIDEO_BYTES,  /* a byte a pixel */
+    VIDEO_BYTES,  /* one byte per pixel */
     VIDEO_WORDS,  /* two bytes per pixel, low byte first, value in the low bits */
     VIDEO_MIPI10, /* four pixels in five bytes: their upper eight bits, then all lower bits */
     VIDEO_MIPI12, /* two pixels in three bytes, likewise */

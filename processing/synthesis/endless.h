@@ -4,11 +4,13 @@
  * for materials without order; nothing is synthesised beforehand, and there is no file.
  *
  * Centres of hexagons are the vertices of a lattice of triangles. In the triangle that a point is
- * in, its barycentric coordinates w_k are how near it is to each of three centres. Shares are s_k =
- * max (w_k − max w + ENDLESS_BLEND, 0), Σ s_k = 1, so that most points lie in one hexagon, and
- * those along an edge in two or three. Values are mixed about their mean m over the sample, which
- * keeps mean and variance (Heitz and Neyret 2018 eq. 4): m + Σ s_k (b_k − m) / ‖s‖ = Σ (s_k / ‖s‖)
- * b_k + (1 − 1 / ‖s‖) m. Depths are those of the nearest hexagon.
+ * in, its barycentric coordinates w_k are how near it is to each of three centres. Shares are
+ *   s_k = max (w_k − max w + ENDLESS_BLEND, 0), scaled to Σ s_k = 1
+ * so that most points lie in one hexagon, and those along an edge in two or three. Values b_k are
+ * mixed about their mean m over the sample, which keeps mean and variance (Heitz and Neyret 2018
+ * eq. 4):
+ *   m + Σ s_k (b_k − m) / ‖s‖ = Σ (s_k / ‖s‖) b_k + (1 − 1 / ‖s‖) m
+ * Depths are those of the nearest hexagon.
  *
  * No hexagon reaches over the sample's edges, so that the edges are nowhere seen. Where the blend
  * along a hexagon's border reaches over an edge, it takes the value at the edge. A hexagon's centre

@@ -5,7 +5,7 @@
  * simplex of the four coordinates around (v, l): five samples, while pairs of measured directions
  * take nine, and a 3D texture with one manual step takes sixteen in two filtered fetches.
  *
- * All of a sample lies together: 16 bytes hold the mean (nine bits a colour and an exponent) and
+ * All of a sample lies together: 16 bytes hold the mean (nine bits per colour and an exponent) and
  * four components (signed bytes, whose scales are in the texels' weights), 16 more the next four.
  * With p = ⌈c/4⌉ a pixel takes, where its four texels are of one cluster,
  *

@@ -53,7 +53,7 @@ void prepare(vec3 v, vec3 l, float lit) {
     shares[4] = lit * r.w;
 }
 
-// The mean E_0: nine bits a colour and a common exponent, as GL_RGB9_E5.
+// The mean E_0: nine bits per colour and a common exponent, as GL_RGB9_E5.
 vec3 mean_of(uint word) {
     vec3 steps = vec3(word & 511u, (word >> 9) & 511u, (word >> 18) & 511u);
     return steps * uintBitsToFloat(((word >> 27) + 103u) << 23);

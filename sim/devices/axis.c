@@ -78,7 +78,7 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Position error: 70 % with one period a turn, of an eccentric bearing; 30 % that differ every
+/* Position error: 70 % with one period per turn, of an eccentric bearing; 30 % that differ every
  * 0.001°, of an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
