@@ -27,7 +27,7 @@ struct camera_state {
     guint deadline;
     guint64 last_id;
     gboolean has_last_id;
-    struct seen seen[N_SEEN]; /* the latest pictures, in a ring */
+    struct seen seen[N_SEEN]; /* the latest frames, in a ring */
     guint n_seen;
 };
 
@@ -202,8 +202,8 @@ static inline guint64 hash_step(guint64 hash, guint64 word) {
     return hash << 29 | hash >> 35;
 }
 
-/* Hash of a picture, in independent lanes, so that the processor overlaps their multiplications.
- * 0 for a picture that is one value all over, as a covered or saturated one may be: it says nothing
+/* Hash of a frame, in independent lanes, so that the processor overlaps their multiplications.
+ * 0 for a frame that is one value all over, as a covered or saturated one may be: it says nothing
  * about where it comes from. */
 static guint64 hash_frame(const Frame *frame) {
     gsize n = (gsize)frame->width * (gsize)frame->height, i = 0;

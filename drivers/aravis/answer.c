@@ -51,7 +51,7 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
         return TRUE; /* its first packet is missing; the class will refuse it */
-    /* A camera without a clock: use the time at which its picture began to arrive. */
+    /* A camera without a clock: use the time at which its frame began to arrive. */
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
     gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
     *ret_before_us = state->sent_us - came_us;

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* After a picture from before the trigger: how long to wait for the right one. */
+/* After a frame from before the trigger: how long to wait for the right one. */
 #define STALE_US G_USEC_PER_SEC
 
 /* How much longer than announced an exposure may last; less is within the uncertainty of the
@@ -18,7 +18,7 @@ struct aravis_camera {
     GError *lost;
     guint exposed_timer, stale_timer;
     gint64 exposed_us; /* when the end of the exposure was reported; 0: not yet */
-    gint64 before_us;  /* of the old picture */
+    gint64 before_us;  /* of the old frame */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)
@@ -91,7 +91,7 @@ static void aravis_camera_on_exposed(gpointer data) {
     camera_report_exposed(camera);
 }
 
-/* A picture is sent when it is exposed; but some cameras announce it earlier. */
+/* A frame is sent when it is exposed; but some cameras announce it earlier. */
 static void on_sending(gint64 sent_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
@@ -102,7 +102,7 @@ static void on_sending(gint64 sent_us, gpointer data) {
 }
 
 /* Lamps and axes may have moved on: an end of exposure that was reported too early spoils the
- * picture. (The class refuses a picture from the future.) */
+ * frame. (The class refuses a frame from the future.) */
 static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;

@@ -20,11 +20,11 @@ struct video_node {
     guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
 };
 
-/* A picture in memory, however the node's type describes it. */
+/* A frame in memory, however the node's type describes it. */
 struct video_pix {
     guint32 width, height, fourcc, field;
     guint32 stride; /* of a row, bytes */
-    guint32 planes; /* memory planes of one picture: 1 */
+    guint32 planes; /* memory planes of one frame: 1 */
     gboolean full_range;
 };
 

@@ -20,8 +20,8 @@ struct merl;
 struct merl *merl_read(const char *path, GError **error);
 void merl_free(struct merl *merl); /* NULL is ignored */
 
-/* The number of the bin that the directions lie in, as MERL's own reader does; 0 where it is
- * negative. */
+/* The value of the bin that the directions lie in, as MERL's own reader gives it; 0 where the value
+ * is negative. */
 void merl_evaluate(const struct merl *merl, const float light[3], const float view[3],
                    float ret[3]);
 

@@ -52,8 +52,8 @@ struct rgl_result {
  * the mean of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du and of a constant. Neither changes f_r at the nodes of
  * the file; between them the product of D and of rgb, which holds 1/D, errs where D changes much
  * within a cell, which these two limit: to 0.3 … 0.8 % of f (RMS) for rough and glossy metals on a
- * diffuse ground. Importance is left to luminance. A node of rgb whose ω_o lies below the surface
- * holds the value of the horizon. Stage "export".
+ * diffuse ground. Importance sampling is left to the table luminance. A node of rgb whose ω_o lies
+ * below the surface holds the value of the horizon. Stage "export".
  */
 gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
                    const struct rgl_options *options, const struct work *work,

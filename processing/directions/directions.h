@@ -3,10 +3,10 @@
  * measured ones and their weights. Weights are non-negative, sum to 1, are continuous in the
  * direction, and are (1, 0, 0, 0) at a measured direction.
  *
- * Sets of rings (a rig's: polar angles times azimuths, any number and offset a ring, a little
- * unevenness allowed) are interpolated bilinearly in θ and φ; above the topmost ring towards a pole
- * that is the mean of that ring, unless a direction was measured there. Any other set is
- * triangulated (Delaunay, in the stereographic plane). Beyond the measured
+ * Sets of rings (a rig's: polar angles times azimuths, with any number and offset of azimuths in
+ * each ring, a little uneven at most) are interpolated bilinearly in θ and φ; above the topmost
+ * ring towards the pole, whose value is the mean of that ring unless a direction was measured
+ * there. Any other set is triangulated (Delaunay, in the stereographic plane). Beyond the measured
  * directions the nearest value is kept.
  *
  * The hemisphere is stored in square tables: (a, b) in [−1, 1]² are x + y and x − y of the

@@ -303,7 +303,7 @@ static void sim_camera_close_camera(Camera *camera) {
     struct sim_camera *sim = camera->device.priv;
     sim_camera_disarm(camera);
     if (sim->n_rendered > 0)
-        g_info("%s: %d pictures took %.1f s of processor time to simulate", camera->device.name,
+        g_info("%s: %d frames took %.1f s of processor time to simulate", camera->device.name,
                sim->n_rendered, (double)sim->rendering_us / G_USEC_PER_SEC);
     g_clear_pointer(&sim->last, frame_unref);
     g_clear_pointer(&sim->faults, g_rand_free);
