@@ -1,4 +1,4 @@
-/* The lamps of a picture's settings where the mesh is: what shaders and shadow maps take of them.
+/* The lamps of a picture's settings, placed around the mesh as shaders and shadow maps need them.
  */
 #pragma once
 
