@@ -47,7 +47,7 @@ struct rig_camera {
     double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
     int on_arm;      /* 1: the camera arm carries it, and this is its place with the arm at */
     double arm_deg;
-    int stop; /* of the same camera stand so many before this one; 0: the first, or the only one */
+    int stop; /* number of the stop among those of its device, from 0; 0 if it has only one */
 };
 
 /* The true rotation of the light arc: by arc angle α + zero about an axis through centre_mm,

@@ -105,7 +105,7 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
 /* The index map through which the material and its MDF are seen (gl/index_texture.h); NULL: the
  * sample is repeated. Copies what it needs. The material's sample must be the map's; methods
- * without a material file, viewer_render_flat() and plain pictures take no notice of it. Where
+ * without a material file, viewer_render_flat() and plain pictures ignore it. Where
  * settings leave the tiles to the mesh, they become a multiple of those that the map is long. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
 /* FALSE also for a map of a sample of another size than the material that is open. */

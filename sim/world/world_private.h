@@ -107,7 +107,7 @@ static inline guint64 world_bits(double value) {
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* The part of a cache's key that tells where an axis stands that carries something; else 0. */
+/* The part of a cache's key that holds the position of an axis that carries something; else 0. */
 guint64 world_carried_bits(gboolean carried, double deg);
 
 /* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
