@@ -67,8 +67,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 const struct bonn_header *bonn_header(const BonnFile *file);
 
 /* One view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone. Texels that
- * the mask leaves out, or of which a value is not finite, are 0; of each light ret_holes (n_lights)
- * says how many. FALSE: the file has been cut off since it was opened. */
+ * the mask leaves out, or of which a value is not finite, are 0; ret_holes (n_lights) counts them
+ * for each light. FALSE: the file has been cut off since it was opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 

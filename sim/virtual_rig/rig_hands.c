@@ -106,8 +106,8 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
     World *world = world_get(path, error);
     if (world && world == rig->world) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "%s is the present world, as it was when it was read first; give a changed one "
-                    "another name",
+                    "%s is the world in use, as it was first read; give a changed world another "
+                    "name",
                     path);
         world_unref(world);
         return FALSE;

@@ -217,7 +217,7 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           const struct option_doubles *list, Mistakes *mistakes) {
     return list->n == 0 || list->n == 1 || list->n == 3 ||
            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "%d numbers given: one, or red;green;blue", list->n);
+                          "%d numbers given; write one, or red;green;blue", list->n);
 }
 
 static gboolean sample_check_options(const struct config_section *section,

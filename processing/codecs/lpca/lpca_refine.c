@@ -255,7 +255,7 @@ static double *covariances(const struct refine *refine) {
 }
 
 /* Rotates the axes E of cluster k so that the components are uncorrelated and descend: with the
- * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; 0 where weights are. */
+ * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; E_i is 0 where all its weights are 0. */
 static void rotate_axes(int k, gpointer data) {
     const struct refine *refine = data;
     struct lpca *lpca = refine->lpca;
