@@ -157,7 +157,7 @@ static void stubborn(void) {
         g_test_trap_assert_stdout(said[i]);
 }
 
-/* What changes values from picture to picture is no camera to measure with. */
+/* A camera that changes values from frame to frame cannot be measured with. */
 static void unsteady(void) {
     static const guint32 first[VIRTUAL_PROCESSING] = {1}, neutral[VIRTUAL_PROCESSING] = {9};
     struct styled styled;
