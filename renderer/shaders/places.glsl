@@ -1,12 +1,12 @@
-// Which places of the sample stand at a point of the surface: the one hook through which a codec, the
-// MDF and everything else that belongs to a texel is looked up. PLACES 0: the sample is repeated. 1: an
+// The places of the sample that a point of the surface shows. Codecs, the MDF and everything else that
+// belongs to a texel are looked up at these places. PLACES 0: the sample is repeated. 1: an
 // index map says which texel of the sample stands where; see gl/index_texture.h. 2: hexagons show parts of
 // the sample, without end; see synthesis/endless.h.
 struct places {
     int n;
     vec2 x[4];      // in tiles of the sample; the first is that of the nearest hexagon
     float share[4]; // of each, 1 together
-    int mean;       // which of them stands for the sample's mean; −1: none
+    int mean;       // index of the place that stands for the sample's mean; −1: none
 };
 
 #if PLACES
@@ -16,8 +16,8 @@ vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
 #if PLACES_LEVEL
-// For llvmpipe, which takes more time for derivatives of a texture's own. Half of all levels are whole ones, so
-// that one of them is read instead of two, as llvmpipe does by itself where it takes the derivatives.
+// For llvmpipe, on which look-ups with explicit derivatives take longer. Half of all levels are rounded to whole
+// ones, so that one level is read instead of two, as llvmpipe does by itself where it computes derivatives.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
     float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
