@@ -35,12 +35,12 @@ struct config_section {
     GHashTable *entries; /* the entries; private to the Config */
 };
 
-/* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error tells
- * all lines that are wrong. */
+/* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error lists
+ * all wrong lines. */
 Config *config_load(const char *path, GError **error);
 
-/* The same, for a reader that goes on to tell the mistakes in what has been understood, too. Lines
- * that were not are left out. NULL: there is nothing to go on with; mistakes say why. */
+/* The same, for a reader that also reports mistakes in the lines that were understood. Other lines
+ * are left out. NULL: there is nothing to go on with; mistakes say why. */
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 

@@ -26,8 +26,8 @@ GError *error_details_new(GQuark domain, int code, const char *subject, const ch
 GError *error_details_new_valist(GQuark domain, int code, const char *subject, const char *format,
                                  va_list args) G_GNUC_PRINTF(4, 0);
 
-/* Puts "SUBJECT: " in front of the text, for what a lower layer could not name. Of another domain,
- * only the text changes. Nothing happens to NULL, nor to a pointer to NULL. */
+/* Puts "SUBJECT: " in front of the text, where a lower layer did not know the subject. An error of
+ * another domain gets the text, but no subject. NULL and a pointer to NULL are ignored. */
 void error_details_add_subject(GError **error, const char *subject);
 
 /* The same for the place in a file that has led to the error: "FILE:LINE: WHERE: ", as in

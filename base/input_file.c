@@ -79,8 +79,8 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
     if (!check_status(path, &status, max_bytes, error))
         return -1;
     /* Another program may hold a lease on the file, as file servers do: a blocking open() waits
-     * until it is given back, at most /proc/sys/fs/lease-break-time, 45 s. One that does not block
-     * asks again. */
+     * until the lease is given back, at most /proc/sys/fs/lease-break-time, 45 s. This open() does
+     * not block, and is repeated. */
     const gint64 until_us = g_get_monotonic_time() + LEASE_US;
     int fd;
     while ((fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) < 0 &&

@@ -1,6 +1,6 @@
 /*
- * All mistakes of a file, told as one error: a reader adds each and goes on with the next key, line
- * or section. Used by one thread at a time.
+ * All mistakes of a file, reported as one error: a reader adds each and goes on with the next key,
+ * line or section. Used by one thread at a time.
  */
 #pragma once
 
@@ -8,7 +8,7 @@
 
 typedef struct Mistakes Mistakes;
 
-#define MISTAKES_SHOWN 20 /* of the others the error tells the number alone */
+#define MISTAKES_SHOWN 20 /* of further ones the error gives only the number */
 
 Mistakes *mistakes_new(void);
 void mistakes_free(Mistakes *mistakes); /* NULL is ignored */

@@ -15,7 +15,8 @@ struct nearest nearest_new(const char *key);
  * compared. */
 void nearest_consider(struct nearest *nearest, const char *name);
 
-/* Adds to an error of g_option_context_parse() that does not know an option "; did you mean
- * --NAME?", if one of the tables, each ending with a NULL name, has one like it; of a letter, those
- * without a letter that begin with it. tables ends with NULL. */
+/* If error is that of g_option_context_parse() for an unknown option, adds "; did you mean --NAME?"
+ * with the option of the tables that is spelt most like it. For an unknown letter it names all
+ * options that begin with the letter and have no letter of their own. Each table ends with a NULL
+ * name, and tables with NULL. */
 void nearest_add_option(GError *error, const GOptionEntry *const *tables);

@@ -50,9 +50,9 @@ struct option_target {
 };
 
 /* The same for keys that belong to one of several tables, and it adds all mistakes of the section
- * (the error of options_parse() tells them all, too). A key that must be given is not missed where
- * a misspelt one is told to be it, nor where a line of the section was not understood. "*" in also:
- * any other key. TRUE: all is right, and no line was left out. */
+ * (the error of options_parse() lists them all, too). No required key is reported as missing if a
+ * misspelt key was taken for it, or if a line of the section was not understood. "*" in also: any
+ * other key. TRUE: all is right, and no line was left out. */
 gboolean options_read(const struct option_target *targets, gsize n_targets,
                       const struct config_section *section, const char *const *also,
                       Mistakes *mistakes);
@@ -78,7 +78,7 @@ void options_defaults(const struct option *table, gpointer target);
 /* Frees the strings and lists in a target, not the target itself. */
 void options_clear(const struct option *table, gpointer target);
 
-/* Help text, a paragraph an option: name, type, unit, range, default, help. */
+/* Help text, one paragraph per option: name, type, unit, range, default, help. */
 void options_describe(const struct option *table, GString *to);
 
 /* The same as a JSON array of objects. */

@@ -15,9 +15,9 @@ struct work_progress {
 };
 typedef void (*WorkProgress)(const struct work_progress *progress, gpointer data);
 
-/* NULL, or all zero: one thread a processor, no reports, no cancelling. */
+/* NULL, or all zero: one thread per processor, no reports, no cancelling. */
 struct work {
-    int n_threads;             /* 0: one a processor */
+    int n_threads;             /* 0: one per processor */
     WorkProgress progress;     /* may be NULL; called from the calling thread */
     gpointer data;             /* of progress */
     GCancellable *cancellable; /* may be NULL */

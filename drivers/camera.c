@@ -27,7 +27,7 @@ struct camera_state {
     guint deadline;
     guint64 last_id;
     gboolean has_last_id;
-    struct seen seen[N_SEEN]; /* the latest pictures, in a ring */
+    struct seen seen[N_SEEN]; /* the latest frames, in a ring */
     guint n_seen;
 };
 
@@ -98,7 +98,7 @@ static gboolean check_not_waiting(const Camera *camera, GError **error) {
     if (!camera->state->waiting)
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_BUSY, camera->device.who,
-                            "still waits for the picture of its last trigger");
+                            "still waits for the frame of its last trigger");
 }
 
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error) {
@@ -158,7 +158,7 @@ static void camera_on_deadline(gpointer data) {
     camera->state->deadline = 0;
     g_autoptr(GError) error = device_error_new(
         DEVICE_ERROR_TIMEOUT, camera->device.who,
-        "no picture %.1f s after its trigger (exposure %" G_GINT64_FORMAT " µs)" ERROR_ADVICE
+        "no frame %.1f s after its trigger (exposure %" G_GINT64_FORMAT " µs)" ERROR_ADVICE
         "check its cable",
         (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
         camera->state->settings.exposure_us);
@@ -202,8 +202,8 @@ static inline guint64 hash_step(guint64 hash, guint64 word) {
     return hash << 29 | hash >> 35;
 }
 
-/* Hash of a picture, in independent lanes, so that the processor overlaps their multiplications.
- * 0 for a picture that is one value all over, as a covered or saturated one may be: it says nothing
+/* Hash of a frame, in independent lanes, so that the processor overlaps their multiplications.
+ * 0 for a frame that is one value all over, as a covered or saturated one may be: it says nothing
  * about where it comes from. */
 static guint64 hash_frame(const Frame *frame) {
     gsize n = (gsize)frame->width * (gsize)frame->height, i = 0;
@@ -242,7 +242,7 @@ static gboolean camera_refuse(const Camera *camera, enum device_error code, GErr
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    return device_error_set(error, code, camera->device.who, "picture refused: %s", what);
+    return device_error_set(error, code, camera->device.who, "frame refused: %s", what);
 }
 static gboolean check_times(const Camera *camera, const Frame *frame, GError **error) {
     const struct camera_state *state = camera->state;
@@ -275,7 +275,7 @@ static gboolean camera_check_frame(const Camera *camera, const Frame *frame, gui
                              frame->shot, state->shot);
     if (state->has_last_id && frame->id <= state->last_id)
         return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                             "it is an old picture: its frame id %" G_GUINT64_FORMAT
+                             "it is an old frame: its frame id %" G_GUINT64_FORMAT
                              " was seen before (last: %" G_GUINT64_FORMAT ")",
                              frame->id, state->last_id);
     if (frame->width != format->width || frame->height != format->height ||
@@ -292,7 +292,7 @@ static gboolean camera_check_frame(const Camera *camera, const Frame *frame, gui
     for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++)
         if (state->seen[i].hash == hash && state->seen[i].shot != state->shot)
             return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                                 "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit",
+                                 "it repeats the frame of shot %" G_GUINT64_FORMAT " bit for bit",
                                  state->seen[i].shot);
     return TRUE;
 }

@@ -1,7 +1,7 @@
 /*
  * A camera that exposes when it is triggered. Every frame carries the device's own id and time
  * stamp; the class accepts it only if it answers the trigger that waits for it and was exposed
- * after that trigger. A stale or repeated picture is an error, never data.
+ * after that trigger. A stale or repeated frame is an error, never data.
  */
 #pragma once
 
@@ -81,7 +81,7 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 
-/* One at a time. Different pictures have different shot numbers; a retake has the same. */
+/* One at a time. Different frames have different shot numbers; a retake has the same. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);
 gboolean camera_is_armed(const Camera *camera);
 gboolean camera_is_waiting(const Camera *camera);

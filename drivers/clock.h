@@ -2,7 +2,7 @@
  * Time, asked of an object: the real clock, or a virtual one that jumps to the next event.
  *
  * Everything that waits (deadlines, settling, warm-up, a simulated exposure) asks its Clock, so
- * that a session of ten hours can be simulated in the time its pictures take to render.
+ * that a session of ten hours can be simulated in the time its frames take to render.
  *
  * Times are microseconds since an arbitrary start, never stepped back. All functions belong to the
  * main loop's thread, except those that hold and release the clock, which any thread may call.
@@ -41,7 +41,7 @@ guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data
  * programming error. */
 void clock_cancel(Clock *clock, guint *id);
 
-/* While held, virtual time stands still: something is going on in another thread (a picture is
+/* While held, virtual time stands still: something is going on in another thread (a frame is
  * being rendered, a file is written) that takes no simulated time. Holds nest. No effect on the
  * real clock. */
 void clock_hold(Clock *clock);

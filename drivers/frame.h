@@ -1,5 +1,5 @@
-/* A camera's picture as it came off the sensor. Counted references, thread-safe; not changed after
- * it was handed out. */
+/* What a camera delivers for one exposure, as it came off the sensor. Counted references,
+ * thread-safe; not changed after it was handed out. */
 #pragma once
 
 #include <glib.h>

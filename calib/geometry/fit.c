@@ -199,8 +199,9 @@ static double *fit_invert(int n, const double *h, int *ret_undetermined) {
     return inverse;
 }
 
-/* Final covariance. σ² = χ² per degree of freedom of the observations used scales them; the
- * second round uses that σ for the balance with the priors. */
+/* Final covariance. It is computed twice: first to find σ² = χ² per degree of freedom of the
+ * observations used, then with the observations' errors scaled by σ, which sets their balance with
+ * the priors. */
 static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
     const struct fit *fit = work->fit;
     const int n = work->n;

@@ -47,7 +47,7 @@ struct rig_camera {
     double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
     int on_arm;      /* 1: the camera arm carries it, and this is its place with the arm at */
     double arm_deg;
-    int stop; /* of the same camera stand so many before this one; 0: the first, or the only one */
+    int stop; /* number of the stop among those of its device, from 0; 0 if it has only one */
 };
 
 /* The true rotation of the light arc: by arc angle α + zero about an axis through centre_mm,
@@ -116,12 +116,12 @@ struct rig {
     struct rig_swing arm, probe;
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
-    double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc; and */
-    double arc_width_mm;  /* its width, also taken for lamps: both hide parts of pictures */
+    double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc */
+    double arc_width_mm;  /* of the arc and its lamps, which hide parts of a camera's frame */
 };
 
-/* The camera whose first stop this is, and of the lamp: those with the same number are one device.
- */
+/* The number of a camera's first stop, and of a lamp's. Cameras (lamps) for which it is the same
+ * are stops of one device. */
 static inline int rig_camera_unit(const struct rig *rig, int camera) {
     return camera - rig->cameras[camera].stop;
 }

@@ -1,7 +1,7 @@
 /*
  * Axes that carry cameras (the camera arm) or lamps (the light probe), and their stops (rig.h).
  *
- * A point of what is carried is at p(β) = c + R(a, β) (p(0) − c) with the axis at the angle β, a
+ * A point that the axis carries is at p(β) = c + R(a, β) (p(0) − c) with the axis at the angle β, a
  * being its direction (unit), c a point of it, and R(a, β) the right-handed rotation by β about a.
  *
  * Pure functions over plain data: any thread.

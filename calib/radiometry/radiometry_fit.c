@@ -135,7 +135,7 @@ static double *diagonal(const struct problem *p, int i) {
     return &p->matrix[(gsize)i * (gsize)p->n + (gsize)i];
 }
 
-/* Three gauges for the cameras' gains (one a colour), and one per lamp for the outputs of its
+/* Three gauges for the cameras' gains (one per colour), and one per lamp for the outputs of its
  * shots. */
 static void add_gauges(struct problem *p) {
     g_autofree int *at = g_new(int, MAX(p->n_shots, p->rig->n_cameras));

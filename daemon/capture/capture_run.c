@@ -78,8 +78,8 @@ static void report_suppressed(Capture *capture, struct event_limit *limits, cons
         if (limits[c].suppressed > 0) {
             g_autofree char *text =
                 limits[c].suppressed == 1
-                    ? g_strdup_printf("1 more picture was %s", what)
-                    : g_strdup_printf("%d more pictures were %s", limits[c].suppressed, what);
+                    ? g_strdup_printf("1 more frame was %s", what)
+                    : g_strdup_printf("%d more frames were %s", limits[c].suppressed, what);
             capture_add_event(capture, "warning", capture->devices->geometry.cameras[c].name, text);
         }
         limits[c] = (struct event_limit){0};
@@ -430,7 +430,7 @@ static void on_retake(int camera, const char *why, gint64 shortened_us, gpointer
     Capture *capture = data;
     capture->retakes++;
     exposure_advice_count(&capture->exposures, shortened_us);
-    g_autofree char *message = g_strdup_printf("picture taken again: %s", why);
+    g_autofree char *message = g_strdup_printf("frame taken again: %s", why);
     report_rate_limited(capture, &capture->retake_limits[camera],
                         capture->devices->geometry.cameras[camera].name, message);
 }

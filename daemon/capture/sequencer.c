@@ -183,7 +183,7 @@ static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
     }
     g_autofree char *advised = stage_advise(error_details_text(error), error);
     g_autofree char *reason =
-        g_strdup_printf("camera %s: no good picture in %d attempts; the last time: %s", name,
+        g_strdup_printf("camera %s: no good frame in %d attempts; the last time: %s", name,
                         state->refused, advised);
     sequencer_fail(seq, name, reason,
                    g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED));

@@ -51,7 +51,7 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
         return TRUE; /* its first packet is missing; the class will refuse it */
-    /* A camera without a clock: use the time at which its picture began to arrive. */
+    /* A camera without a clock: use the time at which its frame began to arrive. */
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
     gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
     *ret_before_us = state->sent_us - came_us;
@@ -72,7 +72,7 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
     if (code != limits->format->code || width != limits->width || height != limits->height) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture is %d × %d of format 0x%08x, not %d × %d %s as it was set "
+                         "its frame is %d × %d of format 0x%08x, not %d × %d %s as it was set "
                          "up; another program has changed it",
                          width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
@@ -82,7 +82,7 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     const guint8 *bytes = arv_buffer_get_data(buffer, &size);
     if (size < needed) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture has %zu bytes, but %d × %d %s are %zu", size, width, height,
+                         "its frame has %zu bytes, but %d × %d %s are %zu", size, width, height,
                          limits->format->name, needed);
         return NULL;
     }
@@ -92,7 +92,7 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
         all |= frame->pixels[i];
     if (all >> limits->bits) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its picture has values of more than %d bits" ERROR_ADVICE
+                         "its frame has values of more than %d bits" ERROR_ADVICE
                          "check bits and pixel_format in its section: a camera that puts its bits "
                          "first in 16 has bits = 16",
                          limits->bits);

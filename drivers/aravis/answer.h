@@ -1,4 +1,4 @@
-/* Converts a buffer that a camera has sent to a Frame: which picture it is, when it was exposed,
+/* Converts a buffer that a camera has sent to a Frame: which frame it is, when it was exposed,
  * and its pixels. */
 #pragma once
 
@@ -17,7 +17,7 @@ struct answer_state {
 
 void answer_begin(struct answer_state *state); /* the camera is armed: ids may restart */
 
-/* NULL without an error: the picture was exposed ret_before_us before the trigger, so it is not the
+/* NULL without an error: the frame was exposed ret_before_us before the trigger, so it is not the
  * answer. NULL with an error: its size or format is not the one that was set up, or a value has
  * more bits. */
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* After a picture from before the trigger: how long to wait for the right one. */
+/* After a frame from before the trigger: how long to wait for the right one. */
 #define STALE_US G_USEC_PER_SEC
 
 /* How much longer than announced an exposure may last; less is within the uncertainty of the
@@ -18,7 +18,7 @@ struct aravis_camera {
     GError *lost;
     guint exposed_timer, stale_timer;
     gint64 exposed_us; /* when the end of the exposure was reported; 0: not yet */
-    gint64 before_us;  /* of the old picture */
+    gint64 before_us;  /* of the old frame */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)
@@ -31,21 +31,23 @@ static const struct option options[] = {
     {"pixel_format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(pixel_format),
      "Mono8, 10, 12 or 16, or Bayer of any phase, also packed; default: the best that it has"},
     {"bits", OPTION_INT, NULL, 0, 16, "0", NULL, FIELD(bits),
-     "Of the values in a picture; 0: as the pixel format says"},
+     "Bits of a value in its frames; 0: as the pixel format says"},
     {"width", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(width),
-     "Of the region that is read out; 0: all"},
-    {"height", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(height), "The same"},
+     "Width of the region that is read out; 0: all of the sensor"},
+    {"height", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(height),
+     "Height of the region; 0: all of the sensor"},
     {"offset_x", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(offset_x),
-     "Where on the sensor that region begins"},
-    {"offset_y", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(offset_y), "The same"},
+     "Column of the sensor at which the region begins"},
+    {"offset_y", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(offset_y),
+     "Row of the sensor at which the region begins"},
     {"black_level", OPTION_DOUBLE, NULL, -1, 1e6, "-1", NULL, FIELD(black_level),
-     "What the camera's BlackLevel is set to; -1: left as it is"},
+     "Value for the camera's BlackLevel; -1: it is left as it is"},
     {"black_level_dn", OPTION_DOUBLE, "DN", 0, 65535, "0", NULL, FIELD(black_level_dn),
-     "Value of its pictures in the dark, by which frames that are not dark are detected"},
+     "Value of frames in the dark; a dark frame above it shows that light came in"},
     {"gain_zero", OPTION_DOUBLE, NULL, 0, 0, "0", NULL, FIELD(gain_zero),
-     "What the camera's Gain is at 0 dB"},
+     "Value of the camera's Gain at 0 dB"},
     {"gain_per_db", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL, FIELD(gain_per_db),
-     "Increase of its Gain for 1 dB"},
+     "Increase of the camera's Gain for 1 dB"},
     {"trigger", OPTION_STRING, NULL, 0, 0, "Software", NULL, FIELD(trigger),
      "Software, or the camera's input that takes the trigger, such as Line1"},
     {"pulse_path", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(pulse_path),
@@ -54,7 +56,7 @@ static const struct option options[] = {
     {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
      "From the trigger to the start of the exposure, at most"},
     {"readout_ms", OPTION_DOUBLE, "ms", 0, 60000, "30", NULL, FIELD(readout_ms),
-     "From the end of the exposure until the picture is here"},
+     "From the end of the exposure until the frame is here"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "start", stamps, FIELD(stamp),
      "What the camera's time stamps mark: the start or the end of the exposure, or none of these"},
     {"packet_size", OPTION_INT, "bytes", 0, 65507, "0", NULL, FIELD(packet_size),
@@ -64,11 +66,11 @@ static const struct option options[] = {
     {"socket_buffer_kib", OPTION_INT, "KiB", 64, 1048576, "4096", NULL, FIELD(socket_buffer_kib),
      "GigE: room for packets that are not read yet; net.core.rmem_max must allow it"},
     {"packet_socket", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(packet_socket),
-     "GigE: read packets past the kernel's UDP, if this process may"},
+     "GigE: read packets from a packet socket instead of UDP, if this process may"},
     {"resend_ms", OPTION_DOUBLE, "ms", 0, 10000, "20", NULL, FIELD(resend_ms),
      "GigE: how long a packet may be missing before it is asked for again"},
     {"retention_ms", OPTION_DOUBLE, "ms", 1, 60000, "200", NULL, FIELD(retention_ms),
-     "GigE: how long after its last packet a picture may still become complete"},
+     "GigE: how long after its last packet a frame may still become complete"},
     {"features", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(features),
      "Further settings of the camera: Name=value, separated by ';'"},
     {NULL},
@@ -89,7 +91,7 @@ static void aravis_camera_on_exposed(gpointer data) {
     camera_report_exposed(camera);
 }
 
-/* A picture is sent when it is exposed; but some cameras announce it earlier. */
+/* A frame is sent when it is exposed; but some cameras announce it earlier. */
 static void on_sending(gint64 sent_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
@@ -100,7 +102,7 @@ static void on_sending(gint64 sent_us, gpointer data) {
 }
 
 /* Lamps and axes may have moved on: an end of exposure that was reported too early spoils the
- * picture. (The class refuses a picture from the future.) */
+ * frame. (The class refuses a frame from the future.) */
 static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
@@ -127,7 +129,7 @@ static void on_only_stale(gpointer data) {
     camera_report_fault(
         camera,
         device_error_new(DEVICE_ERROR_STALE, camera->device.who,
-                         "it sent a picture exposed %.1f ms before its trigger, and none after it",
+                         "it sent a frame exposed %.1f ms before its trigger, and none after it",
                          (double)priv->before_us / 1e3));
 }
 

@@ -2,7 +2,7 @@
  * GigE Vision and USB3 Vision cameras, through Aravis. In real time only.
  *
  * `device` is an IP address, a serial number, or what Aravis calls the camera. A camera is
- * triggered by its software command, or by a pulse on an input line. A picture is taken only if the
+ * triggered by its software command, or by a pulse on an input line. A frame is taken only if the
  * camera's own clock says that it was exposed after its trigger; an older one is ignored.
  */
 #pragma once

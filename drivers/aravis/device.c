@@ -24,7 +24,7 @@
 /* Longer than Aravis needs to report that a camera was unplugged. */
 #define UNPLUG_REPORT_US 10000
 
-/* Limit of resend requests, as a share of a picture's packets. */
+/* Limit of resend requests, as a share of a frame's packets. */
 #define REQUESTS 1.0
 
 struct AravisDevice {
@@ -107,7 +107,7 @@ static gboolean aravis_device_asked_for(const AravisDevice *device, const char *
     return FALSE;
 }
 
-/* A measurement needs raw values: switches off what the camera does to pictures, sets what the rig
+/* A measurement needs raw values: switches off what the camera does to frames, sets what the rig
  * file asks for besides, and warns of what is still on. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
@@ -281,7 +281,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "it says that a picture has %u bytes, but %d × %d %s are %zu",
+                                "it says that a frame has %u bytes, but %d × %d %s are %zu",
                                 payload, limits->width, limits->height, limits->format->name,
                                 bytes);
     if (ARV_IS_GV_STREAM(device->stream)) {
@@ -290,7 +290,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
                      (guint)(options->resend_ms * 1000), "packet-timeout",
                      (guint)(options->resend_ms * 4000), "frame-retention",
                      (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
-        /* Aravis does so only once the first packet is there: too late for the first picture. */
+        /* Aravis does so only once the first packet is there: too late for the first frame. */
         socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), room);
     }
     for (int i = 0; i < N_BUFFERS; i++)

@@ -44,13 +44,13 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 
-/* The functions that alter its pictures and could not be switched off, a text each. Ends with NULL;
+/* The functions that alter its frames and could not be switched off, one text each. Ends with NULL;
  * the device's. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
 gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
 
-/* TRUE: after a picture that did not come it has to be opened again. The endpoint of a USB camera's
+/* TRUE: after a frame that did not come it has to be opened again. The endpoint of a USB camera's
  * stream may be halted, and Aravis clears that only then. */
 gboolean aravis_device_may_halt(const AravisDevice *device);
 

@@ -1,10 +1,11 @@
-/* Pixel formats of GenICam cameras that can be measured with: raw values of one channel a pixel. */
+/* Pixel formats of GenICam cameras that can be measured with: raw values of one channel per pixel.
+ */
 #pragma once
 
 #include "drivers/frame.h"
 
 enum aravis_packing {
-    ARAVIS_BYTES,  /* one byte a pixel */
+    ARAVIS_BYTES,  /* one byte per pixel */
     ARAVIS_WORDS,  /* two, little endian */
     ARAVIS_10P,    /* four pixels in five bytes, lowest bits first */
     ARAVIS_12P,    /* two in three */

@@ -11,16 +11,16 @@
 enum effect { UNSTEADY, SCALED, CURVED, NEIGHBOURS, MIXED, INVENTED, UNEVEN, OTHER, PACKED };
 
 static const char *const effects[] = {
-    [UNSTEADY] = "the same light gives other values from picture to picture",
+    [UNSTEADY] = "the same light gives other values from frame to frame",
     [SCALED] = "values are multiplied by a factor that may differ from that of the calibration",
     [CURVED] = "values are not proportional to the light",
     [NEIGHBOURS] = "a value depends on the light at neighbouring pixels, so that edges and noise "
                    "are not the sensor's",
     [MIXED] = "a value depends on the light of other colours",
     [INVENTED] = "values of defective pixels are not measured but taken from their neighbours",
-    [UNEVEN] = "values are multiplied by factors that differ over the picture",
-    [OTHER] = "pictures do not show what the sensor sees",
-    [PACKED] = "pictures are sent in a form that this program cannot read",
+    [UNEVEN] = "values are multiplied by factors that differ over the frame",
+    [OTHER] = "frames do not show what the sensor sees",
+    [PACKED] = "frames are sent in a form that this program cannot read",
 };
 
 /*
@@ -352,7 +352,7 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
     for (gsize i = 0; answered && i < G_N_ELEMENTS(functions); i++)
         answered = raw_function(&survey, i, found, &why);
     raw_survey_end(&survey);
-    return aravis_device_check(why, "switching off what alters pictures", error)
+    return aravis_device_check(why, "switching off what alters frames", error)
                ? g_steal_pointer(&found)
                : NULL;
 }

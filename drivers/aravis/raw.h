@@ -1,5 +1,5 @@
 /*
- * Raw values from a GenICam camera: what cameras do to a picture between their converter and the
+ * Raw values from a GenICam camera: what cameras do to a frame between their converter and the
  * wire, and how each of these functions is switched off by whatever name a camera has for it. The
  * table of names is in raw.c. Calls block: for the thread that made the device.
  */
@@ -15,8 +15,7 @@ struct aravis_raw {
                          * selector: "LUTEnable[Luminance]" */
     char *value;        /* of that feature, now */
     char *why;          /* NULL: it is off; else why it is not */
-    gboolean
-        unsteady; /* while it is on, the same light gives other values from picture to picture */
+    gboolean unsteady;  /* while it is on, the same light gives other values from frame to frame */
 };
 void aravis_raw_free(struct aravis_raw *raw);
 

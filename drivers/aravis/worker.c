@@ -59,7 +59,7 @@ struct AravisWorker {
     struct answer_state answer;
     struct job settings; /* the last CONFIGURE */
     gboolean exposure_set, gain_set;
-    gboolean halted; /* its stream may be halted, since a picture did not come */
+    gboolean halted; /* its stream may be halted, since a frame did not come */
     GError *settings_error;
     GError *lost_error;
 };
@@ -283,7 +283,7 @@ static void take_buffer(AravisWorker *worker, const struct job *unused) {
             post(worker, FAILED, generation, 0, NULL, error);
         else
             post(worker, STALE, generation, before_us, NULL, NULL);
-        pending = !frame && !error; /* after an old picture it still waits */
+        pending = !frame && !error; /* after an old frame it still waits */
         g_mutex_lock(&worker->mutex);
         worker->pending = pending;
         g_mutex_unlock(&worker->mutex);

@@ -13,10 +13,10 @@
 typedef struct AravisWorker AravisWorker;
 
 struct aravis_hooks {
-    /* The camera has begun to send the picture of a trigger sent at sent_us. */
+    /* The camera has begun to send the frame of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
     void (*frame)(Frame *frame, gpointer data); /* takes the reference */
-    /* A picture came that was exposed before its trigger, by this time; the right one may follow.
+    /* A frame came that was exposed this long before its trigger; the right one may follow.
      */
     void (*stale)(gint64 before_us, gpointer data);
     /* The last request failed, and a waiting trigger has ended. Takes the error. */

@@ -316,7 +316,7 @@ static const char *damage_text(int why) {
     return why == EMBBADCRC     ? "their check sums are wrong"
            : why == EMBBADSLAVE ? "they come from another unit"
            : why == EMBMDATA    ? "they are too long"
-                                : "they do not belong to what was asked";
+                                : "they do not answer the request";
 }
 
 static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
@@ -338,7 +338,7 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                                 what, line->link.timeout_ms, tries);
     if (is_exception(why))
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "%s: it refused: %s" ERROR_ADVICE
+                                "%s: the device refused: %s" ERROR_ADVICE
                                 "check the address and value in its section",
                                 what, modbus_strerror(why));
     if (is_damage(why))

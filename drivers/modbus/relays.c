@@ -30,8 +30,8 @@ struct relays {
 #define PULSE_OPTION                                                                               \
     {                                                                                              \
         "pulse_coil", OPTION_INT, NULL, -1, 65535, "-1", NULL, RELAYS(pulse_coil),                 \
-            "Where function 5 writes for how long the (first) relay is on, watchdog_after_s × "   \
-            "watchdog_scale, again and again while it should be; −1: its coil stays on"          \
+            "Address for function 5 that sets how long the (first) relay stays on, "               \
+            "watchdog_after_s × watchdog_scale, again and again; −1: its coil stays on"         \
     }
 
 static GList *all_relays; /* all open ones: sections may share a board */
@@ -194,8 +194,9 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
     return mistakes_report(mistakes, error);
 }
 
-/* Of lamps and of a laser, whose options begin with struct relays. A watchdog that is wrong is told
- * when the relays are opened, since that switches off what an earlier program has left on. */
+/* For lamps and for a laser, whose options begin with struct relays. A wrong watchdog is reported
+ * only when the relays are opened: opening also switches off what an earlier program has left on.
+ */
 static void modbus_relays_check(gconstpointer given, const struct config_section *section,
                                 Mistakes *mistakes) {
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);

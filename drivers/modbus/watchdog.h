@@ -19,12 +19,12 @@ struct modbus_watchdog {
 #define MODBUS_WATCHDOG(at, field) ((at) + G_STRUCT_OFFSET(struct modbus_watchdog, field))
 #define MODBUS_WATCHDOG_OPTIONS(at)                                                                \
     {"watchdog_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, MODBUS_WATCHDOG(at, address),   \
-     "Holding register of its communication timeout, after which it ends by itself what it does; " \
-     "−1: none is used"},                                                                          \
+     "Holding register of the communication timeout, after which the device switches off or "     \
+     "stops by itself; −1: none is used"},                                                         \
     {"watchdog_after_s", OPTION_DOUBLE, "s", 0.1, 600, "3", NULL, MODBUS_WATCHDOG(at, after_s),    \
-     "Time without a request after which it does so; it is polled three times within this time"},             \
+     "The communication timeout; the device is polled three times within it"},                     \
     {"watchdog_scale", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL, MODBUS_WATCHDOG(at, scale),      \
-     "What is written to it for 1 s"}
+     "Value of watchdog_register for 1 s"}
 /* clang-format on */
 
 /* The value for its register, and the time that this value stands for. */

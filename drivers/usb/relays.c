@@ -272,7 +272,7 @@ static struct board *board_enter(const struct device *device, struct usb_relays 
      "The board's own serial number of five characters; may be left out if only one board is "     \
      "plugged in"},                                                                                \
     {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),                                     \
-     "Where it is plugged in: bus-port, with .port at each hub, as in 1-2.4"}
+     "Where the board is plugged in: bus-port, with .port at each hub, as in 1-2.4"}
 /* clang-format on */
 
 static const struct option lamps_options[] = {
@@ -324,7 +324,7 @@ static const struct option laser_options[] = {
     BOARD_OPTIONS,
     {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, FIELD(first), "The laser's relay"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until its power is stable"},
+     "From switching on until the laser's power is stable"},
     {NULL},
 };
 

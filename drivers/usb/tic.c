@@ -100,18 +100,18 @@ static const struct option options[] = {
     {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(serial),
      "Serial number; may be left out if only one Tic is plugged in"},
     {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
-     "Where it is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
+     "Where the Tic is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "20", "40"),
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "How long homing takes, for predictions; 0: they leave it out"},
+     "How long homing takes, for predicted times; 0: they leave homing out"},
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
-     "Towards which limit switch it homes; here: no switch, where it stands becomes home_deg"},
+     "Limit switch towards which the axis homes; here: none, the axis stands at home_deg"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position at the end of homing"},
     {"poll_ms", OPTION_INT, "ms", 1, 250, "20", NULL, FIELD(poll_ms),
-     "How often its position is polled while it moves, which also resets its command timeout"},
+     "Time between two polls of a moving axis; a poll also resets the command timeout"},
     {NULL},
 };
 
@@ -126,7 +126,7 @@ static const char *const error_texts[] = {
     "its kill switch is active",
     "its required input is invalid",
     "it reports a serial error",
-    "its command timeout stopped it, since it was not asked for too long",
+    "its command timeout stopped it, because no command came for too long",
     "a safe start violation: something else halted it",
     "its ERR line is held high by another device",
 };
@@ -503,7 +503,7 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
     if (accel < MIN_ACCEL || accel > MAX_STEPS)
         config_mistake(
             mistakes, CONFIG_ERROR_VALUE, section, "accel_deg_s2",
-            "%g microsteps/s² are outside what a Tic does, %g to %g; change accel_deg_s2 "
+            "%g microsteps/s² are outside of a Tic's range, %g to %g; change accel_deg_s2 "
             "or steps_per_deg",
             accel / ACCEL_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
 }

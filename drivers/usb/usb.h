@@ -4,7 +4,7 @@
  * the call that started the request.
  *
  * All belongs to the main loop's thread. Only usb_open(), usb_control_sync() and usb_close() wait,
- * each for USB_SYNC_MS a request at most.
+ * at most USB_SYNC_MS per request.
  */
 #pragma once
 

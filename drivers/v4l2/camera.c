@@ -50,20 +50,20 @@ static const struct option options[] = {
      "Its node, as /dev/video0, or a link in /dev/v4l/by-path, which stays the same after every "
      "start"},
     {"bus", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(bus),
-     "Where it is plugged in, as \"mesorig devices\" says it; may be left out if there is only one "
+     "Where the camera is plugged in, as \"mesorig devices\" says it; may be left out if there is "
+     "only one "
      "camera"},
     {"format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(format),
      "Four characters, as RG10 or YUYV; default: the best for measuring that it has"},
     {"width", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(width),
-     "Of its pictures; 0: as it is set"},
+     "Width of the frames; 0: as the camera is set"},
     {"height", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(height),
-     "Of its pictures; 0: as it is set"},
+     "Height of the frames; 0: as the camera is set"},
     {"frame_rate", OPTION_DOUBLE, "1/s", 0, 10000, "0", NULL, FIELD(frame_rate),
-     "Frames it sends, whether they are wanted or not; 0: as it is set. It cannot expose for "
-     "longer "
-     "than a frame"},
+     "Rate at which the camera sends frames, wanted or not; 0: as it is set. An exposure cannot "
+     "be longer than a frame"},
     {"black_level", OPTION_DOUBLE, "DN", -1, 65535, "-1", NULL, FIELD(black_level),
-     "Its value in the dark; -1: 16 for luma of limited range, otherwise 0"},
+     "Value in the dark; -1: 16 for luma of limited range, otherwise 0"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "auto", stamps, FIELD(stamp),
      "What its time stamps mark: the start of the exposure, the first data, the end of the data; "
      "auto: as the kernel says, and first-data for UVC cameras unless the kernel uses "
@@ -82,7 +82,8 @@ static const struct option options[] = {
     {"exposure_unit_us", OPTION_DOUBLE, "µs", 0, 1e6, "0", NULL, FIELD(exposure_unit_us),
      "The step of an exposure control that counts in steps of its own, as lines of the sensor"},
     {"white_balance_k", OPTION_INT, "K", 0, 100000, "0", NULL, FIELD(white_balance_k),
-     "Colour temperature it is balanced for, if it has a control for that; 0: as it is set"},
+     "Colour temperature of the white balance, if the camera has a control for that; 0: as it is "
+     "set"},
     {"controls", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(controls_set),
      "Other controls, as \"gamma=100; sharpness=0\", by the names of v4l2-ctl"},
     {"check_bandwidth", OPTION_BOOL, NULL, 0, 0, "yes", NULL, FIELD(check_bandwidth),

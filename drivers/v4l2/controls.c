@@ -16,8 +16,8 @@ static const char curved[] = "values are not proportional to the light";
 static const char neighbours[] = "a value depends on the light at neighbouring pixels";
 static const char coloured[] = "values depend on the light of other colours";
 
-/* What alters pictures, in this order: controls that enable others come first. effect: NULL if it
- * changes values from picture to picture, so that a camera that refuses cannot be used. Gamma has
+/* What alters frames, in this order: controls that enable others come first. effect: NULL if it
+ * changes values from frame to frame, so that a camera that refuses cannot be used. Gamma has
  * no unit but UVC's, hundredths, which a range that begins above 0 and holds 100 suggests. Of
  * contrast and colour only the value that the camera is delivered with is known. */
 static const struct {
@@ -47,7 +47,7 @@ static const struct {
     {V4L2_CID_CONTRAST, DELIVERED, 0, curved},
     {V4L2_CID_SATURATION, DELIVERED, 0, coloured},
     {V4L2_CID_HUE, DELIVERED, 0, coloured},
-    {V4L2_CID_TEST_PATTERN, VALUE, 0, "pictures do not show what the sensor sees"},
+    {V4L2_CID_TEST_PATTERN, VALUE, 0, "frames do not show what the sensor sees"},
 };
 
 static gboolean v4l2_controls_query(const struct video_node *node, guint32 id,
@@ -187,7 +187,7 @@ char **video_controls_left(const struct video_node *node, char **settings) {
             name, is.value, control.minimum, control.maximum,
             known ? "the camera keeps its value" : "it is not known which value does nothing",
             altering[i].effect ? altering[i].effect
-                               : "the same light gives other values from picture to picture");
+                               : "the same light gives other values from frame to frame");
         g_strv_builder_add(left, text);
     }
     return g_strv_builder_end(left);

@@ -1,5 +1,5 @@
 /*
- * Sets a camera's controls for measuring: manual exposure, and everything off that changes pictures
+ * Sets a camera's controls for measuring: manual exposure, and everything off that changes frames
  * by itself. Every value is read back. Main loop's thread.
  */
 #pragma once
@@ -26,12 +26,12 @@ void video_controls_read(const struct video_node *node, struct video_controls *r
  * g_free(). */
 char *video_controls_lacking(const struct video_controls *controls);
 
-/* Switches off what alters pictures: automatic exposure, gain, white balance, focus, …, gamma,
+/* Switches off what alters frames: automatic exposure, gain, white balance, focus, …, gamma,
  * sharpening, effects. An automatic control that the camera has and refuses to switch off is an
  * error. */
 gboolean video_controls_by_hand(const struct video_node *node, GError **error);
 
-/* What still alters pictures and is not among the settings ("gamma=100") that the rig file asks
+/* What still alters frames and is not among the settings ("gamma=100") that the rig file asks
  * for: a text each. g_strfreev(). */
 char **video_controls_left(const struct video_node *node, char **settings);
 

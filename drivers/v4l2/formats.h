@@ -9,7 +9,7 @@
 #include "drivers/frame.h"
 
 enum video_packing {
-    VIDEO_BYTES,  /* a byte a pixel */
+    VIDEO_BYTES,  /* one byte per pixel */
     VIDEO_WORDS,  /* two bytes per pixel, low byte first, value in the low bits */
     VIDEO_MIPI10, /* four pixels in five bytes: their upper eight bits, then all lower bits */
     VIDEO_MIPI12, /* two pixels in three bytes, likewise */
@@ -41,9 +41,9 @@ gboolean video_format_is_luma(const struct video_format *format);
 /* Bytes that a row's pixels take, without padding. */
 gsize video_format_row_bytes(const struct video_format *format, int width);
 
-/* Bytes from the start of a picture to its last sample. */
+/* Bytes from the start of a frame to its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
-/* From a picture of rows stride bytes apart. Samples beyond the format's bits are its maximum. */
+/* From a frame of rows stride bytes apart. Samples beyond the format's bits are its maximum. */
 void video_format_unpack(const struct video_format *format, const guint8 *from, gsize stride,
                          int width, int height, guint16 *ret_pixels);

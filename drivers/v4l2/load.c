@@ -15,7 +15,7 @@ static GList *loads;
 /*
  * Periodic transfers may take 90 % of a full-speed frame, 80 % of a high-speed microframe and 90 %
  * of a SuperSpeed bus interval (USB 2.0, 5.6.4 and 5.7.4; USB 3.2, 4.4.7). A packet of 1024 bytes
- * has some 38 of protocol at high speed, and SuperSpeed sends ten bits a byte (132 for 128 from
+ * has some 38 of protocol at high speed, and SuperSpeed sends ten bits per byte (132 for 128 from
  * 10 Gbit/s on) and some 40 bytes of protocol a packet.
  */
 double video_link_mb_s(double mbit_s) {
@@ -54,7 +54,7 @@ static gboolean v4l2_load_check_link(const char *link, const struct video_load *
         error, DEVICE_ERROR_UNSUPPORTED, new->who,
         "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "
         "of %.0f Mbit/s carries" ERROR_ADVICE
-        "lower frame_rate, choose a format of fewer bytes or smaller pictures, or "
+        "lower frame_rate, choose a format of fewer bytes or smaller frames, or "
         "plug some into another controller",
         who->str, new->who, sum, most, name, speed);
 }

@@ -38,7 +38,7 @@ gboolean video_set_error(GError **error, const struct video_node *node, int code
         {EPERM, DEVICE_ERROR_UNSUPPORTED, closed},
         {ENOSPC, DEVICE_ERROR_UNSUPPORTED,
          "the USB bus has no bandwidth left for it" ERROR_ADVICE
-         "lower frame_rate, make pictures smaller, or plug it into another controller"},
+         "lower frame_rate, make frames smaller, or plug it into another controller"},
         {ENOTTY, DEVICE_ERROR_UNSUPPORTED, "it cannot do that"},
     };
     const char *path = node->path ? node->path : "the camera";

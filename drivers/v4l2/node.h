@@ -1,6 +1,7 @@
 /*
- * A V4L2 device node: found, opened, asked. The functions are calls of the kernel and return when
- * it does, which is at once for all but a device that is being unplugged. Main loop's thread.
+ * A V4L2 device node: finding it, opening it, and its properties. The functions are calls of the
+ * kernel and return when it does, which is at once for all but a device that is being unplugged.
+ * Main loop's thread.
  *
  * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */
@@ -20,11 +21,11 @@ struct video_node {
     guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
 };
 
-/* A picture in memory, however the node's type describes it. */
+/* A frame in memory, however the node's type describes it. */
 struct video_pix {
     guint32 width, height, fourcc, field;
     guint32 stride; /* of a row, bytes */
-    guint32 planes; /* memory planes of one picture: 1 */
+    guint32 planes; /* memory planes of one frame: 1 */
     gboolean full_range;
 };
 

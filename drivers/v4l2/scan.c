@@ -40,7 +40,7 @@ static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *n
         format = video_format_better(format, video_format_find(g_array_index(offered, guint32, i)));
     if (!format) {
         found->note =
-            g_strdup("offers only compressed pictures, which cannot be used to measure light");
+            g_strdup("offers only compressed frames, which cannot be used to measure light");
         return;
     }
     video_controls_read(node, &controls);
@@ -55,7 +55,7 @@ static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *n
     found->section = make_section(node, format, &controls, n_on_bus <= 1);
     g_autoptr(GString) note = g_string_new(NULL);
     if (*sizes)
-        g_string_append_printf(note, "pictures of %s", sizes);
+        g_string_append_printf(note, "frames of %s", sizes);
     if (lacking)
         g_string_append_printf(note, "%sno control for: %s", note->len ? "; " : "", lacking);
     found->note = note->len ? g_strdup(note->str) : NULL;

@@ -41,12 +41,12 @@ static gboolean choose_format(const struct video_node *node, const char *name,
     }
     if (!*ret && named)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                     "cannot measure in format %s: compressed pictures are not proportional to "
+                     "cannot measure in format %s: compressed frames are not proportional to "
                      "light; it offers %s, of which only Bayer, mono, YUYV and UYVY are supported",
                      name, list->str);
     else if (!*ret)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                     "offers only %s: compressed pictures are not proportional to light; a camera "
+                     "offers only %s: compressed frames are not proportional to light; a camera "
                      "with Bayer, mono, YUYV or UYVY is needed",
                      list->len ? list->str : "no format");
     return *ret != NULL;
@@ -70,7 +70,7 @@ static gboolean v4l2_stream_check_format(const struct video_node *node,
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "spreads a picture of format %s over %u planes of memory; only formats "
+                            "spreads a frame of format %s over %u planes of memory; only formats "
                             "of one plane are supported: choose another format",
                             name, pix->planes);
     if (wide || high)
@@ -154,7 +154,7 @@ static gboolean map_buffer(struct video_stream *stream, const struct video_node 
     guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;
     if (length < bytes)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT,
+                            "has buffers of %u bytes, too small for a frame of %" G_GSIZE_FORMAT,
                             length, bytes);
     guint8 *data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, offset);
     if (data == MAP_FAILED)

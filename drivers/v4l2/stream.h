@@ -16,7 +16,7 @@ struct video_request {
 struct video_setup {
     const struct video_format *format;
     int width, height;
-    gsize stride, bytes; /* a row's, and what a picture must have */
+    gsize stride, bytes; /* a row's, and what a frame must have */
     gint64 interval_us;  /* from frame to frame */
     gboolean full_range; /* luma from 0 to 255 rather than 16 to 235 */
 };
@@ -45,7 +45,7 @@ gboolean video_stream_start(struct video_stream *stream, const struct video_node
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 
 /* A filled buffer, if there is one: 1; 0: not yet; -1: errno. It is given back when its data has
- * been read. Whatever the node's type: bytesused is the picture's, m.offset where in the buffer it
+ * been read. Whatever the node's type: bytesused is the frame's, m.offset where in the buffer it
  * begins. */
 int video_stream_take(const struct video_stream *stream, const struct video_node *node,
                       struct v4l2_buffer *ret);

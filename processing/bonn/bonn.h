@@ -3,20 +3,19 @@
  *
  * Little-endian; u32, f32, and halves as EXR has them. After a signature of ten bytes:
  *   metadata  u32 bytes of this block, itself included; u32 version; three texts of 80 bytes
- *             (set-up, sensor, light source); f32 texels a mm; f32[3] scale of R, G, B; from
+ *             (set-up, sensor, light source); f32 texels per mm; f32[3] scale of R, G, B; from
  *             version 2 u32 whether values hold n·l; 3: u32 length and text (XML);
  *             4: u32 channels, of each u32 length and name
  *   sampling  u32 views; of each f32 θ, φ (radians), u32 lights, and θ, φ of each
  *   size      u32 width, height
  * and then one of these:
- *   BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines a chunk; u8 0: full, 2: sparse (1, bzip2, is
- *          not read); a mask, a byte a texel, row by row; u32 n and n rotations of 9 f32; then
- *          chunks, each u32 bytes and one ABRDF of halves a texel (of sparse ones those in the mask
- *          alone), channel fastest, then light, then view
- *   FMF    "!FMF06FCR"; "!FMF12FCER", which has a version and its further fields. A matrix of rows
- *          (view, light, channel) and columns (texel), or of rows (texel, channel) and columns
- *          (view, light), in factors U and S·V
- *   DFMF   "!DFMF08FCR". A matrix a channel, the channels made independent by one of several models
+ *   BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines per chunk; u8 0: full, 2: sparse (1, bzip2,
+ * is not read); a mask, one byte per texel, row by row; u32 n and n rotations of 9 f32; then
+ *          chunks, each u32 bytes and one ABRDF of halves per texel (of sparse ones those in the
+ * mask alone), channel fastest, then light, then view FMF    "!FMF06FCR"; "!FMF12FCER", which has a
+ * version and its further fields. A matrix of rows (view, light, channel) and columns (texel), or
+ * of rows (texel, channel) and columns (view, light), in factors U and S·V DFMF   "!DFMF08FCR". One
+ * matrix per channel, the channels made independent by one of several models
  *
  * Rows of all matrices, and texels, lie row by row, the first row of texels at +y. Hostile files
  * are refused: everything is checked against the file's length before it is allocated. One BonnFile
@@ -68,8 +67,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 const struct bonn_header *bonn_header(const BonnFile *file);
 
 /* One view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone. Texels that
- * the mask leaves out, or of which a value is not finite, are 0; of each light ret_holes (n_lights)
- * says how many. FALSE: the file has been cut off since it was opened. */
+ * the mask leaves out, or of which a value is not finite, are 0; ret_holes (n_lights) counts them
+ * for each light. FALSE: the file has been cut off since it was opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 

@@ -2,12 +2,13 @@
  * MERL's .binary files (Matusik et al. 2003): an isotropic BRDF on a grid of half and difference
  * angles (Rusinkiewicz 1998). With h = (l + v) / |l + v|, θ_h and φ_h its angles, and
  * d = R_y(−θ_h) R_z(−φ_h) l with the angles θ_d and φ_d, the file has
- *   3 × i32   numbers of θ_h, θ_d and φ_d: 90, 90 and 180 (or 360, of a BRDF that is not
- * reciprocal) 3 × f64[n_θh · n_θd · n_φd]   red, green and blue, φ_d varies fastest, then θ_d
- * little-endian. Bin i of θ_h holds (i/90)² … ((i+1)/90)² of 90°; those of θ_d and φ_d are equal,
- * of 90° and of 180° (360°; f(φ_d + 180°) = f(φ_d) where it is reciprocal). A number times 1/1500,
- * 1.15/1500, 1.66/1500 (red, green, blue) is f_r; a negative one says that the bin was not measured
- * or that one of its directions lies below the surface.
+ *   3 × i32                        numbers of θ_h, θ_d and φ_d: 90, 90 and 180 (or 360, if the BRDF
+ *                                  is not reciprocal)
+ *   3 × f64[n_θh · n_θd · n_φd]    red, green and blue; φ_d varies fastest, then θ_d
+ * all little-endian. Bin i of θ_h holds (i/90)² … ((i+1)/90)² of 90°; those of θ_d and φ_d are
+ * equal, of 90° and of 180° (360°; f(φ_d + 180°) = f(φ_d) where it is reciprocal). A number times
+ * 1/1500, 1.15/1500, 1.66/1500 (red, green, blue) is f_r; a negative one says that the bin was not
+ * measured or that one of its directions lies below the surface.
  */
 #pragma once
 
@@ -19,8 +20,8 @@ struct merl;
 struct merl *merl_read(const char *path, GError **error);
 void merl_free(struct merl *merl); /* NULL is ignored */
 
-/* The number of the bin that the directions lie in, as MERL's own reader does; 0 where it is
- * negative. */
+/* The value of the bin that the directions lie in, as MERL's own reader gives it; 0 where the value
+ * is negative. */
 void merl_evaluate(const struct merl *merl, const float light[3], const float view[3],
                    float ret[3]);
 

@@ -147,8 +147,7 @@ static gboolean rgl_read_fields(struct rgl *rgl, const char *path, GError **erro
         rgl->reduction = (int)CLAMP(lround(2 * G_PI / range), 1, 5);
         if (rgl->reduction == 3 || rgl->reduction == 5)
             return data_error_fail(path, 0, error,
-                                   "phi_i covers %.0f degrees; all, a half or a quarter of the "
-                                   "azimuths are read",
+                                   "phi_i covers %.0f degrees; it must cover 360, 180 or 90",
                                    range * 180 / G_PI);
     }
     const struct tensor_field *text = tensor_file_field(rgl->file, "description");

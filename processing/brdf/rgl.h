@@ -10,9 +10,10 @@
  *   description (u8)         a text
  * Directions lie on the unit square at u = √(2θ/π) (a, the columns) and u_φ = (φ + π)/2π (b, the
  * rows); θ = π u²/2. With m = (ω_i + ω_o) / |ω_i + ω_o| at u_m (its φ less φ_i where isotropic),
- * and s = the inverse warp of vndf at ω_i (warp.h), f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4
- * σ(u_i))   (Dupuy & Jakob 2018), all tables linear between their nodes. ω_i is
- * the light here, ω_o the view; files of RGL's are reciprocal. Files that hold a half or a quarter
+ * and s = the inverse warp of vndf at ω_i (warp.h),
+ *   f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))                      (Dupuy & Jakob 2018)
+ * with all tables linear between their nodes. ω_i is the light here, ω_o the view; the files of RGL
+ * are reciprocal. Files that hold a half or a quarter
  * of the azimuths are mirrored.
  *
  * Spectra become colours by the CIE's 1931 observer, as the functions of Wyman et al. 2013 eq. 4
@@ -51,8 +52,8 @@ struct rgl_result {
  * the mean of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du and of a constant. Neither changes f_r at the nodes of
  * the file; between them the product of D and of rgb, which holds 1/D, errs where D changes much
  * within a cell, which these two limit: to 0.3 … 0.8 % of f (RMS) for rough and glossy metals on a
- * diffuse ground. Importance is left to luminance. A node of rgb whose ω_o lies below the surface
- * holds the value of the horizon. Stage "export".
+ * diffuse ground. Importance sampling is left to the table luminance. A node of rgb whose ω_o lies
+ * below the surface holds the value of the horizon. Stage "export".
  */
 gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
                    const struct rgl_options *options, const struct work *work,

@@ -1,10 +1,11 @@
 /*
  * UTIA's BRDFs (Filip & Vávra 2014; btf.utia.cas.cz): anisotropic, 288 directions of light by 288
- * of view, θ = 0°, 15° … 75° by φ = 0°, 7.5° … 352.5°; direction θ · 48 + φ. .bin f64[3][288][288],
- * little-endian: red, green, blue; then light, then view .exr   288 × 288 pixels, channels R, G, B:
- * a row for each light, a column for each view The 48 lights (views) of θ = 0 are one direction;
- * their mean is taken. Of an EXR whose last 48 rows are more alike than its first 48, the rows are
- * read from the last to the first.
+ * of view, θ = 0°, 15° … 75° by φ = 0°, 7.5° … 352.5°. Direction number 48 i + j has the i-th θ and
+ * the j-th φ.
+ *   .bin  f64[3][288][288], little-endian: red, green, blue; then light, then view
+ *   .exr  288 × 288 pixels, channels R, G, B: a row for each light, a column for each view
+ * The 48 lights (views) of θ = 0 are one direction; their mean is taken. If the last 48 rows of an
+ * EXR are more alike than its first 48, the rows are read from the last to the first.
  *
  * The numbers have no unit that all readers agree on: some take them as they are, others as sRGB;
  * that of Dupuy's dj_brdf computes 100 · linear (number / 140). struct brdf_coding says which.

@@ -44,7 +44,7 @@ typedef struct mesorig_material mesorig_material;
 
 /* Opens a material in any form: a file that “mesorig compress” or “mesorig process” wrote, a
  * session directory, or its products/btf. mdf: a file of its distances (MDF), or NULL: no relief,
- * but a session directory stands for its MDF, too, if it has one. Of a session's products the BTF
+ * but a session directory stands for its MDF, too, if it has one. From a session's products the BTF
  * itself is taken if it is there, else the compressed one with the least error; all of its values
  * are held in memory, four bytes each. NULL with ret_error, which may be NULL, filled. */
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,

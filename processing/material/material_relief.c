@@ -48,7 +48,7 @@ static int material_relief_wrap(double i, int n) {
     return rest < 0 ? rest + n : rest;
 }
 
-/* Of four texels at fractions (p, q), depths a b / c d:
+/* Interpolates between four texels at fractions (p, q), with depths a b / c d:
  *   value (1−q)((1−p)a + p b) + q((1−p)c + p d), ∂/∂p, ∂/∂q */
 static void material_relief_add(const float *depth, const gsize at[4], double p, double q,
                                 double share, double sum[3]) {

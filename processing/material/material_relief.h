@@ -1,4 +1,4 @@
-/* The distances (MDF) of a material, to be asked on the processor. Any thread. */
+/* The distances (MDF) of a material, to be queried on the CPU. Any thread. */
 #pragma once
 
 #include <glib.h>

@@ -242,7 +242,7 @@ static double sampler_value(const struct making *m, const double *sums,
     return value * point->factor;
 }
 
-/* Of a cluster's texels, evenly spread among them. */
+/* Picks some of each cluster's texels, evenly spread among them. */
 static void sampler_pick(struct making *m) {
     const MaterialSampler *s = m->sampler;
     const int n = s->width * s->height;

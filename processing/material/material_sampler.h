@@ -4,13 +4,14 @@
  * A direction is l = (x, y, z) with (x, y) = the disc's point of (a, b) in [0, 1]², by the map that
  * keeps areas (Shirley & Chiu 1997). Uniform (a, b) are directions of density z / π. A table g
  * holds CELLS × CELLS densities over (a, b), with mean 1, of a cluster of texels and a measured
- * view: each is proportional to ∫ value dω over its cell, of the clusters' mean luminance. For a
- * view between measured ones the tables are mixed as the views are interpolated (weights w_i): p(l)
- * = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π      per solid angle, C and U the shares
- * of a cosine lobe and of the even hemisphere: p > 0 wherever z > 0, and value / p stays bounded.
+ * view: each is proportional to ∫ value dω over its cell, of the cluster's mean luminance. For a
+ * view between measured ones the tables are mixed as the views are interpolated (weights w_i):
+ *   p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π      per solid angle
+ * with C and U the shares of a cosine lobe and of the even hemisphere: p > 0 wherever z > 0, and
+ * value / p stays bounded.
  *
- * Where the model has a formula, a cell's value is that of its middle, in some texels of the
- * cluster, as formulas need not fall towards the horizon like interpolated values do.
+ * If the model is a formula, a cell's value is evaluated at the cell's middle, in some texels of
+ * the cluster, because formulas need not fall towards the horizon as interpolated values do.
  *
  * Texels are put into clusters by the shape of their reflectance (k-means over fixed pairs of
  * measured view and light). A footprint that is wider than a cluster's texel takes the table of

@@ -1,8 +1,8 @@
 /*
  * Normals, and heights by integrating them, from how each texel's brightness depends on the light:
  * for materials of one view, or without an MDF, of which there is a PTM or an HSH
- * (`mesorig compress --method ptm | hsh`). Of several views it takes that nearest to the normal.
- * Any thread.
+ * (`mesorig compress --method ptm | hsh`). If there are several views, it takes the one nearest to
+ * the normal. Any thread.
  */
 #pragma once
 

@@ -4,7 +4,7 @@
  * B(v, l), which holds n·l, is averaged over the texels of a region without holes, and divided by
  * π cos θ_l: f_r(l, v) = B / (π cos θ_l). Between the measured directions f_r is interpolated as
  * direction_grid.h does, over views and lights each on their own; beyond the lowest measured
- * direction it stays what it is there. It is never negative.
+ * direction it keeps the value that it has there. It is never negative.
  */
 #pragma once
 

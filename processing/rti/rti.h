@@ -3,16 +3,19 @@
  * seen from one view, straight from above. A texel's colours are sums of a basis b of the light,
  * f(l) = Σ_j c_j b_j(l), of sRGB where 1 is white; in lrgb the sum is a brightness that multiplies
  * the texel's colour.
- *   .ptm    "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
- *           version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases,
- * then bytes. b = lx², ly², lx ly, lx, ly, 1 and 255 c_j = (byte − bias_j) scale_j. LRGB: six bytes
- * a texel, then (before 1.2: after each six) red, green and blue; RGB: six bytes a texel of red,
- * then of green, then of blue. The last row of the picture comes first. .rti    "#HSH1.2" of
- * RTIBuilder (Cultural Heritage Imaging): lines that begin with #, then "3", width, height, 3, then
- * number of terms and two numbers more; f32 scale and bias of each term; bytes of each texel, red's
- * terms, green's, blue's. c_j = byte / 255 · scale_j + bias_j; b of hsh.h. The first row comes
- * first. Relight info.json and planes of coefficients as pictures, see
- * processing/formats/import_relight.c Any thread.
+ *   .ptm     "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
+ *            version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases;
+ *            then bytes. LRGB: six bytes per texel, then (before 1.2: after each six) red, green
+ *            and blue; RGB: six bytes per texel of red, then of green, then of blue. The last row
+ *            of the picture comes first. b = lx², ly², lx ly, lx, ly, 1 and
+ *            255 c_j = (byte − bias_j) scale_j.
+ *   .rti     "#HSH1.2" of RTIBuilder (Cultural Heritage Imaging): lines that begin with #, then
+ *            "3", width, height, 3, then the number of terms and two more numbers; f32 scale and
+ *            bias of each term; bytes of each texel: the terms of red, of green, of blue. The first
+ *            row comes first. b is that of hsh.h, c_j = byte / 255 · scale_j + bias_j.
+ *   Relight  info.json and planes of coefficients as pictures, see
+ *            processing/formats/import_relight.c
+ * Any thread.
  */
 #pragma once
 

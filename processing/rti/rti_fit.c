@@ -50,7 +50,7 @@ struct fitting {
     struct normal *whole; /* of all lights */
 };
 
-/* Least squares of one number a light, at values + light · stride; NaN is left out. */
+/* Least squares of one number per light, at values + light · stride; NaN is left out. */
 static gboolean rti_fit_terms(const struct fitting *fitting, const double *values,
                               double ret[TERMS]) {
     struct normal normal = {.b = {0}};

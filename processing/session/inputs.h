@@ -21,9 +21,9 @@ void input_clear(struct input *input);
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
 /* The mosaic of a frame that input_read() or exr_read_part() has read from path: height × width,
- * borrowed, and its colour filter. Of a picture in colour ("rgb") it is what a sensor behind "rggb"
- * would have seen, for what is measured on mosaics; the channel G is overwritten with it. NULL: a
- * channel or attribute is missing. */
+ * borrowed, and its colour filter. For a picture in colour ("rgb"), the mosaic is what a sensor
+ * behind "rggb" would have seen, so that measurements on mosaics can use it; it overwrites the
+ * channel G. NULL: a channel or attribute is missing. */
 const float *input_mosaic(const char *path, struct exr_part *part, const char **ret_cfa,
                           GError **error);
 

@@ -14,7 +14,7 @@ struct made_with {
     gboolean mixed; /* making them with this one was not finished: some may be of the one before */
 };
 
-/* Of a session without products: what they would be made with. */
+/* For a session without products: the calibration that they would be made with. */
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error);
 void made_with_clear(struct made_with *with);
 

@@ -201,7 +201,7 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     return text;
 }
 
-/* SQLite's check of the structure tells of a page that cannot be read as if it were damaged, with
+/* SQLite's check of the structure reports a page that cannot be read as if it were damaged, with
  * the code of the error in its text. */
 static gboolean session_db_unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define GRID   16 /* cells of the sample each way in which it is counted how evenly it is covered */
+#define GRID   16  /* cells of the sample each way; counts per cell show how evenly it is covered */
 #define EVENLY 0.1 /* what this counts beside mean and variance of a picture */
 #define TRIES  24  /* positions of a centre of which the best is taken */
 #define SWEEPS 3   /* after all centres are placed, each is placed again */

@@ -4,18 +4,21 @@
  * for materials without order; nothing is synthesised beforehand, and there is no file.
  *
  * Centres of hexagons are the vertices of a lattice of triangles. In the triangle that a point is
- * in, its barycentric coordinates w_k are how near it is to each of three centres. Shares are s_k =
- * max (w_k − max w + ENDLESS_BLEND, 0), Σ s_k = 1, so that most points lie in one hexagon, and
- * those along an edge in two or three. Values are mixed about their mean m over the sample, which
- * keeps mean and variance (Heitz and Neyret 2018 eq. 4): m + Σ s_k (b_k − m) / ‖s‖ = Σ (s_k / ‖s‖)
- * b_k + (1 − 1 / ‖s‖) m. Depths are those of the nearest hexagon.
+ * in, its barycentric coordinates w_k are how near it is to each of three centres. Shares are
+ *   s_k = max (w_k − max w + ENDLESS_BLEND, 0), scaled to Σ s_k = 1
+ * so that most points lie in one hexagon, and those along an edge in two or three. Values b_k are
+ * mixed about their mean m over the sample, which keeps mean and variance (Heitz and Neyret 2018
+ * eq. 4):
+ *   m + Σ s_k (b_k − m) / ‖s‖ = Σ (s_k / ‖s‖) b_k + (1 − 1 / ‖s‖) m
+ * Depths are those of the nearest hexagon.
  *
- * No hexagon reaches over the sample's edges, so that these are nowhere seen; what its blend lacks
- * there is the value at the edge. Its centre in the sample is one of ENDLESS_CENTRES: a hash of the
- * lattice's vertex says which (Jarzynski and Olano 2020). They are drawn at random, each several
- * times, and those are kept that make mean and variance of what is seen those of the sample, and
- * cover it evenly. The lattice closes after a whole number of columns and rows where the shape's
- * texture coordinates do.
+ * No hexagon reaches over the sample's edges, so that the edges are nowhere seen. Where the blend
+ * along a hexagon's border reaches over an edge, it takes the value at the edge. A hexagon's centre
+ * in the sample is one of ENDLESS_CENTRES: a hash of the lattice's vertex says which (Jarzynski and
+ * Olano 2020). For each centre several candidates are drawn at random; the one is kept with which
+ * mean and variance of what is seen are nearest to the sample's and the centres cover the sample
+ * evenly. The lattice closes after a whole number of columns and rows where the shape's texture
+ * coordinates do.
  *
  * renderer/shaders/places.glsl does the same as endless_find(). Plain data; any thread.
  */
@@ -45,14 +48,14 @@ struct endless_pictures {
     const float *values;
 };
 
-/* Of a sample of width × height texels that looks like these pictures. */
+/* For a sample of width × height texels that looks like these pictures. */
 struct endless *endless_new(int width, int height, const struct endless_pictures *pictures);
 void endless_free(struct endless *endless); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Endless, endless_free)
 
-/* The lattice where a shape has so many tiles each way. */
+/* The lattice for a shape with so many tiles each way. */
 struct endless_lattice {
-    float cells[2]; /* columns and rows a tile */
+    float cells[2]; /* columns and rows per tile */
     int period[2];  /* columns and rows after which it repeats; rows are even */
 };
 void endless_lattice_init(struct endless_lattice *lattice, const struct endless *endless,

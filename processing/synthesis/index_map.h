@@ -28,7 +28,7 @@ struct index_map {
     double texel_mm;
     char *method; /* "textons", "quilting" or "tileable" */
     int n_levels; /* at least 1 */
-    /* Of each level, its height × width × 2: column and row in the sample. */
+    /* Each level is its height × width × 2: column and row in the sample. */
     guint16 *levels[INDEX_MAP_LEVELS];
 };
 
@@ -47,5 +47,5 @@ gboolean index_map_write(const char *path, const struct index_map *map, GError *
 /* EXR_ERROR: the file is damaged, of another kind, or refers to texels beyond the sample. */
 struct index_map *index_map_read(const char *path, GError **error);
 
-/* Bytes of all levels, four a texel, as on the graphics card. */
+/* Bytes of all levels, four per texel, as on the graphics card. */
 gint64 index_map_bytes(const struct index_map *map);

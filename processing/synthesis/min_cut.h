@@ -5,8 +5,8 @@
 #include <glib.h>
 
 /*
- * costs: length × width, of putting the cut of a row at a column. The path's column changes by at
- * most 1 from row to row; turns, which may be NULL, is length × width × 2: the further cost of
+ * costs: length × width, the cost of a cut through a column of a row. The path's column changes by
+ * at most 1 from row to row; turns, which may be NULL, is length × width × 2: the further cost of
  * going from (row, column) to column − 1 and + 1 of the next row. cyclic: the last row goes on into
  * the first. Returns the cost; ret_path: length columns.
  */

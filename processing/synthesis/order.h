@@ -14,7 +14,7 @@
 int order_period(const struct texel_features *features);
 
 /* The RMS difference between ρ of the sample and of a map, over lags of up to a third of the
- * sample's shorter side. 0: every order is kept; 1: none. */
+ * sample's shorter side. 0: the order is kept; 1: all of it is lost. */
 double order_difference(const struct texel_features *features, const struct index_map *map);
 
 /* How much texels of a map that are not neighbours in the sample differ, compared with neighbours:

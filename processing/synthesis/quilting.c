@@ -116,7 +116,7 @@ static void quilt_of_side(const struct quilt *quilt, enum quilt_side side, int a
     ret[side == QUILT_LEFT || side == QUILT_RIGHT ? 1 : 0] = along;
 }
 
-/* Of each place along a side, how far inwards the block begins: at its path of least error. */
+/* For each texel along a side, how far inwards the block begins: at the path of least error. */
 static void quilt_cut(const struct quilt *quilt, enum quilt_side side, int wide, const int from[2],
                       int *ret_path) {
     const gsize n = (gsize)wide;

@@ -9,8 +9,9 @@
 #include "texel_features.h"
 
 enum synthesis_method {
-    SYNTHESIS_AUTO, /* both of the next: textons, which repeat no whole blocks, unless quilting
-                       keeps the sample's order better (order.h) by more than SYNTHESIS_SPARE */
+    SYNTHESIS_AUTO, /* makes both of the next and takes textons, which repeat no whole blocks,
+                       unless quilting keeps the sample's order better (order.h) by more than
+                       SYNTHESIS_SPARE */
     SYNTHESIS_TEXTONS,
     SYNTHESIS_QUILTING,
     SYNTHESIS_TILEABLE, /* a part of the sample that can be repeated (tileable.h) */

@@ -14,7 +14,7 @@
 #define LEAST   1e-3 /* of the variance: components with less are left out */
 #define COLOURS 3
 
-/* The matrix A in blocks of columns: one a view of the BTF, and one that is the MDF. */
+/* The matrix A in blocks of columns: one per view of the BTF, and one that is the MDF. */
 struct columns {
     const struct btf_matrix *btf;
     int n_texels, n_views, a_view; /* columns of a view */

@@ -24,9 +24,10 @@ void texel_features_free(struct texel_features *features); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TexelFeatures, texel_features_free)
 
 /*
- * Principal components of A, a row a texel: all columns of the BTF, and those of the MDF (NULL:
- * none) times s. s² makes the share of the relief in the variance min (1, var (depth) / texel²)
- * times that of the BTF: a relief that is lower than a texel is wide moves nothing by a texel.
+ * Principal components of A, which has one row per texel: all columns of the BTF, and those of the
+ * MDF (NULL: none) times s. s² makes the share of the relief in the variance min (1, var (depth) /
+ * texel²) times that of the BTF: a relief that is lower than a texel is wide moves nothing by a
+ * texel.
  *
  * A is not held: Y = A Ω for a random matrix of signs Ω, Q of Y = QR, then one step of subspace
  * iteration and the components of QᵀA (Halko, Martinsson and Tropp 2011, algorithms 4.4 and 5.1).

@@ -1,11 +1,11 @@
 /*
  * Synthesis texel by texel (Tong et al. 2002): the texels of the sample are clustered into textons,
- * and the picture grows, from coarse to fine, by texels whose neighbourhood in the sample has the
- * textons that stand around the place already.
+ * and the map is filled from coarse to fine. Each texel p of the map gets a texel s of the sample
+ * whose neighbourhood has the textons that are already around p.
  *
- * The cost of texel s of the sample at place p is Σ_d |c (t (p + d)) − c (t (s + d))|² over the 5 ×
- * 5 places d around, with t the texton of a texel and c its centre. Candidates are those that
- * continue a neighbour of p (the texel s (p + d) − d), and texels with a neighbourhood like theirs.
+ * The cost of s at p is Σ_d |c (t (p + d)) − c (t (s + d))|² over the 5 × 5 offsets d, with t the
+ * texton of a texel and c its centre. Candidates are texels that continue a neighbour of p in the
+ * sample (the texel s (p + d) − d), and texels whose neighbourhood is like that of such a texel.
  * This follows the statistics of the sample, but not an order of long range.
  */
 #pragma once

@@ -10,7 +10,7 @@
 
 #define HALF_MAX 65504.0F
 
-/* Of all levels together. */
+/* Sums over all mip levels. */
 struct totals {
     int clusters, components;
     gsize texels;

@@ -11,8 +11,8 @@
  *   means         K blocks of (n² + 1) × n² × 3 halves
  *   brdfs         K × c blocks of (n² + 1) × n² × 3 signed bytes
  *   mdf_maps      layers of four maps: height × width × 4 bytes
- *   mdf_factors   layers + 1 of 256 × 256 × 4 halves: weights of the maps by direction (times 255),
- *                 in the last one that without a map
+ *   mdf_factors   layers + 1 of 256 × 256 × 4 halves: weights of the maps by direction (times 255);
+ *                 the last layer has the weight W_0, which belongs to no map
  */
 #pragma once
 

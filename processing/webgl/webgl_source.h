@@ -1,6 +1,6 @@
 /*
  * What is exported for WebGL, from a session or a compressed material: a local PCA in R, G, B, and
- * the MDF as factors. What is another form is converted. Any thread.
+ * the MDF as factors. Other forms are converted. Any thread.
  */
 #pragma once
 

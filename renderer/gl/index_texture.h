@@ -16,7 +16,7 @@ typedef struct IndexTexture IndexTexture; /* belongs to the thread of the GL con
 
 #define INDEX_TEXTURE_UNIT 15 /* higher than those of methods, viewer and relief */
 
-/* Copies what it needs. Two 16-bit integers a texel. */
+/* Copies what it needs. Two 16-bit integers per texel. */
 IndexTexture *index_texture_new(const struct index_map *map, GError **error);
 void index_texture_free(IndexTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexTexture, index_texture_free)

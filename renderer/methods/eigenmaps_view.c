@@ -14,7 +14,7 @@
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
-    int n_terms, n_layers; /* layers a term */
+    int n_terms, n_layers; /* layers per term */
     gboolean refined;      /* level 0 is twice as fine as the material */
     guint maps, view_weights;
     float *means; /* R, G, B of each layer */

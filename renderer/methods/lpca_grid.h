@@ -5,7 +5,7 @@
  * simplex of the four coordinates around (v, l): five samples, while pairs of measured directions
  * take nine, and a 3D texture with one manual step takes sixteen in two filtered fetches.
  *
- * All of a sample lies together: 16 bytes hold the mean (nine bits a colour and an exponent) and
+ * All of a sample lies together: 16 bytes hold the mean (nine bits per colour and an exponent) and
  * four components (signed bytes, whose scales are in the texels' weights), 16 more the next four.
  * With p = ⌈c/4⌉ a pixel takes, where its four texels are of one cluster,
  *
@@ -14,8 +14,8 @@
  *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
  *   this        none          1 + 4 p     5 p                          5, 5, 10
  *
- * None is filtered, and the samples are those of a buffer: an address is a sum. How far pictures
- * are from those of lpca_view.h is measured by bench_lpca_rendering.
+ * None of these fetches is filtered. The samples are in a buffer, so that an address is a sum. How
+ * far pictures are from those of lpca_view.h is measured by bench_lpca_rendering.
  */
 #pragma once
 

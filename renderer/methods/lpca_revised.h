@@ -1,7 +1,7 @@
 /*
  * Local PCA as Schneider 2004 §6 draws it. Eigen-BRDFs are sampled on a regular grid of the
  * elevated concentric map, for views and for lights (lpca_resample.h); a 3D texture holds n volumes
- * a table, one for each t_l, of (s_v, t_v, s_l), stacked along the third axis. The card
+ * per table, one for each t_l, of (s_v, t_v, s_l), stacked along the third axis. The card
  * interpolates three of the four coordinates, the shader the fourth:
  *
  *   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2).

@@ -9,10 +9,11 @@
  * side: they are always fetched together. For c components and four texels of one cluster a pixel
  * takes 4 fetches for directions, 1 + 4 ⌈c/4⌉ for texels and 9 (c + 1) of eigen-BRDFs.
  *
- * With logarithms (LPCA_LOG) the sums are of those, and each pair's is turned back into a
- * reflectance before it counts, for each of the four texels: what is shown at measured directions
- * is what lpca_reconstruct() gives, and between them linear as above. How a texel looks under an
- * even sky is not linear in its weights and is held for each texel and view.
+ * With logarithms (LPCA_LOG) the sums over i are logarithms. For each of the four texels, the sum
+ * of each pair (a, b) is turned back into a reflectance before the pairs are mixed: at measured
+ * directions pictures show what lpca_reconstruct() gives, and between them they are linear as
+ * above. The reflectance under an even sky is not linear in the weights and is stored for each
+ * texel and view.
  */
 #pragma once
 

@@ -1,7 +1,8 @@
 /*
- * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card: an array texture of
- * halves with their values, in which a slice, a view's or the only one, has n_pages layers of four
- * values; another with the reflectance of each view under an even sky; and the table of views.
+ * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card. One array texture of
+ * halves holds their values: each slice (one per view, or a single one for all views) has n_pages
+ * layers of four values. Another holds the reflectance of each view under an even sky. A third
+ * texture is the table of views.
  */
 #pragma once
 

@@ -9,9 +9,9 @@
 #include <string.h>
 
 struct MdfTexture {
-    guint depths; /* views: a layer each, and one for the pole; factors: four maps a layer */
+    guint depths; /* views: a layer each, and one for the pole; factors: four maps per layer */
     struct direction_textures views; /* of views; 0 for factors */
-    guint factors; /* W_1 … W_c by direction, four a layer, and W_0 in the last layer */
+    guint factors; /* W_1 … W_c by direction, four per layer, and W_0 in the last layer */
     int n_terms;   /* c, see mdf_factors.h; 0: views */
     double scale_mm, least_mm; /* depth of views = least_mm + scale_mm · value */
     double width_mm, height_mm, deepest_mm;

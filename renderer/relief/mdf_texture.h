@@ -21,11 +21,12 @@ gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
 gint64 mdf_texture_bytes(const MdfTexture *texture); /* 0 of NULL */
 
-/* The published form (Wang et al. 2005 §5), to compare: 8 bits a distance in a 3D texture whose
- * third axis is the view, filtered trilinearly, without mip levels. Between views of a ring the
- * texture filters; two rings are mixed. Made of the views when it is first asked for; the first
- * view of each ring is repeated at its end. Shaders are compiled with MDF_VOLUME 1. Fails where the
- * MDF is in factors, or its views are not on at most MDF_VOLUME_RINGS rings, each evenly spaced. */
+/* The published form (Wang et al. 2005 §5), for comparison: 8 bits per distance in a 3D texture
+ * whose third axis is the view, filtered trilinearly, without mip levels. Between views of a ring
+ * the texture's filter interpolates; the shader mixes two rings. The texture is made from the views
+ * when it is first asked for; the first view of each ring is repeated at its end. Shaders are
+ * compiled with MDF_VOLUME 1. Fails where the MDF is in factors, or its views are not on at most
+ * MDF_VOLUME_RINGS rings, each evenly spaced. */
 #define MDF_VOLUME_RINGS 16
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 

@@ -18,8 +18,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 
 #define RELIEF_MAX_MATERIALS 16
 
-/* Of a material's number below RELIEF_MAX_MATERIALS. NULL: it is smooth. Copies what it needs. On
- * error the former MDF stays. */
+/* Sets the MDF of a material; its number is below RELIEF_MAX_MATERIALS. NULL: it is smooth. Copies
+ * what it needs. On error the former MDF stays. */
 gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf, GError **error);
 
 /* Shadow maps are drawn again: what they depend on beside the scene has changed. */
@@ -39,8 +39,9 @@ struct relief_scene {
     gboolean lit; /* by the first lamp; FALSE: it is off and casts no shadow */
     int n_further;
     struct shadow_lamp further[RELIEF_MAX_LAMPS];
-    int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of
-                        more than 16 a quarter; a lamp amid the mesh has six */
+    /* Width and height of the first lamp's shadow map. The maps of further lamps have the same size
+     * up to 4 maps, half of it up to 16 and a quarter beyond. A lamp amid the mesh has six maps. */
+    int shadow_size;
 };
 
 /* Leaves framebuffers of its own bound. Shadow maps are kept while lamp, mesh, tiles, MDF and

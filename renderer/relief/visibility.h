@@ -14,7 +14,7 @@
 
 enum visibility_way {
     VISIBILITY_AUTO,  /* lists where there is OpenGL 4.3, else peeling; the same picture */
-    VISIBILITY_PEEL,  /* Wang et al. 2005 fig. 7: the mesh is drawn twice a layer */
+    VISIBILITY_PEEL,  /* Wang et al. 2005 fig. 7: the mesh is drawn twice per layer */
     VISIBILITY_LISTS, /* once, all its faces kept in a list per pixel; needs OpenGL 4.3 */
 };
 

@@ -169,8 +169,7 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
     const int most = VIEWER_MAX_LAMPS - (settings->light_distance > 0.0); /* see lamp_settings() */
     if (settings->n_lamps >= most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "with %d lamps no lamp is left to stand for the environment: give fewer",
-                    settings->n_lamps);
+                    "%d lamps leave none for the environment; give fewer lamps", settings->n_lamps);
         return FALSE;
     }
     const int room = most - settings->n_lamps;

@@ -1,4 +1,4 @@
-/* What a file or folder is that a user opens in the window. */
+/* The kind of a file or folder that a user opens in the window. */
 #pragma once
 
 #include "methods/method.h"

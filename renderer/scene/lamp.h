@@ -1,4 +1,4 @@
-/* The lamps of a picture's settings where the mesh is: what shaders and shadow maps take of them.
+/* The lamps of a picture's settings, placed around the mesh as shaders and shadow maps need them.
  */
 #pragma once
 
@@ -13,6 +13,6 @@ gboolean lamp_any_near(const struct viewer_settings *settings); /* of the furthe
 /* radius: of the mesh. */
 struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius);
 
-/* Of a spot that lights with full strength within half an angle of inner_deg and ends at
- * place->cone_rad: what further.glsl says of lamp_cones[]. */
+/* The elements of lamp_cones[] (further.glsl) for a spot of full strength within inner_deg of its
+ * axis, whose light ends at placed->cone_rad. */
 void lamp_cone(const struct shadow_lamp *placed, double inner_deg, float ret[4]);

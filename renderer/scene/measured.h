@@ -1,5 +1,5 @@
-/* Compares a drawing method with the measurement: one rectified frame beside the picture that the
- * method draws for the same directions of view and light. */
+/* Compares a drawing method with the measurement: one rectified picture of the session beside the
+ * picture that the method draws for the same directions of view and light. */
 #pragma once
 
 #include "reference.h"

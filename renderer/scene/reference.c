@@ -24,13 +24,14 @@ struct Reference {
     GArray *view_theta, *view_phi; /* of float, degrees */
     GArray *light_theta, *light_phi;
     int width, height;
-    Reprojection *reprojection; /* NULL: texels are mixed */
+    Reprojection *reprojection; /* NULL: views are mixed texel by texel, not along the surface */
 };
 
-/* Views that are mixed along the surface, at most: those of the largest weights. */
+/* At most so many views, those of the largest weights, are mixed at a point of the surface. */
 #define ALONG 6
 
-/* What a sample shows, along the surface. */
+/* A sample that is predicted along the surface (reprojection.h): its surface point, and the views
+ * that see this point. */
 struct along {
     gboolean seen;
     float p[3]; /* the surface point, mm */
@@ -52,13 +53,13 @@ struct shading {
     const struct viewer_settings *settings;
     const Directions *views, *lights;
     struct sample *samples;
-    struct along *along; /* of each sample; NULL: texels are mixed */
+    struct along *along; /* for each sample; NULL: views are mixed texel by texel instead */
     guint n_samples;
     const float *texel, *view; /* as viewer_render_geometry() gives them */
     const float *light, *lit;  /* the same, of the lamp that is added */
     double rgb[3], ambient;    /* of that lamp, and of an even sky that is added with it */
-    /* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _.
-     */
+    /* The view that is in memory: a layer for each light, one for the pole of the lights and one
+     * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
     float *layers;
     gsize layer_size;              /* floats */
     const float *pole, *sky;       /* each light's share */
@@ -139,7 +140,8 @@ static gboolean reference_take_view(Reference *r, const char *path, GError **err
     if (!good)
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "%s: %s; delete it and process again", path,
-                    why != NULL ? why->message : "its lights or texels are not the other views'");
+                    why != NULL ? why->message
+                                : "its lights or texels are not those of the other views");
     return good;
 }
 
@@ -332,7 +334,7 @@ static void add_taps(const struct shading *s, int layer, const struct reprojecti
             sum[k] += share * taps[i].weight * texels[4 * (gsize)taps[i].texel + k];
 }
 
-/* The same as reference_shade() along the surface (reprojection.h). */
+/* Does the work of reference_shade() for samples that are predicted along the surface. */
 static void reference_shade_along(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;

@@ -31,7 +31,7 @@ Reference *reference_open(const char *btf, GError **error);
 Reference *reference_open_material(const char *path, GError **error);
 /* From now on pictures of the whole BTF mix views along the surface of its MDF
  * (reprojection/reprojection.h), of a sample that repeats, without index map. mdf:
- * products/mdf.exr. Texels are always interpolated. Memory: some 150 bytes a sample more, and the
+ * products/mdf.exr. Texels are always interpolated. Memory: some 150 bytes more per sample, and the
  * MDF. */
 gboolean reference_move_along_surface(Reference *reference, const char *mdf, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */

@@ -22,7 +22,7 @@
 
 #define ENDLESS_LOOKS 10 /* pictures of the sample by which hexagons are chosen */
 
-/* Of the first lamp, of a further one, and of that with its shadow. */
+/* Geometry programs: for the first lamp, for a further lamp, and for a further lamp with shadow. */
 enum { GEOMETRY_FIRST, GEOMETRY_FURTHER, GEOMETRY_FURTHER_SHADOWS, GEOMETRIES };
 
 const struct viewer_settings viewer_settings_default = {
@@ -348,7 +348,7 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* Of the main material, with a method that looks texels up. */
+/* Places of the main material, if its method looks texels up. */
 static struct places_source viewer_places(const Viewer *viewer, int material,
                                           const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;

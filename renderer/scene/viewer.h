@@ -56,13 +56,11 @@ struct viewer_settings {
      * of the structure too, and on it (§4.2); without an MDF or silhouettes the mesh's own. */
     gboolean silhouettes, shadows; /* shadows: of every lamp */
     struct visibility_options visibility;
-    int shadow_size;   /* of the first lamp's map, each way; of more than 4 further ones a half, of
-                          more than 16 a quarter */
+    int shadow_size; /* width and height of the first lamp's shadow map; see relief.h for others */
     gboolean backdrop; /* the environment is seen behind the mesh; takes viewer_set_environment() */
-    gboolean plain;    /* instead of the BTF one texture × n·l, to compare with */
-    /* The sample in hexagons without end (synthesis/endless.h). Methods without a material file,
-     * viewer_render_flat() and plain pictures take no notice of it, nor any while there is an index
-     * map. */
+    gboolean plain;    /* draws one texture × n·l instead of the BTF, for comparison */
+    /* The material without end, in hexagons (synthesis/endless.h). Methods without a material file,
+     * viewer_render_flat() and plain pictures ignore it; all do while there is an index map. */
     gboolean endless;
 };
 
@@ -112,7 +110,7 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
 /* The index map through which the material and its MDF are seen (gl/index_texture.h); NULL: the
  * sample is repeated. Copies what it needs. The material's sample must be the map's; methods
- * without a material file, viewer_render_flat() and plain pictures take no notice of it. Where
+ * without a material file, viewer_render_flat() and plain pictures ignore it. Where
  * settings leave the tiles to the mesh, they become a multiple of those that the map is long. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
 /* FALSE also for a map of a sample of another size than the material that is open. */

@@ -1,8 +1,8 @@
 // A plain weave: warp and weft yarns cross each other; their directions and colours alternate (Kang & Cho 2011 §IV.B).
-// Each bends down at its sides and where it dives under the next; see microfacet_view.c.
+// A yarn bends down at its sides and where it passes under the next one; see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
-uniform vec3 weave; // yarns a tile each way, slope across a yarn, along it
+uniform vec3 weave; // yarns per tile each way, slope across a yarn, slope along it
 
 vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {
     return facet(warp ? diffuse : weft_diffuse, specular, warp ? rough.yx : rough, n, v, l,

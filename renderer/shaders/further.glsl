@@ -7,7 +7,8 @@ uniform vec3 lamp_colours[MAX_LAMPS];
 
 #ifdef NEAR_LAMPS
 uniform vec4 lamp_places[MAX_LAMPS]; // w 1: where it is; w 0: unit, towards a lamp far away
-// Of a spot: its axis, the way its light goes, and −cos outer, both / (cos inner − cos outer); else 0, 1.
+// For a spot: xyz the direction of its light along the axis, w −cos outer, all divided by
+// (cos inner − cos outer); for other lamps xyz 0, w 1.
 uniform vec4 lamp_cones[MAX_LAMPS];
 
 // Returns the unit direction from p towards lamp k. shines: its irradiance at p on a surface that

@@ -1,9 +1,9 @@
 // All faces of a pixel as a linked list, in the order in which they were drawn.
 struct face {
-    uint next;  // number of the next, from 1; 0: none
+    uint next;  // number of the next face, from 1; 0: none
     float z;    // distance from the eye
-    float hit;  // from there into the mesh to the structure; back faces: − that
-    float base; // to where the structure is deepest
+    float hit;  // distance from z into the mesh to the structure; back faces: negative
+    float base; // distance from z to where the ray is as deep as the deepest structure
 };
 
 layout(std430, binding = 0) buffer Faces {

@@ -1,4 +1,4 @@
-// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (a slice a view, or one for
+// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or one for
 // all), N_LOBES and ROTATION are constants.
 uniform sampler2DArray values;   // slice · n_pages + page
 uniform sampler2DArray ambients; // under an even sky, a layer per view and one of their pole

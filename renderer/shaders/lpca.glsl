@@ -8,9 +8,9 @@ uniform samplerCube light_indices;
 uniform samplerCube light_weights;
 uniform int n_rows; // of a cluster: the views
 uniform int clusters_a_layer;
-uniform int ambient_column; // a light that is an even sky; not of logarithms
+uniform int ambient_column; // the column of an even sky; not used with logarithms
 #if LOG
-uniform sampler2DArray skies; // reflectance of each texel under it, a layer per view
+uniform sampler2DArray skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
 ivec3 views, lights; // the three measured directions around v and l

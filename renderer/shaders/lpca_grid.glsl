@@ -1,11 +1,11 @@
 // Eigen-BRDFs over a grid of the hemisphere's square, for views and for lights; see lpca_grid.h.
-uniform usamplerBuffer brdfs; // N_PAGES texels a sample
+uniform usamplerBuffer brdfs; // N_PAGES texels per sample
 uniform int n_grid;           // samples each way; the light cell n_grid² is an even sky
 
 // The corners of the simplex around (v, l), as indices within a cluster, and their weights.
 int corners[5];
 float shares[5];
-// Of the triangle around v alone, under an even sky.
+// The same for the triangle around v alone, under an even sky.
 int sky_corners[3];
 float sky_shares[3];
 
@@ -53,7 +53,7 @@ void prepare(vec3 v, vec3 l, float lit) {
     shares[4] = lit * r.w;
 }
 
-// The mean E_0: nine bits a colour and a common exponent, as GL_RGB9_E5.
+// The mean E_0: nine bits per colour and a common exponent, as GL_RGB9_E5.
 vec3 mean_of(uint word) {
     vec3 steps = vec3(word & 511u, (word >> 9) & 511u, (word >> 18) & 511u);
     return steps * uintBitsToFloat(((word >> 27) + 103u) << 23);

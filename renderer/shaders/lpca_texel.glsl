@@ -1,17 +1,17 @@
-// The texels of a local PCA: which cluster each belongs to, and its weights. What mixes a cluster's
-// eigen-BRDFs by them is the method's own. N_COMPONENTS (without the mean), N_LEVELS, NEAREST and LOG
+// The texels of a local PCA: which cluster each belongs to, and its weights. How a cluster's eigen-BRDFs
+// are mixed by these weights is the method's own. N_COMPONENTS (without the mean), N_LEVELS, NEAREST and LOG
 // (what is mixed are logarithms, see lpca.h) are constants; see lpca_texels.h.
-uniform sampler2DArray weights;  // four components a layer
+uniform sampler2DArray weights;  // four components per layer
 uniform usampler2D clusters;     // of a texel, and those right of it, below it and of both
 
 const int N_PAGES = (N_COMPONENTS + 3) / 4;
 
-// Of a cluster, for the directions that prepare() was given: share E_0 + Σ w_i E_i.
+// evaluate() returns the value of a cluster, share E_0 + Σ w_i E_i, in the directions given to prepare().
 void prepare(vec3 v, vec3 l, float lit);
 vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]);
 
 #if LOG && AMBIENT
-// Of a texel under the even sky, which is not linear in its weights.
+// The reflectance of a texel under the even sky, which is not linear in the weights.
 vec3 sky_of(ivec2 texel, int level);
 #else
 vec3 sky_of(ivec2 texel, int level) {
@@ -30,8 +30,8 @@ vec3 one_texel(vec2 x, int level) {
 }
 
 // Four texels of a tile. Within one cluster reflectance is linear in the weights: those of all
-// texels of a cluster are mixed, and the cluster evaluated once. Mostly there is but one. Of
-// logarithms each texel is evaluated.
+// texels of a cluster are mixed, and the cluster is evaluated once; mostly the four texels have one
+// cluster. With logarithms each texel is evaluated.
 vec3 at_level(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;

@@ -1,6 +1,6 @@
-// The nearest back faces beyond those of the layer before (Wang et al. 2005 fig. 7): distance from the eye,
+// The nearest back faces beyond those of the previous layer (Wang et al. 2005 fig. 7): distance from the eye,
 // and from there back to the structure.
-uniform sampler2D before; // as this
+uniform sampler2D before; // the same of the previous layer
 uniform sampler2D seen;   // what was found so far
 
 void main() {

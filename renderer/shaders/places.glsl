@@ -1,22 +1,23 @@
-// Which places of the sample stand at a point of the surface: the one hook through which a codec, the
-// MDF and everything else that belongs to a texel is looked up. PLACES 0: the sample is repeated. 1: an
+// The places of the sample that a point of the surface shows. Codecs, the MDF and everything else that
+// belongs to a texel are looked up at these places. PLACES 0: the sample is repeated. 1: an
 // index map says which texel of the sample stands where; see gl/index_texture.h. 2: hexagons show parts of
 // the sample, without end; see synthesis/endless.h.
 struct places {
     int n;
     vec2 x[4];      // in tiles of the sample; the first is that of the nearest hexagon
     float share[4]; // of each, 1 together
-    int mean;       // which of them stands for the sample's mean; −1: none
+    int mean;       // index of the place that stands for the sample's mean; −1: none
 };
 
 #if PLACES
-// Of the point, in tiles: places jump from pixel to pixel, so that their own derivatives mean nothing.
+// Derivatives of the surface point, in tiles. Places jump from pixel to pixel, so that derivatives of places
+// would mean nothing.
 vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
 #if PLACES_LEVEL
-// For llvmpipe, which takes more time for derivatives of a texture's own. Half of all levels are whole ones, so
-// that one of them is read instead of two, as llvmpipe does by itself where it takes the derivatives.
+// For llvmpipe, on which look-ups with explicit derivatives take longer. Half of all levels are rounded to whole
+// ones, so that one level is read instead of two, as llvmpipe does by itself where it computes derivatives.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
     float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
@@ -84,7 +85,7 @@ void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, 
 
 // Level 0 is interpolated between four texels of the map. Those that are neighbours in the sample are
 // left to the sample's own filter, so that most points have one place, and those at a seam two to four.
-// Of coarser levels, which fit to the pixel, the nearest texel is taken.
+// Coarser levels fit to the pixel; from them the nearest texel is taken.
 places find_places(vec2 x, float level) {
     vec2 p = x * index_sample;
     int whole = clamp(int(level), 0, index_levels - 1);
@@ -119,7 +120,7 @@ places find_places(vec2 x, float level) {
 #else
 #define ENDLESS_MEAN 1
 #endif
-uniform vec2 endless_cells;   // columns and rows of hexagons a tile
+uniform vec2 endless_cells;   // columns and rows of hexagons per tile
 uniform ivec2 endless_period; // columns and rows after which they repeat; rows are even
 uniform vec2 endless_edge;    // half a texel, in tiles
 uniform vec2 endless_centres[ENDLESS_CENTRES]; // of hexagons in the sample, in tiles
@@ -164,7 +165,7 @@ void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     near = first == 1 ? near.yxz : first == 2 ? near.zyx : near;
 }
 
-// Of the nearest hexagon alone.
+// The place in the nearest hexagon alone.
 places nearest_place(vec2 x) {
     ivec2 vertices[3];
     vec3 near;

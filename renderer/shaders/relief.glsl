@@ -8,9 +8,9 @@ uniform float reach; // with w = 0: distances are measured from a plane so far f
 
 // Depths below the reference plane, a layer per view; or four maps per layer, see mdf_factors.h.
 uniform sampler2DArray mdf_depths;
-uniform vec2 mdf_range;             // of views, mm: depth = x + y · texel value
-uniform int mdf_layers;             // of maps; 0: views
-uniform sampler2DArray mdf_factors; // of maps, over the hemisphere; the last layer is without a map
+uniform vec2 mdf_range;             // for views, mm: depth = x + y · texel value
+uniform int mdf_layers;             // number of layers of maps; 0: there are views
+uniform sampler2DArray mdf_factors; // weights of the maps over the hemisphere; the last layer has W_0
 uniform usampler2D mdf_indices;    // over the hemisphere, see directions.h
 uniform sampler2D mdf_weights;
 uniform vec2 mdf_size;     // of a tile, mm

@@ -36,8 +36,8 @@ JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
  * folder of the glTF file. NULL with an error. */
 GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
 
-/* Numbers of an accessor, n_components each: unsigned integers as they are, or mapped to 0 … 1 or
- * −1 … 1 where it says normalized. Of float. */
+/* The numbers of an accessor as an array of float, n_components per element: integers as they are,
+ * or mapped to 0 … 1 or −1 … 1 where the accessor says normalized. */
 GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError **error);
 /* Reads an accessor of scalar unsigned integers into an array of guint32. */
 GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error);

@@ -3,9 +3,9 @@
  * materials, lamps and first camera. Unlike scene.h's meshes nothing is centred or scaled: lengths
  * are the file's. The file's y is up; here z is: (x, y, z) becomes (x, −z, y).
  *
- * A mesh that several nodes name is there once for each. Of a material its factors are read, and of
- * textures that of the base colour, with the first texture coordinates. Skins and morphs are as
- * they rest.
+ * A mesh that several nodes name appears once for each node. A material has its factors and its
+ * base colour texture, with the first texture coordinates; other textures are ignored. Skins and
+ * morph targets stay in their rest state.
  */
 #pragma once
 

@@ -1,6 +1,7 @@
 /*
  * A glTF scene of several materials as one mesh: materials are bound by their names in the file.
- * What no binding names is of material 0, the first binding's is 1, and so on.
+ * The first binding has material 1, the second 2, and so on; parts that no binding names have
+ * material 0.
  *
  * Lengths stay those of the file; z is up, and the middle of the box around the objects becomes the
  * origin. A mesh in the lower half that is flat, faces up and reaches as far as everything else on

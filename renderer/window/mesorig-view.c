@@ -27,8 +27,8 @@ struct studio {
     struct environment *environment; /* or NULL */
     Viewer *viewer, *second;
     Compose *compose;
-    /* Of the viewer's materials, of which the main one may have none; n 0: from what the methods
-     * open. */
+    /* References for the viewer's materials; that of the main one may be NULL. n_references 0: the
+     * pictures come from what the methods open. */
     Reference *references[VIEWER_MAX_MATERIALS];
     int n_references;
     guint8 *sheet; /* of o->sheet columns; NULL: a file per frame */
@@ -213,8 +213,8 @@ static gboolean viewer_main_render(struct studio *studio, GError **error) {
     g_autoptr(Viewer) second =
         viewer != NULL && o->second != NULL ? open_viewer(studio, o->second, error) : NULL;
     if (viewer == NULL && o->reference && o->argument != NULL)
-        g_prefix_error(error,
-                       "--reference is held against a picture by --method %s: ", o->method->name);
+        g_prefix_error(
+            error, "--reference compares with a picture drawn by --method %s: ", o->method->name);
     if (viewer == NULL || (o->second != NULL && second == NULL))
         return FALSE;
     studio->drawn.renderer = g_strdup(gpu_renderer());

@@ -14,7 +14,7 @@ struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,
     return mesh;
 }
 
-/* Of a session the given method, of a file that which draws it. */
+/* For a session the given method, for a file the method that draws it. */
 static const struct method *scene_files_method(const struct method *method, const char *path,
                                                GError **error) {
     struct file_opened file;

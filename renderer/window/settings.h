@@ -66,8 +66,8 @@ struct setting {
 
 extern const struct setting settings_table[SETTINGS]; /* by enum setting_id */
 
-/* Entries of all rows but SETTING_OTHER, for values in options; ret has room for SETTINGS. Returns
- * their number. */
+/* The option entries of all rows except SETTING_OTHER, which set fields of options; ret has room
+ * for SETTINGS entries. Returns their number. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
 /* The command that writes this picture, quoted for a shell; g_free(). n_lamps: number of

@@ -67,7 +67,7 @@ static char *drawn_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* Of a scene, "floor=weave.session 4 x; …"; NULL: there are none. */
+/* The materials of a scene, "floor=weave.session 4 x; …"; NULL: there are none. */
 static char *materials_of(const struct viewer_options *o) {
     GString *text = g_string_new(NULL);
     for (int k = 0; k < o->n_bindings; k++) {

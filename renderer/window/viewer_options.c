@@ -264,7 +264,7 @@ static gboolean parse_materials(struct viewer_options *o, GError **error) {
     const char *shape = o->shape != NULL ? o->shape : "";
     return o->n_bindings == 0 || g_str_has_suffix(shape, ".gltf") ||
            g_str_has_suffix(shape, ".glb") ||
-           refuse_options(error, "--material goes with --shape FILE.gltf or FILE.glb");
+           refuse_options(error, "--material needs --shape FILE.gltf or FILE.glb");
 }
 
 /* The first one that the session has a product for; without any, the default. */
@@ -324,47 +324,47 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         gboolean wrong;
         const char *text;
     } rules[] = {
-        {s->plain && !first, "--plain goes with --method eigenmaps"},
+        {s->plain && !first, "--plain needs --method eigenmaps"},
         {o->frames < 0 || o->frames > 10000 || o->close_after < 0,
          "--frames takes 1 … 10000, --close-after 1 or more"},
         {(o->split != NULL) + (o->difference != NULL) + o->reference > 1,
          "one of --split, --difference and --reference can be had at a time"},
         {o->normal_map != NULL && !o->method->takes_normals &&
              (o->second == NULL || !o->second->takes_normals),
-         "--normal-map goes with --method metal-ward or metal-ashikhmin"},
+         "--normal-map needs --method metal-ward or metal-ashikhmin"},
         {o->measured &&
              (!session || o->render == NULL || o->frames > 0 || o->second != NULL || o->reference),
-         "--measured goes with --render OUT.png of one picture, and a session"},
+         "--measured needs --render OUT.png of one picture, and a session"},
         {o->live && (!session || !first || o->second != NULL),
-         "--live goes with a session and --method eigenmaps"},
+         "--live needs a session and --method eigenmaps"},
         {s->plain && s->light_distance > 0.0,
-         "--plain knows a light far away, not --light-distance"},
+         "--plain has a light far away only; leave --light-distance out"},
         {o->measured && s->light_distance > 0.0,
-         "--measured compares with a light far away, not --light-distance"},
+         "--measured compares under a light far away; leave --light-distance out"},
         {s->light_cone_deg > 0.0 && s->light_distance == 0.0,
-         "--light-cone-deg goes with --light-distance"},
+         "--light-cone-deg needs --light-distance"},
         {o->along_surface && (!o->reference || !session || o->index != NULL),
-         "--along-surface goes with --reference and a session, not with --index"},
+         "--along-surface needs --reference and a session, without --index"},
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
                               (o->second != NULL && o->second->product == NULL)),
-         "--index goes with a MATERIAL, not with --plain, --live or --measured"},
+         "--index needs a MATERIAL, without --plain, --live and --measured"},
         {s->endless && (s->plain || o->measured || o->index != NULL || o->method->product == NULL ||
                         (o->second != NULL && o->second->product == NULL)),
-         "--endless goes with a MATERIAL, not with --plain, --index or --measured"},
-        {s->backdrop && o->environment == NULL, "--backdrop goes with --environment"},
+         "--endless needs a MATERIAL, without --plain, --index and --measured"},
+        {s->backdrop && o->environment == NULL, "--backdrop needs --environment"},
         {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at takes 0 … 1"},
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),
          "--difference-gain takes 0.1 … 1000"},
         {o->n_bindings > 0 && (s->plain || o->measured || o->live || o->floor),
-         "--material goes not with --plain, --measured, --live or --floor"},
+         "--material cannot be given with --plain, --measured, --live or --floor"},
         {o->reference &&
              (o->render == NULL || s->plain || (o->argument == NULL && o->n_bindings == 0)),
-         "--reference goes with --render OUT.png and a session or a material, not with --plain"},
+         "--reference needs --render OUT.png and a session or a material, without --plain"},
         {o->n_series > 0 && (!o->live || o->render == NULL || o->frames != 0),
-         "--series goes with --live and --render OUT.png, not with --frames"},
+         "--series needs --live and --render OUT.png, without --frames"},
         {o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o)),
-         "--sheet goes with --frames N, or --series of N, and takes 1 … N columns"},
-        {o->render == NULL && o->frames > 0, "--frames goes with --render OUT.png"},
+         "--sheet needs --frames N, or --series of N, and takes 1 … N columns"},
+        {o->render == NULL && o->frames > 0, "--frames needs --render OUT.png"},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(rules); k++)
         if (rules[k].wrong)
@@ -373,7 +373,7 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         (o->second != NULL || o->reference || o->measured || o->live || o->sheet != 0))
         return refuse_options(
             error,
-            "--render %s: light is written of one method alone, not with --split, "
+            "--render %s: light can be written for one method alone, not with --split, "
             "--difference, --reference, --measured, --live or --sheet; take a .png",
             o->render);
     return TRUE;

@@ -2,9 +2,10 @@
  * The preview window: a picture that the mouse turns, and beside it a panel that folds. Drag left:
  * orbit; drag right: move the light; wheel: zoom; F1: all keys.
  *
- * A session is followed: its products are opened again when they change, and while it has no
- * eigen-maps yet, those of the views that are there are made (live.h). Until something can be
- * shown, a material that needs no file is. What cannot be opened is a sentence in the window.
+ * The window follows a session: it opens products again when they change, and while the session has
+ * no eigen-maps yet, it makes eigen-maps of the views that are there (live.h). Until something can
+ * be shown, it shows a material that needs no file. If a file cannot be opened, the window says why
+ * in a sentence.
  */
 #pragma once
 

@@ -42,7 +42,7 @@ static struct window *window_input_of(GLFWwindow *glfw) {
     return w;
 }
 
-/* A key or button is pressed: what was told was read. */
+/* A key or button is pressed: the user has read the message, which goes away. */
 static void window_input_pressed(struct window *w) {
     if (w->message != NULL && !w->is_error)
         window_tell(w, NULL);

@@ -122,7 +122,7 @@ static void lamp_slider(struct window *w, enum setting_id id, double *value) {
     w->stale |= ui_slider(setting->label, value, setting->low, setting->high, setting->format);
 }
 
-/* Of a lamp far away there is no cone. */
+/* The controls of a lamp's distance and cone; a lamp far away has no cone. */
 static void draw_lamp_place(struct window *w, double *distance, double *cone, double *inner) {
     lamp_slider(w, SETTING_LIGHT_DISTANCE, distance);
     if (*distance == 0.0)

@@ -105,8 +105,8 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
 void window_toggle_backdrop(struct window *w);
 void window_draw_lamps(struct window *w); /* their part of the panel */
 
-/* Of the panel, after an event: its windows take their size from what the frame before had in them.
- */
+/* So many frames of the panel are drawn after an event, because its windows take their size from
+ * their contents in the frame before. */
 #define WINDOW_FRAMES 3
 
 /* window_input.c */

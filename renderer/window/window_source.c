@@ -30,7 +30,7 @@ void window_ask_environment(struct window *w, const char *name) {
     opener_ask(w->opener, OPENER_ENVIRONMENT, NULL, name);
 }
 
-/* Of the MATERIAL that is being opened, or is shown. */
+/* Asks for the method with which to draw the MATERIAL that is being opened, or is shown. */
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     struct viewer_options options = w->now;
     if (w->asked_argument != NULL)

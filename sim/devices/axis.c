@@ -44,13 +44,13 @@ static const struct option options[] = {
      "name"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "60", "120"),
     {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),
-     "How far off the load is while it swings"},
+     "Amplitude with which the load swings after a move"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position of the reference switch"},
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, FIELD(motion.homing_s),
      "How long homing takes"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(latency_ms),
-     "How much later than the truth its reports come"},
+     "How late the axis reports its position"},
     {"position_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(position_error_deg),
      "Largest error of position: repeatable, a function of the position and error_seed"},
     {"error_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(error_seed),
@@ -78,7 +78,7 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Position error: 70 % with one period a turn, of an eccentric bearing; 30 % that differ every
+/* Position error: 70 % with one period per turn, of an eccentric bearing; 30 % that differ every
  * 0.001°, of an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)

@@ -57,7 +57,7 @@ static const struct option options[] = {
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
      "The camera's name in the world file; default: the section's own name"},
     {"readout_ms", OPTION_DOUBLE, "ms", 0, 60000, "30", NULL, FIELD(readout_ms),
-     "From the end of the exposure until the picture is here"},
+     "From the end of the exposure until the frame is here"},
     {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
      "From the trigger to the start of the exposure"},
     {"min_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "10", NULL, FIELD(min_exposure_us),
@@ -65,20 +65,20 @@ static const struct option options[] = {
     {"max_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "60000000", NULL, FIELD(max_exposure_us),
      "Longest exposure"},
     {"fault_stale", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, FIELD(fault_stale),
-     "Fault: probability that the picture before is delivered instead"},
+     "Fault: probability that the frame before is delivered instead"},
     {"fault_stale_kind", OPTION_CHOICE, NULL, 0, 0, "old", stale_kinds, FIELD(fault_stale_kind),
-     "Whether a stale picture has its old id and time stamp, or fresh ones"},
+     "Whether a stale frame has its old id and time stamp, or fresh ones"},
     {"fault_lost", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, FIELD(fault_lost),
-     "Fault: probability that a picture never arrives"},
+     "Fault: probability that a frame never arrives"},
     {"fault_slow_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(fault_slow_ms),
-     "Fault: how much later than it says its pictures come"},
+     "Fault: how much later than readout_ms frames arrive"},
     {"fault_disconnect_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL,
      FIELD(fault_disconnect_after),
      "Fault: after this many triggers the camera is gone, once; 0: never"},
     {"fault_reconnect_s", OPTION_DOUBLE, "s", 0, 1e9, "5", NULL, FIELD(fault_reconnect_s),
-     "How long it is gone, before it can be armed again"},
+     "How long the camera is gone before it can be armed again"},
     {"fault_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(fault_seed),
-     "Which of the pictures fail; pictures themselves do not depend on it"},
+     "Which of the frames fail; the frames themselves do not depend on it"},
     {NULL},
 };
 
@@ -303,7 +303,7 @@ static void sim_camera_close_camera(Camera *camera) {
     struct sim_camera *sim = camera->device.priv;
     sim_camera_disarm(camera);
     if (sim->n_rendered > 0)
-        g_info("%s: %d pictures took %.1f s of processor time to simulate", camera->device.name,
+        g_info("%s: %d frames took %.1f s of processor time to simulate", camera->device.name,
                sim->n_rendered, (double)sim->rendering_us / G_USEC_PER_SEC);
     g_clear_pointer(&sim->last, frame_unref);
     g_clear_pointer(&sim->faults, g_rand_free);

@@ -29,13 +29,13 @@ static const struct option options[] = {
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
      "The laser's name in the world file; default: the section's own name"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until its power is stable"},
+     "From switching on until the laser's power is stable"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
-     "How long it takes to switch and answer"},
+     "How long the laser takes to switch and answer"},
     {"fault_stays_on", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(fault_stays_on),
-     "Fault: once on it shines on, though it says it is off"},
+     "Fault: once on, the laser stays on, though it answers that it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
-     "Fault: number of commands to switch off that it neither obeys nor answers"},
+     "Fault: number of commands to switch off that the laser neither obeys nor answers"},
     {NULL},
 };
 

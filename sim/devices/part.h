@@ -5,7 +5,7 @@
 
 /* Adds a mistake unless the world file is there and has a section [class_name NAME], or NAME is one
  * of others (NULL-terminated, or NULL). NAME: what the section's key says, or where that is empty,
- * the section's own name. What else is wrong with the world file is told when the world is loaded.
+ * the section's own name. Other mistakes of the world file are reported when the world is loaded.
  */
 void sim_part_check(const struct config_section *section, const char *world_path, const char *key,
                     const char *name, const char *class_name, const char *const *others,

@@ -41,8 +41,8 @@ struct virtual_v4l2_config { /* zeroes: as said */
     guint lacks;        /* controls */
     gboolean odd_gamma; /* of 0 to 31, in a unit of its own, not of UVC's 100 to 500 */
     gboolean only_compressed;
-    int planes; /* of memory a picture is spread over, as the multi-planar interface has
-                   it; 0: the other interface */
+    int planes; /* of memory that a frame is spread over, with the multi-planar interface;
+                   0: the single-planar interface */
     VirtualV4l2Expose expose; /* NULL: noise on a ramp that depends on the exposure */
     gpointer user;
 };

@@ -83,7 +83,7 @@ static gboolean find_world(VirtualRig *rig, const struct config_section *section
     if (!world)
         return FALSE;
     if (rig->world && world != rig->world) {
-        rig_set_error(error, section, "all devices of a virtual rig must be of one world");
+        rig_set_error(error, section, "all devices of a virtual rig must name the same world");
         return FALSE;
     }
     if (!rig->world)

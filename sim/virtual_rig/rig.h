@@ -3,11 +3,11 @@
  * simulated rig one that a real driver opens. Axes are Modbus RTU drives on pseudo-terminals,
  * lamps, lasers and interlocks are Modbus TCP relay boards and inputs, cameras are GigE Vision; or
  * else axes are Pololu Tics, lamps and lasers hang on HID relay boards, and cameras are V4L2's or
- * USB3 Vision's, all on a USB that umockdev pretends. All act on, or look at, the world of that
+ * USB3 Vision's, all on USB buses that umockdev emulates. All act on, or look at, the world of that
  * rig, so that a lamp switched by a relay is seen by the cameras.
  *
- * Devices run in threads of their own; what moves and shines is carried over to the world by the
- * main loop, which must run, and before every picture.
+ * Devices run in threads of their own; the main loop, which must run, transfers their motion and
+ * light to the world, and so does every frame before it is rendered.
  */
 #pragma once
 

@@ -98,15 +98,16 @@ static void replace(struct world_part *part, World *world) {
 
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error) {
     if (rig->n_tics + rig->n_relays + rig->n_videos > 0) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-                    "Tics, relay boards and V4L2 cameras keep their world: leave out --usb");
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+            "the world of Tics, relay boards and V4L2 cameras cannot be replaced; leave --usb out");
         return FALSE;
     }
     World *world = world_get(path, error);
     if (world && world == rig->world) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "%s is the present world, as it was when it was read first; give a changed one "
-                    "another name",
+                    "%s is the world in use, as it was first read; give a changed world another "
+                    "name",
                     path);
         world_unref(world);
         return FALSE;

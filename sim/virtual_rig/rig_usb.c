@@ -91,7 +91,9 @@ static gboolean find_switch(const struct config_section *section, double *ret_de
     }
     if (rig_wraps(section) || *ret_deg < min_deg)
         return TRUE;
-    rig_set_error(error, section, "a Tic's switch is at an end: home_deg must be below min_deg");
+    rig_set_error(
+        error, section,
+        "a Tic's limit switch is beyond the limits of the axis: home_deg must be below min_deg");
     return FALSE;
 }
 

@@ -18,42 +18,41 @@ const struct option sample_option_table[] = {
     {"relief_mm", OPTION_DOUBLE, "mm", 0, 100, "3", NULL, AT(relief_mm),
      "approximate depth of the structure"},
     {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
-     "nothing of the sample may be higher: the reference plane"},
+     "height of the reference plane; nothing of the sample may be higher"},
     {"period_mm", OPTION_DOUBLE, "mm", 0.1, 1000, "6.25", NULL, AT(period_mm),
-     "between yarns, ridges, courses of bricks; rounded so that the sample tiles"},
+     "distance between yarns, ridges or courses of bricks; rounded so that the sample tiles"},
     {"grid", OPTION_INT, NULL, 2, 2048, "224", NULL, AT(grid),
-     "cells in x and y of a sample that is a relief"},
+     "number of cells in x and in y, of a sample that is a relief"},
     {"repeats", OPTION_INT, NULL, 1, 16, "1", NULL, AT(repeats),
-     "equal pieces in x and y that the sample consists of, each of them without a seam to the "
-     "next; "
-     "more than 1 of flat, brushed, brick, ridges, grass, bluepipe and block"},
+     "number of equal pieces in x and in y, which join without a seam; more than 1 for flat, "
+     "brushed, brick, ridges, grass, bluepipe and block"},
     {"albedo", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo),
      "diffuse albedo, one number or red;green;blue; empty: the kind's own"},
     {"albedo2", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo2),
-     "of the second colour: weft, mortar"},
+     "albedo of the second colour: weft, mortar"},
     {"gloss", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(gloss),
      "albedo of the gloss; -1: the kind's own"},
     {"roughness_along", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(along),
-     "of the gloss, along the fibres or scratches; -1: the kind's own"},
+     "roughness of the gloss along the fibres or scratches; -1: the kind's own"},
     {"roughness_across", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(across),
-     "of the gloss, across them; -1: the kind's own"},
+     "roughness of the gloss across the fibres or scratches; -1: the kind's own"},
     {"places_mm", OPTION_DOUBLES, "mm", -500, 500, "", NULL, AT(places_mm),
      "poles: x;y;height of each post; balls: x;y;radius of each; they stand on base_mm"},
-    {"radius_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(radius_mm), "of the posts"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(radius_mm), "radius of the posts"},
     {"smooth", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(smooth),
-     "shade an obj's surface as if it were round"},
+     "obj: shade the surface with interpolated normals"},
     {"path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(path),
      "picture: PNG of the relief, black base_mm, white relief_mm above; obj: mesh in mm, z up"},
     {"albedo_path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(albedo_path),
      "picture: PNG of the colours; plate: PNG whose every pixel is a rectangle of its print"},
     {"tilt_deg", OPTION_DOUBLE, "deg", 0, 60, "0", NULL, AT(tilt_deg),
-     "plate: how far it leans, its lowest corner on the turntable"},
+     "plate: angle by which the plate leans, its lowest corner on the turntable"},
     {"tilt_towards_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(tilt_towards_deg),
-     "plate: azimuth its normal leans towards"},
+     "plate: azimuth towards which the plate's normal leans"},
     {"turn_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(turn_deg),
-     "plate: turned about its normal"},
+     "plate: rotation about its normal"},
     {"offset_mm", OPTION_DOUBLES, "mm", -200, 200, "", NULL, AT(offset_mm),
-     "plate: where its middle lies, x;y"},
+     "plate: x;y of its middle"},
     {0},
 };
 #undef AT
@@ -218,7 +217,7 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           const struct option_doubles *list, Mistakes *mistakes) {
     return list->n == 0 || list->n == 1 || list->n == 3 ||
            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "%d numbers given: one, or red;green;blue", list->n);
+                          "%d numbers given; write one, or red;green;blue", list->n);
 }
 
 static gboolean sample_check_options(const struct config_section *section,
@@ -240,7 +239,7 @@ static gboolean sample_check_options(const struct config_section *section,
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(
             mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-            "has %d number(s): write x;y;height of each post, x;y;radius of each ball",
+            "%d numbers are given, not three for each: x;y;height of a post, x;y;radius of a ball",
             options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)
@@ -249,7 +248,7 @@ static gboolean sample_check_options(const struct config_section *section,
                                   i + 1, options->places_mm.values[i]);
     if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
-                              "%d number(s) given: x;y", options->offset_mm.n);
+                              "%d of two numbers given: write x;y", options->offset_mm.n);
     if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
                               "must be given for a plate: the PNG it is printed with");

@@ -46,14 +46,14 @@ void truth_probe(World *world, struct truth_swing *ret);
  * aside), rig frame. ret_aim may be NULL. */
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]);
-/* What a camera shows, DN per second behind the filter of a colour (0 … 2: red, green, blue), of a
- * white diffuser that lies level at a point of the rig frame under a lamp at its full output. */
+/* A camera's signal for a white diffuser that lies level at a point of the rig frame under a lamp
+ * at its full output: DN per second behind the filter of a colour (0 … 2: red, green, blue). */
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour);
 
 struct truth_sheet { /* points p with normal · p = offset_mm */
     double normal[3], offset_mm;
-    double source_mm[3], axis[3]; /* the axis it turns about goes through the source */
+    double source_mm[3], axis[3]; /* the axis that the sheet turns about goes through the source */
 };
 void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
                        struct truth_sheet *ret);

@@ -51,8 +51,9 @@ void world_set_arm(World *world, double deg);
 void world_set_probe(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
 
-/* A laser is taken off and mounted, sweep and all, where another of the file stands; its own place
- * is where it stands at first. It keeps its number for world_set_sweep() and world_set_laser(). */
+/* A laser is taken off and mounted, sweep and all, at the place of another laser of the file; its
+ * own place is where it stands at first. It keeps its number for world_set_sweep() and
+ * world_set_laser(). */
 void world_mount_laser(World *world, int laser, int place);
 
 /* Switching at a time; the lamp's output then follows its warm-up curve (exactly its full output

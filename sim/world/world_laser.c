@@ -106,8 +106,8 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
     }
 }
 
-/* Sorts by cells of one σ, keeping the order within a cell, so that sums never depend on more than
- * the list. */
+/* Sorts by cells of one σ, keeping the order within a cell, so that sums depend on the list alone.
+ */
 static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *ret_bytes) {
     const struct share *shares = (const struct share *)(gpointer)from->data;
     double first = 0, last = 0;

@@ -115,7 +115,7 @@ static void world_light_add_point(GArray *points, const struct surface *surface,
     g_array_append_val(points, point);
 }
 
-/* Turntable alone has no detail: one sample a pixel is as good as many. */
+/* A pixel that shows the turntable alone has no detail: one sample is as good as many. */
 static void world_light_add_pixel(const struct view_job *job, int x, int y, GArray *points,
                                   float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];

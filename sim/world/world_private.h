@@ -107,7 +107,7 @@ static inline guint64 world_bits(double value) {
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* The part of a cache's key that tells where an axis stands that carries something; else 0. */
+/* The part of a cache's key that holds the position of an axis that carries something; else 0. */
 guint64 world_carried_bits(gboolean carried, double deg);
 
 /* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
@@ -162,7 +162,7 @@ void world_unpack(const struct point *from, struct surface *ret);
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
-/* Of the filter in front of a pixel, counted row by row. */
+/* The colour of the filter in front of a pixel; pixels are counted row by row. */
 static inline enum cfa_colour world_pixel_colour(const struct optics_camera *camera,
                                                  guint32 pixel) {
     guint32 width = (guint32)camera->width;

@@ -204,9 +204,8 @@ static void mishaps(void) {
     }
     if (!g_subprocess_get_successful(mishap.capture))
         g_error("the capture failed: %s", mishap.out);
-    assert_has(mishap.out,
-               "cam60: picture taken again: picture refused: some of its data was lost");
-    assert_has(mishap.out, "cam30: picture taken again: ");
+    assert_has(mishap.out, "cam60: frame taken again: frame refused: some of its data was lost");
+    assert_has(mishap.out, "cam30: frame taken again: ");
     runs(BIN("mesorig"), "process", session, NULL);
     g_assert_cmpfloat(twin_value("mishap.session", "retakes"), >=, 5);
     g_assert_cmpint(mishap.n_late, ==, MAX_LATE);

@@ -210,7 +210,7 @@ static void test_command(gconstpointer data) {
     g_assert_cmpint(run_viewer(good, &said), ==, 0);
     g_assert_cmpint(g_unlink(picture), ==, 0);
     g_assert_cmpint(run_viewer(wrong, &why), ==, 2);
-    g_assert_nonnull(strstr(why, "--normal-map goes with"));
+    g_assert_nonnull(strstr(why, "--normal-map needs"));
     g_unlink(path);
     g_assert_cmpint(run_viewer(good, &missing), ==, 1);
     g_assert_nonnull(strstr(missing, "map.exr"));

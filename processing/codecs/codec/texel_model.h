@@ -21,8 +21,9 @@ struct texel_model_head {
 void texel_model_write_head(const struct texel_model_head *head, const struct btf_layout *layout,
                             struct exr_file *file);
 const char *texel_model_kind(const struct exr_file *file); /* NULL: the file has none */
-/* Reads and checks the rest; names are the caller's, name belongs to file. FALSE with an error, or
- * with *ret_what, what is wrong with the file. */
+/* Reads and checks the attributes and the layout. The caller has set head->names; file owns
+ * head->name. FALSE with an error, or with *ret_what: what is wrong with the file.
+ */
 gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_head *head,
                                struct btf_layout *ret_layout, const char **ret_what,
                                GError **error);

@@ -25,9 +25,9 @@ struct eigenmaps {
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
 struct eigenmaps *eigenmaps_read(const char *path, GError **error);
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
-/* Writes the eigen-maps of a BTF of one view, which they are themselves: one term of weight 1,
- * without error. fill() gives the part of each light ("E000_light_<light>") as it is written, so
- * that memory holds one. Of maps only name and layout count. */
+/* Writes the eigen-maps of a BTF of one view: the BTF itself is the only term, with weight 1 and
+ * without error. fill() gives the part of each light ("E000_light_<light>") when it is written, so
+ * that memory holds only one. Only name and layout of maps are used. */
 gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
                               gpointer data, GError **error);
 

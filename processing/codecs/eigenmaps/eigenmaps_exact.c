@@ -53,8 +53,8 @@ static gboolean gram_matrix(struct gram *gram, GError **error) {
     return TRUE;
 }
 
-/* Map_t = Σ_view w_t,view A_view, from light × texel × RGB, as columns are, to term × light ×
- * texel × RGB: the same order. */
+/* Map_t = Σ_view w_t,view A_view. Columns A_view are light × texel × RGB, and each term's map has
+ * the same order. */
 static gboolean project_columns(const struct gram *gram, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     maps->maps = g_new0(float, gram->rows *(gsize)maps->n_terms);

@@ -12,7 +12,7 @@
  *   lafortune  Y(v, l) = lz · (D + Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · (vx lx, vy ly, vz lz)⟩^N_i)
  *                                                                     (Lafortune et al. 1997)
  *   ward, ashikhmin  RGB(v, l) = ⟨n·l⟩ · diffuse + specular · s(v, l)
- * with normal n and tangent t a texel, b = n × t, and h the half vector, hx = h·t, hy = h·b,
+ * with a normal n and a tangent t per texel, b = n × t, and h the half vector, hx = h·t, hy = h·b,
  * hn = h·n; 0 where n·l ≤ 0:
  *   ward       s = √(n·l / max(n·v, 0.1)) / (4 U V) · exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn))
  *              (Ward 1992; the exponent of Kang & Cho 2011 eq. 3 with its squares)

@@ -194,8 +194,9 @@ LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl
     return nl / (hl * most);
 }
 
-/* f = diffuse n·l + specular s (v, l), and j, its derivatives by the seven parameters: by the frame
- * through ∂t, ∂b, ∂n (turns), by log U and log V through the exponent and the scale. */
+/* f = diffuse n·l + specular s (v, l), and j, its derivatives by the seven parameters: those of the
+ * frame (turns) come from ∂t, ∂b and ∂n, those by log U and log V from the exponent and the scale.
+ */
 LANES_INLINE lanes facet(enum lobes_model model, const struct prepared_facet *f, const lanes v[3],
                          const lanes l[3], lanes *j) {
     const lanes *t = f->frame[0], *b = f->frame[1], *n = f->frame[2];

@@ -1,16 +1,16 @@
 /*
- * Local PCA of a BTF (Schneider 2004 §3, after Müller et al. 2003). The BTF is understood as one
- * BRDF a texel; texels are clustered, and each cluster has its own mean and eigen-BRDFs:
+ * Local PCA of a BTF (Schneider 2004 §3, after Müller et al. 2003). The BTF is treated as one
+ * BRDF per texel; texels are clustered, and each cluster has its own mean and eigen-BRDFs:
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
  * The w_i span the same space as the texels' coordinates along the principal axes of their cluster
  * in a reduced space, and the E_i are the best for these weights in all dimensions, so that reading
- * the BTF twice gives both. For packed ones, as in the paper, w_i(x) = ⟨B(x) − E_{0,k(x)},
- * E_{i,k(x)}⟩, which reads it once more. E_{0,k} is the mean of cluster k, with weight 1 (§4 of the
- * paper leaves it out of its sum). Values hold n·l already. The E_{i,k}, i ≥ 1, are orthonormal and
- * in order of the variance they explain, so that leaving out the last ones is optimal with fewer;
- * those that a cluster does not need are 0.
+ * the BTF twice gives both. For packed local PCAs, as in the paper,
+ * w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read once more. E_{0,k} is the
+ * mean of cluster k, with weight 1 (§4 of the paper leaves it out of its sum). Values hold n·l
+ * already. The E_{i,k}, i ≥ 1, are orthonormal and in order of the variance they explain, so that
+ * leaving out the last ones is optimal with fewer; those that a cluster does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -30,11 +30,12 @@
  * = "log" for decorrelated colours, see below.
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
- * each with a scale of its own, and those of a light with one more: under grazing light all is
- * dark, and the steps of bright light would be seen. (Not on a grid: it is drawn with the file's 8
- * bits.) Means stay halves, since no small weight makes their steps smaller.
- * With 8bit-weights so are the weights of each component of each cluster. EXR has no 8-bit
- * channels: the integers lie in halves, without loss. Else all scales are 1.
+ * with a scale for each E_i and a further one for each light of it: under grazing light all values
+ * are dark, and steps that suit bright light would be seen. (A local PCA on a grid has no scales of
+ * lights, because it is drawn with the file's 8 bits.) Means stay halves, because no small weight
+ * makes their steps smaller. With 8bit-weights, weights are such integers, too, with a scale for
+ * each component of each cluster. EXR has no 8-bit channels: the integers lie in halves, without
+ * loss. In the other forms all scales are 1.
  *
  * Decorrelated colours (LPCA_LOG): in place of R, G, B the sums are of ln(Y + ε), (R − Y)/(Y + ε),
  * (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET: dark values

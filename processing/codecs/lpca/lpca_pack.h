@@ -1,5 +1,5 @@
 /*
- * Packed local PCAs: for a disk, not for a renderer, which draws them once they are unpacked.
+ * Packed local PCAs: for storage. A renderer unpacks them before it draws them.
  *
  * After Tucker: every dimension of the table of eigen-BRDFs is rotated to its own principal axes
  * (views, lights, colours; they lie in the file); weights are pictures, and a cosine transform
@@ -12,14 +12,16 @@
  * = "packed", mesorig.step (double) of "clusters"; further
  *   part "scales"           as in lpca.h: S, that of the mean first
  *   part "view_axes"        channel "A", width n_views, height those kept, half
- *   part "light_axes"       likewise; "colour_axes" is 3 × 3, float. Rows are orthonormal once
- *                           Gram and Schmidt have seen them in this order
- *   parts "tables", "maps"  channel "BITS", float, height 1: bytes of an xz stream, four a pixel,
- *                           not numbers; the first mesorig.bytes (int) count. They have a byte a
- *                           number n, 2n or −2n − 1, 255 for a larger one, and 4 bytes
- *                           (low first) each of those, less 255. Tables: axes of view v and light l
- *                           by (v + 3)(l + 3), then v; each for colours, for tables of all
- * clusters. Maps: component by component, by x + y, then x.
+ *   part "light_axes"       the same for lights; "colour_axes" is 3 × 3, float. The rows become
+ *                           orthonormal by Gram–Schmidt orthogonalisation in this order
+ *   parts "tables", "maps"  channel "BITS", float, height 1: four bytes of an xz stream per pixel,
+ *                           not numbers; the first mesorig.bytes (int) of them count. The stream
+ *                           has one byte for each number n: 2n, or −2n − 1 if n < 0, or 255 for a
+ *                           larger value; then 4 bytes (low first) for each larger value, less 255.
+ *                           Order of tables: pairs of a view's axis v and a light's axis l by
+ *                           (v + 3)(l + 3), then v; in a pair colour by colour, in a colour the
+ *                           tables of all clusters. Order of maps: component by component, in each
+ *                           by x + y, then x
  */
 #pragma once
 

@@ -131,8 +131,8 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
     return found && found->n_components < exact->n_components;
 }
 
-/* Of n components, which are in *ret_exact before they are rounded. NULL: they reach nothing, or an
- * error. */
+/* A packed local PCA of n components; *ret_exact is the same before rounding. NULL: it does not
+ * reach the target, or an error. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;

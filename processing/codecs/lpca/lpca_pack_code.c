@@ -101,7 +101,7 @@ static gsize *table_order(const struct lpca_packed *packed, int tables, gsize *r
     return ret;
 }
 
-/* In a map. */
+/* Where the numbers of a map lie, in the order of the file. */
 static gsize *map_order(int width, int height, gsize *ret_n) {
     gsize *ret = g_new(gsize, (gsize)width * (gsize)height), n = 0;
     for (int sum = 0; sum < width + height - 1; sum++)

@@ -86,7 +86,7 @@ enum lpca_kept {
     LPCA_KEPT_BASES,   /* the same × c × r */
     LPCA_KEPT_BRDFS,   /* of k clusters */
     LPCA_KEPT_WEIGHTS, /* n × c */
-    LPCA_KEPT_SQUARES, /* k doubles a view */
+    LPCA_KEPT_SQUARES, /* k doubles per view */
     LPCA_KEPT_KINDS
 };
 

@@ -25,9 +25,9 @@ struct refine {
     struct lpca *lpca;                  /* its weights are first P, then W */
     gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; else W follows from P */
     double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
-    double *rotations; /* c × c a cluster: PᵀP, then the matrix P → W; at last Σ w wᵀ, then Uᵀ */
+    double *rotations; /* c × c per cluster: PᵀP, then the matrix P → W; at last Σ w wᵀ, then Uᵀ */
     double *residual; /* two per cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
-    double *sums;     /* two a block: likewise of R, G, B */
+    double *sums;     /* two per block: the same, of R, G, B */
 };
 
 /* Counting sort of the block's texels by cluster. */
@@ -131,8 +131,9 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-/* The cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off. Of its n
- * rows Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖², and Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩. */
+/* The cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off. For the
+ * cluster's n rows x:
+ *   Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖²,   Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
 static void finish_mean(const struct refine *refine, int k) {
     const GArray *members = g_ptr_array_index(refine->reduced->members, k);
     const struct lpca_run *run = refine->run;
@@ -254,7 +255,7 @@ static double *covariances(const struct refine *refine) {
 }
 
 /* Rotates the axes E of cluster k so that the components are uncorrelated and descend: with the
- * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; 0 where weights are. */
+ * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; E_i is 0 where all its weights are 0. */
 static void rotate_axes(int k, gpointer data) {
     const struct refine *refine = data;
     struct lpca *lpca = refine->lpca;

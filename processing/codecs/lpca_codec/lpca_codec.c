@@ -186,8 +186,8 @@ static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
     return lpca;
 }
 
-/* Levels 1 and on, of as many clusters and components as level 0 if there are so many texels. Their
- * checkpoint would keep no more than a third of the work. */
+/* Levels 1 and on, with as many clusters and components as level 0 if there are so many texels.
+ * They have no checkpoint, which would save at most a third of the work. */
 static gboolean lpca_codec_add_levels(const struct lpca_codec_options *asked,
                                       const struct btf_matrix *btf,
                                       const struct lpca_options *options, struct codec_result *ret,

@@ -77,7 +77,7 @@ struct comparison {
     const struct btf_matrix *btf;
     int *view_index, *light_index;     /* views × 4, lights × 4: samples around each direction */
     float *view_weight, *light_weight; /* their weights */
-    double *sums;                      /* two a block: ‖X − X̂‖² and ‖X‖² */
+    double *sums;                      /* two per block: ‖X − X̂‖² and ‖X‖² */
 };
 
 /* The four samples around each of n directions, and their weights: n × 4 each. */

@@ -3,8 +3,8 @@
  * (RGTC1, also called BC4): two ends of 8 bits, and for each texel which of eight values from one
  * end to the other it is.
  *
- * An MDF of such views is on disk one EXR:
- *   part "view_0000" …  channels "B0" … "B7", half, a pixel a block: its bytes, 0 … 255
+ * On disk, an MDF of such views is one EXR file:
+ *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255
  * Attributes of each: view.theta_deg, view.phi_deg (double); of the first also mesorig.kind =
  * "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm, deepest_mm,
  * mesorig.error_mm (double). Depths are from least_mm, 0 in the blocks, to deepest_mm, 1 in them;

@@ -1,5 +1,5 @@
 /* The MDF (mesostructure distance function) of a material in any form that a file can have, read
- * and ready to be uploaded or asked. */
+ * and ready to be uploaded or queried. */
 #pragma once
 
 #include "mdf_blocks.h"

@@ -80,12 +80,12 @@ struct fault {
 
 static const struct fault faults[] = {
     {"stale-old", "[camera cam60] fault_stale = 1", "cam60",
-     "no good picture in 4 attempts; the last time: picture refused: it is an old picture",
+     "no good frame in 4 attempts; the last time: frame refused: it is an old frame",
      "Switch it off and on again", TRUE},
     {"stale-relabelled",
      "[camera cam30] fault_stale = 1; [camera cam30] fault_stale_kind = relabelled", "cam30",
-     "it repeats the picture of shot", "Switch it off and on again", TRUE},
-    {"lost", "[camera cam60] fault_lost = 1", "cam60", "no picture 2.1 s after its trigger",
+     "it repeats the frame of shot", "Switch it off and on again", TRUE},
+    {"lost", "[camera cam60] fault_lost = 1", "cam60", "no frame 2.1 s after its trigger",
      "check its cable", TRUE},
     {"slow", "[camera cam30] fault_slow_ms = 60000", "cam30", "4 attempts", "check its cable",
      TRUE},
@@ -165,13 +165,13 @@ static const struct fault passing[] = {
     {"some-stale-old",
      "[camera cam30] fault_stale = 0.05; [camera cam60] fault_stale = 0.05; [camera cam60] "
      "fault_seed = 7",
-     "cam60", "it is an old picture", NULL, FALSE},
+     "cam60", "it is an old frame", NULL, FALSE},
     {"some-stale-relabelled",
      "[camera cam30] fault_stale = 0.05; [camera cam30] fault_stale_kind = relabelled; [camera "
      "cam60] fault_stale = 0.05; [camera cam60] fault_stale_kind = relabelled; [camera cam60] "
      "fault_seed = 7",
-     "cam60", "it repeats the picture", NULL, FALSE},
-    {"some-lost", "[camera cam60] fault_lost = 0.05", "cam60", "no picture 2.1 s after its trigger",
+     "cam60", "it repeats the frame", NULL, FALSE},
+    {"some-lost", "[camera cam60] fault_lost = 0.05", "cam60", "no frame 2.1 s after its trigger",
      NULL, FALSE},
     {"gone-for-a-moment", "[camera cam60] fault_disconnect_after = 30", "cam60",
      "it is gone; check its cable", NULL, FALSE},
@@ -184,8 +184,7 @@ static void test_passing(gconstpointer data) {
     operator_captures(run, 0);
     assert_has(run->out, "done: 13 of 13 shots");
     if (fault->device) {
-        g_autofree char *told =
-            g_strdup_printf("warning: %s: picture taken again: ", fault->device);
+        g_autofree char *told = g_strdup_printf("warning: %s: frame taken again: ", fault->device);
         assert_has(run->out, told);
         assert_has(run->out, fault->happened);
         g_assert_null(strstr(run->out, "done, no retakes"));

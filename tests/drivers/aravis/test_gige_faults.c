@@ -82,7 +82,7 @@ static void another_size(struct eye *eye, gconstpointer unused) {
     struct virtual_camera_faults faults = {.odd = 1};
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_PROTOCOL, "its picture is 318 × 240 of format");
+    eye_assert_said(eye, DEVICE_ERROR_PROTOCOL, "its frame is 318 × 240 of format");
     eye_recover(eye, 1, 5);
 }
 
@@ -105,7 +105,7 @@ static void no_picture(struct eye *eye, gconstpointer unused) {
     struct virtual_camera_faults faults = {.blind = 1};
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, "no picture 2.0 s after its trigger");
+    eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, "no frame 2.0 s after its trigger");
     g_assert_false(camera_is_armed(eye->camera));
     eye_recover(eye, 1, 5);
 }

@@ -157,7 +157,7 @@ static void stubborn(void) {
         g_test_trap_assert_stdout(said[i]);
 }
 
-/* What changes values from picture to picture is no camera to measure with. */
+/* A camera that changes values from frame to frame cannot be measured with. */
 static void unsteady(void) {
     static const guint32 first[VIRTUAL_PROCESSING] = {1}, neutral[VIRTUAL_PROCESSING] = {9};
     struct styled styled;
@@ -168,7 +168,7 @@ static void unsteady(void) {
     g_assert_nonnull(strstr(error->message,
                             "camera eye: automatic gain cannot be switched off (GainAuto = "
                             "Continuous: it has no choice \"Off\"); the same light gives other "
-                            "values from picture to picture; "));
+                            "values from frame to frame; "));
     g_clear_error(&error);
     styled_end(&styled);
 }

@@ -158,12 +158,12 @@ static void incomplete(void) {
         struct virtual_camera_faults faults;
         const char *said;
     } cases[] = {
-        {{.cut = 1}, "picture refused: some of its data was lost on the way"},
-        {{.hollow = 1}, "picture refused: some of its data was lost on the way"},
+        {{.cut = 1}, "frame refused: some of its data was lost on the way"},
+        {{.hollow = 1}, "frame refused: some of its data was lost on the way"},
         {{.stunted = 1}, "some of its data was lost"},
-        {{.tailless = 1}, "no picture 2.0 s after its trigger"},
-        {{.headless = 1}, "no picture 2.0 s after its trigger"},
-        {{.odd = 1}, "its picture is 318 × 240 of format"},
+        {{.tailless = 1}, "no frame 2.0 s after its trigger"},
+        {{.headless = 1}, "no frame 2.0 s after its trigger"},
+        {{.odd = 1}, "its frame is 318 × 240 of format"},
         {{.old = 1}, "before its trigger, and none after it"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
@@ -233,7 +233,7 @@ static void stream_stalls(void) {
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     virtual_u3v_halt_stream(device);
     g_assert_cmpint(eye_shoot(&eye, 2), ==, CAMERA_FAULT);
-    eye_assert_said(&eye, DEVICE_ERROR_TIMEOUT, "no picture 2.0 s after its trigger");
+    eye_assert_said(&eye, DEVICE_ERROR_TIMEOUT, "no frame 2.0 s after its trigger");
     eye_recover(&eye, 2, 8);
     eye_close(&eye);
 }

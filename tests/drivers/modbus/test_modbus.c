@@ -176,7 +176,7 @@ static void lamp_faults(struct bench *bench, gconstpointer unused) {
     g_assert_false(lamps_is_on(bench->bank, 1));
     bench_fail(bench, .refused = 1, .exception = 2);
     lamps_set(bench->bank, 1, TRUE, NULL);
-    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL, "it refused: Illegal data address");
+    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL, "the device refused: Illegal data address");
     bench_fail(bench, .refused = 1, .exception = 6); /* busy */
     lamps_set(bench->bank, 1, TRUE, NULL);
     bench_expect(bench, TRUE);

@@ -217,10 +217,10 @@ static void watchdog_refused(struct bench *bench, gconstpointer unused) {
                  "laser l: watchdog_register: tcp:");
     bench_fail(bench, .skip = 3, .refused = 1, .exception = 3);
     open_refused(bench, "coil = 9\n" REGISTER, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                 "writing holding register 6 (0x0006): it refused: Illegal data value");
+                 "writing holding register 6 (0x0006): the device refused: Illegal data value");
     bench_fail(bench, 0);
     open_refused(bench, "coil = 9\nwatchdog_register = 200\n", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                 "reading holding register 200 (0x00c8): it refused: Illegal data address");
+                 "reading holding register 200 (0x00c8): the device refused: Illegal data address");
     open_refused(bench, "coil = 9\nwatchdog_register = 20\n", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
                  "wrote 3 to 20, but it reads back as 0");
     open_refused(bench,
@@ -239,7 +239,7 @@ static void watchdog_refused(struct bench *bench, gconstpointer unused) {
     bench_open_laser(bench, "coil = 9\npulse_coil = 0x300\n");
     laser_set(bench->laser, TRUE, NULL);
     bench_expect_error(bench, DEVICE_ERROR_PROTOCOL,
-                       "writing a time to coil 768 (0x0300): it refused: Illegal data");
+                       "writing a time to coil 768 (0x0300): the device refused: Illegal data");
     g_clear_pointer(&bench->laser, laser_close);
     bench_open_laser(bench, watchdog_keys[1]);
     bench_fail(bench, .deaf = TRUE);

@@ -107,7 +107,7 @@ static const struct fault faults[] = {
      "lost on the way"},
     {"short", VIRTUAL_V4L2_SHORT, CAMERA_REFUSED, DEVICE_ERROR_PROTOCOL, "lost on the way"},
     {"future", VIRTUAL_V4L2_FUTURE, CAMERA_REFUSED, DEVICE_ERROR_PROTOCOL, "in the future"},
-    {"silent", VIRTUAL_V4L2_SILENT, CAMERA_FAULT, DEVICE_ERROR_TIMEOUT, "no picture"},
+    {"silent", VIRTUAL_V4L2_SILENT, CAMERA_FAULT, DEVICE_ERROR_TIMEOUT, "no frame"},
     {"other-clock", VIRTUAL_V4L2_OTHER_CLOCK, CAMERA_FAULT, DEVICE_ERROR_UNSUPPORTED,
      "monotonic clock"},
     {"breaks", VIRTUAL_V4L2_STREAM_BREAKS, CAMERA_FAULT, DEVICE_ERROR_PROTOCOL,

@@ -111,7 +111,7 @@ static void two_planes(void) {
     g_assert_null(
         open_camera(clock, "[camera test]\ndriver = v4l2-camera\ndevice = /dev/video9\n", &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED);
-    g_assert_nonnull(strstr(error->message, "/dev/video9 spreads a picture of format"));
+    g_assert_nonnull(strstr(error->message, "/dev/video9 spreads a frame of format"));
     g_assert_nonnull(strstr(error->message, "over 2 planes of memory"));
     g_clear_error(&error);
 }
