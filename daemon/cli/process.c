@@ -2,7 +2,6 @@
 #include "archive/archive.h"
 #include "base/data_error.h"
 #include "calibration/calibration.h"
-#include "pipeline/causes.h"
 #include "pipeline/pipeline.h"
 
 #include "command/cli.h"
@@ -117,11 +116,10 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
         .calibration = process->calibration,
         .calibration_path = process->path,
         .lines_in_pictures = process->lines_in_pictures,
+        .causes = process->causes,
         .work = *work,
     };
-    return pipeline_run(process->directory, &options, &process->result, error) &&
-           pipeline_causes(process->directory, process->calibration, &process->result,
-                           process->causes, error);
+    return pipeline_run(process->directory, &options, &process->result, error);
 }
 
 static int run_process(struct process *process, Record *to, GError **error) {

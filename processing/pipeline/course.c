@@ -6,6 +6,7 @@
 
 /* Of work that takes longer than it was thought to, this part is taken to be left. */
 #define LEAST_LEFT 0.05
+#define LITTLE_S   0.5 /* CPU time of what follows the views that says little of the rest of it */
 
 struct course_task {
     struct time_left_task known;
@@ -16,7 +17,7 @@ struct course_task {
 
 struct Course {
     int n_threads;
-    gboolean rates_known;
+    gboolean rates_known, idle; /* idle: MESORIG_TIME_LEFT */
     struct time_left_rates rates;
     struct course_task *tasks;
     int n_tasks;
@@ -24,6 +25,7 @@ struct Course {
     double expected[TIME_LEFT_WORKS];
     int working;     /* enum time_left_work that is under way after the views; −1: none */
     double worked_s; /* CPU time of the process when that began */
+    double share;    /* of it that is done; 0: not known */
     struct time_left_speed speed;
     int n_busy; /* threads, since the last look */
     gint64 begun_us, looked_us;
@@ -47,6 +49,7 @@ Course *course_new(int n_threads) {
     Course *course = g_new0(Course, 1);
     course->n_threads = n_threads;
     course->rates_known = time_left_rates_load(&course->rates);
+    course->idle = g_strcmp0(g_getenv("MESORIG_TIME_LEFT"), "idle") == 0;
     course->working = -1;
     course->n_busy = 1;
     course->begun_us = course->looked_us = g_get_monotonic_time();
@@ -108,7 +111,12 @@ void course_expect(Course *course, enum time_left_work work, double units) {
 
 void course_begin(Course *course, enum time_left_work work) {
     course->working = (int)work;
+    course->share = 0;
     course->worked_s = process_cpu_s();
+}
+
+void course_advance(Course *course, double share) {
+    course->share = CLAMP(share, 0, 1);
 }
 
 void course_end(Course *course, enum time_left_work work, gboolean whole) {
@@ -133,21 +141,61 @@ static void course_look(Course *course, int n_busy) {
     course->n_busy = n_busy;
 }
 
-/* How many times as long views took as their rates say: processors differ, and one whose caches and
- * units others use, too, takes longer for the same work. What is not measured yet will be as slow.
- */
-static double course_slower(const Course *course, const struct time_left_task *tasks) {
-    double cpu_s = 0, said_s = 0;
-    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++) {
-        cpu_s += course->made[stage].cpu_s;
-        said_s += course->made[stage].units * course->rates.unit_s[stage];
-    }
+/* How many times as long something took as its rates say. */
+struct course_pace {
+    double cpu_s, said_s;
+};
+
+static void course_pace_add(struct course_pace *pace, const Course *course, int work, double cpu_s,
+                            double units) {
+    pace->cpu_s += cpu_s;
+    pace->said_s += units * course->rates.unit_s[work];
+}
+
+static double course_slower(const struct course_pace *pace) {
+    return pace->said_s > 0 ? pace->cpu_s / pace->said_s : 1;
+}
+
+/* Of views: processors differ, and one whose caches and units others use, too, takes longer for the
+ * same work. What is not measured yet will be as slow. */
+static struct course_pace course_views_pace(const Course *course,
+                                            const struct time_left_task *tasks) {
+    struct course_pace pace = {0};
+    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
+        course_pace_add(&pace, course, stage, course->made[stage].cpu_s, course->made[stage].units);
     for (int i = 0; i < course->n_tasks; i++)
-        if (tasks[i].state == TIME_LEFT_MADE) {
-            cpu_s += tasks[i].cpu_s;
-            said_s += tasks[i].units * course->rates.unit_s[tasks[i].stage];
-        }
-    return said_s > 0 ? cpu_s / said_s : 1;
+        if (tasks[i].state == TIME_LEFT_MADE)
+            course_pace_add(&pace, course, (int)tasks[i].stage, tasks[i].cpu_s, tasks[i].units);
+    return pace;
+}
+
+/* What follows the views has its own pace as soon as there is some of it: one thread does not share
+ * its processor with a second one. */
+static double course_after_s(const Course *course, const struct course_pace *views) {
+    struct course_pace pace = {0};
+    const double slower = course_slower(views);
+    double done_s = 0, after_s = 0;
+    for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++)
+        course_pace_add(&pace, course, work, course->made[work].cpu_s, course->made[work].units);
+    if (course->working >= 0) {
+        done_s = process_cpu_s() - course->worked_s;
+        course_pace_add(&pace, course, course->working, course->share > 0 ? done_s : 0,
+                        course->share * course->expected[course->working]);
+    }
+    /* As if some more of it had gone as views did. */
+    pace.cpu_s += LITTLE_S * slower;
+    pace.said_s += LITTLE_S;
+    for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
+        const double all_s =
+            course_slower(&pace) * course->rates.unit_s[work] * course->expected[work];
+        if (work != course->working)
+            after_s += all_s;
+        else if (course->share > 0) /* the more of it is done, the more its own pace counts */
+            after_s += (1 - course->share) * (done_s + (1 - course->share) * all_s);
+        else
+            after_s += MAX(all_s - done_s, LEAST_LEFT * all_s);
+    }
+    return after_s;
 }
 
 double course_left_s(Course *course) {
@@ -167,23 +215,21 @@ double course_left_s(Course *course) {
         running += state == TIME_LEFT_RUNS;
         waiting += state == TIME_LEFT_WAITS;
     }
-    course_look(course, CLAMP(running, 1, course->n_threads));
+    /* A thread that has just ended a view and not yet taken the next one is at work, too. */
+    const int n = CLAMP(running + waiting, 1, course->n_threads);
+    course_look(course, n);
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
         if (left[stage] > 0 && made[stage] == 0 && course->made[stage].units == 0 &&
             !course->rates_known)
             return -1;
-    const double slower = course_slower(course, tasks);
+    const struct course_pace pace = course_views_pace(course, tasks);
     struct time_left_rates rates = course->rates;
-    double after_s = 0;
-    for (int work = 0; work < TIME_LEFT_WORKS; work++)
-        rates.unit_s[work] *= slower;
-    for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
-        const double all_s = rates.unit_s[work] * course->expected[work];
-        const double done_s = work == course->working ? process_cpu_s() - course->worked_s : 0;
-        after_s += MAX(all_s - done_s, LEAST_LEFT * all_s);
-    }
+    for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
+        rates.unit_s[stage] *= course_slower(&pace);
+    const double after_s = course_after_s(course, &pace);
     const double views_s = time_left_views_s(tasks, course->n_tasks, course->n_threads, &rates);
-    const int n = CLAMP(running + waiting, 1, course->n_threads);
+    if (course->idle)
+        return views_s + after_s;
     return views_s / time_left_speed_of(&course->speed, n) +
            after_s / time_left_speed_of(&course->speed, 1);
 }

@@ -13,6 +13,7 @@
 #include "base/file_lock.h"
 #include "base/new_file.h"
 #include "catalogue.h"
+#include "causes.h"
 #include "course.h"
 #include "eigenmaps_product.h"
 #include "mdf_product.h"
@@ -54,6 +55,7 @@ struct run {
     gboolean mdf_dirty;
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
+    int settled; /* views of the MDF */
     gboolean eigenmaps_made;
     Course *course;
     GCancellable *cancellable; /* cancelled by the user or on the first error */
@@ -231,9 +233,13 @@ static void pipeline_list_views(struct run *run, const int *possible, gboolean e
         course_expect(run->course, TIME_LEFT_SETTLE, megatexels(run) * n[STAGE_MDF] * n[STAGE_MDF]);
         course_expect(run->course, TIME_LEFT_MDF_FILE, megatexels(run) * n[STAGE_MDF]);
     }
-    if (any[STAGE_BTF] && run->options->n_eigenmaps > 0)
-        course_expect(run->course, TIME_LEFT_EIGENMAPS,
-                      megatexels(run) * n[STAGE_BTF] * run->catalogue->lights->len);
+    if (any[STAGE_BTF] && run->options->n_eigenmaps > 0) {
+        const double units = megatexels(run) * n[STAGE_BTF] * run->catalogue->lights->len;
+        course_expect(run->course, TIME_LEFT_COLUMNS, units);
+        course_expect(run->course, TIME_LEFT_FACTORS, units);
+    }
+    if (run->options->causes)
+        course_expect(run->course, TIME_LEFT_CAUSES, n[STAGE_BTF]);
 }
 
 /* One stage after the other, for people. told: what was done when it was told last. */
@@ -301,6 +307,7 @@ static gboolean write_mdf(struct run *run, GError **error) {
 static void on_settled(gpointer data) {
     struct run *run = data;
     const int done = count_made(run, STAGE_MDF);
+    course_advance(run->course, (double)++run->settled / MAX(done, 1));
     pipeline_report(run, stage_names[STAGE_MDF], done, done, course_left_s(run->course));
 }
 
@@ -359,7 +366,7 @@ struct columns {
     int n_views;
     int *lights; /* indices */
     int n_lights;
-    int asked;
+    int asked, to_ask; /* number of times that a column is asked for; about, if in several passes */
 };
 
 static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, GError **error) {
@@ -371,11 +378,17 @@ static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, 
         g_ptr_array_index(run->catalogue->views, columns->views[view]);
     g_autofree char *relative = btf_relative(direction->index);
     g_autofree char *path = session_file(run->session, relative);
+    course_advance(run->course, (double)columns->asked / columns->to_ask);
     columns->asked++;
     pipeline_report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views,
                     course_left_s(run->course));
-    return btf_read_view(path, columns->lights, columns->n_lights, &run->catalogue->grid,
-                         ret_column, error);
+    const gboolean ok = btf_read_view(path, columns->lights, columns->n_lights,
+                                      &run->catalogue->grid, ret_column, error);
+    if (columns->asked == columns->to_ask) {
+        course_end(run->course, TIME_LEFT_COLUMNS, ok);
+        course_begin(run->course, TIME_LEFT_FACTORS);
+    }
+    return ok;
 }
 
 static gboolean set_number(Session *session, const char *key, double value, GError **error) {
@@ -410,13 +423,15 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     struct eigenmaps *maps =
         eigenmaps_product_new(session_name(session), run->catalogue, columns->views,
                               columns->n_views, MIN(run->options->n_eigenmaps, columns->n_views));
-    course_begin(columns->run->course, TIME_LEFT_EIGENMAPS);
+    course_begin(columns->run->course, TIME_LEFT_COLUMNS);
     const gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
                         eigenmaps_write(path, maps, error) &&
                         session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
                         set_number(session, "eigenmaps_error", *ret_error, error) &&
                         session_set_value(session, "eigenmaps_inputs", inputs, error);
-    course_end(columns->run->course, TIME_LEFT_EIGENMAPS, ok);
+    if (columns->asked < columns->to_ask) /* there were fewer passes */
+        course_end(columns->run->course, TIME_LEFT_COLUMNS, FALSE);
+    course_end(columns->run->course, TIME_LEFT_FACTORS, ok && columns->asked >= columns->to_ask);
     eigenmaps_free(maps);
     file_lock_give(lock, lock_path);
     return ok;
@@ -440,10 +455,14 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         return TRUE;
     malloc_trim(0); /* memory freed by the threads stays in their arenas otherwise */
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
-    struct columns columns = {run, views, 0, lights, n_lights, 0};
+    struct columns columns = {.run = run, .views = views, .lights = lights, .n_lights = n_lights};
     for (int view = 0; view < run->n_views; view++)
         if (run->made[STAGE_BTF][view])
             views[columns.n_views++] = view;
+    const gsize bytes = (gsize)columns.n_views * (gsize)n_lights *
+                        (gsize)run->catalogue->grid.width * (gsize)run->catalogue->grid.height * 3 *
+                        sizeof(float);
+    columns.to_ask = columns.n_views * (bytes <= EIGENMAPS_MEMORY ? 1 : 2);
     for (int i = 0; i < n_lights; i++)
         lights[i] =
             ((const struct session_direction *)g_ptr_array_index(run->catalogue->lights, i))->index;
@@ -550,6 +569,19 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     return TRUE;
 }
 
+/* Of all products of the session, also those that an earlier run made. */
+static gboolean pipeline_find_causes(struct run *run, const struct pipeline_result *result,
+                                     GError **error) {
+    const struct pipeline_options *options = run->options;
+    if (!options->causes)
+        return TRUE;
+    course_begin(run->course, TIME_LEFT_CAUSES);
+    const gboolean ok = pipeline_causes(session_path(run->session), options->calibration, result,
+                                        options->causes, error);
+    course_end(run->course, TIME_LEFT_CAUSES, ok);
+    return ok;
+}
+
 static void pipeline_end(struct run *run) {
     for (int i = 0; i < run->n_views; i++) {
         g_free(run->btf_inputs[i]);
@@ -591,7 +623,8 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
         forward = g_cancellable_connect(options->work.cancellable, G_CALLBACK(forward_cancel),
                                         run.cancellable, NULL);
     gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
-                  run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found);
+                  run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found) &&
+                  pipeline_find_causes(&run, ret, &found);
     /* A damaged frame may have been refused: notes all, so that one resume takes them all. Errors
      * here matter less than the first one. */
     g_autoptr(GPtrArray) damages =

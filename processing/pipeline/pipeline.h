@@ -46,6 +46,7 @@ struct pipeline_options {
     /* Laser lines are found in each picture, as published (frames/laser_pictures.h): to compare.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
+    GPtrArray *causes; /* char *: pipeline_causes() are added; NULL: they are not looked for */
     struct work work;
 };
 

@@ -10,11 +10,13 @@
 /* What takes time: a view of each of the first two, in a pool of threads; the others after all
  * views, in one thread. */
 enum time_left_work {
-    TIME_LEFT_BTF,       /* a unit: a million pixels of frames */
-    TIME_LEFT_MDF,       /* the same, of sweeps */
-    TIME_LEFT_SETTLE,    /* a million texels, times the number of views squared */
-    TIME_LEFT_MDF_FILE,  /* a million texels, times views */
-    TIME_LEFT_EIGENMAPS, /* a million texels, times views and lights */
+    TIME_LEFT_BTF,      /* a unit: a million pixels of frames */
+    TIME_LEFT_MDF,      /* the same, of sweeps */
+    TIME_LEFT_SETTLE,   /* a million texels, times the number of views squared */
+    TIME_LEFT_MDF_FILE, /* a million texels, times views */
+    TIME_LEFT_COLUMNS,  /* a million texels, times views and lights: reading a BTF for eigen-maps */
+    TIME_LEFT_FACTORS,  /* the same: factoring it and writing them */
+    TIME_LEFT_CAUSES,   /* a view of the BTF: why little was measured, if anything */
     TIME_LEFT_WORKS,
 };
 #define TIME_LEFT_STAGES TIME_LEFT_SETTLE

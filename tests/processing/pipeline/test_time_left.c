@@ -3,8 +3,9 @@
 #include <glib.h>
 #include <glib/gstdio.h>
 #include <math.h>
+#include <time.h>
 
-#include "pipeline/time_left.h"
+#include "pipeline/course.h"
 
 #define MOST_VIEWS 120
 #define DEMO_VIEWS 60
@@ -181,12 +182,12 @@ static void test_rates(void) {
         g_assert_cmpfloat(rates.unit_s[i], >, 0);
         rates.unit_s[i] = 0.1 * (i + 1);
     }
-    rates.unit_s[TIME_LEFT_EIGENMAPS] = NAN; /* is not kept */
+    rates.unit_s[TIME_LEFT_FACTORS] = NAN; /* is not kept */
     time_left_rates_save(&rates);
     g_assert_true(time_left_rates_load(&read));
-    for (int i = 0; i < TIME_LEFT_EIGENMAPS; i++)
+    for (int i = 0; i < TIME_LEFT_FACTORS; i++)
         g_assert_cmpfloat_with_epsilon(read.unit_s[i], rates.unit_s[i], 1e-12);
-    g_assert_cmpfloat(read.unit_s[TIME_LEFT_EIGENMAPS], >, 0);
+    g_assert_cmpfloat(read.unit_s[TIME_LEFT_FACTORS], >, 0);
     g_assert_true(g_file_set_contents(path, "\1\2not a key file", -1, NULL));
     g_assert_false(time_left_rates_load(&read));
     g_assert_cmpfloat(read.unit_s[TIME_LEFT_BTF], >, 0);
@@ -211,6 +212,47 @@ static void test_learned(void) {
     g_assert_cmpfloat_with_epsilon(rates.unit_s[TIME_LEFT_MDF_FILE], 0.6, 1e-9);
 }
 
+static double cpu_s(void) {
+    struct timespec now;
+    g_assert_cmpint(clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now), ==, 0);
+    return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
+}
+
+/* What follows the views goes by its own pace as soon as that is known: of work that is said to
+ * take 10 s nine tenths take 0.1 s, so that the rest of it and 5 s after it will take little. */
+static void test_pace(void) {
+    const struct time_left_rates said = {
+        .unit_s = {[TIME_LEFT_BTF] = 1, [TIME_LEFT_COLUMNS] = 10, [TIME_LEFT_FACTORS] = 5}};
+    g_autofree char *path =
+        g_build_filename(g_get_user_cache_dir(), "mesorig", "processing-rates", NULL);
+    g_autofree char *folder = g_path_get_dirname(path);
+    time_left_rates_save(&said);
+    g_setenv("MESORIG_TIME_LEFT", "idle", TRUE);
+    Course *course = course_new(2);
+    course_expect(course, TIME_LEFT_COLUMNS, 1);
+    course_expect(course, TIME_LEFT_FACTORS, 1);
+    g_assert_cmpfloat_with_epsilon(course_left_s(course), 15, 1e-9);
+    course_begin(course, TIME_LEFT_COLUMNS);
+    for (const double begun_s = cpu_s(); cpu_s() < begun_s + 0.1;)
+        ;
+    g_assert_cmpfloat(course_left_s(course), <, 14.95);
+    g_assert_cmpfloat(course_left_s(course), >, 14);
+    course_advance(course, 0.9);
+    const double left_s = course_left_s(course);
+    g_test_message("%g s are left", left_s);
+    g_assert_cmpfloat(left_s, >, 0.1 / 9);
+    g_assert_cmpfloat(left_s, <, 1);
+    course_end(course, TIME_LEFT_COLUMNS, TRUE);
+    g_assert_cmpfloat(course_left_s(course), <, left_s);
+    course_end(course, TIME_LEFT_FACTORS, FALSE);
+    g_assert_cmpfloat(course_left_s(course), ==, 0);
+    course_free(course);
+    g_unsetenv("MESORIG_TIME_LEFT");
+    g_assert_cmpint(g_unlink(path), ==, 0);
+    g_assert_cmpint(g_rmdir(folder), ==, 0);
+    g_assert_cmpint(g_rmdir(g_get_user_cache_dir()), ==, 0);
+}
+
 int main(int argc, char **argv) {
     g_autofree char *cache = g_dir_make_tmp("mesorig-cache-XXXXXX", NULL);
     g_assert_nonnull(cache);
@@ -222,5 +264,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/time-left/speed", test_speed);
     g_test_add_func("/time-left/rates", test_rates);
     g_test_add_func("/time-left/learned", test_learned);
+    g_test_add_func("/time-left/pace", test_pace);
     return g_test_run();
 }
